@@ -1,0 +1,30 @@
+//! The nine standard unit types, embedded from `units/data`.
+
+use crate::UnitType;
+
+/// Names and files, in the order they are listed to people.
+const STANDARD: [(&str, &str); 9] = [
+    ("BANELING", include_str!("../data/BANELING.json")),
+    ("COLOSSUS", include_str!("../data/COLOSSUS.json")),
+    ("MARAUDER", include_str!("../data/MARAUDER.json")),
+    ("MARINE", include_str!("../data/MARINE.json")),
+    ("MEDIVAC", include_str!("../data/MEDIVAC.json")),
+    ("SPINE_CRAWLER", include_str!("../data/SPINE_CRAWLER.json")),
+    ("STALKER", include_str!("../data/STALKER.json")),
+    ("ZEALOT", include_str!("../data/ZEALOT.json")),
+    ("ZERGLING", include_str!("../data/ZERGLING.json")),
+];
+
+impl UnitType {
+    /// The standard type of that name (`"MARINE"`, in capitals), if there is one.
+    pub fn standard(name: &str) -> Option<UnitType> {
+        let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
+        // A test reads all nine, so an embedded file never fails here.
+        UnitType::from_json(text, name, &format!("units/data/{name}.json")).ok()
+    }
+
+    /// The names of the standard types, in alphabetical order.
+    pub fn standard_names() -> impl Iterator<Item = &'static str> {
+        STANDARD.iter().map(|(name, _)| *name)
+    }
+}

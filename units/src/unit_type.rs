@@ -1,0 +1,73 @@
+//! One unit type's figures and the questions the engine asks of them. Where they come from is in `parse` and
+//! `standard`.
+
+use crate::{Attribute, AttributeSet, CombatType, Plane, PlaneSet, Targeter};
+
+/// The figures of a unit type, as its file gives them. Distances are in terrain squares, times in seconds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitType {
+    /// A standard type's name (`MARINE`), or the stem of the file it was read from.
+    pub name: String,
+    /// Maximum and starting health, above 0.
+    pub hp: f64,
+    /// Maximum and starting shield; 0 for none.
+    pub shield: f64,
+    /// Health regained per second.
+    pub hp_regen: f64,
+    /// Maximum energy; 0 for none.
+    pub energy: f64,
+    /// Energy at the start of an episode, at most `energy`.
+    pub initial_energy: f64,
+    /// Taken off the part of each hit that reaches health.
+    pub armor: f64,
+    /// Damage of one hit before bonuses and armor.
+    pub damage: f64,
+    /// Hits per attack, at least 1.
+    pub attacks: u32,
+    /// Extra damage of each hit for each attribute that the victim has, in file order.
+    pub bonuses: Vec<(Attribute, f64)>,
+    /// Time between attacks; 0 lets it act in every tick.
+    pub cooldown: f64,
+    /// Maximum speed in squares per second; 0 for a unit that never moves.
+    pub speed: f64,
+    /// Reach of the attack between the two bodies' edges.
+    pub attack_range: f64,
+    /// How far the unit looks for targets of its own choice.
+    pub minimum_scan_range: f64,
+    /// Diameter, above 0.
+    pub size: f64,
+    /// The layer it lives in.
+    pub plane: Plane,
+    /// Whether it attacks or heals.
+    pub combat_type: CombatType,
+    /// The planes it can hit; ask [`can_attack`](Self::can_attack), which knows the exception.
+    pub valid_targets: PlaneSet,
+    /// What other types' bonuses look at.
+    pub attributes: AttributeSet,
+    /// What its attack does; `Heal` exactly when `combat_type` is `Healing`.
+    pub targeter: Targeter,
+}
+
+impl UnitType {
+    /// Half of [`size`](Self::size), in squares.
+    pub fn radius(&self) -> f64 {
+        self.size / 2.0
+    }
+
+    /// Whether units of this type heal instead of attacking.
+    pub fn is_healer(&self) -> bool {
+        self.combat_type == CombatType::Healing
+    }
+
+    /// Whether this type can hit units in `plane`: those in its `valid_targets`, and always `COLOSSUS`.
+    pub fn can_attack(&self, plane: Plane) -> bool {
+        plane == Plane::Colossus || self.valid_targets.contains(plane)
+    }
+
+    /// Damage of one hit on `victim`: `damage` and the bonus for each attribute that the victim has. Shield and
+    /// armor are not in it.
+    pub fn damage_against(&self, victim: &UnitType) -> f64 {
+        let bonuses = self.bonuses.iter().filter(|(attribute, _)| victim.attributes.contains(*attribute));
+        bonuses.fold(self.damage, |damage, (_, bonus)| damage + bonus)
+    }
+}
