@@ -29,10 +29,11 @@ impl Limits {
         value <= self.to && if self.above { value > self.from } else { value >= self.from }
     }
 
-    fn words(&self) -> String {
+    /// The limits in words: `a number from 0 to 10`, `a number above 0 and at most 10`.
+    pub fn expected(&self) -> String {
         let from = if self.above { "above" } else { "from" };
         let to = if self.above { "and at most" } else { "to" };
-        format!("{from} {} {to} {}", self.from, self.to)
+        format!("a number {from} {} {to} {}", self.from, self.to)
     }
 }
 
@@ -79,7 +80,7 @@ impl<'a> Node<'a> {
     pub fn number(&self, limits: Limits) -> Result<f64, FileError> {
         match self.json {
             Json::Number(value) if limits.contains(*value) => Ok(*value),
-            _ => Err(self.invalid(format!("a number {}", limits.words()))),
+            _ => Err(self.invalid(limits.expected())),
         }
     }
 
@@ -111,22 +112,18 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// What one of the words of `T` stands for.
+    /// What this string, one of the words of `T`, stands for.
     pub fn word<T: Word>(&self) -> Result<T, FileError> {
-        let words = T::WORDS.iter().map(|(word, _)| *word);
         let Json::String(text) = self.json else {
-            return Err(self.invalid(format!("one of {}", words.collect::<Vec<_>>().join(", "))));
+            return Err(self.invalid(format!("one of {}", words::<T>().join(", "))));
         };
-        self.find_word(text)
+        find_word(text)
+            .ok_or_else(|| self.invalid(format!("a known word; {}", did_you_mean(text, words::<T>()))))
     }
 
-    /// What `text`, a word at this place, stands for.
-    fn find_word<T: Word>(&self, text: &str) -> Result<T, FileError> {
-        let words = T::WORDS.iter().map(|(word, _)| *word);
-        let found = T::WORDS.iter().find(|(word, _)| *word == text);
-        found
-            .map(|(_, value)| *value)
-            .ok_or_else(|| self.invalid(format!("a known word; {}", did_you_mean(text, words))))
+    /// What `name`, the key of this entry and one of the words of `T`, stands for.
+    pub fn key_word<T: Word>(&self, name: &str) -> Result<T, FileError> {
+        find_word(name).ok_or_else(|| self.unknown_key(name, words::<T>()))
     }
 
     /// The items of a list.
@@ -150,11 +147,15 @@ impl<'a> Node<'a> {
     pub fn object(&self, known: &[&str]) -> Result<Object<'a>, FileError> {
         for (key, node) in self.entries()? {
             if !known.contains(&key) {
-                let hint = did_you_mean(key, known.iter().copied());
-                return Err(FileError::UnknownKey { file: self.file.into(), key: node.key, hint });
+                return Err(node.unknown_key(key, known.iter().copied()));
             }
         }
         Ok(Object { node: self.clone() })
+    }
+
+    fn unknown_key<'w>(&self, name: &str, valid: impl IntoIterator<Item = &'w str>) -> FileError {
+        let hint = did_you_mean(name, valid);
+        FileError::UnknownKey { file: self.file.into(), key: self.key.clone(), hint }
     }
 
     fn child(&self, key: &str, json: &'a Json) -> Node<'a> {
@@ -190,4 +191,12 @@ impl<'a> Object<'a> {
             expected: expected.into(),
         }
     }
+}
+
+fn words<T: Word>() -> Vec<&'static str> {
+    T::WORDS.iter().map(|(word, _)| *word).collect()
+}
+
+fn find_word<T: Word>(text: &str) -> Option<T> {
+    T::WORDS.iter().find(|(word, _)| *word == text).map(|(_, value)| *value)
 }
