@@ -2,7 +2,7 @@
 
 use smaclite_units::FileError;
 
-/// Why a scenario was refused; the message is one line.
+/// Why a scenario was refused; the message is one line that says where the mistake is and what would be right.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScenarioError {
     /// Something is wrong with the scenario file itself.
@@ -18,12 +18,27 @@ pub enum ScenarioError {
         /// What is wrong with the unit file.
         error: FileError,
     },
+    /// A name that is neither a standard unit type nor a file.
+    #[error("{file}: `{key}` is neither a standard unit type nor a unit file; {hint} Looked for {tried}")]
+    UnknownUnit {
+        /// The scenario file.
+        file: String,
+        /// Where in it the unit type is named.
+        key: String,
+        /// The nearest standard type, or all of them.
+        hint: String,
+        /// The files that were looked for.
+        tried: String,
+    },
     /// Neither a standard scenario nor a file.
-    #[error("there is no standard scenario `{name}` and no such file; {hint}")]
+    #[error(
+        "`{name}` is neither a standard scenario nor a file; {hint} A scenario file is named by its path, as in \
+         `./my_scenario.json`"
+    )]
     Unknown {
         /// What was asked for.
         name: String,
-        /// The nearest standard scenario, or all of them, and how a path is given.
+        /// The nearest standard scenario, or all of them.
         hint: String,
     },
 }

@@ -3,12 +3,32 @@
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles. Nothing in
 //! here plays a battle, and everything the engine relies on (ids, counts, positions on the map) is checked here.
+//!
+//! ```
+//! use smaclite_scenarios::Scenario;
+//!
+//! let scenario = Scenario::resolve("2s3z").unwrap();
+//! assert_eq!((scenario.n_agents(), scenario.n_enemies()), (5, 5));
+//! assert_eq!(scenario.unit_types[scenario.units[0].unit_type].name, "STALKER");
+//!
+//! let error = Scenario::resolve("2s3zz").unwrap_err();
+//! assert!(error.to_string().contains("did you mean `2s3z`?"));
+//! ```
 #![forbid(unsafe_code)]
 
 mod error;
+mod groups;
+mod layout;
+mod obstacles;
+mod read;
 mod scenario;
+mod standard;
 mod terrain;
+mod unit_files;
 
 pub use error::ScenarioError;
 pub use scenario::{Faction, Placement, Scenario};
-pub use terrain::{Rect, Terrain};
+pub use terrain::{MAX_SIDE, Rect, Terrain};
+
+/// The most units that a scenario may have, both sides together.
+pub const MAX_UNITS: u32 = 1000;

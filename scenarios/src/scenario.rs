@@ -1,8 +1,7 @@
-//! The scenario as the engine sees it. How a file becomes one is in `parse`.
+//! The scenario as the engine sees it. How a file becomes one is in `read`.
 
-use crate::{ScenarioError, Terrain};
+use crate::Terrain;
 use smaclite_units::{UnitType, Word};
-use std::path::Path;
 
 /// The side a unit fights for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -31,13 +30,13 @@ pub struct Placement {
 }
 
 /// A checked scenario.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     /// The name its file gives it.
     pub name: String,
     /// The map.
     pub terrain: Terrain,
-    /// Every type that takes part, each once, in order of first mention in the groups.
+    /// Every type on the field, each once, in order of first mention in the groups.
     pub unit_types: Vec<UnitType>,
     /// Every unit; its index is its battle-wide id.
     pub units: Vec<Placement>,
@@ -68,35 +67,5 @@ impl Scenario {
 
     fn count(&self, faction: Faction) -> usize {
         self.units.iter().filter(|unit| unit.faction == faction).count()
-    }
-
-    /// The standard scenario of that name, if there is one.
-    pub fn standard(name: &str) -> Option<Scenario> {
-        let _ = name;
-        None
-    }
-
-    /// The names of the standard scenarios.
-    pub fn standard_names() -> impl Iterator<Item = &'static str> {
-        std::iter::empty()
-    }
-
-    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are looked for from
-    /// `base_dir`.
-    pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
-        let _ = (text, source, base_dir);
-        unimplemented!()
-    }
-
-    /// Reads a scenario file.
-    pub fn load(path: &Path) -> Result<Scenario, ScenarioError> {
-        let _ = path;
-        unimplemented!()
-    }
-
-    /// A standard name, or a path to a scenario file.
-    pub fn resolve(name_or_path: &str) -> Result<Scenario, ScenarioError> {
-        let _ = name_or_path;
-        unimplemented!()
     }
 }

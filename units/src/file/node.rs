@@ -159,7 +159,9 @@ impl<'a> Node<'a> {
     }
 
     fn child(&self, key: &str, json: &'a Json) -> Node<'a> {
-        let path = if self.key.is_empty() { key.to_owned() } else { format!("{}.{key}", self.key) };
+        // A message stays one line whatever the file's keys hold.
+        let key = key.replace(|c: char| c.is_control(), "?");
+        let path = if self.key.is_empty() { key } else { format!("{}.{key}", self.key) };
         Node { file: self.file, key: path, json }
     }
 }

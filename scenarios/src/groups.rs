@@ -1,0 +1,136 @@
+//! The `groups` of a scenario file: which units there are and where they start.
+
+use crate::layout::layout;
+use crate::unit_files::{UnitFiles, UnitSource};
+use crate::{Faction, MAX_UNITS, Placement, ScenarioError, Terrain};
+use smaclite_units::UnitType;
+use smaclite_units::file::{Limits, Node};
+use std::collections::HashSet;
+
+/// Wider than any map; where the units then stand is checked against the map itself.
+const COORDINATE: Limits = Limits::from_to(-1e6, 1e6);
+
+/// The units of a scenario and their types, in the order that gives both their ids.
+#[derive(Default)]
+pub(crate) struct Roster {
+    pub(crate) unit_types: Vec<UnitType>,
+    /// Where each of `unit_types` comes from.
+    pub(crate) sources: Vec<UnitSource>,
+    pub(crate) units: Vec<Placement>,
+    n_allies: usize,
+    n_enemies: usize,
+    /// Start positions that are taken, as f32 bits, by plane.
+    taken: HashSet<(u8, u32, u32)>,
+}
+
+impl Roster {
+    /// Reads the list of groups; every unit stands on the map and no two of one plane on the same point.
+    pub(crate) fn read(groups: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<Roster, ScenarioError> {
+        let mut roster = Roster::default();
+        for group in groups.items()? {
+            roster.add_group(&group, files, terrain)?;
+        }
+        for (word, count) in [("ALLY", roster.n_allies), ("ENEMY", roster.n_enemies)] {
+            if count == 0 {
+                return Err(groups
+                    .invalid(format!("a list with at least one group of faction {word}"))
+                    .into());
+            }
+        }
+        Ok(roster)
+    }
+
+    /// Checks a file's count of units against the groups.
+    pub(crate) fn check_count(&self, count: &Node, faction: Faction) -> Result<(), ScenarioError> {
+        let (word, counted) = match faction {
+            Faction::Ally => ("ALLY", self.n_allies),
+            Faction::Enemy => ("ENEMY", self.n_enemies),
+        };
+        match count.integer(1, MAX_UNITS)? as usize == counted {
+            true => Ok(()),
+            false => {
+                let expected = format!("{counted}, the number of {word} units in `groups`");
+                Err(count.invalid(expected).into())
+            }
+        }
+    }
+
+    fn add_group(&mut self, node: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
+        let group = node.object(&["x", "y", "faction", "units"])?;
+        let x =
+            group.require("x", "the group's centre, in squares from the west edge")?.number(COORDINATE)?;
+        let y =
+            group.require("y", "the group's centre, in squares from the south edge")?.number(COORDINATE)?;
+        let faction: Faction = group.require("faction", "ALLY or ENEMY")?.word()?;
+        let units = group.require("units", "an object of unit types and their counts")?;
+        let types = self.read_units(&units, files)?;
+        let radii: Vec<f64> = types.iter().map(|&unit_type| self.unit_types[unit_type].radius()).collect();
+        let direction = match faction {
+            Faction::Ally => 1.0,
+            Faction::Enemy => -1.0,
+        };
+        for (unit_type, position) in types.into_iter().zip(layout([x, y], direction, &radii)) {
+            self.check_position(node, unit_type, position, terrain)?;
+            self.place(unit_type, faction, position);
+        }
+        Ok(())
+    }
+
+    /// The type of each unit of a group, in listed order.
+    fn read_units(&mut self, units: &Node, files: &UnitFiles) -> Result<Vec<usize>, ScenarioError> {
+        let mut types = Vec::new();
+        for (name, count) in units.entries()? {
+            let source = files.find(name, &count)?;
+            let unit_type = match self.sources.iter().position(|known| *known == source) {
+                Some(known) => known,
+                None => {
+                    self.unit_types.push(files.load(&source, &count)?);
+                    self.sources.push(source);
+                    self.sources.len() - 1
+                }
+            };
+            let n = count.integer(1, MAX_UNITS)? as usize;
+            if self.units.len() + types.len() + n > MAX_UNITS as usize {
+                let expected = format!("less: a scenario has at most {MAX_UNITS} units");
+                return Err(count.invalid(expected).into());
+            }
+            types.extend(std::iter::repeat_n(unit_type, n));
+        }
+        match types.is_empty() {
+            true => Err(units.invalid("an object with at least one unit type").into()),
+            false => Ok(types),
+        }
+    }
+
+    /// Positions are checked as the f32 that the battle starts from.
+    fn check_position(
+        &mut self,
+        group: &Node,
+        unit_type: usize,
+        position: [f64; 2],
+        terrain: &Terrain,
+    ) -> Result<(), ScenarioError> {
+        let [x, y] = position.map(|coordinate| coordinate as f32);
+        let (width, height) = (terrain.width(), terrain.height());
+        let UnitType { name, plane, .. } = &self.unit_types[unit_type];
+        let at = format!("a group that puts a {name} at ({x}, {y})");
+        if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
+            let expected = format!("where all of its units start on the {width} x {height} map");
+            return Err(group.invalid_value(at, expected).into());
+        }
+        // Collision avoidance has no direction in which two bodies on one point could part.
+        if !self.taken.insert((*plane as u8, x.to_bits(), y.to_bits())) {
+            return Err(group.invalid_value(at, "away from the unit that starts on that very point").into());
+        }
+        Ok(())
+    }
+
+    fn place(&mut self, unit_type: usize, faction: Faction, position: [f64; 2]) {
+        let count = match faction {
+            Faction::Ally => &mut self.n_allies,
+            Faction::Enemy => &mut self.n_enemies,
+        };
+        self.units.push(Placement { unit_type, faction, id_in_faction: *count, position });
+        *count += 1;
+    }
+}

@@ -1,0 +1,77 @@
+//! Which unit type a name in a scenario file means: a standard one, or a file in one of a few places.
+
+use crate::ScenarioError;
+use smaclite_units::UnitType;
+use smaclite_units::file::{Node, did_you_mean};
+use std::path::{Path, PathBuf};
+
+/// What identifies a unit type: two names that mean the same file mean the same type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum UnitSource {
+    Standard(String),
+    File(PathBuf),
+}
+
+/// Where a scenario's unit files are looked for.
+pub(crate) struct UnitFiles<'a> {
+    scenario: &'a str,
+    base_dir: &'a Path,
+    custom_unit_path: Option<PathBuf>,
+}
+
+impl<'a> UnitFiles<'a> {
+    /// For the scenario file called `scenario` in the folder `base_dir`.
+    pub(crate) fn new(scenario: &'a str, base_dir: &'a Path, custom_unit_path: Option<&str>) -> Self {
+        UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
+    }
+
+    /// What `name`, the key of entry `node`, means. Standard names come first.
+    pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, ScenarioError> {
+        if UnitType::standard_names().any(|standard| standard == name) {
+            return Ok(UnitSource::Standard(name.into()));
+        }
+        let candidates = self.candidates(name);
+        if let Some(path) = candidates.iter().find(|path| path.is_file()) {
+            // The shortest name of a file is not its only one.
+            return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
+        }
+        let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
+        Err(ScenarioError::UnknownUnit {
+            file: self.scenario.into(),
+            key: node.key().into(),
+            hint: did_you_mean(name, UnitType::standard_names()),
+            tried: tried.join(", "),
+        })
+    }
+
+    /// Reads the type of `source`, which entry `node` of the scenario names.
+    pub(crate) fn load(&self, source: &UnitSource, node: &Node) -> Result<UnitType, ScenarioError> {
+        let loaded = match source {
+            UnitSource::Standard(name) => {
+                return UnitType::standard(name).ok_or_else(|| node.invalid("a standard type").into());
+            }
+            UnitSource::File(path) => UnitType::load(path),
+        };
+        loaded.map_err(|error| ScenarioError::UnitFile {
+            scenario: self.scenario.into(),
+            key: node.key().into(),
+            error,
+        })
+    }
+
+    /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the scenario
+    /// file or to the working directory, then beside the scenario file, then in the working directory.
+    fn candidates(&self, name: &str) -> Vec<PathBuf> {
+        let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
+        let mut candidates = Vec::new();
+        if let Some(custom) = &self.custom_unit_path {
+            candidates.push(self.base_dir.join(custom).join(&name));
+            candidates.push(custom.join(&name));
+        }
+        candidates.push(self.base_dir.join(&name));
+        candidates.push(PathBuf::from(name));
+        // Neighbours are equal for absolute paths and for a scenario file in the working directory.
+        candidates.dedup();
+        candidates
+    }
+}
