@@ -1,1 +1,30 @@
-//! Not written yet.
+//! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory through the
+//! [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
+//!
+//! The way of a batch: a worker that leads takes a [request](transport::Request) from a lane's inlet, checks all of
+//! it, and shares its environments out; workers step them and write each result into its slot of the frame that
+//! the lane's outlet loaned; whoever writes the last slot sends the frame.
+
+#![deny(unsafe_code)] // `slot`, and the one place that splits a frame with it, say why they may
+
+pub mod environment;
+pub mod fields;
+pub mod layout;
+pub mod rejection;
+#[allow(unsafe_code)]
+pub mod slot;
+pub mod transport;
+
+mod hand_off;
+#[allow(unsafe_code)]
+mod lane;
+mod outbox;
+mod seat;
+mod sync;
+mod workers;
+
+pub use hand_off::Wait;
+pub use lane::{LaneFigures, LaneSpec};
+pub use rejection::Rejection;
+pub use seat::Autoreset;
+pub use workers::{Pool, PoolOptions};

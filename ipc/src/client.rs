@@ -1,0 +1,390 @@
+//! A learner's end of a lane: attach, reset, send, receive. The same for a supervisor in another process and for one
+//! in this process.
+
+use crate::batch::Batch;
+use crate::control::client::{ControlClient, ControlError};
+use crate::control::protocol::{Answer, Ask, LaneDescription, PROTOCOL_VERSION, Refusal};
+use crate::legal::Legal;
+use crate::memory::{TooLittleMemory, check_room, reserve_segments};
+use crate::place::{Place, PlaceError};
+use crate::services::{
+    FrameSample, FrameSubscriber, Ipc, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
+    WorkEvent, doing, node,
+};
+use crate::wire::{MAGIC, RequestHeader, actions_offset, step_bytes};
+use iceoryx2::port::ReceiveError;
+use iceoryx2::prelude::Node;
+use smaclite_pool::fields::UnknownField;
+use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+use smaclite_pool::transport::RequestKind;
+use smaclite_pool::{Rejection, Wait};
+use std::mem::ManuallyDrop;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A blocked client looks this often whether its supervisor lives and its caller wants to stop.
+const LOOK_AROUND: Duration = Duration::from_millis(100);
+
+/// Why a client could not attach.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[allow(missing_docs)] // the inner errors say it
+pub enum ConnectError {
+    Place(#[from] PlaceError),
+    Control(#[from] ControlError),
+    #[error("{0}")]
+    Refused(#[from] Refusal),
+    Memory(#[from] TooLittleMemory),
+    Ipc(#[from] IpcError),
+    Field(#[from] UnknownField),
+    #[error("frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})")]
+    #[allow(missing_docs)]
+    Layout {
+        lane: String,
+        theirs: u64,
+        ours: u64,
+    },
+}
+
+/// Why a client could not reset, send or receive.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum ClientError {
+    #[error("{0}")]
+    Rejected(#[from] Rejection),
+    #[error("{given} actions were given; {envs} environments of {n_agents} agents take {expected}")]
+    WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
+    #[error("nothing came within {0:?}")]
+    Timeout(Duration),
+    #[error("the wait was interrupted")]
+    Interrupted,
+    #[error("the supervisor of pool `{pool}` is gone; start it again and connect anew")]
+    PoolDied { pool: String },
+    #[error(
+        "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
+         stay, or start the lane with more (frames_held)"
+    )]
+    TooManyHeld { limit: usize },
+    #[error("nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first")]
+    NothingToReceive { outstanding: usize, batch_size: usize },
+    #[error("frames {first} to {last} were lost: this process did not read them in time")]
+    FramesLost { first: u64, last: u64 },
+    #[error("this client belongs to process {owner}; after a fork each process connects by itself")]
+    Forked { owner: u32 },
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+}
+
+/// How to wait for a batch.
+pub struct Patience<'a> {
+    /// Give up after this long.
+    pub timeout: Option<Duration>,
+    /// Asked at least every 100 ms while blocked; `true` ends the wait.
+    pub interrupted: &'a mut dyn FnMut() -> bool,
+}
+
+/// A learner attached to a lane.
+pub struct Client {
+    parts: ManuallyDrop<Parts>,
+    owner: u32,
+}
+
+/// Dropped in this order: ports before their node, and the control connection last, so that the supervisor hears of the
+/// end when everything else is given back.
+struct Parts {
+    publisher: RequestPublisher,
+    subscriber: FrameSubscriber,
+    listener: IpcListener,
+    work: IpcNotifier,
+    _services: (LaneServices, WorkEvent),
+    _node: Node<Ipc>,
+    control: ControlClient,
+    description: LaneDescription,
+    layout: Arc<Layout>,
+    legal: Legal,
+    session: u64,
+    round: u64,
+    requests: u64,
+    sequence: u64,
+    wait: Wait,
+}
+
+impl Client {
+    /// Attaches to a lane of a pool: to its only lane, if none is named.
+    pub fn connect(place: &Place, pool: &str, lane: Option<&str>, wait: Wait) -> Result<Client, ConnectError> {
+        let mut control = ControlClient::connect(place, pool)?;
+        let question = Ask::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
+        let (session, description) = match control.ask(&question)? {
+            Answer::Attached { session, lane } => (session, *lane),
+            Answer::Refused(refusal) => return Err(refusal.into()),
+            other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+        };
+        let layout = Arc::new(checked_layout(&description)?);
+        let capacity = description.capacity;
+        let num_envs = description.num_envs;
+        check_room(capacity.request_memory(&layout, num_envs), "requests of a learner")?;
+        let node = node(place, &format!("learner of {pool}"))?;
+        let lane = LaneServices::open(&node, &description.instance, &description.lane)?;
+        let work_event = WorkEvent::open(&node, &description.instance)?;
+        let publisher = lane.request_publisher(&layout, num_envs, capacity)?;
+        reserve_segments(place, "requests of a learner")?;
+        let parts = Parts {
+            publisher,
+            subscriber: lane.frame_subscriber(capacity.frames_waiting)?,
+            listener: lane.frame_listener()?,
+            work: work_event.notifier()?,
+            _services: (lane, work_event),
+            _node: node,
+            control,
+            legal: Legal::new(&layout, num_envs, description.autoreset),
+            description,
+            layout,
+            session,
+            round: 0,
+            requests: 0,
+            sequence: 0,
+            wait,
+        };
+        Ok(Client { parts: ManuallyDrop::new(parts), owner: std::process::id() })
+    }
+
+    /// What this learner is attached to.
+    pub fn description(&self) -> &LaneDescription {
+        &self.parts.description
+    }
+
+    /// Where each field of a batch lies.
+    pub fn layout(&self) -> &Layout {
+        &self.parts.layout
+    }
+
+    /// Asks for a new episode in every environment, or in those of `env_ids`. With a seed, environment `i` is seeded with
+    /// `seed + i`; without one its generator goes on, except that a session's first reset uses the lane's seed.
+    /// Results of earlier requests that were not received are dropped when every environment is reset.
+    pub fn send_reset(&mut self, seed: Option<u64>, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+        let parts = self.parts()?;
+        let number = parts.requests + 1;
+        parts.legal.take_reset(number, env_ids)?;
+        if env_ids.is_none() {
+            parts.round = number;
+        }
+        parts.send(RequestKind::Reset { seed }, env_ids, &[])
+    }
+
+    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns at once.
+    pub fn send(&mut self, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+        let parts = self.parts()?;
+        let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
+        let n_agents = parts.description.n_agents;
+        let (given, expected) = (actions.len(), envs * n_agents);
+        if given != expected {
+            return Err(ClientError::WrongLength { given, envs, n_agents, expected });
+        }
+        parts.legal.take_step(parts.requests + 1, actions, env_ids)?;
+        parts.send(RequestKind::Step, env_ids, actions)
+    }
+
+    /// Waits for the next batch.
+    pub fn recv(&mut self, patience: Patience<'_>) -> Result<Batch, ClientError> {
+        let parts = self.parts()?;
+        let (outstanding, batch_size) = (parts.legal.outstanding(), parts.description.batch_size);
+        if outstanding < batch_size {
+            return Err(ClientError::NothingToReceive { outstanding, batch_size });
+        }
+        let sample = parts.wait_for_sample(patience)?;
+        parts.legal.learn(&parts.layout, sample.payload());
+        Ok(Batch::new(sample, Arc::clone(&parts.layout)))
+    }
+
+    /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).
+    pub fn reset(
+        &mut self,
+        seed: Option<u64>,
+        env_ids: Option<&[i32]>,
+        patience: Patience<'_>,
+    ) -> Result<Batch, ClientError> {
+        self.send_reset(seed, env_ids)?;
+        self.recv(patience)
+    }
+
+    /// [`send`](Client::send) and [`recv`](Client::recv).
+    pub fn step(
+        &mut self,
+        actions: &[i32],
+        env_ids: Option<&[i32]>,
+        patience: Patience<'_>,
+    ) -> Result<Batch, ClientError> {
+        self.send(actions, env_ids)?;
+        self.recv(patience)
+    }
+
+    /// Draws uniformly random legal actions into `out`, `[count, n_agents]`, for the environments of `env_ids` or for all
+    /// in order, by what was last received of each.
+    pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
+        let parts = self.parts()?;
+        let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
+        let n_agents = parts.description.n_agents;
+        if out.len() != envs * n_agents {
+            let (given, expected) = (out.len(), envs * n_agents);
+            return Err(ClientError::WrongLength { given, envs, n_agents, expected });
+        }
+        Ok(parts.legal.sample(env_ids, out)?)
+    }
+
+    /// Seeds the generator of [`sample_actions`](Client::sample_actions).
+    pub fn seed_sampler(&mut self, seed: u64) {
+        self.parts.legal.seed_sampler(seed);
+    }
+
+    fn parts(&mut self) -> Result<&mut Parts, ClientError> {
+        if self.owner == std::process::id() {
+            Ok(&mut self.parts)
+        } else {
+            Err(ClientError::Forked { owner: self.owner })
+        }
+    }
+}
+
+impl Drop for Client {
+    #[allow(unsafe_code)]
+    fn drop(&mut self) {
+        // A forked child must not take its parent's ports down.
+        if self.owner == std::process::id() {
+            self.parts.control.hang_up();
+            // SAFETY: dropped once, here, and not used after.
+            unsafe { ManuallyDrop::drop(&mut self.parts) }
+        }
+    }
+}
+
+impl Parts {
+    fn send(&mut self, kind: RequestKind, env_ids: Option<&[i32]>, actions: &[i32]) -> Result<(), ClientError> {
+        self.requests += 1;
+        let count = env_ids.map_or(self.description.num_envs, <[i32]>::len);
+        let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
+        let sent = self.deliver(header, count, env_ids, actions);
+        if sent.is_err() {
+            self.legal.refused(self.requests);
+        }
+        sent
+    }
+
+    /// Writes the request into shared memory and sends it; waits while the supervisor has too many unread.
+    fn deliver(
+        &mut self,
+        header: RequestHeader,
+        count: usize,
+        env_ids: Option<&[i32]>,
+        actions: &[i32],
+    ) -> Result<(), ClientError> {
+        let bytes = match actions {
+            [] => count * size_of::<i32>(),
+            _ => step_bytes(count, self.description.n_agents),
+        };
+        loop {
+            let mut sample = self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
+            *sample.user_header_mut() = header;
+            let payload = sample.payload_mut();
+            let ids: &mut [i32] = bytemuck::cast_slice_mut(&mut payload[..count * size_of::<i32>()]);
+            match env_ids {
+                Some(given) => ids.copy_from_slice(given),
+                None => ids.iter_mut().zip(0..).for_each(|(id, env)| *id = env),
+            }
+            if !actions.is_empty() {
+                payload[actions_offset(count)..].copy_from_slice(bytemuck::cast_slice(actions));
+            }
+            let delivered = sample.send();
+            let _ = self.work.notify(); // fails only if the supervisor's bell is gone, and so is the supervisor
+            if matches!(delivered, Ok(receivers) if receivers > 0) {
+                return Ok(());
+            }
+            if !self.control.is_alive() {
+                return Err(self.pool_died());
+            }
+            std::thread::sleep(Duration::from_micros(50));
+        }
+    }
+
+    fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
+        let begin = Instant::now();
+        let spin_until = self.wait.spin_until();
+        loop {
+            if let Some(sample) = self.receive()? {
+                return Ok(sample);
+            }
+            if let Some(timeout) = patience.timeout
+                && begin.elapsed() >= timeout
+            {
+                return Err(ClientError::Timeout(timeout));
+            }
+            if spin_until.is_none_or(|end| Instant::now() < end) {
+                std::thread::yield_now();
+                continue;
+            }
+            let left = patience.timeout.map_or(LOOK_AROUND, |t| t.saturating_sub(begin.elapsed()).min(LOOK_AROUND));
+            let woken = self.listener.timed_wait(|_| {}, left);
+            if !matches!(woken, Ok(events) if events > 0) {
+                if !self.control.is_alive() {
+                    // It may have answered before it died.
+                    return self.receive()?.ok_or_else(|| self.pool_died());
+                }
+                if (patience.interrupted)() {
+                    return Err(ClientError::Interrupted);
+                }
+            }
+        }
+    }
+
+    /// The next frame that is for us, if there is one.
+    fn receive(&mut self) -> Result<Option<FrameSample>, ClientError> {
+        loop {
+            let sample = match self.subscriber.receive() {
+                Ok(Some(sample)) => sample,
+                Ok(None) => return Ok(None),
+                Err(ReceiveError::ExceedsMaxBorrows) => {
+                    return Err(ClientError::TooManyHeld { limit: self.description.capacity.frames_held });
+                }
+                Err(error) => return Err(doing("receiving a frame")(error).into()),
+            };
+            let header = *sample.user_header();
+            let ours = (header.magic, header.version, header.layout_hash, header.session)
+                == (MAGIC, FORMAT_VERSION, self.layout.hash(), self.session);
+            if !ours || sample.payload().len() != self.layout.bytes() {
+                continue;
+            }
+            let expected = self.sequence + 1;
+            let lost = self.sequence != 0 && header.sequence != expected;
+            self.sequence = header.sequence;
+            if lost {
+                return Err(ClientError::FramesLost { first: expected, last: header.sequence - 1 });
+            }
+            if header.rejection_len > 0 {
+                self.rejection(header.request, header.rejection_len as usize, sample.payload())?;
+            } else if header.round == self.round {
+                return Ok(Some(sample));
+            }
+        }
+    }
+
+    /// Raises a rejection of a request that is still waited for.
+    fn rejection(&mut self, request: u64, len: usize, payload: &[u8]) -> Result<(), ClientError> {
+        let text = payload.get(..len).unwrap_or_default();
+        let rejection = serde_json::from_slice(text)
+            .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
+        let fatal = matches!(rejection, Rejection::LaneFailed { .. });
+        if self.legal.refused(request) || fatal { Err(rejection.into()) } else { Ok(()) }
+    }
+
+    fn pool_died(&self) -> ClientError {
+        ClientError::PoolDied { pool: self.description.pool.clone() }
+    }
+}
+
+fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {
+    let layout = description.layout()?;
+    if layout.hash() != description.layout_hash {
+        let lane = description.lane.clone();
+        return Err(ConnectError::Layout { lane, theirs: description.layout_hash, ours: layout.hash() });
+    }
+    Ok(layout)
+}

@@ -1,0 +1,176 @@
+//! What is said on the control socket: one JSON object a line, a question from the client, an answer from the supervisor.
+
+use crate::services::Capacity;
+use serde::{Deserialize, Serialize};
+use smaclite_engine::Sizes;
+use smaclite_pool::fields::{FieldSet, UnknownField};
+use smaclite_pool::layout::Layout;
+use smaclite_pool::{Autoreset, LaneFigures};
+
+/// Counts up when a question or answer changes.
+pub const PROTOCOL_VERSION: u32 = 1;
+
+/// The longest line either side reads.
+pub(crate) const MAX_LINE: usize = 1 << 20;
+
+/// A question to a supervisor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "ask", rename_all = "snake_case")]
+pub enum Ask {
+    /// Everything about the pool.
+    Status,
+    /// Become the learner of a lane; the only lane if none is named. Ends when the connection does.
+    Attach {
+        /// The asker's [`PROTOCOL_VERSION`].
+        version: u32,
+        /// The lane's name.
+        lane: Option<String>,
+    },
+    /// Look up a lane without taking it.
+    Lane {
+        /// The lane's name.
+        lane: Option<String>,
+    },
+}
+
+/// A supervisor's answer.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "answer", rename_all = "snake_case")]
+pub enum Answer {
+    /// To [`Ask::Status`].
+    Status(PoolStatus),
+    /// To [`Ask::Attach`].
+    Attached {
+        /// Goes into every request.
+        session: u64,
+        /// What was attached to.
+        lane: Box<LaneDescription>,
+    },
+    /// To [`Ask::Lane`].
+    Lane(Box<LaneDescription>),
+    /// No.
+    Refused(Refusal),
+}
+
+/// Why a question was refused.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[serde(tag = "why", rename_all = "snake_case")]
+#[allow(missing_docs)] // the messages say it
+pub enum Refusal {
+    #[error("lane `{lane}` already has a learner: process {holder}")]
+    LaneTaken { lane: String, holder: u32 },
+    #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
+    NoSuchLane { lane: String, lanes: Vec<String> },
+    #[error("the pool has several lanes; say which one: {}", names(lanes))]
+    WhichLane { lanes: Vec<String> },
+    #[error("the pool speaks version {supervisor} of the protocol, this program {client}; run the same release")]
+    Version { supervisor: u32, client: u32 },
+    #[error("lane `{lane}` failed and serves no more: {text}")]
+    LaneFailed { lane: String, text: String },
+    #[error("not understood: {what}")]
+    Malformed { what: String },
+}
+
+fn names(lanes: &[String]) -> String {
+    lanes.iter().map(|l| format!("`{l}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// A pool and its lanes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PoolStatus {
+    /// The name learners connect by.
+    pub pool: String,
+    /// The supervisor's process.
+    pub pid: u32,
+    /// Worker threads.
+    pub threads: usize,
+    /// Seconds since the supervisor started.
+    pub uptime_s: f64,
+    /// Bytes of shared memory set aside for frames.
+    pub shared_memory: usize,
+    /// The lanes, in the order they were given.
+    pub lanes: Vec<LaneStatus>,
+}
+
+/// A lane now.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct LaneStatus {
+    /// What it is.
+    pub description: LaneDescription,
+    /// The process of the learner that has it.
+    pub holder: Option<u32>,
+    /// Counts since the supervisor started.
+    pub figures: LaneFigures,
+    /// Steps of single environments in the last second.
+    pub steps_per_s: f64,
+    /// Why it is out of service, if it is.
+    pub failure: Option<String>,
+}
+
+/// What a lane is: enough to find its services and read its frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LaneDescription {
+    /// The pool's name.
+    pub pool: String,
+    /// The supervisor's process.
+    pub pid: u32,
+    /// First part of the names of its iceoryx2 services.
+    pub instance: String,
+    /// The lane's name.
+    pub lane: String,
+    /// The scenario's name.
+    pub scenario: String,
+    /// Agents of an environment.
+    pub n_agents: usize,
+    /// Enemies of an environment.
+    pub n_enemies: usize,
+    /// Actions of an agent.
+    pub n_actions: usize,
+    /// Features of an observation.
+    pub obs_size: usize,
+    /// Features of a state.
+    pub state_size: usize,
+    /// Environments (N).
+    pub num_envs: usize,
+    /// Slots of a frame (M); equal to `num_envs` for synchronous stepping.
+    pub batch_size: usize,
+    /// Environment `i` begins with seed `seed + i`.
+    pub seed: u64,
+    /// What happens at an episode's end.
+    pub autoreset: Autoreset,
+    /// Steps after which an episode is truncated.
+    pub episode_limit: Option<u32>,
+    /// The rules that are played: `smaclite` or `paper`.
+    pub rules: String,
+    /// Names of the fields of a frame.
+    pub fields: Vec<String>,
+    /// [`Layout::hash`]: whether reader and writer agree on all offsets.
+    pub layout_hash: u64,
+    /// How many frames may be held and wait.
+    pub capacity: Capacity,
+}
+
+impl LaneDescription {
+    /// The sizes of an environment.
+    pub fn sizes(&self) -> Sizes {
+        Sizes {
+            n_agents: self.n_agents,
+            n_enemies: self.n_enemies,
+            n_units: self.n_agents + self.n_enemies,
+            n_actions: self.n_actions,
+            obs_size: self.obs_size,
+            state_size: self.state_size,
+        }
+    }
+
+    /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the hash tells
+    /// whether both computed the same.
+    pub fn layout(&self) -> Result<Layout, UnknownField> {
+        Ok(Layout::new(self.sizes(), self.batch_size, FieldSet::from_names(&self.fields)?))
+    }
+
+    /// Is every environment stepped in every batch?
+    pub fn is_synchronous(&self) -> bool {
+        self.batch_size == self.num_envs
+    }
+}

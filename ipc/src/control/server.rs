@@ -1,0 +1,257 @@
+//! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when a
+//! learner's process ends, and has iceoryx2 take back what dead processes left.
+
+use super::protocol::{Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal};
+use crate::services::{Ipc, LaneServices, WorkEvent};
+use crate::transport::Iceoryx;
+use iceoryx2::prelude::Node;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use smaclite_pool::Pool;
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::time::{Duration, Instant};
+
+/// How often dead processes are looked for; nothing else does it for us.
+const LOOK_AROUND: Duration = Duration::from_millis(100);
+
+/// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use go, and
+/// the node goes last.
+pub(crate) struct Host {
+    pub(crate) pool: Pool<Iceoryx>,
+    pub(crate) lanes: Vec<HostedLane>,
+    pub(crate) name: String,
+    pub(crate) threads: usize,
+    pub(crate) shared_memory: usize,
+    pub(crate) started: Instant,
+    /// Kept open so that learners find them.
+    pub(crate) services: (WorkEvent, Vec<LaneServices>),
+    pub(crate) node: Node<Ipc>,
+}
+
+/// A lane as the control thread sees it.
+pub(crate) struct HostedLane {
+    pub(crate) description: LaneDescription,
+    holder: Option<u32>,
+    /// Steps and time at the last look, for the rate.
+    seen: (u64, Instant),
+    steps_per_s: f64,
+}
+
+impl HostedLane {
+    pub(crate) fn new(description: LaneDescription) -> Self {
+        HostedLane { description, holder: None, seen: (0, Instant::now()), steps_per_s: 0.0 }
+    }
+}
+
+struct Connection {
+    stream: UnixStream,
+    pid: u32,
+    /// Readable when the process ends, even if a forked child keeps the socket open.
+    process: Option<OwnedFd>,
+    received: Vec<u8>,
+    lane: Option<usize>,
+}
+
+/// Serves until `stop` is closed by the other end.
+pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
+    let mut connections: Vec<Connection> = Vec::new();
+    let mut sessions = 0u64;
+    let mut last_look = Instant::now();
+    loop {
+        let ready = wait(&listener, &stop, &connections);
+        if ready.stop {
+            break;
+        }
+        for index in ready.connections.into_iter().rev() {
+            if !host.converse(&mut connections[index], &mut sessions) {
+                host.release(connections.swap_remove(index));
+            }
+        }
+        if ready.listener && let Ok((stream, _)) = listener.accept() {
+            connections.extend(Connection::new(stream));
+        }
+        if last_look.elapsed() >= LOOK_AROUND {
+            last_look = Instant::now();
+            host.node.try_cleanup_dead_nodes();
+            host.measure();
+        }
+    }
+}
+
+struct Ready {
+    stop: bool,
+    listener: bool,
+    connections: Vec<usize>,
+}
+
+fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) -> Ready {
+    let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
+    let mut owner = Vec::new();
+    for (index, connection) in connections.iter().enumerate() {
+        fds.push(PollFd::new(&connection.stream, PollFlags::IN));
+        owner.push(index);
+        if let Some(process) = &connection.process {
+            fds.push(PollFd::new(process, PollFlags::IN));
+            owner.push(index);
+        }
+    }
+    let timeout = Timespec { tv_sec: 0, tv_nsec: LOOK_AROUND.as_nanos() as _ };
+    let _ = poll(&mut fds, Some(&timeout)); // an interrupted wait found nothing
+    let happened = |fd: &PollFd<'_>| !fd.revents().is_empty();
+    let mut connections: Vec<usize> =
+        fds[2..].iter().zip(owner).filter(|(fd, _)| happened(fd)).map(|(_, index)| index).collect();
+    connections.dedup();
+    Ready { stop: happened(&fds[0]), listener: happened(&fds[1]), connections }
+}
+
+impl Connection {
+    /// `None` for a process of another user, should one get past the folder's permissions.
+    fn new(stream: UnixStream) -> Option<Connection> {
+        let peer = rustix::net::sockopt::socket_peercred(&stream).ok()?;
+        if peer.uid != rustix::process::getuid() {
+            tracing::warn!(uid = peer.uid.as_raw(), "connection of another user refused");
+            return None;
+        }
+        stream.set_nonblocking(true).ok()?;
+        let process = rustix::process::pidfd_open(peer.pid, rustix::process::PidfdFlags::empty()).ok();
+        let pid = peer.pid.as_raw_nonzero().get() as u32;
+        Some(Connection { stream, pid, process, received: Vec::new(), lane: None })
+    }
+
+    fn process_ended(&self) -> bool {
+        let Some(process) = &self.process else { return false };
+        let mut fds = [PollFd::new(process, PollFlags::IN)];
+        poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })).is_ok_and(|ready| ready > 0)
+    }
+
+    /// Reads what is there; `false` when the peer hung up.
+    fn read(&mut self) -> bool {
+        let mut chunk = [0u8; 4096];
+        loop {
+            match self.stream.read(&mut chunk) {
+                Ok(0) => return false,
+                Ok(n) if self.received.len() + n > MAX_LINE => return false,
+                Ok(n) => self.received.extend_from_slice(&chunk[..n]),
+                Err(e) => return matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+            }
+        }
+    }
+
+    fn next_line(&mut self) -> Option<Vec<u8>> {
+        let end = self.received.iter().position(|b| *b == b'\n')?;
+        Some(self.received.drain(..=end).collect())
+    }
+
+    /// `false` when the peer does not read its answers.
+    fn answer(&mut self, answer: &Answer) -> bool {
+        let mut line = serde_json::to_vec(answer).expect("answers are plain data");
+        line.push(b'\n');
+        self.stream.write_all(&line).is_ok()
+    }
+}
+
+impl Host {
+    /// Answers what a connection asked; `false` when it is over.
+    fn converse(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
+        let open = connection.read() && !connection.process_ended();
+        while let Some(line) = connection.next_line() {
+            let answer = match serde_json::from_slice::<Ask>(&line) {
+                Ok(Ask::Status) => Answer::Status(self.status()),
+                Ok(Ask::Lane { lane }) => match self.find(lane) {
+                    Ok(index) => Answer::Lane(Box::new(self.lanes[index].description.clone())),
+                    Err(refusal) => Answer::Refused(refusal),
+                },
+                Ok(Ask::Attach { version, lane }) => {
+                    self.attach(connection, version, lane, sessions).unwrap_or_else(Answer::Refused)
+                }
+                Err(error) => Answer::Refused(Refusal::Malformed { what: error.to_string() }),
+            };
+            if !connection.answer(&answer) {
+                return false;
+            }
+        }
+        open
+    }
+
+    fn attach(
+        &mut self,
+        connection: &mut Connection,
+        version: u32,
+        lane: Option<String>,
+        sessions: &mut u64,
+    ) -> Result<Answer, Refusal> {
+        if version != PROTOCOL_VERSION {
+            return Err(Refusal::Version { supervisor: PROTOCOL_VERSION, client: version });
+        }
+        if connection.lane.is_some() {
+            return Err(Refusal::Malformed { what: "this connection is a learner already".to_owned() });
+        }
+        let index = self.find(lane)?;
+        let lane = &mut self.lanes[index];
+        let name = lane.description.lane.clone();
+        if let Some(holder) = lane.holder {
+            return Err(Refusal::LaneTaken { lane: name, holder });
+        }
+        if let Some(text) = self.pool.failure(index) {
+            return Err(Refusal::LaneFailed { lane: name, text: text.to_owned() });
+        }
+        *sessions += 1;
+        lane.holder = Some(connection.pid);
+        connection.lane = Some(index);
+        self.pool.set_session(index, Some(*sessions));
+        tracing::info!(lane = name, pid = connection.pid, "learner attached");
+        Ok(Answer::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
+    }
+
+    fn find(&self, lane: Option<String>) -> Result<usize, Refusal> {
+        let names = || self.lanes.iter().map(|l| l.description.lane.clone()).collect::<Vec<_>>();
+        match lane {
+            None if self.lanes.len() == 1 => Ok(0),
+            None => Err(Refusal::WhichLane { lanes: names() }),
+            Some(lane) => {
+                let found = self.lanes.iter().position(|l| l.description.lane == lane);
+                found.ok_or_else(|| Refusal::NoSuchLane { lane, lanes: names() })
+            }
+        }
+    }
+
+    /// Frees what a connection held.
+    fn release(&mut self, connection: Connection) {
+        let Some(index) = connection.lane else { return };
+        self.pool.set_session(index, None);
+        self.lanes[index].holder = None;
+        tracing::info!(lane = self.lanes[index].description.lane, pid = connection.pid, "learner left");
+    }
+
+    fn status(&self) -> PoolStatus {
+        let lane = |(index, lane): (usize, &HostedLane)| LaneStatus {
+            description: lane.description.clone(),
+            holder: lane.holder,
+            figures: self.pool.figures(index),
+            steps_per_s: lane.steps_per_s,
+            failure: self.pool.failure(index).map(str::to_owned),
+        };
+        PoolStatus {
+            pool: self.name.clone(),
+            pid: std::process::id(),
+            threads: self.threads,
+            uptime_s: self.started.elapsed().as_secs_f64(),
+            shared_memory: self.shared_memory,
+            lanes: self.lanes.iter().enumerate().map(lane).collect(),
+        }
+    }
+
+    /// Refreshes the rates once a second.
+    fn measure(&mut self) {
+        for (index, lane) in self.lanes.iter_mut().enumerate() {
+            let (steps, since) = lane.seen;
+            let seconds = since.elapsed().as_secs_f64();
+            if seconds >= 1.0 {
+                let now = self.pool.figures(index).steps;
+                lane.steps_per_s = (now - steps) as f64 / seconds;
+                lane.seen = (now, Instant::now());
+            }
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! What a learner may send next: which actions are legal, which environments still work on an earlier request. The
+//! client checks before it sends, with the error the supervisor would answer, and samples legal actions from the same
+//! bits.
+
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use smaclite_pool::fields::Field;
+use smaclite_pool::layout::Layout;
+use smaclite_pool::{Autoreset, Rejection};
+
+/// What the client knows of a lane's environments.
+pub(crate) struct Legal {
+    n_agents: usize,
+    n_actions: usize,
+    autoreset: Autoreset,
+    synchronous: bool,
+    /// Words of 64 actions an agent has in `bits`.
+    words: usize,
+    /// `[num_envs, n_agents, words]`: bit a = action a is available. All set where the lane leaves the masks out: the
+    /// supervisor checks in any case.
+    bits: Vec<u64>,
+    envs: Vec<EnvState>,
+    /// Results still to come.
+    outstanding: usize,
+    was_reset: bool,
+    sampler: Pcg64Mcg,
+}
+
+#[derive(Clone, Copy, Default)]
+struct EnvState {
+    /// The request it works on.
+    busy: Option<u64>,
+    /// Its episode ended and it was not reset since.
+    over: bool,
+}
+
+impl Legal {
+    pub(crate) fn new(layout: &Layout, num_envs: usize, autoreset: Autoreset) -> Legal {
+        let sizes = layout.sizes();
+        let words = sizes.n_actions.div_ceil(64);
+        Legal {
+            n_agents: sizes.n_agents,
+            n_actions: sizes.n_actions,
+            autoreset,
+            synchronous: layout.slots() == num_envs,
+            words,
+            bits: vec![u64::MAX; num_envs * sizes.n_agents * words],
+            envs: vec![EnvState::default(); num_envs],
+            outstanding: 0,
+            was_reset: false,
+            sampler: Pcg64Mcg::seed_from_u64(0),
+        }
+    }
+
+    pub(crate) fn outstanding(&self) -> usize {
+        self.outstanding
+    }
+
+    pub(crate) fn seed_sampler(&mut self, seed: u64) {
+        self.sampler = Pcg64Mcg::seed_from_u64(seed);
+    }
+
+    /// Checks a step of environments `env_ids` (all, if `None`) and marks them busy with request `number`.
+    pub(crate) fn take_step(
+        &mut self,
+        number: u64,
+        actions: &[i32],
+        env_ids: Option<&[i32]>,
+    ) -> Result<(), Rejection> {
+        if !self.was_reset {
+            return Err(Rejection::NotReset);
+        }
+        let given = env_ids.map_or(self.envs.len(), <[i32]>::len);
+        if self.synchronous && given != self.envs.len() {
+            return Err(Rejection::IncompleteBatch { given, expected: self.envs.len() });
+        }
+        let rows = actions.chunks_exact(self.n_agents);
+        let checked = match env_ids {
+            None => rows.enumerate().try_for_each(|(env, row)| self.take_row(number, env, row)),
+            Some(ids) => ids.iter().zip(rows).try_for_each(|(id, row)| {
+                let env = self.env_of(*id)?;
+                self.take_row(number, env, row)
+            }),
+        };
+        self.outstanding += given;
+        checked.inspect_err(|_| {
+            self.outstanding -= given;
+            self.clear(number);
+        })
+    }
+
+    fn take_row(&mut self, number: u64, env: usize, actions: &[i32]) -> Result<(), Rejection> {
+        self.take_env(number, env)?;
+        if self.envs[env].over {
+            return match self.autoreset {
+                Autoreset::Disabled => Err(Rejection::FinishedEnv { env }),
+                _ => Ok(()), // the action is ignored, the environment resets
+            };
+        }
+        for (agent, &action) in actions.iter().enumerate() {
+            if !self.is_available(env, agent, action) {
+                let available = (0..self.n_actions).filter(|a| self.is_available(env, agent, *a as i32)).collect();
+                return Err(Rejection::UnavailableAction { env, agent, action, available });
+            }
+        }
+        Ok(())
+    }
+
+    fn take_env(&mut self, number: u64, env: usize) -> Result<(), Rejection> {
+        match self.envs[env].busy {
+            Some(other) if other == number => Err(Rejection::DuplicateEnv { env }),
+            Some(_) => Err(Rejection::BusyEnv { env }),
+            None => {
+                self.envs[env].busy = Some(number);
+                Ok(())
+            }
+        }
+    }
+
+    fn env_of(&self, id: i32) -> Result<usize, Rejection> {
+        let num_envs = self.envs.len();
+        let env = usize::try_from(id).ok().filter(|env| *env < num_envs);
+        env.ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs })
+    }
+
+    fn is_available(&self, env: usize, agent: usize, action: i32) -> bool {
+        let Ok(action) = usize::try_from(action) else { return false };
+        let word = (env * self.n_agents + agent) * self.words + action / 64;
+        action < self.n_actions && self.bits[word] >> (action % 64) & 1 == 1
+    }
+
+    /// Marks environments busy with a reset: all of them, whatever they do, or those of `env_ids`.
+    pub(crate) fn take_reset(&mut self, number: u64, env_ids: Option<&[i32]>) -> Result<(), Rejection> {
+        let Some(ids) = env_ids else {
+            self.was_reset = true;
+            self.envs.fill(EnvState { busy: Some(number), over: false });
+            self.outstanding = self.envs.len();
+            return Ok(());
+        };
+        if !self.was_reset {
+            return Err(Rejection::NotReset);
+        }
+        let taken = ids.iter().try_for_each(|id| {
+            let env = self.env_of(*id)?;
+            self.take_env(number, env)
+        });
+        if let Err(rejection) = taken {
+            self.clear(number);
+            return Err(rejection);
+        }
+        if self.synchronous {
+            // The rest of the batch comes along, unchanged.
+            self.envs.iter_mut().for_each(|env| env.busy = Some(number));
+            self.outstanding = self.envs.len();
+        } else {
+            self.outstanding += ids.len();
+        }
+        Ok(())
+    }
+
+    /// The request was refused as a whole: its environments are free again.
+    pub(crate) fn refused(&mut self, number: u64) -> bool {
+        let freed = self.clear(number);
+        self.outstanding -= freed;
+        freed > 0
+    }
+
+    fn clear(&mut self, number: u64) -> usize {
+        let mut freed = 0;
+        for env in self.envs.iter_mut().filter(|env| env.busy == Some(number)) {
+            env.busy = None;
+            freed += 1;
+        }
+        freed
+    }
+
+    /// Takes in a received batch.
+    pub(crate) fn learn(&mut self, layout: &Layout, frame: &[u8]) {
+        let ids = layout.view::<i32>(frame, Field::EnvId).expect("every lane has env_id");
+        let terminated = layout.view::<u8>(frame, Field::Terminated).expect("every lane has terminated");
+        let truncated = layout.view::<u8>(frame, Field::Truncated).expect("every lane has truncated");
+        let masks = layout.view::<u8>(frame, Field::AvailActions);
+        let row = self.n_agents * self.n_actions;
+        for (slot, id) in ids.iter().enumerate() {
+            let Some(env) = usize::try_from(*id).ok().filter(|env| *env < self.envs.len()) else { continue };
+            let ended = terminated[slot] | truncated[slot] != 0;
+            self.envs[env] =
+                EnvState { busy: None, over: ended && self.autoreset != Autoreset::SameStep };
+            if let Some(masks) = masks {
+                self.pack(env, &masks[slot * row..(slot + 1) * row]);
+            }
+        }
+        self.outstanding = self.outstanding.saturating_sub(ids.len());
+    }
+
+    fn pack(&mut self, env: usize, mask: &[u8]) {
+        let words = &mut self.bits[env * self.n_agents * self.words..(env + 1) * self.n_agents * self.words];
+        for (agent, bits) in mask.chunks_exact(self.n_actions).zip(words.chunks_exact_mut(self.words)) {
+            for (bytes, word) in agent.chunks(64).zip(bits) {
+                *word = bytes.chunks(8).enumerate().fold(0, |word, (i, eight)| word | pack_eight(eight) << (8 * i));
+            }
+        }
+    }
+
+    /// Writes a uniformly random legal action for every agent of the environments (all, if `None`).
+    pub(crate) fn sample(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), Rejection> {
+        for (i, row) in out.chunks_exact_mut(self.n_agents).enumerate() {
+            let env = match env_ids {
+                Some(ids) => self.env_of(ids[i])?,
+                None => i,
+            };
+            for (agent, action) in row.iter_mut().enumerate() {
+                let start = (env * self.n_agents + agent) * self.words;
+                let draw = self.sampler.next_u32();
+                *action = nth_set(&self.bits[start..start + self.words], self.n_actions, draw);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Eight mask bytes as eight bits: the multiplication gathers the low bit of every byte in the top byte.
+fn pack_eight(bytes: &[u8]) -> u64 {
+    let mut eight = [0u8; 8];
+    eight[..bytes.len()].copy_from_slice(bytes);
+    ((u64::from_le_bytes(eight) & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080)) >> 56
+}
+
+/// The set bit that `draw` picks, all being equally likely (to 2^-32); 0 if none is set.
+fn nth_set(words: &[u64], limit: usize, draw: u32) -> i32 {
+    let valid = |(i, word): (usize, &u64)| {
+        let left = limit - i * 64;
+        if left >= 64 { *word } else { word & ((1 << left) - 1) }
+    };
+    let count: u32 = words.iter().enumerate().map(valid).map(u64::count_ones).sum();
+    let mut nth = (u64::from(draw) * u64::from(count) >> 32) as u32;
+    for (i, mut word) in words.iter().enumerate().map(|(i, word)| (i, valid((i, word)))) {
+        if nth < word.count_ones() {
+            for _ in 0..nth {
+                word &= word - 1;
+            }
+            return (i * 64) as i32 + word.trailing_zeros() as i32;
+        }
+        nth -= word.count_ones();
+    }
+    0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_bytes_become_eight_bits() {
+        assert_eq!(pack_eight(&[1, 0, 1, 1, 0, 0, 0, 1]), 0b1000_1101);
+        assert_eq!(pack_eight(&[0, 1]), 0b10);
+    }
+
+    #[test]
+    fn every_legal_action_and_no_other_is_drawn() {
+        let words = [0b1001_0010, 1 << 5];
+        let mut seen = std::collections::BTreeSet::new();
+        for i in 0..1000u64 {
+            seen.insert(nth_set(&words, 70, (i * (1 << 32) / 1000) as u32));
+        }
+        assert_eq!(seen.into_iter().collect::<Vec<_>>(), [1, 4, 7, 69]);
+        assert_eq!(nth_set(&words, 69, u32::MAX), 7, "beyond the last action");
+        assert_eq!(nth_set(&[0], 6, 3), 0);
+    }
+}

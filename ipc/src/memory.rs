@@ -1,0 +1,61 @@
+//! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS later.
+
+use crate::place::Place;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+const SHM: &str = "/dev/shm";
+
+/// Too little shared memory.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{SHM} has {available} bytes free, but {needed} are needed ({for_what}); give it more (`docker run --shm-size={suggested}m`, \
+     `mount -o remount,size=... {SHM}`), use fewer environments, or leave fields out"
+)]
+pub struct TooLittleMemory {
+    needed: u64,
+    available: u64,
+    for_what: String,
+    suggested: u64,
+}
+
+/// Is there room for `needed` bytes?
+pub(crate) fn check_room(needed: usize, for_what: &str) -> Result<(), TooLittleMemory> {
+    let Ok(stat) = rustix::fs::statvfs(SHM) else { return Ok(()) }; // no tmpfs there: creating files will say so
+    let available = stat.f_bavail * stat.f_frsize;
+    let needed = needed as u64;
+    if needed <= available { Ok(()) } else { Err(too_little(needed, available, for_what)) }
+}
+
+fn too_little(needed: u64, available: u64, for_what: &str) -> TooLittleMemory {
+    let suggested = (needed * 5 / 4) / (1 << 20) + 64;
+    TooLittleMemory { needed, available, for_what: for_what.to_owned(), suggested }
+}
+
+/// Has the kernel set aside every page of the data segments this process writes to.
+pub(crate) fn reserve_segments(place: &Place, for_what: &str) -> Result<(), TooLittleMemory> {
+    for path in own_segments(place) {
+        let Ok(file) = std::fs::OpenOptions::new().write(true).open(&path) else { continue };
+        let bytes = file.metadata().map_or(0, |m| m.len());
+        let reserved = rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes);
+        if reserved.is_err_and(|e| e == rustix::io::Errno::NOSPC) {
+            let available = rustix::fs::statvfs(SHM).map_or(0, |s| s.f_bavail * s.f_frsize);
+            return Err(too_little(bytes, available, for_what));
+        }
+    }
+    Ok(())
+}
+
+/// The data segments of this place that are mapped for writing, which only their creator does.
+fn own_segments(place: &Place) -> BTreeSet<PathBuf> {
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    let prefix = format!("{SHM}/{}", place.shm_prefix());
+    maps.lines()
+        .filter_map(|line| {
+            let permissions = line.split_whitespace().nth(1)?;
+            let path = &line[line.find('/')?..];
+            let ours = permissions.contains('w') && path.starts_with(&prefix) && path.ends_with(".data");
+            ours.then(|| Path::new(path).to_owned())
+        })
+        .collect()
+}

@@ -1,0 +1,110 @@
+//! Where pools of this user live: a private folder for sockets, locks and iceoryx2's files, and a prefix for what
+//! iceoryx2 puts into `/dev/shm`. One user a pool: nothing here can be opened by another.
+
+use iceoryx2::prelude::*;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path as FsPath, PathBuf};
+
+/// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
+pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
+
+/// iceoryx2 builds socket paths below the folder, which the system limits to 108 bytes.
+const MAX_ROOT_LEN: usize = 60;
+
+/// The folder of this user's pools.
+#[derive(Clone, Debug)]
+pub struct Place {
+    root: PathBuf,
+    prefix: String,
+}
+
+/// Why there is no place for pools.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum PlaceError {
+    #[error("{root}: cannot be created: {source}", root = root.display())]
+    Create { root: PathBuf, source: std::io::Error },
+    #[error("{root}: belongs to user {owner}, not to user {user}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    NotOurs { root: PathBuf, owner: u32, user: u32 },
+    #[error("{root}: is longer than {MAX_ROOT_LEN} bytes; set {ROOT_VARIABLE} to a shorter path", root = root.display())]
+    TooLong { root: PathBuf },
+}
+
+impl Place {
+    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it is not there.
+    pub fn of_this_user() -> Result<Place, PlaceError> {
+        let uid = rustix::process::getuid().as_raw();
+        let default = PathBuf::from(format!("/tmp/smaclite-pool-{uid}"));
+        let root = std::env::var_os(ROOT_VARIABLE).map_or(default, PathBuf::from);
+        Place::at(root)
+    }
+
+    /// Pools in a folder of the caller's choice.
+    pub fn at(root: PathBuf) -> Result<Place, PlaceError> {
+        if root.as_os_str().len() > MAX_ROOT_LEN {
+            return Err(PlaceError::TooLong { root });
+        }
+        let created = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
+        created.map_err(|source| PlaceError::Create { root: root.clone(), source })?;
+        let root = root.canonicalize().map_err(|source| PlaceError::Create { root: root.clone(), source })?;
+        let metadata = root.metadata().map_err(|source| PlaceError::Create { root: root.clone(), source })?;
+        let user = rustix::process::getuid().as_raw();
+        if metadata.uid() != user {
+            return Err(PlaceError::NotOurs { root, owner: metadata.uid(), user });
+        }
+        // Two folders must not share names in /dev/shm, where the folder does not show.
+        let mark = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
+            (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        Ok(Place { prefix: format!("smaclite{user}_{:08x}_", mark as u32), root })
+    }
+
+    /// The folder.
+    pub fn root(&self) -> &FsPath {
+        &self.root
+    }
+
+    /// What the names of this place's files in `/dev/shm` begin with.
+    pub fn shm_prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// The control socket of a pool.
+    pub fn socket(&self, pool: &str) -> PathBuf {
+        self.root.join(format!("{pool}.sock"))
+    }
+
+    /// The file a pool's supervisor holds locked.
+    pub fn lock(&self, pool: &str) -> PathBuf {
+        self.root.join(format!("{pool}.lock"))
+    }
+
+    /// Names of the pools that have a socket here, dead or alive.
+    pub fn pool_names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(&self.root).into_iter().flatten().flatten();
+        let names = entries.filter_map(|e| e.file_name().to_str()?.strip_suffix(".sock").map(str::to_owned));
+        let mut names: Vec<_> = names.collect();
+        names.sort();
+        names
+    }
+
+    /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
+    pub(crate) fn iceoryx(&self) -> Config {
+        let mut config = Config::default();
+        let root = self.root.as_os_str().as_encoded_bytes();
+        config.global.set_root_path(&Path::new(root).expect("the length was checked"));
+        config.global.prefix = FileName::new(self.prefix.as_bytes()).expect("letters, digits and underscores");
+        config
+    }
+}
+
+/// May this be a pool's or lane's name? Names become parts of file names and of messages to people.
+pub fn check_name(name: &str) -> Result<(), String> {
+    let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if name.is_empty() || name.len() > 40 || !name.chars().all(fine) || name.starts_with('.') {
+        return Err(format!(
+            "`{name}` cannot be a name: it takes 1 to 40 letters, digits, `-`, `_` or `.`, not `.` at the start"
+        ));
+    }
+    Ok(())
+}

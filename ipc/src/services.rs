@@ -1,0 +1,260 @@
+//! The iceoryx2 services of a pool: their names, settings and sizes, and how each side opens them.
+//!
+//! A pool has one event that wakes its workers (`work`), and every lane two data services: `frames` (one publisher,
+//! the supervisor; a learner and spectators subscribe; an event of the same name wakes the learner) and `requests`
+//! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
+//! never meets what a learner still holds of its predecessor.
+
+use crate::place::Place;
+use crate::wire::{FrameHeader, RequestHeader, step_bytes};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample;
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use serde::{Deserialize, Serialize};
+use smaclite_pool::layout::Layout;
+use std::mem::MaybeUninit;
+
+/// Worker threads share ports, so the variant with locks.
+pub(crate) type Ipc = ipc_threadsafe::Service;
+pub(crate) type FrameLoan = SampleMutUninit<Ipc, [MaybeUninit<u8>], FrameHeader>;
+pub(crate) type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
+pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;
+pub(crate) type FrameSample = Sample<Ipc, [u8], FrameHeader>;
+pub(crate) type RequestPublisher = Publisher<Ipc, [u8], RequestHeader>;
+pub(crate) type RequestSubscriber = Subscriber<Ipc, [u8], RequestHeader>;
+pub(crate) type RequestSample = Sample<Ipc, [u8], RequestHeader>;
+pub(crate) type IpcListener = Listener<Ipc>;
+pub(crate) type IpcNotifier = Notifier<Ipc>;
+
+/// A supervisor and a learner that died may still be listed while their successors come.
+const SLACK: usize = 4;
+
+/// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache lines).
+const CHUNK_OVERHEAD: usize = 192;
+
+/// An error of iceoryx2, with what was being done.
+#[derive(Debug, thiserror::Error)]
+#[error("{doing}: {cause}")]
+pub struct IpcError {
+    doing: &'static str,
+    cause: String,
+}
+
+/// Says what was being done when iceoryx2 refused.
+pub(crate) fn doing<E: std::fmt::Debug>(doing: &'static str) -> impl FnOnce(E) -> IpcError {
+    move |cause| IpcError { doing, cause: format!("{cause:?}") }
+}
+
+/// A node without signal handlers, under our own configuration.
+pub(crate) fn node(place: &Place, name: &str) -> Result<Node<Ipc>, IpcError> {
+    quiet();
+    NodeBuilder::new()
+        .name(&NodeName::new(name).map_err(doing("naming a node"))?)
+        .config(&place.iceoryx())
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<Ipc>()
+        .map_err(doing("creating an iceoryx2 node"))
+}
+
+/// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.
+fn quiet() {
+    set_log_level_from_env_or(LogLevel::Fatal);
+}
+
+/// How many frames and requests a lane's memory has room for. Travels in the lane's description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Capacity {
+    /// Frames a learner may hold at once.
+    pub frames_held: usize,
+    /// Frames that can wait for the learner: all results of one request to every environment, and an error report.
+    pub frames_waiting: usize,
+    /// Frames being filled at once.
+    pub frames_filling: usize,
+    /// Spectators at once.
+    pub spectators: usize,
+    /// Requests that can wait for the supervisor.
+    pub requests_waiting: usize,
+}
+
+impl Capacity {
+    /// What a lane of `num_envs` environments in batches of `batch_size` served by `threads` workers needs.
+    pub fn new(num_envs: usize, batch_size: usize, threads: usize, frames_held: usize, spectators: usize) -> Self {
+        let synchronous = num_envs == batch_size;
+        Capacity {
+            frames_held,
+            frames_waiting: num_envs / batch_size + 1,
+            frames_filling: if synchronous { 2 } else { threads + 2 },
+            spectators,
+            requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
+        }
+    }
+
+    /// Frames that can exist at once. A spectator keeps one waiting and may hold as many as a learner.
+    fn frames(&self) -> usize {
+        self.frames_waiting + self.frames_held + self.spectators * (1 + self.frames_held) + self.frames_filling
+    }
+
+    /// Bytes of shared memory that the supervisor needs for a lane.
+    pub fn frame_memory(&self, layout: &Layout) -> usize {
+        self.frames() * (layout.bytes() + CHUNK_OVERHEAD).next_multiple_of(64)
+    }
+
+    /// Bytes of shared memory that a learner needs for its requests.
+    pub fn request_memory(&self, layout: &Layout, num_envs: usize) -> usize {
+        let bytes = step_bytes(num_envs, layout.sizes().n_agents);
+        (self.requests_waiting + 2) * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
+    }
+}
+
+fn service_name(instance: &str, lane: &str, what: &str) -> Result<ServiceName, IpcError> {
+    ServiceName::new(&format!("{instance}/{lane}/{what}")).map_err(doing("naming a service"))
+}
+
+/// The event that wakes a pool's workers.
+pub(crate) struct WorkEvent(event::PortFactory<Ipc>);
+
+impl WorkEvent {
+    pub(crate) fn create(node: &Node<Ipc>, instance: &str, lanes: usize) -> Result<Self, IpcError> {
+        let builder = node.service_builder(&service_name(instance, "", "work")?).event();
+        let service = builder
+            .max_listeners(1)
+            .max_notifiers(lanes * 2 + SLACK)
+            .max_nodes(lanes * 2 + SLACK)
+            .create()
+            .map_err(doing("creating the work event"))?;
+        Ok(WorkEvent(service))
+    }
+
+    pub(crate) fn open(node: &Node<Ipc>, instance: &str) -> Result<Self, IpcError> {
+        let builder = node.service_builder(&service_name(instance, "", "work")?).event();
+        Ok(WorkEvent(builder.open().map_err(doing("opening the work event"))?))
+    }
+
+    pub(crate) fn listener(&self) -> Result<IpcListener, IpcError> {
+        self.0.listener_builder().create().map_err(doing("listening to the work event"))
+    }
+
+    pub(crate) fn notifier(&self) -> Result<IpcNotifier, IpcError> {
+        self.0.notifier_builder().create().map_err(doing("joining the work event"))
+    }
+}
+
+/// The services of one lane.
+pub(crate) struct LaneServices {
+    frames: publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>,
+    frames_event: event::PortFactory<Ipc>,
+    requests: publish_subscribe::PortFactory<Ipc, [u8], RequestHeader>,
+}
+
+impl LaneServices {
+    pub(crate) fn create(
+        node: &Node<Ipc>,
+        instance: &str,
+        lane: &str,
+        capacity: Capacity,
+    ) -> Result<Self, IpcError> {
+        let nodes = capacity.spectators + 2 + SLACK;
+        let frames_name = service_name(instance, lane, "frames")?;
+        let frames = node.service_builder(&frames_name).publish_subscribe::<[u8]>();
+        let frames = frames
+            .user_header::<FrameHeader>()
+            .max_publishers(1)
+            .max_subscribers(capacity.spectators + 1 + SLACK)
+            .max_nodes(nodes)
+            .subscriber_max_buffer_size(capacity.frames_waiting)
+            .subscriber_max_borrowed_samples(capacity.frames_held)
+            .history_size(0)
+            // A learner or spectator that stopped reading must not stop the workers.
+            .enable_safe_overflow(true)
+            .create()
+            .map_err(doing("creating a lane's frame service"))?;
+        let frames_event = node
+            .service_builder(&frames_name)
+            .event()
+            .max_listeners(1 + SLACK)
+            .max_notifiers(1)
+            .max_nodes(nodes)
+            .create()
+            .map_err(doing("creating a lane's frame event"))?;
+        let requests = node.service_builder(&service_name(instance, lane, "requests")?);
+        let requests = requests
+            .publish_subscribe::<[u8]>()
+            .user_header::<RequestHeader>()
+            .max_publishers(1 + SLACK)
+            .max_subscribers(1)
+            .max_nodes(nodes)
+            .subscriber_max_buffer_size(capacity.requests_waiting)
+            .subscriber_max_borrowed_samples(2)
+            .history_size(0)
+            // A learner that sends faster than the workers accept waits; a request is never dropped.
+            .enable_safe_overflow(false)
+            .create()
+            .map_err(doing("creating a lane's request service"))?;
+        Ok(LaneServices { frames, frames_event, requests })
+    }
+
+    pub(crate) fn open(node: &Node<Ipc>, instance: &str, lane: &str) -> Result<Self, IpcError> {
+        let frames_name = service_name(instance, lane, "frames")?;
+        let frames = node.service_builder(&frames_name).publish_subscribe::<[u8]>();
+        let frames =
+            frames.user_header::<FrameHeader>().open().map_err(doing("opening a lane's frame service"))?;
+        let frames_event = node.service_builder(&frames_name).event();
+        let frames_event = frames_event.open().map_err(doing("opening a lane's frame event"))?;
+        let requests = node.service_builder(&service_name(instance, lane, "requests")?);
+        let requests = requests.publish_subscribe::<[u8]>().user_header::<RequestHeader>();
+        let requests = requests.open().map_err(doing("opening a lane's request service"))?;
+        Ok(LaneServices { frames, frames_event, requests })
+    }
+
+    pub(crate) fn frame_publisher(&self, layout: &Layout, capacity: Capacity) -> Result<FramePublisher, IpcError> {
+        let frames = capacity.frames();
+        self.frames
+            .publisher_builder()
+            .initial_max_slice_len(layout.bytes())
+            .max_loaned_samples(capacity.frames_filling)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .override_sample_preallocation(move |_| frames)
+            .create()
+            .map_err(doing("creating a lane's frame publisher"))
+    }
+
+    /// `waiting`: how many frames may wait; the oldest is dropped for a newer one.
+    pub(crate) fn frame_subscriber(&self, waiting: usize) -> Result<FrameSubscriber, IpcError> {
+        let builder = self.frames.subscriber_builder().buffer_size(waiting);
+        builder.create().map_err(doing("subscribing to a lane's frames"))
+    }
+
+    pub(crate) fn frame_notifier(&self) -> Result<IpcNotifier, IpcError> {
+        self.frames_event.notifier_builder().create().map_err(doing("joining a lane's frame event"))
+    }
+
+    pub(crate) fn frame_listener(&self) -> Result<IpcListener, IpcError> {
+        self.frames_event.listener_builder().create().map_err(doing("listening to a lane's frame event"))
+    }
+
+    pub(crate) fn request_publisher(
+        &self,
+        layout: &Layout,
+        num_envs: usize,
+        capacity: Capacity,
+    ) -> Result<RequestPublisher, IpcError> {
+        let requests = capacity.requests_waiting + 2;
+        self.requests
+            .publisher_builder()
+            .initial_max_slice_len(step_bytes(num_envs, layout.sizes().n_agents))
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .override_sample_preallocation(move |_| requests)
+            .create()
+            .map_err(doing("creating a learner's request publisher"))
+    }
+
+    pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
+        self.requests.subscriber_builder().create().map_err(doing("subscribing to a lane's requests"))
+    }
+}

@@ -1,0 +1,377 @@
+//! Starting and stopping a supervisor: everything is checked and set aside first, then threads and services begin.
+
+use crate::control::protocol::LaneDescription;
+use crate::control::server::{Host, HostedLane, serve};
+use crate::memory::{TooLittleMemory, check_room, reserve_segments};
+use crate::place::{Place, PlaceError, check_name};
+use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, node};
+use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
+use iceoryx2::prelude::Node;
+use rustix::fs::{FlockOperation, flock};
+use smaclite_engine::{Arena, Battle, Rules, Sizes};
+use smaclite_pool::environment::{Environment, MakeEnvironment};
+use smaclite_pool::fields::FieldSet;
+use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
+use smaclite_scenarios::Scenario;
+use std::fs::File;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+/// Environments of a lane at most; ids travel as i32 and a frame must fit into memory.
+const MAX_ENVS: usize = 1_000_000;
+
+/// What the environments of a lane are.
+pub enum Game {
+    /// Battles of a scenario.
+    Battle {
+        /// The scenario.
+        scenario: Box<Scenario>,
+        /// The rules they are played by.
+        rules: Rules,
+        /// `Some` replaces the scenario's own limit; `Some(None)` is no limit.
+        episode_limit: Option<Option<u32>>,
+    },
+    /// Any other environment, for tests and benches.
+    Other {
+        /// Shown as the scenario's name.
+        name: String,
+        /// Sizes of every environment.
+        sizes: Sizes,
+        /// Makes environment `i`.
+        make: MakeEnvironment,
+    },
+}
+
+/// One lane of a pool.
+pub struct LaneConfig {
+    /// The name learners attach by.
+    pub name: String,
+    /// What is played.
+    pub game: Game,
+    /// Environments (N), at least 1.
+    pub num_envs: usize,
+    /// Environments in a frame (M), 1 to N; N for synchronous stepping.
+    pub batch_size: usize,
+    /// Environment `i` is seeded with `seed + i`.
+    pub seed: u64,
+    /// What happens at an episode's end.
+    pub autoreset: Autoreset,
+    /// The fields of a frame.
+    pub fields: FieldSet,
+    /// Frames a learner may hold at once, at least 2.
+    pub frames_held: usize,
+    /// Spectators at once.
+    pub spectators: usize,
+}
+
+impl LaneConfig {
+    /// A synchronous lane of a scenario with every other setting at its default.
+    pub fn new(name: impl Into<String>, scenario: Scenario, num_envs: usize) -> LaneConfig {
+        let game =
+            Game::Battle { scenario: Box::new(scenario), rules: Rules::default(), episode_limit: None };
+        LaneConfig {
+            name: name.into(),
+            game,
+            num_envs,
+            batch_size: num_envs,
+            seed: 0,
+            autoreset: Autoreset::default(),
+            fields: FieldSet::ALL,
+            frames_held: 4,
+            spectators: 2,
+        }
+    }
+
+    fn check(&self) -> Result<(), StartError> {
+        let bad = |what: String| Err(StartError::Lane { lane: self.name.clone(), what });
+        check_name(&self.name).or_else(bad)?;
+        if self.num_envs == 0 || self.num_envs > MAX_ENVS {
+            return bad(format!("{} environments; 1 to {MAX_ENVS} are possible", self.num_envs));
+        }
+        if self.batch_size == 0 || self.batch_size > self.num_envs {
+            return bad(format!(
+                "batch size {}; 1 to {} (the number of environments) are possible",
+                self.batch_size, self.num_envs
+            ));
+        }
+        if !(2..=1024).contains(&self.frames_held) {
+            return bad(format!("{} held frames; 2 to 1024 are possible", self.frames_held));
+        }
+        if self.spectators > 64 {
+            return bad(format!("{} spectators; 0 to 64 are possible", self.spectators));
+        }
+        Ok(())
+    }
+
+    /// Splits the settings into what the pool builds and what learners are told.
+    fn prepare(self, shared: &Shared<'_>) -> (LaneSpec, LaneDescription) {
+        let capacity =
+            Capacity::new(self.num_envs, self.batch_size, shared.threads, self.frames_held, self.spectators);
+        let (scenario, rules, episode_limit, sizes, make) = match self.game {
+            Game::Battle { scenario, rules, episode_limit } => {
+                let mut arena = Arena::new(&scenario, rules);
+                if let Some(limit) = episode_limit {
+                    arena = arena.with_episode_limit(limit);
+                }
+                let (sizes, limit, seed) = (arena.sizes(), arena.episode_limit(), self.seed);
+                let arena = Arc::new(arena);
+                let make = move |i: usize| -> Box<dyn Environment> {
+                    Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
+                };
+                (scenario.name.clone(), rules.to_string(), limit, sizes, Box::new(make) as MakeEnvironment)
+            }
+            Game::Other { name, sizes, make } => (name, String::new(), None, sizes, make),
+        };
+        let spec = LaneSpec {
+            name: self.name,
+            sizes,
+            num_envs: self.num_envs,
+            batch_size: self.batch_size,
+            seed: self.seed,
+            autoreset: self.autoreset,
+            fields: self.fields,
+            make,
+        };
+        let layout = spec.layout();
+        let description = LaneDescription {
+            pool: shared.pool.to_owned(),
+            pid: std::process::id(),
+            instance: shared.instance.to_owned(),
+            lane: spec.name.clone(),
+            scenario,
+            n_agents: sizes.n_agents,
+            n_enemies: sizes.n_enemies,
+            n_actions: sizes.n_actions,
+            obs_size: sizes.obs_size,
+            state_size: sizes.state_size,
+            num_envs: spec.num_envs,
+            batch_size: spec.batch_size,
+            seed: spec.seed,
+            autoreset: spec.autoreset,
+            episode_limit,
+            rules,
+            fields: layout.fields().iter().map(|f| f.spec().name.to_owned()).collect(),
+            layout_hash: layout.hash(),
+            capacity,
+        };
+        (spec, description)
+    }
+}
+
+struct Shared<'a> {
+    pool: &'a str,
+    instance: &'a str,
+    threads: usize,
+}
+
+/// A whole pool.
+pub struct SupervisorConfig {
+    /// The name learners connect by.
+    pub name: String,
+    /// Its lanes, with different names.
+    pub lanes: Vec<LaneConfig>,
+    /// Threads and waiting.
+    pub options: PoolOptions,
+    /// Where it lives.
+    pub place: Place,
+}
+
+/// Why a supervisor did not start. Nothing of it is left.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum StartError {
+    #[error("pool name: {0}")]
+    Name(String),
+    #[error("a pool named `{pool}` runs already{}; choose another name or stop it", of_process(*pid))]
+    NameTaken { pool: String, pid: Option<u32> },
+    #[error("a pool needs at least one lane")]
+    NoLanes,
+    #[error("lane `{lane}`: {what}")]
+    Lane { lane: String, what: String },
+    #[error(transparent)]
+    Place(#[from] PlaceError),
+    #[error(transparent)]
+    Memory(#[from] TooLittleMemory),
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    #[error("{doing}: {source}")]
+    System { doing: String, source: std::io::Error },
+}
+
+fn of_process(pid: Option<u32>) -> String {
+    pid.map_or(String::new(), |pid| format!(" (process {pid})"))
+}
+
+/// A running supervisor. Dropping it stops it and takes everything of it out of `/dev/shm` and the root folder.
+pub struct Supervisor {
+    name: String,
+    lanes: Vec<LaneDescription>,
+    shared_memory: usize,
+    threads: usize,
+    /// Closed to stop the control thread.
+    stop: Option<UnixStream>,
+    control: Option<JoinHandle<()>>,
+    place: Place,
+    owner: u32,
+    _lock: File,
+}
+
+impl Supervisor {
+    /// Starts a pool.
+    pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
+        check_name(&config.name).map_err(StartError::Name)?;
+        check_lanes(&config.lanes)?;
+        let lock = take_name(&config.place, &config.name)?;
+        let options = PoolOptions { threads: config.options.threads.max(1), ..config.options };
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+        let instance = format!("{}.{}.{since_epoch:x}", config.name, std::process::id());
+        let shared = Shared { pool: &config.name, instance: &instance, threads: options.threads };
+        let lanes: Vec<_> = config.lanes.into_iter().map(|lane| lane.prepare(&shared)).collect();
+        let needs = lanes.iter().map(|(spec, d)| d.capacity.frame_memory(&spec.layout()));
+        let shared_memory = needs.sum();
+        check_room(shared_memory, "frames of all lanes")?;
+
+        let node = node(&config.place, &config.name)?;
+        let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
+        let (pool, services) = start_pool(&node, &instance, lanes, options)?;
+        reserve_segments(&config.place, "frames of all lanes")?;
+
+        let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
+        let socket = config.place.socket(&config.name);
+        let _ = std::fs::remove_file(&socket); // of a dead pool: the lock is ours
+        let listener = UnixListener::bind(&socket).map_err(system("opening the control socket"))?;
+        listener.set_nonblocking(true).map_err(system("opening the control socket"))?;
+        let host = Host {
+            pool,
+            lanes: descriptions.iter().cloned().map(HostedLane::new).collect(),
+            name: config.name.clone(),
+            threads: options.threads,
+            shared_memory,
+            started: Instant::now(),
+            services,
+            node,
+        };
+        let control = std::thread::Builder::new().name("smaclite-control".to_owned());
+        let control =
+            control.spawn(move || serve(host, listener, stopped)).map_err(system("starting a thread"))?;
+        tracing::info!(pool = config.name, shared_memory, threads = options.threads, "serving");
+        Ok(Supervisor {
+            name: config.name,
+            lanes: descriptions,
+            shared_memory,
+            threads: options.threads,
+            stop: Some(stop),
+            control: Some(control),
+            place: config.place,
+            owner: std::process::id(),
+            _lock: lock,
+        })
+    }
+
+    /// The pool's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What its lanes are.
+    pub fn lanes(&self) -> &[LaneDescription] {
+        &self.lanes
+    }
+
+    /// Bytes of shared memory set aside.
+    pub fn shared_memory(&self) -> usize {
+        self.shared_memory
+    }
+
+    /// Worker threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Where it lives.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        if self.owner != std::process::id() {
+            return; // a forked child has no threads to stop and must not remove its parent's files
+        }
+        self.stop.take();
+        if let Some(control) = self.control.take() {
+            let _ = control.join();
+        }
+        let _ = std::fs::remove_file(self.place.socket(&self.name));
+        let _ = std::fs::remove_file(self.place.lock(&self.name));
+    }
+}
+
+fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
+    if lanes.is_empty() {
+        return Err(StartError::NoLanes);
+    }
+    for (index, lane) in lanes.iter().enumerate() {
+        lane.check()?;
+        if lanes[..index].iter().any(|other| other.name == lane.name) {
+            let what = "two lanes have this name; name one differently (NAME=SCENARIO:N)".to_owned();
+            return Err(StartError::Lane { lane: lane.name.clone(), what });
+        }
+    }
+    Ok(())
+}
+
+/// Locks the pool's name for as long as this process lives.
+fn take_name(place: &Place, name: &str) -> Result<File, StartError> {
+    let path = place.lock(name);
+    loop {
+        let file = File::options().create(true).truncate(false).write(true).open(&path);
+        let file = file.map_err(system("opening the pool's lock"))?;
+        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let pid = crate::status(place, name).ok().map(|status| status.pid);
+            return Err(StartError::NameTaken { pool: name.to_owned(), pid });
+        }
+        // A pool that ended between our open and our lock has removed the file: lock the one that is there now.
+        use std::os::unix::fs::MetadataExt;
+        let same = |a: std::fs::Metadata, b: std::fs::Metadata| a.ino() == b.ino();
+        if let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::metadata(&path))
+            && same(ours, there)
+        {
+            return Ok(file);
+        }
+    }
+}
+
+type Services = (WorkEvent, Vec<LaneServices>);
+
+fn start_pool(
+    node: &Node<Ipc>,
+    instance: &str,
+    lanes: Vec<(LaneSpec, LaneDescription)>,
+    options: PoolOptions,
+) -> Result<(Pool<Iceoryx>, Services), StartError> {
+    let work = WorkEvent::create(node, instance, lanes.len())?;
+    let bell = WorkBell { listener: work.listener()?, notifier: work.notifier()? };
+    let mut services = Vec::new();
+    let mut parts = Vec::new();
+    for (spec, description) in lanes {
+        let capacity = description.capacity;
+        let layout = Arc::new(spec.layout());
+        let lane = LaneServices::create(node, instance, &spec.name, capacity)?;
+        let inlet = RequestInlet { subscriber: lane.request_subscriber()?, layout: Arc::clone(&layout) };
+        let publisher = lane.frame_publisher(&layout, capacity)?;
+        let outlet = FrameOutlet { publisher, notifier: lane.frame_notifier()?, layout, sequence: 0 };
+        parts.push((spec, inlet, outlet));
+        services.push(lane);
+    }
+    let pool = Pool::start(parts, bell, options).map_err(system("starting worker threads"))?;
+    Ok((pool, (work, services)))
+}
+
+fn system(doing: &str) -> impl FnOnce(std::io::Error) -> StartError {
+    let doing = doing.to_owned();
+    move |source| StartError::System { doing, source }
+}

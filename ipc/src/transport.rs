@@ -1,0 +1,117 @@
+//! The pool's transport over iceoryx2: frames are loaned, filled in place and sent; requests are read in place.
+
+#![allow(unsafe_code)] // a loaned sample is shared memory the operating system zeroed, not uninitialised Rust memory
+
+use crate::services::{FrameLoan, FramePublisher, IpcListener, IpcNotifier, RequestSample, RequestSubscriber};
+use crate::wire::{FrameHeader, MAGIC, read_request};
+use smaclite_pool::Rejection;
+use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Outlet, Request, Round, Transport};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Lanes over iceoryx2.
+pub(crate) struct Iceoryx;
+
+impl Transport for Iceoryx {
+    type Inlet = RequestInlet;
+    type Outlet = FrameOutlet;
+    type Doorbell = WorkBell;
+}
+
+/// A lane's requests.
+pub(crate) struct RequestInlet {
+    pub(crate) subscriber: RequestSubscriber,
+    pub(crate) layout: Arc<Layout>,
+}
+
+impl Inlet for RequestInlet {
+    type Message = RequestMessage;
+
+    fn receive(&mut self) -> Option<RequestMessage> {
+        // A broken connection is a learner that died; its successor brings a new one.
+        let sample = self.subscriber.receive().ok().flatten()?;
+        Some(RequestMessage { sample, layout: Arc::clone(&self.layout) })
+    }
+}
+
+/// A received request.
+pub(crate) struct RequestMessage {
+    sample: RequestSample,
+    layout: Arc<Layout>,
+}
+
+impl Message for RequestMessage {
+    fn request(&self) -> Result<Request<'_>, Rejection> {
+        read_request(*self.sample.user_header(), self.sample.payload(), &self.layout)
+    }
+}
+
+/// A lane's frames.
+pub(crate) struct FrameOutlet {
+    pub(crate) publisher: FramePublisher,
+    pub(crate) notifier: IpcNotifier,
+    pub(crate) layout: Arc<Layout>,
+    pub(crate) sequence: u64,
+}
+
+impl Outlet for FrameOutlet {
+    type Loan = FrameLoan;
+
+    fn loan(&mut self) -> Result<FrameLoan, String> {
+        let loan = self.publisher.loan_slice_uninit(self.layout.bytes());
+        loan.map_err(|error| format!("no memory for a frame: {error:?}"))
+    }
+
+    fn payload(loan: &mut FrameLoan) -> &mut [u8] {
+        let payload = loan.payload_mut();
+        // SAFETY: the bytes lie in a shared-memory mapping, which the kernel zeroes, so they are initialised whatever
+        // earlier frames wrote there; `u8` has no invalid values; the borrow is that of the loan.
+        unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
+    }
+
+    fn publish(&mut self, mut loan: FrameLoan, round: Round, content: Content) {
+        self.sequence += 1;
+        let (rejection_len, request) = match content {
+            Content::Batch => (0, 0),
+            Content::Rejection { request, len } => (len as u32, request),
+        };
+        *loan.user_header_mut() = FrameHeader {
+            magic: MAGIC,
+            version: FORMAT_VERSION,
+            layout_hash: self.layout.hash(),
+            session: round.session,
+            round: round.request,
+            sequence: self.sequence,
+            slots: self.layout.slots() as u32,
+            rejection_len,
+            request,
+        };
+        // SAFETY: as in `payload`: every byte is initialised.
+        let sent = unsafe { loan.assume_init() }.send();
+        // Failing here means a reader whose connection broke; the others got the frame, and a dead reader's session ends.
+        if let Err(error) = sent {
+            tracing::debug!(?error, "a frame did not reach every reader");
+        }
+        if let Err(error) = self.notifier.notify() {
+            tracing::debug!(?error, "a reader could not be woken");
+        }
+    }
+}
+
+/// Wakes the worker that leads.
+pub(crate) struct WorkBell {
+    pub(crate) listener: IpcListener,
+    pub(crate) notifier: IpcNotifier,
+}
+
+impl Doorbell for WorkBell {
+    fn wait(&self, timeout: Duration) {
+        // An interrupted wait is a short wait: the caller looks around and waits again.
+        let _ = self.listener.timed_wait(|_| {}, timeout);
+    }
+
+    fn ring(&self) {
+        let _ = self.notifier.notify();
+    }
+}

@@ -1,0 +1,176 @@
+//! What lies in shared memory: the headers of frames and requests, and how a request's payload is laid out.
+//! Everything a peer wrote is checked here before anyone else sees it.
+
+#![allow(unsafe_code)] // `request_payload` says why; the derive of `ZeroCopySend` asserts plain data
+
+use iceoryx2::prelude::ZeroCopySend;
+use smaclite_pool::Rejection;
+use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
+use smaclite_pool::transport::{Request, RequestKind};
+use std::sync::atomic::AtomicI32;
+
+/// First word of every header: "SMAC" in ASCII.
+pub const MAGIC: u32 = 0x534d_4143;
+
+/// Goes before every frame. Aligned so that iceoryx2 places the payload behind it on a cache line.
+#[repr(C)]
+#[repr(align(64))]
+#[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
+#[type_name("smaclite_pool.FrameHeader.v1")]
+pub struct FrameHeader {
+    /// [`MAGIC`].
+    pub magic: u32,
+    /// [`FORMAT_VERSION`].
+    pub version: u32,
+    /// [`Layout::hash`] of the payload.
+    pub layout_hash: u64,
+    /// The session the frame answers. A dead supervisor's queued frames are still delivered, hence the check.
+    pub session: u64,
+    /// The request that began the round the frame belongs to.
+    pub round: u64,
+    /// Counts frames of a lane, from 1.
+    pub sequence: u64,
+    /// Slots filled.
+    pub slots: u32,
+    /// 0 = a batch; otherwise the length of a JSON rejection at the payload's start.
+    pub rejection_len: u32,
+    /// The refused request, if this is a rejection.
+    pub request: u64,
+}
+
+const STEP: u32 = 1;
+const RESET: u32 = 2;
+const RESET_WITH_SEED: u32 = 3;
+
+/// Goes before every request.
+#[repr(C)]
+#[repr(align(64))]
+#[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
+#[type_name("smaclite_pool.RequestHeader.v1")]
+pub struct RequestHeader {
+    /// [`MAGIC`].
+    pub magic: u32,
+    /// [`FORMAT_VERSION`].
+    pub version: u32,
+    /// [`Layout::hash`] of the lane's frames.
+    pub layout_hash: u64,
+    /// The sender's session.
+    pub session: u64,
+    /// Counts the requests of a session, from 1.
+    pub number: u64,
+    /// 1 = step, 2 = reset, 3 = reset with a seed.
+    pub kind: u32,
+    /// Environments the request is about.
+    pub count: u32,
+    /// Seed of environment 0 for kind 3; environment i gets this + i.
+    pub seed: u64,
+}
+
+impl RequestHeader {
+    /// The header of a request.
+    pub fn new(layout: &Layout, session: u64, number: u64, kind: RequestKind, count: usize) -> RequestHeader {
+        let (kind, seed) = match kind {
+            RequestKind::Step => (STEP, 0),
+            RequestKind::Reset { seed: None } => (RESET, 0),
+            RequestKind::Reset { seed: Some(seed) } => (RESET_WITH_SEED, seed),
+        };
+        let (magic, version, layout_hash) = (MAGIC, FORMAT_VERSION, layout.hash());
+        RequestHeader { magic, version, layout_hash, session, number, kind, count: count as u32, seed }
+    }
+}
+
+/// First byte of the actions in a request about `count` environments: `env_id` i32 `[count]` comes first, then the
+/// next cache line.
+pub fn actions_offset(count: usize) -> usize {
+    (count * size_of::<i32>()).next_multiple_of(BLOCK_ALIGN)
+}
+
+/// Bytes of a step's payload: `env_id` and actions i32 `[count, n_agents]`.
+pub fn step_bytes(count: usize, n_agents: usize) -> usize {
+    actions_offset(count) + count * n_agents * size_of::<i32>()
+}
+
+/// Reads a request that another process wrote and may still be writing.
+pub fn read_request<'a>(
+    header: RequestHeader,
+    payload: &'a [u8],
+    layout: &Layout,
+) -> Result<Request<'a>, Rejection> {
+    let malformed = |what: String| Rejection::Malformed { what };
+    if (header.magic, header.version) != (MAGIC, FORMAT_VERSION) {
+        return Err(malformed(format!(
+            "format {:#x} version {}, not {MAGIC:#x} version {FORMAT_VERSION}",
+            header.magic, header.version
+        )));
+    }
+    if header.layout_hash != layout.hash() {
+        return Err(malformed(format!(
+            "layout {:#018x}, but this lane's is {:#018x}",
+            header.layout_hash,
+            layout.hash()
+        )));
+    }
+    let count = header.count as usize;
+    let (kind, bytes) = match header.kind {
+        // `count` is a u32 and sizes are small, so nothing overflows a 64-bit usize.
+        STEP => (RequestKind::Step, step_bytes(count, layout.sizes().n_agents)),
+        RESET => (RequestKind::Reset { seed: None }, count * size_of::<i32>()),
+        RESET_WITH_SEED => (RequestKind::Reset { seed: Some(header.seed) }, count * size_of::<i32>()),
+        other => return Err(malformed(format!("request kind {other}; there are 1 (step), 2 and 3 (reset)"))),
+    };
+    if count == 0 || payload.len() != bytes || !payload.as_ptr().cast::<i32>().is_aligned() {
+        let given = payload.len();
+        return Err(malformed(format!("{given} bytes for {count} environments; {bytes} are right")));
+    }
+    let (env_ids, rest) = payload.split_at(count * size_of::<i32>());
+    let actions = match kind {
+        RequestKind::Step => &payload[actions_offset(count)..],
+        RequestKind::Reset { .. } => &rest[..0],
+    };
+    let (env_ids, actions) = (as_atomics(env_ids), as_atomics(actions));
+    Ok(Request { session: header.session, number: header.number, kind, env_ids, actions })
+}
+
+/// Views bytes as integers that another process may change at any time.
+fn as_atomics(bytes: &[u8]) -> &[AtomicI32] {
+    // SAFETY: every bit pattern is an `i32`, `AtomicI32` has its size and alignment, and `align_to` gives only the part
+    // that is aligned (all of it, `read_request` checked). Loads are all that is done with it, so that the mapping may
+    // be read-only.
+    let (before, integers, after) = unsafe { bytes.align_to::<AtomicI32>() };
+    debug_assert!(before.is_empty() && after.is_empty());
+    integers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::Sizes;
+    use smaclite_pool::fields::FieldSet;
+
+    fn layout() -> Layout {
+        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 7, obs_size: 3, state_size: 5 };
+        Layout::new(sizes, 4, FieldSet::without_final())
+    }
+
+    #[test]
+    fn lies_in_a_request_are_named() {
+        let layout = layout();
+        let good = RequestHeader::new(&layout, 7, 1, RequestKind::Step, 4);
+        let aligned = [0u64; 64];
+        let bytes: &[u8] = bytemuck::cast_slice(&aligned);
+        let payload = &bytes[..step_bytes(4, 2)];
+        assert!(read_request(good, payload, &layout).is_ok());
+        let check = |header: RequestHeader, payload: &[u8], expected: &str| {
+            let error = read_request(header, payload, &layout).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        check(RequestHeader { magic: 1, ..good }, payload, "format 0x1");
+        check(RequestHeader { version: 9, ..good }, payload, "version 9");
+        check(RequestHeader { layout_hash: 3, ..good }, payload, "layout 0x0000000000000003");
+        check(RequestHeader { kind: 8, ..good }, payload, "kind 8");
+        check(RequestHeader { count: u32::MAX, ..good }, payload, "4294967295 environments");
+        check(RequestHeader { count: 0, ..good }, &[], "0 environments");
+        check(good, &payload[1..], "95 bytes for 4 environments; 96 are right");
+        check(good, &bytes[1..97], "96 are right");
+    }
+}

@@ -1,0 +1,79 @@
+//! What the pool asks of an environment, and the battle's answer. The pool itself knows nothing of units or rules.
+
+use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Step};
+
+/// One environment of a lane. Batches, autoreset and transport are the pool's; this is only a game that can be reset,
+/// stepped and looked at. [`Battle`] is the one in use; tests and benches bring others.
+pub trait Environment: Send {
+    /// Sizes of everything written below.
+    fn sizes(&self) -> Sizes;
+    /// Seeds the generator; the next [`reset`](Environment::reset) starts from it.
+    fn reseed(&mut self, seed: u64);
+    /// Begins a new episode.
+    fn reset(&mut self);
+    /// Would `step` take these actions (`n_agents` of them)?
+    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction>;
+    /// One step.
+    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction>;
+    /// Writes `[n_agents, obs_size]`.
+    fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch);
+    /// Writes `[state_size]`.
+    fn write_state(&self, out: &mut [f32]);
+    /// Writes `[n_agents, n_actions]`, 0 or 1.
+    fn write_avail_actions(&self, out: &mut [u8]);
+    /// Writes `[n_agents]`, 0 or 1.
+    fn write_alive(&self, out: &mut [u8]);
+    /// Agents that died in this episode.
+    fn dead_allies(&self) -> usize;
+    /// Enemies that died in this episode.
+    fn dead_enemies(&self) -> usize;
+    /// Sum of this episode's rewards so far.
+    fn episode_return(&self) -> f64;
+    /// Steps of this episode so far.
+    fn episode_length(&self) -> u32;
+}
+
+impl Environment for Battle {
+    fn sizes(&self) -> Sizes {
+        self.arena().sizes()
+    }
+    fn reseed(&mut self, seed: u64) {
+        Battle::reseed(self, seed);
+    }
+    fn reset(&mut self) {
+        Battle::reset(self);
+    }
+    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
+        Battle::check(self, actions)
+    }
+    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction> {
+        Battle::step(self, actions, scratch)
+    }
+    fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
+        Battle::write_obs(self, out, scratch);
+    }
+    fn write_state(&self, out: &mut [f32]) {
+        Battle::write_state(self, out);
+    }
+    fn write_avail_actions(&self, out: &mut [u8]) {
+        Battle::write_avail_actions(self, out);
+    }
+    fn write_alive(&self, out: &mut [u8]) {
+        Battle::write_alive(self, out);
+    }
+    fn dead_allies(&self) -> usize {
+        Battle::dead_allies(self)
+    }
+    fn dead_enemies(&self) -> usize {
+        Battle::dead_enemies(self)
+    }
+    fn episode_return(&self) -> f64 {
+        Battle::episode_return(self)
+    }
+    fn episode_length(&self) -> u32 {
+        Battle::episode_length(self)
+    }
+}
+
+/// Makes an environment of a lane by its number.
+pub type MakeEnvironment = Box<dyn Fn(usize) -> Box<dyn Environment> + Send>;

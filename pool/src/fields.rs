@@ -1,0 +1,247 @@
+//! The fields of a frame, declared once. Offsets, views, spaces, documentation and the layout hash derive from
+//! [`FIELDS`]; nothing else in the project names a field's type or shape.
+
+use std::fmt;
+
+/// The element type of a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dtype {
+    /// 32-bit float.
+    F32,
+    /// 32-bit signed integer.
+    I32,
+    /// One byte, 0 or 1.
+    Bool,
+}
+
+impl Dtype {
+    /// Bytes of one element.
+    pub const fn size(self) -> usize {
+        match self {
+            Dtype::F32 | Dtype::I32 => 4,
+            Dtype::Bool => 1,
+        }
+    }
+
+    /// NumPy's name of the type.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Dtype::F32 => "float32",
+            Dtype::I32 => "int32",
+            Dtype::Bool => "bool",
+        }
+    }
+}
+
+/// A dimension of a field after the slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// One per agent (`n_agents`).
+    Agent,
+    /// One per observation feature (`obs_size`).
+    Obs,
+    /// One per state feature (`state_size`).
+    State,
+    /// One per action (`n_actions`).
+    Action,
+}
+
+/// A field of a frame; the discriminant is its place in [`FIELDS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+#[allow(missing_docs)] // `FIELDS` says what each one means
+pub enum Field {
+    EnvId,
+    Obs,
+    State,
+    AvailActions,
+    Alive,
+    Reward,
+    Terminated,
+    Truncated,
+    BattleWon,
+    DeadAllies,
+    DeadEnemies,
+    EpisodeReturn,
+    EpisodeLength,
+    FinalObs,
+    FinalState,
+    FinalAvailActions,
+}
+
+/// How many fields there are.
+pub const FIELD_COUNT: usize = 16;
+
+/// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
+#[derive(Clone, Copy, Debug)]
+pub struct FieldSpec {
+    /// Which field this is.
+    pub field: Field,
+    /// The name used in Python, Rust, files and messages.
+    pub name: &'static str,
+    /// Element type.
+    pub dtype: Dtype,
+    /// The axes after the slot.
+    pub axes: &'static [Axis],
+    /// One line for documentation.
+    pub meaning: &'static str,
+}
+
+const fn spec(
+    field: Field,
+    name: &'static str,
+    dtype: Dtype,
+    axes: &'static [Axis],
+    meaning: &'static str,
+) -> FieldSpec {
+    FieldSpec { field, name, dtype, axes, meaning }
+}
+
+use Axis::{Action, Agent, Obs, State};
+use Dtype::{Bool, F32, I32};
+
+/// The table of fields, in the order in which they lie in a frame.
+pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
+    spec(Field::EnvId, "env_id", I32, &[], "which environment the slot is"),
+    spec(Field::Obs, "obs", F32, &[Agent, Obs], "observation of each agent; zeros for the dead"),
+    spec(Field::State, "state", F32, &[State], "global state, for training only"),
+    spec(Field::AvailActions, "avail_actions", Bool, &[Agent, Action], "which actions are legal in the next step"),
+    spec(Field::Alive, "alive", Bool, &[Agent], "which agents live"),
+    spec(Field::Reward, "reward", F32, &[], "team reward of the step just made"),
+    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: one side has nobody left"),
+    spec(Field::Truncated, "truncated", Bool, &[], "the step reached the episode limit with both sides alive"),
+    spec(Field::BattleWon, "battle_won", Bool, &[], "the step ended the battle in a victory of the agents"),
+    spec(Field::DeadAllies, "dead_allies", I32, &[], "agents that died so far in the episode"),
+    spec(Field::DeadEnemies, "dead_enemies", I32, &[], "enemies that died so far in the episode"),
+    spec(
+        Field::EpisodeReturn,
+        "episode_return",
+        F32,
+        &[],
+        "sum of rewards so far; on an episode's last step its total",
+    ),
+    spec(Field::EpisodeLength, "episode_length", I32, &[], "steps so far; on an episode's last step its total"),
+    spec(
+        Field::FinalObs,
+        "final_obs",
+        F32,
+        &[Agent, Obs],
+        "same-step autoreset: last obs of an episode that ended in this step; unspecified elsewhere",
+    ),
+    spec(Field::FinalState, "final_state", F32, &[State], "same-step autoreset: last state, as final_obs"),
+    spec(
+        Field::FinalAvailActions,
+        "final_avail_actions",
+        Bool,
+        &[Agent, Action],
+        "same-step autoreset: last avail_actions, as final_obs",
+    ),
+];
+
+impl Field {
+    /// The field's row of the table.
+    pub const fn spec(self) -> &'static FieldSpec {
+        &FIELDS[self as usize]
+    }
+
+    /// Does the field exist only under same-step autoreset?
+    pub const fn is_final(self) -> bool {
+        matches!(self, Field::FinalObs | Field::FinalState | Field::FinalAvailActions)
+    }
+
+    /// May a lane leave the field out? A learner cannot do without knowing whose slot it reads and when episodes end.
+    pub const fn is_optional(self) -> bool {
+        !matches!(self, Field::EnvId | Field::Reward | Field::Terminated | Field::Truncated)
+    }
+
+    /// The field of that name.
+    pub fn from_name(name: &str) -> Option<Field> {
+        FIELDS.iter().find(|f| f.name == name).map(|f| f.field)
+    }
+}
+
+/// A set of fields.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct FieldSet(u32);
+
+impl FieldSet {
+    /// Every field, the `final_*` ones too.
+    pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
+
+    /// Every field but the `final_*` ones.
+    pub fn without_final() -> FieldSet {
+        FIELDS.iter().filter(|f| !f.field.is_final()).map(|f| f.field).collect()
+    }
+
+    /// The fields of these names, together with the ones no lane can leave out.
+    pub fn from_names<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> Result<FieldSet, UnknownField> {
+        let mut set: FieldSet = FIELDS.iter().filter(|f| !f.field.is_optional()).map(|f| f.field).collect();
+        for name in names {
+            let name = name.as_ref();
+            let field = Field::from_name(name).ok_or_else(|| UnknownField(name.to_owned()))?;
+            set.insert(field);
+        }
+        Ok(set)
+    }
+
+    /// Is the field in the set?
+    pub const fn contains(self, field: Field) -> bool {
+        self.0 & (1 << field as usize) != 0
+    }
+
+    /// Adds a field.
+    pub fn insert(&mut self, field: Field) {
+        self.0 |= 1 << field as usize;
+    }
+
+    /// Takes a field out.
+    pub fn remove(&mut self, field: Field) {
+        self.0 &= !(1 << field as usize);
+    }
+
+    /// The fields in table order.
+    pub fn iter(self) -> impl Iterator<Item = Field> {
+        FIELDS.iter().map(|f| f.field).filter(move |f| self.contains(*f))
+    }
+}
+
+impl FromIterator<Field> for FieldSet {
+    fn from_iter<I: IntoIterator<Item = Field>>(fields: I) -> Self {
+        let mut set = FieldSet(0);
+        fields.into_iter().for_each(|f| set.insert(f));
+        set
+    }
+}
+
+impl fmt::Debug for FieldSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_set().entries(self.iter().map(|f| f.spec().name)).finish()
+    }
+}
+
+/// A field name that no frame has.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no field is named `{0}`; the fields are {names}", names = FIELDS.map(|f| f.name).join(", "))]
+pub struct UnknownField(pub String);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn discriminants_are_places_in_the_table() {
+        for (i, spec) in FIELDS.iter().enumerate() {
+            assert_eq!(spec.field as usize, i, "{}", spec.name);
+            assert_eq!(Field::from_name(spec.name), Some(spec.field));
+        }
+    }
+
+    #[test]
+    fn a_lane_always_has_what_a_learner_cannot_do_without() {
+        let set = FieldSet::from_names(["obs"]).unwrap();
+        let names: Vec<_> = set.iter().map(|f| f.spec().name).collect();
+        assert_eq!(names, ["env_id", "obs", "reward", "terminated", "truncated"]);
+        let error = FieldSet::from_names(["obz"]).unwrap_err().to_string();
+        assert!(error.contains("`obz`") && error.contains("avail_actions"), "{error}");
+    }
+}

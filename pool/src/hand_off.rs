@@ -1,0 +1,209 @@
+//! The hand-off of work between the worker threads: who waits for requests, and how the others get their share.
+//!
+//! Every worker has an inbox. At any time at most one idle worker *leads*: it polls the lanes for requests and shares
+//! them out; the other idle ones follow: they wait at their inboxes. A leader that gets work of its own gives the lead
+//! up and calls a sleeping follower, so that requests never wait while a worker is idle. There is no dispatcher
+//! thread: with one worker a request is received, stepped and answered by that worker without a hop.
+//!
+//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; the lead's mutex orders
+//! one leader's look at the lanes before the next one's. `Inbox::ready` is only a hint that lets a spinning follower
+//! look without locking; it publishes nothing.
+
+use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, lock, yield_now};
+use crossbeam::utils::CachePadded;
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// How an idle thread waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wait {
+    /// Looks again and again for this long, yielding the core between looks, then blocks.
+    Adaptive(Duration),
+    /// Looks again and again, yielding, and never blocks. For machines with a core to spare for every waiting thread.
+    Spin,
+    /// Blocks at once. Costs a wake-up of the operating system a batch, and no processor time.
+    Block,
+}
+
+impl Wait {
+    /// Until when to spin, counted from now: `None` means for ever.
+    pub fn spin_until(self) -> Option<Instant> {
+        match self {
+            Wait::Adaptive(spin) => Some(Instant::now() + spin),
+            Wait::Spin => None,
+            Wait::Block => Some(Instant::now()),
+        }
+    }
+}
+
+impl Default for Wait {
+    /// Adaptive: long enough to bridge a learner's short computations, short enough to leave it the core.
+    fn default() -> Self {
+        Wait::Adaptive(Duration::from_micros(50))
+    }
+}
+
+impl std::str::FromStr for Wait {
+    type Err = String;
+
+    fn from_str(word: &str) -> Result<Self, String> {
+        match word {
+            "adaptive" => Ok(Wait::default()),
+            "spin" => Ok(Wait::Spin),
+            "block" => Ok(Wait::Block),
+            _ => Err(format!("waiting is `adaptive`, `spin` or `block`, not `{word}`")),
+        }
+    }
+}
+
+/// Work for one worker, in one queue a lane so that no lane waits behind another's batch.
+struct Inbox<E> {
+    state: Mutex<InboxState<E>>,
+    bell: Condvar,
+    ready: AtomicUsize,
+}
+
+struct InboxState<E> {
+    queues: Vec<VecDeque<E>>,
+    next_queue: usize,
+    /// The owner sleeps, or is about to: it looked at the lead after setting this.
+    asleep: bool,
+    /// The owner is called to look for the lead.
+    called: bool,
+}
+
+/// The inboxes of all workers and the lead.
+pub(crate) struct HandOff<E> {
+    inboxes: Vec<CachePadded<Inbox<E>>>,
+    lead: Mutex<()>,
+    stop: AtomicBool,
+}
+
+/// The right to poll the lanes; given up by [`HandOff::resign`].
+pub(crate) struct Lead<'a>(#[allow(dead_code)] MutexGuard<'a, ()>);
+
+/// What ended a follower's wait.
+pub(crate) enum Woken<'a> {
+    /// There may be work in the inbox, or the pool stops.
+    Work,
+    /// Nobody leads; now this worker does.
+    Leading(Lead<'a>),
+}
+
+impl<E> HandOff<E> {
+    pub(crate) fn new(workers: usize, lanes: usize) -> Self {
+        let inbox = || {
+            let queues = (0..lanes).map(|_| VecDeque::new()).collect();
+            CachePadded::new(Inbox {
+                state: Mutex::new(InboxState { queues, next_queue: 0, asleep: false, called: false }),
+                bell: Condvar::new(),
+                ready: AtomicUsize::new(0),
+            })
+        };
+        HandOff {
+            inboxes: (0..workers).map(|_| inbox()).collect(),
+            lead: Mutex::new(()),
+            stop: AtomicBool::new(false),
+        }
+    }
+
+    pub(crate) fn workers(&self) -> usize {
+        self.inboxes.len()
+    }
+
+    /// Puts entries of one lane into a worker's inbox and wakes it if it sleeps. Keeps their order.
+    pub(crate) fn push(&self, worker: usize, lane: usize, entries: impl Iterator<Item = E>) {
+        let inbox = &self.inboxes[worker];
+        let mut state = lock(&inbox.state);
+        let before = state.queues[lane].len();
+        state.queues[lane].extend(entries);
+        let added = state.queues[lane].len() - before;
+        inbox.ready.fetch_add(added, Ordering::Relaxed);
+        if added > 0 && state.asleep {
+            inbox.bell.notify_one();
+        }
+    }
+
+    /// Moves up to `most` entries of the next lane in turn into `run`; returns the lane.
+    pub(crate) fn take(&self, worker: usize, most: usize, run: &mut Vec<E>) -> Option<usize> {
+        let inbox = &self.inboxes[worker];
+        if inbox.ready.load(Ordering::Relaxed) == 0 {
+            return None; // `follow` looks again under the lock before it sleeps
+        }
+        let mut state = lock(&inbox.state);
+        let lanes = state.queues.len();
+        let lane = (0..lanes).map(|i| (state.next_queue + i) % lanes).find(|l| !state.queues[*l].is_empty())?;
+        state.next_queue = (lane + 1) % lanes;
+        let queue = &mut state.queues[lane];
+        let count = most.min(queue.len());
+        run.extend(queue.drain(..count));
+        inbox.ready.fetch_sub(count, Ordering::Relaxed);
+        Some(lane)
+    }
+
+    /// Is there work in the worker's inbox? A leader asks this after it shared out a request.
+    pub(crate) fn has_work(&self, worker: usize) -> bool {
+        self.inboxes[worker].ready.load(Ordering::Relaxed) > 0
+    }
+
+    /// Waits at the inbox until there is work or nobody leads.
+    pub(crate) fn follow(&self, worker: usize, wait: Wait) -> Woken<'_> {
+        let spin_until = wait.spin_until();
+        loop {
+            if self.has_work(worker) || self.is_stopped() {
+                return Woken::Work;
+            }
+            if let Ok(lead) = self.lead.try_lock() {
+                return Woken::Leading(Lead(lead));
+            }
+            if spin_until.is_some_and(|end| Instant::now() >= end) {
+                break;
+            }
+            yield_now();
+        }
+        self.sleep(worker)
+    }
+
+    /// `asleep` is set before the last look at the lead, and `resign` gives the lead up before it looks at `asleep`:
+    /// one of the two sees the other, so requests are never left without a leader while a worker sleeps.
+    fn sleep(&self, worker: usize) -> Woken<'_> {
+        let inbox = &self.inboxes[worker];
+        lock(&inbox.state).asleep = true;
+        let lead = self.lead.try_lock().ok();
+        let mut state = lock(&inbox.state);
+        if lead.is_none() {
+            while !state.called && !self.is_stopped() && state.queues.iter().all(VecDeque::is_empty) {
+                state = inbox.bell.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
+            }
+        }
+        state.asleep = false;
+        state.called = false;
+        lead.map_or(Woken::Work, |lead| Woken::Leading(Lead(lead)))
+    }
+
+    /// Gives the lead up and calls a sleeping worker without work to it.
+    pub(crate) fn resign(&self, lead: Lead<'_>) {
+        drop(lead);
+        for inbox in &self.inboxes {
+            let mut state = lock(&inbox.state);
+            if state.asleep && !state.called && state.queues.iter().all(VecDeque::is_empty) {
+                state.called = true;
+                inbox.bell.notify_one();
+                return;
+            }
+        }
+    }
+
+    /// Tells every worker to end; a leader also needs its doorbell rung.
+    pub(crate) fn stop(&self) {
+        self.stop.store(true, Ordering::Release);
+        for inbox in &self.inboxes {
+            let _state = lock(&inbox.state); // a worker between its look at `stop` and its sleep holds this
+            inbox.bell.notify_one();
+        }
+    }
+
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+}

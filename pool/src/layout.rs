@@ -1,0 +1,187 @@
+//! Where each field of a frame lies. A pure function of the field table, the sizes of the scenario, the number of
+//! slots and the chosen fields, so that the writer and every reader compute the same offsets; the hash says whether
+//! they did.
+
+use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
+use smaclite_engine::Sizes;
+
+/// Counts up when the frame header, the action header or the meaning of a field changes.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
+pub const BLOCK_ALIGN: usize = 64;
+
+/// A frame also carries error reports as text; the smallest lanes get room for one.
+const MIN_FRAME_BYTES: usize = 4096;
+
+/// Offsets of all fields of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    sizes: Sizes,
+    slots: usize,
+    fields: FieldSet,
+    offsets: [usize; FIELD_COUNT],
+    bytes: usize,
+    hash: u64,
+}
+
+impl Layout {
+    /// The layout of a frame of `slots` slots.
+    pub fn new(sizes: Sizes, slots: usize, fields: FieldSet) -> Layout {
+        let mut offsets = [usize::MAX; FIELD_COUNT];
+        let mut end = 0usize;
+        let mut hash = Fnv::new();
+        hash.word(u64::from(FORMAT_VERSION));
+        hash.word(slots as u64);
+        for field in fields.iter() {
+            let spec = field.spec();
+            offsets[field as usize] = end;
+            let row: usize = spec.axes.iter().map(|a| extent(sizes, *a)).product();
+            hash.bytes(spec.name.as_bytes());
+            hash.bytes(spec.dtype.name().as_bytes());
+            spec.axes.iter().for_each(|a| hash.word(extent(sizes, *a) as u64));
+            hash.word(end as u64);
+            end = (end + slots * row * spec.dtype.size()).next_multiple_of(BLOCK_ALIGN);
+        }
+        Layout { sizes, slots, fields, offsets, bytes: end.max(MIN_FRAME_BYTES), hash: hash.0 }
+    }
+
+    /// The scenario's sizes.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Slots of a frame.
+    pub fn slots(&self) -> usize {
+        self.slots
+    }
+
+    /// The fields a frame has.
+    pub fn fields(&self) -> FieldSet {
+        self.fields
+    }
+
+    /// Bytes of a frame's payload.
+    pub fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Equal exactly when version, slots, fields, types, shapes and offsets are.
+    pub fn hash(&self) -> u64 {
+        self.hash
+    }
+
+    /// Elements of one slot of a field.
+    pub fn row_len(&self, field: Field) -> usize {
+        field.spec().axes.iter().map(|a| extent(self.sizes, *a)).product()
+    }
+
+    /// Shape of a field for `slots` slots: `[slots, ...]`.
+    pub fn shape(&self, field: Field) -> Vec<usize> {
+        std::iter::once(self.slots).chain(field.spec().axes.iter().map(|a| extent(self.sizes, *a))).collect()
+    }
+
+    /// First byte of a field, a multiple of [`BLOCK_ALIGN`]; `None` when the lane leaves the field out.
+    pub fn offset(&self, field: Field) -> Option<usize> {
+        self.fields.contains(field).then(|| self.offsets[field as usize])
+    }
+
+    /// The field's elements in a frame, or `None` when the lane leaves it out.
+    ///
+    /// # Panics
+    /// If `T` is not the field's type, or `frame` is shorter than [`Layout::bytes`] or not aligned to 4.
+    pub fn view<'a, T: Element>(&self, frame: &'a [u8], field: Field) -> Option<&'a [T]> {
+        assert_eq!(T::DTYPE, field.spec().dtype, "{}", field.spec().name);
+        let start = self.offset(field)?;
+        let len = self.slots * self.row_len(field) * size_of::<T>();
+        Some(bytemuck::cast_slice(&frame[start..start + len]))
+    }
+}
+
+fn extent(sizes: Sizes, axis: Axis) -> usize {
+    match axis {
+        Axis::Agent => sizes.n_agents,
+        Axis::Obs => sizes.obs_size,
+        Axis::State => sizes.state_size,
+        Axis::Action => sizes.n_actions,
+    }
+}
+
+/// A Rust type that a field can have; booleans are read as the bytes they are.
+pub trait Element: bytemuck::AnyBitPattern {
+    /// The field type it stands for.
+    const DTYPE: Dtype;
+}
+
+impl Element for f32 {
+    const DTYPE: Dtype = Dtype::F32;
+}
+impl Element for i32 {
+    const DTYPE: Dtype = Dtype::I32;
+}
+impl Element for u8 {
+    const DTYPE: Dtype = Dtype::Bool;
+}
+
+/// FNV-1a: small, stable across versions and machines, which `std`'s hashers are not.
+struct Fnv(u64);
+
+impl Fnv {
+    fn new() -> Fnv {
+        Fnv(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        for b in bytes {
+            self.0 = (self.0 ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn word(&mut self, word: u64) {
+        self.bytes(&word.to_le_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sizes() -> impl Strategy<Value = Sizes> {
+        (1usize..40, 1usize..80, 1usize..90, 1usize..400, 1usize..900).prop_map(
+            |(n_agents, n_enemies, n_actions, obs_size, state_size)| Sizes {
+                n_agents,
+                n_enemies,
+                n_units: n_agents + n_enemies,
+                n_actions,
+                obs_size,
+                state_size,
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn blocks_are_aligned_disjoint_and_inside(sizes in sizes(), slots in 1usize..70) {
+            let layout = Layout::new(sizes, slots, FieldSet::ALL);
+            let mut end = 0;
+            for field in layout.fields().iter() {
+                let start = layout.offset(field).unwrap();
+                prop_assert_eq!(start % BLOCK_ALIGN, 0);
+                prop_assert!(start >= end, "{} overlaps its predecessor", field.spec().name);
+                end = start + layout.row_len(field) * slots * field.spec().dtype.size();
+            }
+            prop_assert!(end <= layout.bytes());
+        }
+
+        #[test]
+        fn the_hash_tells_layouts_apart(sizes in sizes(), slots in 1usize..70) {
+            let hash = Layout::new(sizes, slots, FieldSet::ALL).hash();
+            prop_assert_ne!(hash, Layout::new(sizes, slots + 1, FieldSet::ALL).hash());
+            prop_assert_ne!(hash, Layout::new(sizes, slots, FieldSet::without_final()).hash());
+            let wider = Sizes { obs_size: sizes.obs_size + 1, ..sizes };
+            prop_assert_ne!(hash, Layout::new(wider, slots, FieldSet::ALL).hash());
+            prop_assert_eq!(hash, Layout::new(sizes, slots, FieldSet::ALL).hash());
+        }
+    }
+}

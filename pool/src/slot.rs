@@ -1,0 +1,111 @@
+//! Writing a frame from several threads: the memory of a loaned frame, split into slots that one thread each writes.
+//! The only `unsafe` of this crate lives here.
+
+use crate::fields::Field;
+use crate::layout::{Element, Layout};
+use std::ptr::NonNull;
+
+/// The payload of a frame that workers are filling. Whoever made it keeps the memory alive and hands each slot
+/// to one thread at a time.
+#[derive(Clone, Copy)]
+pub struct FrameMemory {
+    base: NonNull<u8>,
+    len: usize,
+}
+
+// SAFETY: `FrameMemory` is only an address and a length; all access goes through `slot`, whose caller vouches that
+// no two threads touch the same slot at once.
+unsafe impl Send for FrameMemory {}
+
+impl FrameMemory {
+    /// The memory behind `payload`, at least [`Layout::bytes`] long and aligned to
+    /// [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
+    pub fn new(payload: &mut [u8]) -> FrameMemory {
+        FrameMemory { base: NonNull::from(&mut *payload).cast(), len: payload.len() }
+    }
+
+    /// Slot `index` of the frame, for writing.
+    ///
+    /// # Safety
+    /// The payload given to [`FrameMemory::new`] is still alive and not otherwise borrowed, and no other `Slot` of
+    /// the same index exists.
+    ///
+    /// # Panics
+    /// If the frame has no such slot or is too small for the layout.
+    pub unsafe fn slot<'a>(self, layout: &'a Layout, index: usize) -> Slot<'a> {
+        assert!(index < layout.slots() && self.len >= layout.bytes());
+        Slot { layout, base: self.base, index }
+    }
+}
+
+/// One slot of a frame: a row of every field.
+pub struct Slot<'a> {
+    layout: &'a Layout,
+    base: NonNull<u8>,
+    index: usize,
+}
+
+impl Slot<'_> {
+    /// The slot's row of a field, or `None` when the lane leaves the field out. It holds what an earlier frame left
+    /// there until it is written.
+    ///
+    /// # Panics
+    /// If `T` is not the field's type.
+    pub fn row<T: Element>(&mut self, field: Field) -> Option<&mut [T]> {
+        assert_eq!(T::DTYPE, field.spec().dtype, "{}", field.spec().name);
+        let len = self.layout.row_len(field);
+        let start = self.layout.offset(field)? + self.index * len * size_of::<T>();
+        // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and the layout
+        // places `slots` rows of `len` elements from the field's offset on, so the row is in bounds. The base is aligned
+        // to 64, the offset a multiple of 64 and the row of `size_of::<T>()`, so it is aligned. Shared memory is zeroed
+        // by the kernel and only ever written with plain bytes, so it is initialised, and `Element`s allow any bits.
+        // Rows of different slots and fields do not overlap (tested), and the caller of `slot` gave us this one alone.
+        Some(unsafe { std::slice::from_raw_parts_mut(self.base.as_ptr().add(start).cast::<T>(), len) })
+    }
+
+    /// Writes a field of one element a slot, if the lane has it.
+    pub fn set<T: Element>(&mut self, field: Field, value: T) {
+        if let Some(row) = self.row::<T>(field) {
+            row[0] = value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fields::FieldSet;
+    use smaclite_engine::Sizes;
+
+    #[repr(align(64))]
+    struct Aligned([u8; 8192]);
+
+    #[test]
+    fn slots_of_several_threads_land_in_their_rows() {
+        let sizes =
+            Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 7, obs_size: 3, state_size: 5 };
+        let layout = Layout::new(sizes, 8, FieldSet::without_final());
+        let mut memory = Box::new(Aligned([0; 8192]));
+        let frame = FrameMemory::new(&mut memory.0);
+        std::thread::scope(|scope| {
+            for worker in 0..4 {
+                let layout = &layout;
+                scope.spawn(move || {
+                    for index in worker * 2..worker * 2 + 2 {
+                        // SAFETY: the scope keeps `memory` alive, and each index is visited by one thread, once.
+                        let mut slot = unsafe { frame.slot(layout, index) };
+                        slot.set(Field::EnvId, index as i32);
+                        slot.row::<f32>(Field::Obs).unwrap().fill(index as f32);
+                        assert!(slot.row::<f32>(Field::FinalObs).is_none());
+                    }
+                });
+            }
+        });
+        let ids: &[i32] = layout.view(&memory.0, Field::EnvId).unwrap();
+        assert_eq!(ids, [0, 1, 2, 3, 4, 5, 6, 7]);
+        let obs: &[f32] = layout.view(&memory.0, Field::Obs).unwrap();
+        for (index, row) in obs.chunks(6).enumerate() {
+            assert!(row.iter().all(|x| *x == index as f32), "slot {index}: {row:?}");
+        }
+    }
+}
