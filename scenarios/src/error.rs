@@ -16,10 +16,10 @@ pub enum ScenarioError {
         /// Where in it the unit file is named.
         key: String,
         /// What is wrong with the unit file.
-        error: FileError,
+        error: Box<FileError>,
     },
     /// A name that is neither a standard unit type nor a file.
-    #[error("{file}: `{key}` is neither a standard unit type nor a unit file; {hint} Looked for {tried}")]
+    #[error("{file}: `{key}` is neither a standard unit type nor a unit file (looked for {tried}); {hint}")]
     UnknownUnit {
         /// The scenario file.
         file: String,
@@ -32,8 +32,7 @@ pub enum ScenarioError {
     },
     /// Neither a standard scenario nor a file.
     #[error(
-        "`{name}` is neither a standard scenario nor a file; {hint} A scenario file is named by its path, as in \
-         `./my_scenario.json`"
+        "`{name}` is neither a standard scenario nor a file (give its path, as in `./my_scenario.json`); {hint}"
     )]
     Unknown {
         /// What was asked for.

@@ -122,7 +122,7 @@ fn read_ids(node: &Node, n: u32, files: &UnitFiles) -> Result<Vec<(UnitSource, u
     match ids.len() == n as usize {
         true => Ok(ids),
         false => {
-            let expected = format!("an object with {n} keys, as `num_unit_types` says");
+            let expected = format!("an object of size {n}, as `num_unit_types` says");
             Err(node.invalid(expected).into())
         }
     }

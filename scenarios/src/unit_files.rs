@@ -32,7 +32,7 @@ impl<'a> UnitFiles<'a> {
         }
         let candidates = self.candidates(name);
         if let Some(path) = candidates.iter().find(|path| path.is_file()) {
-            // The shortest name of a file is not its only one.
+            // Canonical, so that two names of one file are equal.
             return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
         }
         let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
@@ -55,7 +55,7 @@ impl<'a> UnitFiles<'a> {
         loaded.map_err(|error| ScenarioError::UnitFile {
             scenario: self.scenario.into(),
             key: node.key().into(),
-            error,
+            error: Box::new(error),
         })
     }
 

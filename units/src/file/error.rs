@@ -67,6 +67,6 @@ pub fn did_you_mean<'a>(word: &str, valid: impl IntoIterator<Item = &'a str>) ->
         Some((distance, nearest)) if distance <= (nearest.len() / 3).max(1) => {
             format!("did you mean `{nearest}`?")
         }
-        _ => format!("valid are: {}", valid.join(", ")),
+        _ => format!("valid are {}", valid.join(", ")),
     }
 }

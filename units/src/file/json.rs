@@ -39,7 +39,7 @@ fn without_place(message: &str) -> String {
     message.rsplit_once(" at line ").map_or(message, |(reason, _)| reason).into()
 }
 
-/// The value as an error message shows it: as JSON, on one line, cut when long.
+/// The value as an error message shows it: on one line, and only the size of what is long.
 impl fmt::Display for Json {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -52,8 +52,8 @@ impl fmt::Display for Json {
                 write!(f, "{:?}...", value.chars().take(60).collect::<String>())
             }
             Json::String(value) => write!(f, "{value:?}"),
-            Json::Array(items) => write!(f, "a list of {}", items.len()),
-            Json::Object(entries) => write!(f, "an object with {} keys", entries.len()),
+            Json::Array(items) => write!(f, "a list of length {}", items.len()),
+            Json::Object(entries) => write!(f, "an object of size {}", entries.len()),
         }
     }
 }

@@ -1,0 +1,326 @@
+//! Custom scenario files: what is accepted, where unit files are found, and the message for everything refused.
+
+use smaclite_scenarios::{Faction, Scenario};
+use std::fs;
+use std::path::Path;
+
+/// A valid file; each case replaces, leaves out or adds keys.
+const REQUIRED: [(&str, &str); 9] = [
+    ("name", r#""duel""#),
+    ("num_allied_units", "1"),
+    ("num_enemy_units", "2"),
+    (
+        "groups",
+        r#"[{"x": 9, "y": 16, "faction": "ALLY", "units": {"ZEALOT": 1}},
+            {"x": 23, "y": 16, "faction": "ENEMY", "units": {"STALKER": 1, "MARINE": 1}}]"#,
+    ),
+    ("attack_point", "[9, 16]"),
+    ("terrain_preset", r#""SIMPLE""#),
+    ("num_unit_types", "0"),
+    ("ally_has_shields", "true"),
+    ("enemy_has_shields", "false"),
+];
+
+/// The valid file with `changes`, pairs of key and value; an empty value leaves the key out.
+fn file(changes: &[(&str, &str)]) -> String {
+    let changed = |key: &str| changes.iter().any(|(name, _)| *name == key);
+    let kept = REQUIRED.iter().filter(|(key, _)| !changed(key));
+    let entries: Vec<String> = kept
+        .chain(changes.iter().filter(|(_, value)| !value.is_empty()))
+        .map(|(key, value)| format!("\"{key}\": {value}"))
+        .collect();
+    format!("{{{}}}", entries.join(", "))
+}
+
+fn read(changes: &[(&str, &str)]) -> Result<Scenario, String> {
+    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(|error| error.to_string())
+}
+
+#[test]
+fn units_get_ids_and_types_in_listed_order() {
+    let duel = read(&[]).unwrap();
+    let names: Vec<_> = duel.unit_types.iter().map(|unit_type| unit_type.name.as_str()).collect();
+    assert_eq!(names, ["ZEALOT", "STALKER", "MARINE"]);
+    let units: Vec<_> =
+        duel.units.iter().map(|unit| (unit.unit_type, unit.faction, unit.id_in_faction)).collect();
+    assert_eq!(units, [(0, Faction::Ally, 0), (1, Faction::Enemy, 0), (2, Faction::Enemy, 1)]);
+    assert_eq!((duel.episode_limit, duel.num_unit_types, duel.type_ids), (None, 0, vec![0, 0, 0]));
+}
+
+#[test]
+fn type_ids_may_name_types_that_are_not_there() {
+    let ids = r#"{"MARINE": 0, "ZEALOT": 3, "MEDIVAC": 1, "STALKER": 2}"#;
+    let duel = read(&[("num_unit_types", "4"), ("unit_type_ids", ids)]).unwrap();
+    assert_eq!((duel.num_unit_types, duel.type_ids), (4, vec![3, 2, 0]));
+}
+
+#[test]
+fn one_type_to_tell_apart_is_none() {
+    let duel = read(&[("num_unit_types", "1"), ("unit_type_ids", r#"{"MARINE": 0}"#)]).unwrap();
+    assert_eq!((duel.num_unit_types, duel.type_ids), (0, vec![0, 0, 0]));
+}
+
+#[test]
+fn inline_terrain_has_row_0_first() {
+    let rows = ["___X", "____", "XXXX"].map(String::from);
+    let groups = r#"[{"x": 1, "y": 1, "faction": "ALLY", "units": {"ZEALOT": 1}},
+                     {"x": 3, "y": 1, "faction": "ENEMY", "units": {"ZEALOT": 1}}]"#;
+    let split = r#"[["_", "_", "_", "X"], ["__", "__"], "XXXX"]"#;
+    for terrain in [format!("{rows:?}"), split.to_owned()] {
+        let changes = [
+            ("terrain_preset", ""),
+            ("terrain", terrain.as_str()),
+            ("width", "4"),
+            ("height", "3"),
+            ("groups", groups),
+            ("num_enemy_units", "1"),
+            ("attack_point", "[4, 3]"),
+        ];
+        let map = read(&changes).unwrap().terrain;
+        assert_eq!((map.width(), map.height()), (4, 3));
+        assert!(!map.is_walkable(3, 0) && map.is_walkable(3, 1) && !map.is_walkable(0, 2));
+        assert!(!map.is_walkable(0, -1) && !map.is_walkable(4, 1) && !map.is_walkable(0, 3));
+    }
+}
+
+/// Message of the refused change.
+type Case<'a> = (&'a [(&'a str, &'a str)], &'a str);
+
+fn check(cases: &[Case]) {
+    for (changes, message) in cases {
+        let error = read(changes).expect_err(message);
+        assert_eq!(error, format!("duel.json: {message}"));
+    }
+}
+
+#[test]
+fn bad_keys_and_values() {
+    check(&[
+        (&[("grups", "[]")], "unknown key `grups`; did you mean `groups`?"),
+        (&[("name", "")], "`name` is missing; it should be what the scenario is called"),
+        (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but should be true or false"),
+        (
+            &[("attack_point", "[9]")],
+            "`attack_point` is a list of length 1, but should be two numbers, [x, y]",
+        ),
+        (&[("attack_point", "[9, 33]")], "`attack_point[1]` is 33, but should be a number from 0 to 32"),
+        (
+            &[("episode_limit", "0")],
+            "`episode_limit` is 0, but should be a whole number from 1 to 4294967295",
+        ),
+    ]);
+}
+
+#[test]
+fn bad_terrain() {
+    let side = ("width", "2");
+    let inline = |rows| [("terrain_preset", ""), ("terrain", rows), side, ("height", "2")];
+    check(&[
+        (
+            &[("terrain_preset", "\"SIMPEL\"")],
+            "`terrain_preset` is \"SIMPEL\", but should be a known word; did you mean `SIMPLE`?",
+        ),
+        (
+            &[("terrain_preset", "")],
+            "`terrain_preset` is missing; it should be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, NARROW, \
+             OCTAGON, PENTAGON, RAVINE, SIMPLE; or `terrain` draws the map",
+        ),
+        (
+            &[("terrain", "[]")],
+            "`terrain_preset` is \"SIMPLE\", but should be left out, because `terrain` draws the map",
+        ),
+        (&[("width", "40")], "`width` is 40, but should be 32, the size of the terrain presets"),
+        (&[("height", "2000")], "`height` is 2000, but should be a whole number from 1 to 1024"),
+        (
+            &[("terrain_preset", ""), ("terrain", "[]")],
+            "`terrain` is a list of length 0, but should be a list of 32 rows, as `height` says \
+             (32 if it is left out)",
+        ),
+        (
+            &inline(r#"["__", "_"]"#),
+            "`terrain[1]` is \"_\", but should be a row of 2 squares, as `width` says; it has 1",
+        ),
+        (
+            &inline(r#"["__", "_."]"#),
+            "`terrain[1]` is \"_.\", but should be made of `_` (walkable) and `X` (blocked), without '.'",
+        ),
+        (&inline(r#"["__", 3]"#), "`terrain[1]` is 3, but should be a string of `_` and `X`"),
+        (&inline(r#"["__", ["_", 1]]"#), "`terrain[1][1]` is 1, but should be a string that is not empty"),
+    ]);
+}
+
+#[test]
+fn bad_groups() {
+    let one = |group: &str| format!("[{group}]");
+    let at = |x: &str, units: &str| format!(r#"{{"x": {x}, "y": 16, "faction": "ALLY", "units": {units}}}"#);
+    let enemy = r#"{"x": 9, "y": 16, "faction": "ENEMY", "units": {"ZEALOT": 1}}"#;
+    let cases = [
+        (
+            one(&at("40", r#"{"ZEALOT": 1}"#)),
+            "`groups[0]` is a group that puts a ZEALOT at (40, 16), but should be \
+             where all of its units start on the 32 x 32 map",
+        ),
+        (
+            format!("[{}, {enemy}]", at("9", r#"{"ZEALOT": 1}"#)),
+            "`groups[1]` is a group that puts a ZEALOT at (9, 16), but should be \
+             away from the unit that starts on that very point",
+        ),
+        (
+            one(&at("9", r#"{"ZEALOT": -1}"#)),
+            "`groups[0].units.ZEALOT` is -1, but should be a whole number from 1 to 1000",
+        ),
+        (
+            one(&at("9", r#"{"ZEALOT": 1000, "MARINE": 1}"#)),
+            "`groups[0].units.MARINE` is 1, but should be less: a scenario has at most 1000 units",
+        ),
+        (
+            one(&at("9", "{}")),
+            "`groups[0].units` is an object of size 0, but should be an object with at least one unit type",
+        ),
+        (one(&at("\"9\"", "{}")), "`groups[0].x` is \"9\", but should be a number from -1000000 to 1000000"),
+        (
+            one(&at("9", r#"{"ZEALOT": 1}"#).replace("ALLY", "ALY")),
+            "`groups[0].faction` is \"ALY\", but should be a known word; did you mean `ALLY`?",
+        ),
+        (
+            one(&at("9", r#"{"ZEALOT": 1}"#).replace("faction", "side")),
+            "unknown key `groups[0].side`; valid are x, y, faction, units",
+        ),
+        (
+            one(&at("9", r#"{"ZEALOTT": 1}"#)),
+            "`groups[0].units.ZEALOTT` is neither a standard unit type nor a unit file \
+             (looked for ZEALOTT.json); did you mean `ZEALOT`?",
+        ),
+        (
+            one(enemy),
+            "`groups` is a list of length 1, but should be a list with at least one group of faction ALLY",
+        ),
+    ];
+    for (groups, message) in &cases {
+        check(&[(&[("groups", groups)], message)]);
+    }
+}
+
+#[test]
+fn bad_counts_and_ids() {
+    let ids = |ids| [("num_unit_types", "3"), ("unit_type_ids", ids)];
+    check(&[
+        (
+            &[("num_enemy_units", "3")],
+            "`num_enemy_units` is 3, but should be 2, the number of ENEMY units in `groups`",
+        ),
+        (
+            &[("num_allied_units", "0")],
+            "`num_allied_units` is 0, but should be a whole number from 1 to 1000",
+        ),
+        (
+            &[("num_unit_types", "3")],
+            "`unit_type_ids` is missing; it should be an object of unit types and their ids, 0 to 2",
+        ),
+        (
+            &ids(r#"{"ZEALOT": 0, "STALKER": 1}"#),
+            "`unit_type_ids` is an object of size 2, but should be an object of size 3, as `num_unit_types` says",
+        ),
+        (
+            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 3}"#),
+            "`unit_type_ids.MARINE` is 3, but should be a whole number from 0 to 2",
+        ),
+        (
+            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 1}"#),
+            "`unit_type_ids.MARINE` is 1, but should be an id from 0 to 2 that no other type has",
+        ),
+        (
+            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MEDIVAC": 2}"#),
+            "`unit_type_ids.MARINE` is missing; it should be an id from 0 to 2, because `groups` has the type",
+        ),
+    ]);
+}
+
+const SCOUT: &str = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
+                        "size": 3, "attributes": [], "valid_targets": []}"#;
+
+/// A folder with `units/scout.json`, `scout.json` of half the health, and a scenario that names `unit`.
+fn folder(unit: &str, custom_unit_path: &str) -> (tempfile::TempDir, Result<Scenario, String>) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("units")).unwrap();
+    fs::write(folder.path().join("units/scout.json"), SCOUT).unwrap();
+    fs::write(folder.path().join("scout.json"), SCOUT.replace("45", "20")).unwrap();
+    let groups = REQUIRED[3].1.replace("\"ZEALOT\": 1", &format!("{unit:?}: 1"));
+    let changes = [("groups", groups.as_str()), ("custom_unit_path", custom_unit_path)];
+    let path = folder.path().join("duel.json");
+    fs::write(&path, file(&changes)).unwrap();
+    let loaded = Scenario::resolve(path.to_str().unwrap()).map_err(|error| error.to_string());
+    (folder, loaded)
+}
+
+#[test]
+fn unit_files_are_found() {
+    let cases = [
+        ("scout", r#""units""#, 45.0),
+        ("scout.json", r#""./units/""#, 45.0),
+        ("units/scout", "", 45.0),
+        ("scout", "", 20.0),
+        ("units/scout", r#""elsewhere""#, 45.0),
+    ];
+    for (unit, custom_unit_path, hp) in cases {
+        let (_folder, loaded) = folder(unit, custom_unit_path);
+        let scout = &loaded.unwrap().unit_types[0];
+        assert_eq!((scout.name.as_str(), scout.hp), ("scout", hp), "{unit} in {custom_unit_path}");
+    }
+}
+
+/// The example files of the SMAClite paper's appendix.
+#[test]
+fn the_papers_example_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let units = folder.path().join("smaclite/env/units/smaclite_units");
+    fs::create_dir_all(&units).unwrap();
+    let unit = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3, "size": 3,
+                   "attributes": ["LIGHT", "BIOLOGICAL"], "minimum_scan_range": 100,
+                   "valid_targets": ["GROUND", "AIR"]}"#;
+    fs::write(units.join("example_custom_unit.json"), unit).unwrap();
+    let text = r#"{"name": "10m_vs_11m", "custom_unit_path": "smaclite/env/units/smaclite_units",
+        "num_allied_units": 10, "num_enemy_units": 11,
+        "groups": [{"x": 9, "y": 16, "faction": "ALLY", "units": {"example_custom_unit": 10}},
+                   {"x": 23, "y": 16, "faction": "ENEMY", "units": {"example_custom_unit": 11}}],
+        "attack_point": [9, 16], "terrain_preset": "NARROW", "num_unit_types": 0,
+        "ally_has_shields": false, "enemy_has_shields": false}"#;
+    let scenario = Scenario::from_json(text, "example.json", folder.path()).unwrap();
+    assert_eq!((scenario.n_agents(), scenario.n_enemies()), (10, 11));
+    assert_eq!(scenario.unit_types[0].minimum_scan_range, 100.0);
+}
+
+#[test]
+fn two_names_of_a_file_are_one_type() {
+    let units = r#"{"scout": 1, "units/../scout.json": 1}"#;
+    let (folder, _) = folder("scout", "");
+    let groups = REQUIRED[3].1.replace(r#"{"ZEALOT": 1}"#, units);
+    let text = file(&[("groups", &groups), ("num_allied_units", "2")]);
+    let scenario = Scenario::from_json(&text, "duel.json", folder.path()).unwrap();
+    assert_eq!(scenario.unit_types.len(), 3);
+    assert_eq!(scenario.units[0].unit_type, scenario.units[1].unit_type);
+}
+
+#[test]
+fn a_bad_unit_file_is_named_with_its_scenario() {
+    let (folder, _) = folder("scout", "");
+    fs::write(folder.path().join("scout.json"), SCOUT.replace("45", "-45")).unwrap();
+    let error = Scenario::load(&folder.path().join("duel.json")).unwrap_err().to_string();
+    let end = "scout.json: `hp` is -45, but should be a number above 0 and at most 1000000";
+    assert!(error.contains("duel.json: `groups[0].units.scout`: ") && error.ends_with(end), "{error}");
+}
+
+#[test]
+fn names_and_paths_that_lead_nowhere() {
+    let cases = [
+        (
+            "2s3zz",
+            "`2s3zz` is neither a standard scenario nor a file (give its path, as in `./my_scenario.json`); \
+             did you mean `2s3z`?",
+        ),
+        ("no/where.json", "no/where.json: cannot be read: No such file or directory (os error 2)"),
+    ];
+    for (name, message) in cases {
+        assert_eq!(Scenario::resolve(name).unwrap_err().to_string(), message);
+    }
+}

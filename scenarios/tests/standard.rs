@@ -1,0 +1,194 @@
+//! The embedded scenarios and terrains hold the published figures.
+
+use smaclite_scenarios::{Faction, Scenario, Terrain};
+
+/// name, allies and enemies by type, attack point, one-hot types by id, shields (ally, enemy), step limit
+type Row = (&'static str, &'static str, &'static str, [f64; 2], &'static str, (bool, bool), u32);
+
+const FIGURES: [Row; 12] = [
+    ("10m_vs_11m", "10 MARINE", "11 MARINE", [9.0, 16.0], "", (false, false), 150),
+    ("27m_vs_30m", "27 MARINE", "30 MARINE", [9.0, 16.0], "", (false, false), 180),
+    ("2c_vs_64zg", "2 COLOSSUS", "64 ZERGLING", [16.0, 16.0], "", (true, false), 400),
+    ("2s3z", "2 STALKER 3 ZEALOT", "2 STALKER 3 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 120),
+    ("2s_vs_1sc", "2 STALKER", "1 SPINE_CRAWLER", [13.92, 20.04], "", (true, false), 300),
+    ("3s5z", "3 STALKER 5 ZEALOT", "3 STALKER 5 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 150),
+    (
+        "3s5z_vs_3s6z",
+        "3 STALKER 5 ZEALOT",
+        "3 STALKER 6 ZEALOT",
+        [9.0, 16.0],
+        "STALKER ZEALOT",
+        (true, true),
+        170,
+    ),
+    ("3s_vs_5z", "3 STALKER", "5 ZEALOT", [9.0, 16.0], "", (true, true), 250),
+    (
+        "bane_vs_bane",
+        "20 ZERGLING 4 BANELING",
+        "4 BANELING 20 ZERGLING",
+        [16.0, 8.0],
+        "BANELING ZERGLING",
+        (false, false),
+        200,
+    ),
+    ("corridor", "6 ZEALOT", "24 ZERGLING", [4.47, 4.33], "", (true, false), 400),
+    (
+        "MMM",
+        "1 MEDIVAC 7 MARINE 2 MARAUDER",
+        "1 MEDIVAC 7 MARINE 2 MARAUDER",
+        [9.0, 16.0],
+        "MARAUDER MARINE MEDIVAC",
+        (false, false),
+        150,
+    ),
+    (
+        "MMM2",
+        "1 MEDIVAC 7 MARINE 2 MARAUDER",
+        "1 MEDIVAC 8 MARINE 3 MARAUDER",
+        [9.0, 16.0],
+        "MARAUDER MARINE MEDIVAC",
+        (false, false),
+        180,
+    ),
+];
+
+/// `2 STALKER 3 ZEALOT`: the units of a side in id order, runs of a type counted.
+fn side(scenario: &Scenario, faction: Faction) -> String {
+    let mut runs: Vec<(&str, usize)> = Vec::new();
+    for (id, unit) in scenario.units.iter().filter(|unit| unit.faction == faction).enumerate() {
+        assert_eq!(unit.id_in_faction, id);
+        let name = scenario.unit_types[unit.unit_type].name.as_str();
+        match runs.last_mut() {
+            Some((last, count)) if *last == name => *count += 1,
+            _ => runs.push((name, 1)),
+        }
+    }
+    runs.iter().map(|(name, count)| format!("{count} {name}")).collect::<Vec<_>>().join(" ")
+}
+
+fn types_by_id(scenario: &Scenario) -> String {
+    let name = |id| {
+        let index = scenario.type_ids.iter().position(|known| *known == id).unwrap();
+        scenario.unit_types[index].name.as_str()
+    };
+    (0..scenario.num_unit_types).map(name).collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn figures_of_every_scenario() {
+    assert!(Scenario::standard_names().eq(FIGURES.iter().map(|row| row.0)));
+    for (name, allies, enemies, attack_point, types, shields, limit) in FIGURES {
+        let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} should be readable"));
+        assert_eq!(scenario.name, name);
+        assert_eq!(side(&scenario, Faction::Ally), allies, "{name}");
+        assert_eq!(side(&scenario, Faction::Enemy), enemies, "{name}");
+        assert_eq!(scenario.n_agents() + scenario.n_enemies(), scenario.units.len(), "{name}");
+        assert_eq!(scenario.attack_point, attack_point, "{name}");
+        assert_eq!(types_by_id(&scenario), types, "{name}");
+        assert_eq!((scenario.ally_has_shields, scenario.enemy_has_shields), shields, "{name}");
+        assert_eq!(scenario.episode_limit, Some(limit), "{name}");
+        assert_eq!((scenario.terrain.width(), scenario.terrain.height()), (32, 32), "{name}");
+    }
+}
+
+#[test]
+fn terrain_and_group_order_of_every_scenario() {
+    let expected = [
+        ("10m_vs_11m", "SIMPLE", Faction::Ally),
+        ("27m_vs_30m", "SIMPLE", Faction::Ally),
+        ("2c_vs_64zg", "RAVINE", Faction::Ally),
+        ("2s3z", "SIMPLE", Faction::Ally),
+        ("2s_vs_1sc", "PENTAGON", Faction::Enemy),
+        ("3s5z", "SIMPLE", Faction::Ally),
+        ("3s5z_vs_3s6z", "SIMPLE", Faction::Ally),
+        ("3s_vs_5z", "ALL_GREEN", Faction::Ally),
+        ("bane_vs_bane", "OCTAGON", Faction::Enemy),
+        ("corridor", "CORRIDOR", Faction::Enemy),
+        ("MMM", "SIMPLE", Faction::Ally),
+        ("MMM2", "SIMPLE", Faction::Ally),
+    ];
+    for (name, terrain, first) in expected {
+        let scenario = Scenario::standard(name).unwrap();
+        assert_eq!(Some(scenario.terrain), Terrain::preset(terrain), "{name}");
+        assert_eq!(scenario.units[0].faction, first, "{name}");
+    }
+}
+
+/// The walkable squares of a row, as half-open ranges.
+fn walkable(terrain: &Terrain, y: i64) -> Vec<[i64; 2]> {
+    let mut ranges: Vec<[i64; 2]> = Vec::new();
+    for x in (0..32).filter(|&x| terrain.is_walkable(x, y)) {
+        match ranges.last_mut() {
+            Some([_, end]) if *end == x => *end += 1,
+            _ => ranges.push([x, x + 1]),
+        }
+    }
+    ranges
+}
+
+#[test]
+fn rows_of_every_terrain() {
+    let rows: [(&str, i64, &[[i64; 2]]); 19] = [
+        ("ALL_GREEN", 31, &[[0, 32]]),
+        ("ALL_GREEN", 30, &[[0, 1], [31, 32]]),
+        ("ALL_GREEN", 3, &[[0, 1], [3, 29], [31, 32]]),
+        ("CORRIDOR", 31, &[]),
+        ("CORRIDOR", 30, &[[20, 30]]),
+        ("CORRIDOR", 13, &[[11, 26]]),
+        ("CORRIDOR", 12, &[[2, 15]]),
+        ("CORRIDOR", 1, &[[2, 14]]),
+        ("NARROW", 17, &[[0, 14], [16, 32]]),
+        ("NARROW", 15, &[[0, 32]]),
+        ("OCTAGON", 26, &[[10, 22]]),
+        ("OCTAGON", 4, &[]),
+        ("PENTAGON", 24, &[[12, 16]]),
+        ("PENTAGON", 7, &[[8, 20]]),
+        ("RAVINE", 19, &[[3, 29]]),
+        ("RAVINE", 12, &[[0, 4], [28, 32]]),
+        ("SIMPLE", 24, &[]),
+        ("SIMPLE", 23, &[[0, 32]]),
+        ("SIMPLE", 7, &[]),
+    ];
+    for (name, y, expected) in rows {
+        assert_eq!(walkable(&Terrain::preset(name).unwrap(), y), expected, "{name}, y = {y}");
+    }
+    let checkerboard = Terrain::preset("CHECKERBOARD").unwrap();
+    assert!((0..32).all(|y| (0..32).all(|x| checkerboard.is_walkable(x, y) == ((x + y) % 2 == 0))));
+    let squares = |name| (0..32).map(|y| walkable(&Terrain::preset(name).unwrap(), y)).collect::<Vec<_>>();
+    let count = |name| squares(name).iter().flatten().map(|[from, to]| to - from).sum::<i64>();
+    let counts: Vec<_> = Terrain::preset_names().map(count).collect();
+    assert_eq!(counts, COUNTS);
+}
+
+/// Walkable squares of each preset, in the order of their names.
+const COUNTS: [i64; 8] = [800, 512, 440, 484, 424, 220, 400, 512];
+
+#[test]
+fn obstacles_cover_exactly_the_blocked_squares() {
+    for name in Terrain::preset_names() {
+        let terrain = Terrain::preset(name).unwrap();
+        for (x, y) in (0..32u32).flat_map(|x| (0..32u32).map(move |y| (x, y))) {
+            let in_rect =
+                |r: &smaclite_scenarios::Rect| (r.x0..r.x1).contains(&x) && (r.y0..r.y1).contains(&y);
+            let covered = terrain.obstacles().iter().any(in_rect);
+            assert_eq!(covered, !terrain.is_walkable(x.into(), y.into()), "{name} ({x}, {y})");
+        }
+    }
+}
+
+#[test]
+fn start_positions_of_a_mixed_scenario() {
+    // 2s3z: side 3; rows S S Z and Z Z: width 3.5, height 2 * (0.625 + 0.5) + 0.1 = 2.35, corner (7.25, 14.825).
+    let scenario = Scenario::standard("2s3z").unwrap();
+    let expected = [[7.875, 15.45], [9.175, 15.45], [10.35, 15.45], [7.75, 16.625], [8.8, 16.625]];
+    for (unit, expected) in scenario.units.iter().zip(expected) {
+        let [x, y] = unit.position;
+        let enemy = scenario
+            .units
+            .iter()
+            .find(|other| other.faction == Faction::Enemy && other.id_in_faction == unit.id_in_faction);
+        assert!((x - expected[0]).abs() < 1e-12 && (y - expected[1]).abs() < 1e-12, "{unit:?} {expected:?}");
+        let mirrored = enemy.unwrap().position;
+        assert!((x + mirrored[0] - 32.0).abs() < 1e-12 && (y + mirrored[1] - 32.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,184 @@
+//! Custom unit files: what is accepted, and the message for everything that is not.
+
+use smaclite_units::{CombatType, FileError, Plane, Targeter, UnitType};
+
+/// A valid file; each case puts further lines before the required ones or replaces one of them.
+const REQUIRED: [(&str, &str); 9] = [
+    ("hp", "45"),
+    ("armor", "0"),
+    ("damage", "6"),
+    ("cooldown", "3"),
+    ("speed", "3.15"),
+    ("attack_range", "3"),
+    ("size", "3"),
+    ("attributes", r#"["LIGHT"]"#),
+    ("valid_targets", r#"["GROUND", "AIR"]"#),
+];
+
+/// The valid file with `changes`, lines of `"key": value`; an empty value leaves the key out.
+fn file(changes: &[(&str, &str)]) -> String {
+    let changed = |key: &str| changes.iter().any(|(name, _)| *name == key);
+    let kept = REQUIRED.iter().filter(|(key, _)| !changed(key));
+    let entries: Vec<String> = kept
+        .chain(changes.iter().filter(|(_, value)| !value.is_empty()))
+        .map(|(key, value)| format!("\"{key}\": {value}"))
+        .collect();
+    format!("{{{}}}", entries.join(", "))
+}
+
+fn read(changes: &[(&str, &str)]) -> Result<UnitType, FileError> {
+    UnitType::from_json(&file(changes), "scout", "scout.json")
+}
+
+#[test]
+fn what_a_file_leaves_out_has_defaults() {
+    let scout = read(&[]).unwrap();
+    assert_eq!((scout.shield, scout.hp_regen, scout.energy, scout.initial_energy), (0.0, 0.0, 0.0, 0.0));
+    assert_eq!((scout.attacks, scout.minimum_scan_range, scout.bonuses.len()), (1, 5.0, 0));
+    assert_eq!((scout.plane, scout.combat_type), (Plane::Ground, CombatType::Damage));
+    assert_eq!((scout.targeter, scout.radius()), (Targeter::Standard, 1.5));
+}
+
+#[test]
+fn starting_energy_is_initial_energy() {
+    let energy = |changes: &[(&str, &str)]| {
+        let changes = [&[("energy", "200")], changes].concat();
+        read(&changes).map(|unit_type| unit_type.initial_energy).map_err(|error| error.to_string())
+    };
+    assert_eq!(energy(&[("initial_energy", "50")]), Ok(50.0));
+    assert_eq!(energy(&[("starting_energy", "50")]), Ok(50.0));
+    assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "50")]), Ok(50.0));
+    let differing =
+        "scout.json: `starting_energy` is 50, but should be 60 like `initial_energy`, its other name";
+    assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "60")]), Err(differing.into()));
+}
+
+#[test]
+fn targeters_with_their_figures() {
+    let targeter = |word, kwargs| {
+        read(&[("targeter", word), ("targeter_kwargs", kwargs)]).map(|unit_type| unit_type.targeter)
+    };
+    let kamikaze = targeter(r#""KAMIKAZE""#, r#"{"radius": 2}"#);
+    assert_eq!(kamikaze, Ok(Targeter::Kamikaze { radius: 2.0 }));
+    let laser = targeter(r#""LASER_BEAM""#, r#"{"height": 1, "width": 2}"#);
+    assert_eq!(laser, Ok(Targeter::LaserBeam { width: 2.0, height: 1.0 }));
+    assert_eq!(targeter(r#""STANDARD""#, "{}"), Ok(Targeter::Standard));
+    let healer = read(&[("targeter", r#""HEAL""#), ("combat_type", r#""HEALING""#)]).unwrap();
+    assert!(healer.is_healer());
+}
+
+#[test]
+fn bad_files_say_what_would_be_right() {
+    let cases: &[(&[(&str, &str)], &str)] = &[
+        (&[("hpp", "45")], "unknown key `hpp`; did you mean `hp`?"),
+        (&[("attack_rnage", "3")], "unknown key `attack_rnage`; did you mean `attack_range`?"),
+        (&[("hp", "")], "`hp` is missing; it should be a number above 0 and at most 1000000"),
+        (
+            &[("valid_targets", "")],
+            "`valid_targets` is missing; it should be a list of words out of GROUND, AIR, COLOSSUS",
+        ),
+        (&[("hp", "0")], "`hp` is 0, but should be a number above 0 and at most 1000000"),
+        (&[("hp", "\"45\"")], "`hp` is \"45\", but should be a number above 0 and at most 1000000"),
+        (&[("hp", "null")], "`hp` is null, but should be a number above 0 and at most 1000000"),
+        (&[("hp", "1e300")], "`hp` is 1e300, but should be a number above 0 and at most 1000000"),
+        (&[("speed", "-3.15")], "`speed` is -3.15, but should be a number from 0 to 1000000"),
+        (&[("size", "2000")], "`size` is 2000, but should be a number above 0 and at most 1024"),
+        (&[("attacks", "1.5")], "`attacks` is 1.5, but should be a whole number from 1 to 1000"),
+        (&[("attacks", "0")], "`attacks` is 0, but should be a whole number from 1 to 1000"),
+        (
+            &[("attack_range", "\"MELE\"")],
+            "`attack_range` is \"MELE\", but should be a number from 0 to 1000000 or \"MELEE\"",
+        ),
+        (
+            &[("energy", "10"), ("initial_energy", "20")],
+            "`initial_energy` is 20, but should be at most `energy`, which is 10",
+        ),
+        (
+            &[("plane", "\"WATER\"")],
+            "`plane` is \"WATER\", but should be a known word; valid are GROUND, AIR, COLOSSUS",
+        ),
+        (
+            &[("plane", "\"ground\"")],
+            "`plane` is \"ground\", but should be a known word; did you mean `GROUND`?",
+        ),
+        (&[("plane", "1")], "`plane` is 1, but should be one of GROUND, AIR, COLOSSUS"),
+        (
+            &[("valid_targets", r#"["GROUND", "ARI"]"#)],
+            "`valid_targets[1]` is \"ARI\", but should be a known word; did you mean `AIR`?",
+        ),
+        (&[("valid_targets", "\"AIR\"")], "`valid_targets` is \"AIR\", but should be a list"),
+        (&[("bonuses", r#"{"ARMOURED": 5}"#)], "unknown key `bonuses.ARMOURED`; did you mean `ARMORED`?"),
+        (
+            &[("bonuses", r#"{"ARMORED": -5}"#)],
+            "`bonuses.ARMORED` is -5, but should be a number from 0 to 1000000",
+        ),
+        (
+            &[("targeter", "\"KAMIKAZI\"")],
+            "`targeter` is \"KAMIKAZI\", but should be a known word; did you mean `KAMIKAZE`?",
+        ),
+        (
+            &[("targeter", "\"LASER_BEAM\"")],
+            "`targeter_kwargs` is missing; it should be an object with `width` and `height` for targeter LASER_BEAM",
+        ),
+        (
+            &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", r#"{"radus": 2}"#)],
+            "unknown key `targeter_kwargs.radus`; did you mean `radius`?",
+        ),
+        (
+            &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", "{}")],
+            "`targeter_kwargs.radius` is missing; it should be a number from 0 to 1000000",
+        ),
+        (
+            &[("targeter_kwargs", r#"{"radius": 2}"#)],
+            "`targeter_kwargs` is an object of size 1, but should be left out: \
+             targeter STANDARD has no figures of its own",
+        ),
+        (
+            &[("combat_type", "\"HEALING\"")],
+            "`targeter` is missing; it should be HEAL, because `combat_type` is HEALING",
+        ),
+        (
+            &[("targeter", "\"HEAL\"")],
+            "`combat_type` is missing; it should be HEALING, because `targeter` is HEAL",
+        ),
+        (
+            &[("combat_type", "\"HEALING\""), ("targeter", "\"STANDARD\"")],
+            "`targeter` is \"STANDARD\", but should be HEAL, because `combat_type` is HEALING",
+        ),
+    ];
+    for (changes, message) in cases {
+        let error = read(changes).expect_err(message).to_string();
+        assert_eq!(error, format!("scout.json: {message}"));
+    }
+}
+
+#[test]
+fn text_that_is_not_a_unit() {
+    let cases = [
+        ("[]", "`the file` is a list of length 0, but should be an object, { ... }"),
+        ("{\"hp\": 45\n \"armor\": 0}", "line 2, column 2: expected `,` or `}`"),
+        ("{\"hp\": NaN}", "line 1, column 8: expected value"),
+        ("{\"hp\": 45,\n \"hp\": 46}", "line 2, column 10: key `hp` is given twice"),
+        ("", "line 1, column 0: EOF while parsing a value"),
+    ];
+    for (text, message) in cases {
+        let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err().to_string();
+        assert_eq!(error, format!("scout.json: {message}"));
+    }
+    let deep = "[".repeat(100_000);
+    assert!(matches!(UnitType::from_json(&deep, "deep", "deep.json"), Err(FileError::Syntax { .. })));
+}
+
+#[test]
+fn a_file_names_its_type() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long_scout.json");
+    // Editors on Windows start a file with a byte order mark.
+    std::fs::write(&path, format!("\u{feff}{}", file(&[]))).unwrap();
+    assert_eq!(UnitType::load(&path).unwrap().name, "long_scout");
+
+    let error = UnitType::load(folder.path()).unwrap_err().to_string();
+    assert!(error.ends_with("cannot be read: it is not a regular file"), "{error}");
+    let error = UnitType::load(&folder.path().join("nobody.json")).unwrap_err().to_string();
+    assert!(error.contains("nobody.json: cannot be read: No such file"), "{error}");
+}
