@@ -1,0 +1,82 @@
+//! What a tick needs to know of a unit type, worked out once per scenario.
+
+use smaclite_units::{Plane, Targeter, UnitType};
+
+use crate::TICKS_PER_SECOND;
+
+/// One unit type of an arena, with the figures derived from it that a tick reads.
+///
+/// Distances are in squares, times in seconds. Collision avoidance counts in f32, everything else in f64.
+#[derive(Clone, Debug)]
+pub(crate) struct Kind {
+    pub hp: f64,
+    pub hp_regen_per_tick: f64,
+    pub shield: f64,
+    pub energy: f64,
+    pub initial_energy: f64,
+    pub armor: f64,
+    pub attacks: u32,
+    pub cooldown: f64,
+    pub speed: f64,
+    pub radius: f64,
+    pub plane: Plane,
+    pub is_healer: bool,
+    pub targeter: Targeter,
+    /// Attack range plus own radius: add the other's radius for the reach between centres.
+    pub reach: f64,
+    pub scan_range: f64,
+    /// Centres within this distance are returned by the unit's search for targets.
+    pub search_radius: f64,
+    pub avoid: AvoidKind,
+}
+
+/// The figures of collision avoidance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AvoidKind {
+    pub radius: f32,
+    pub max_speed: f32,
+    /// Centres nearer than the root of this are neighbours.
+    pub neighbour_range_squared: f32,
+    /// Obstacle edges nearer than the root of this are seen; `None` for units that see no obstacles.
+    pub edge_range_squared: Option<f32>,
+}
+
+impl Kind {
+    /// `largest_radius` is that of all units in the scenario.
+    pub fn new(unit_type: &UnitType, largest_radius: f64) -> Kind {
+        let radius = unit_type.radius();
+        Kind {
+            hp: unit_type.hp,
+            hp_regen_per_tick: unit_type.hp_regen / TICKS_PER_SECOND,
+            shield: unit_type.shield,
+            energy: unit_type.energy,
+            initial_energy: unit_type.initial_energy,
+            armor: unit_type.armor,
+            attacks: unit_type.attacks,
+            cooldown: unit_type.cooldown,
+            speed: unit_type.speed,
+            radius,
+            plane: unit_type.plane,
+            is_healer: unit_type.is_healer(),
+            targeter: unit_type.targeter.clone(),
+            reach: unit_type.attack_range + radius,
+            scan_range: unit_type.minimum_scan_range,
+            search_radius: unit_type.minimum_scan_range + largest_radius,
+            avoid: AvoidKind::new(unit_type, largest_radius),
+        }
+    }
+}
+
+impl AvoidKind {
+    fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidKind {
+        let (radius, max_speed) = (unit_type.radius() as f32, unit_type.speed as f32);
+        let neighbour_range = (largest_radius + unit_type.radius()) as f32;
+        let edge_range = max_speed + radius;
+        AvoidKind {
+            radius,
+            max_speed,
+            neighbour_range_squared: neighbour_range * neighbour_range,
+            edge_range_squared: (unit_type.plane == Plane::Ground).then_some(edge_range * edge_range),
+        }
+    }
+}

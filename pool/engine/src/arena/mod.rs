@@ -1,0 +1,232 @@
+//! Everything about a scenario that no battle changes: kinds of units, who is who, starts, sizes, obstacles.
+//!
+//! Made once from a scenario and shared by all its battles.
+
+mod cells;
+mod edges;
+mod kind;
+
+use glam::Vec2;
+use smaclite_scenarios::{Faction, Scenario, Terrain};
+
+pub(crate) use edges::{Edge, left_of};
+pub(crate) use kind::{AvoidKind, Kind};
+
+use crate::rules::Rules;
+use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
+use cells::EdgesByCell;
+
+/// Everything about a scenario that never changes, under one rule set; shared by `Arc` between battles.
+#[derive(Debug)]
+pub struct Arena {
+    pub(crate) rules: Rules,
+    pub(crate) terrain: Terrain,
+    /// Battle-wide ids of the agents' units, by in-faction id.
+    pub(crate) agents: Vec<u32>,
+    /// Battle-wide ids of the enemies, by in-faction id.
+    pub(crate) enemies: Vec<u32>,
+    pub(crate) starts: Vec<Vec2>,
+    pub(crate) attack_point: [f64; 2],
+    pub(crate) layout: Layout,
+    pub(crate) edges: EdgesByCell,
+    kinds: Vec<Kind>,
+    kind_of: Vec<usize>,
+    is_enemy: Vec<bool>,
+    id_in_faction: Vec<usize>,
+    /// Damage of one hit by attacker's and victim's kind, row by row of attackers.
+    damage: Vec<f64>,
+    /// Whether a kind may attack another, as `damage`.
+    can_attack: Vec<bool>,
+    /// The largest radius of all units in the scenario.
+    pub(crate) largest_radius: f64,
+    sizes: Sizes,
+    max_reward: f64,
+    episode_limit: Option<u32>,
+}
+
+/// How many of everything a battle has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Agents, which are the allied units.
+    pub n_agents: usize,
+    /// Enemies.
+    pub n_enemies: usize,
+    /// Agents and enemies.
+    pub n_units: usize,
+    /// Actions of an agent: no-op, stop, four moves, and one for each unit that can be targeted.
+    pub n_actions: usize,
+    /// Floats in the observation of one agent.
+    pub obs_size: usize,
+    /// Floats in the state.
+    pub state_size: usize,
+}
+
+/// Which of the optional figures a unit has in observations and state.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    pub ally_shields: bool,
+    pub enemy_shields: bool,
+    /// Length of the one-hot of unit types; 0 for none.
+    pub n_types: usize,
+    /// Position in that one-hot, by battle-wide id.
+    pub type_of: Vec<usize>,
+    pub width: f64,
+    pub height: f64,
+}
+
+impl Arena {
+    /// Prepares a scenario. The episode limit is the scenario's.
+    pub fn new(scenario: &Scenario, rules: Rules) -> Arena {
+        let units = &scenario.units;
+        let types = &scenario.unit_types;
+        let largest_radius = units.iter().map(|unit| types[unit.unit_type].radius()).fold(0.0, f64::max);
+        let kinds: Vec<Kind> = types.iter().map(|kind| Kind::new(kind, largest_radius)).collect();
+        let pairs = || types.iter().flat_map(|attacker| types.iter().map(move |victim| (attacker, victim)));
+        let layout = Layout::new(scenario);
+        let farthest_sight = kinds.iter().filter_map(|kind| kind.avoid.edge_range_squared).fold(0.0, f32::max);
+        let enemies = ids_of(scenario, Faction::Enemy);
+        let total = |id: &u32| {
+            let unit_type = &types[units[*id as usize].unit_type];
+            unit_type.hp + unit_type.shield
+        };
+        let max_reward =
+            KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>();
+        Arena {
+            rules,
+            terrain: scenario.terrain.clone(),
+            agents: ids_of(scenario, Faction::Ally),
+            enemies,
+            starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
+            attack_point: scenario.attack_point,
+            edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
+            kind_of: units.iter().map(|unit| unit.unit_type).collect(),
+            is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
+            id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
+            damage: pairs().map(|(attacker, victim)| attacker.damage_against(victim)).collect(),
+            can_attack: pairs().map(|(attacker, victim)| attacker.can_attack(victim.plane)).collect(),
+            largest_radius,
+            sizes: sizes(scenario, &layout),
+            layout,
+            kinds,
+            max_reward,
+            episode_limit: scenario.episode_limit,
+        }
+    }
+
+    /// How many of everything a battle has.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// The rule set.
+    pub fn rules(&self) -> Rules {
+        self.rules
+    }
+
+    /// The number of steps after which an episode is truncated, if any.
+    pub fn episode_limit(&self) -> Option<u32> {
+        self.episode_limit
+    }
+
+    /// The same arena with another episode limit, or none.
+    pub fn with_episode_limit(self, episode_limit: Option<u32>) -> Arena {
+        Arena { episode_limit, ..self }
+    }
+
+    /// The unscaled reward of a win without enemy regeneration: it becomes a return of 20.
+    pub fn max_reward(&self) -> f64 {
+        self.max_reward
+    }
+
+    /// The reward of a step that earned this much unscaled.
+    pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
+        REWARD_SCALE * earned / self.max_reward
+    }
+
+    pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
+        0..self.kind_of.len() as u32
+    }
+
+    pub(crate) fn kind(&self, id: u32) -> &Kind {
+        &self.kinds[self.kind_of[id as usize]]
+    }
+
+    pub(crate) fn is_enemy(&self, id: u32) -> bool {
+        self.is_enemy[id as usize]
+    }
+
+    pub(crate) fn id_in_faction(&self, id: u32) -> usize {
+        self.id_in_faction[id as usize]
+    }
+
+    /// Damage of one hit, before shield and armor.
+    pub(crate) fn damage(&self, attacker: u32, victim: u32) -> f64 {
+        self.damage[self.pair(attacker, victim)]
+    }
+
+    /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
+    pub(crate) fn can_attack(&self, attacker: u32, victim: u32) -> bool {
+        self.can_attack[self.pair(attacker, victim)]
+    }
+
+    fn pair(&self, attacker: u32, victim: u32) -> usize {
+        self.kind_of[attacker as usize] * self.kinds.len() + self.kind_of[victim as usize]
+    }
+}
+
+impl Layout {
+    fn new(scenario: &Scenario) -> Layout {
+        let type_of = |unit_type: usize| scenario.type_ids.get(unit_type).copied().unwrap_or(0);
+        Layout {
+            ally_shields: scenario.ally_has_shields,
+            enemy_shields: scenario.enemy_has_shields,
+            n_types: scenario.num_unit_types,
+            type_of: scenario.units.iter().map(|unit| type_of(unit.unit_type)).collect(),
+            width: f64::from(scenario.terrain.width()),
+            height: f64::from(scenario.terrain.height()),
+        }
+    }
+
+    /// Floats that describe an ally's health, shield and type.
+    pub fn ally_body(&self) -> usize {
+        1 + usize::from(self.ally_shields) + self.n_types
+    }
+
+    /// Floats that describe an enemy's health, shield and type.
+    pub fn enemy_body(&self) -> usize {
+        1 + usize::from(self.enemy_shields) + self.n_types
+    }
+}
+
+fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
+    let units = scenario.units.iter().zip(0u32..);
+    let mut ids: Vec<(usize, u32)> =
+        units.filter(|(unit, _)| unit.faction == faction).map(|(unit, id)| (unit.id_in_faction, id)).collect();
+    ids.sort_unstable();
+    ids.into_iter().map(|(_, id)| id).collect()
+}
+
+fn sizes(scenario: &Scenario, layout: &Layout) -> Sizes {
+    let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
+    let n_actions = crate::action::FIRST_TARGET + n_targets(scenario);
+    let (ally, enemy) = (layout.ally_body(), layout.enemy_body());
+    Sizes {
+        n_agents,
+        n_enemies,
+        n_units: n_agents + n_enemies,
+        n_actions,
+        obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
+        state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
+    }
+}
+
+/// Target actions of an agent: enough for every enemy, and for every ally that can be healed if one can heal.
+fn n_targets(scenario: &Scenario) -> usize {
+    let allies = || scenario.units.iter().filter(|unit| unit.faction == Faction::Ally);
+    let heals = |unit_type: usize| scenario.unit_types[unit_type].is_healer();
+    let healable = allies().filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
+    match healable {
+        Some(healable) if allies().any(|unit| heals(unit.unit_type)) => healable.max(scenario.n_enemies()),
+        _ => scenario.n_enemies(),
+    }
+}

@@ -1,0 +1,49 @@
+//! The state: the whole battle, for training.
+
+use super::{View, ratio, write_body};
+
+/// Writes the state; `last_actions` by agent.
+pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
+    let (arena, sizes) = (view.arena, view.arena.sizes());
+    assert_eq!(out.len(), sizes.state_size, "one state");
+    out.fill(0.0);
+    let (ally, enemy) = (3 + arena.layout.ally_body(), 2 + arena.layout.enemy_body());
+    let (allies, rest) = out.split_at_mut(sizes.n_agents * ally);
+    let (enemies, actions) = rest.split_at_mut(sizes.n_enemies * enemy);
+    for (&id, block) in arena.agents.iter().zip(allies.chunks_exact_mut(ally)) {
+        write_unit(view, id, block);
+    }
+    for (&id, block) in arena.enemies.iter().zip(enemies.chunks_exact_mut(enemy)) {
+        write_unit(view, id, block);
+    }
+    for (action, one_hot) in last_actions.iter().zip(actions.chunks_exact_mut(sizes.n_actions)) {
+        if let Some(action) = action {
+            one_hot[*action as usize] = 1.0;
+        }
+    }
+}
+
+/// Writes a living unit's health, \[cooldown or energy of agents\], x, y, \[shield\], \[type\].
+fn write_unit(view: &View, id: u32, block: &mut [f32]) {
+    let (arena, units, i) = (view.arena, view.units, id as usize);
+    if !units.alive[i] {
+        return;
+    }
+    let (kind, layout) = (arena.kind(id), &arena.layout);
+    let n_before = if arena.is_enemy(id) { 2 } else { 3 };
+    // The body begins with health, which stands first; the figures in between take the place after it.
+    let (before, body) = block.split_at_mut(n_before);
+    write_body(view, id, body);
+    let health = body[0];
+    let position = units.pos[i].as_dvec2();
+    let x = ((position.x - layout.width / 2.0) / layout.width) as f32;
+    let y = ((position.y - layout.height / 2.0) / layout.height) as f32;
+    before[0] = health;
+    if n_before == 3 {
+        let (value, max) =
+            if kind.is_healer { (units.energy[i], kind.energy) } else { (units.cooldown[i], kind.cooldown) };
+        before[1] = ratio(value, max);
+    }
+    before[n_before - 1] = x;
+    body[0] = y;
+}

@@ -1,0 +1,1 @@
+//! Simple players for benches, demos and tests.

@@ -1,0 +1,139 @@
+//! The battle's random generator: NumPy's `SeedSequence` and `PCG64`, and the shuffle of NumPy's
+//! `Generator`, so that a seed plays the very episodes that it plays in the published environment.
+//!
+//! Only the execution order of phase 4 is drawn from it. What is shuffled and when is not decided here.
+
+use rand::Rng;
+use rand_pcg::Pcg64;
+
+/// A random generator that yields what `numpy.random.Generator(PCG64(seed))` yields.
+///
+/// Equal generators go on to yield equal numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Generator {
+    pcg: Pcg64,
+    /// The high half of the last 64-bit output, not yet used.
+    high_half: Option<u32>,
+}
+
+impl Generator {
+    /// The generator of `numpy.random.default_rng(seed)`.
+    pub fn new(seed: u64) -> Generator {
+        let [state_high, state_low, stream_high, stream_low] = seed_words(seed);
+        let join = |high: u64, low: u64| u128::from(high) << 64 | u128::from(low);
+        Generator { pcg: Pcg64::new(join(state_high, state_low), join(stream_high, stream_low)), high_half: None }
+    }
+
+    /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, self.up_to(last as u32) as usize);
+        }
+    }
+
+    /// A uniform number in `0..=max`, by rejection under the smallest mask of ones that covers `max`.
+    fn up_to(&mut self, max: u32) -> u32 {
+        let mask = u32::MAX.checked_shr(max.leading_zeros()).unwrap_or(0);
+        loop {
+            let word = self.next_word() & mask;
+            if word <= max {
+                return word;
+            }
+        }
+    }
+
+    fn next_word(&mut self) -> u32 {
+        if let Some(word) = self.high_half.take() {
+            return word;
+        }
+        let both = self.pcg.next_u64();
+        self.high_half = Some((both >> 32) as u32);
+        both as u32
+    }
+}
+
+/// `SeedSequence(seed).generate_state(4, uint64)`: Melissa O'Neill's `seed_seq_fe` hash with a pool of 4 words.
+fn seed_words(seed: u64) -> [u64; 4] {
+    let pool = seed_pool([seed as u32, (seed >> 32) as u32, 0, 0]);
+    let mut hash = HashConstant { value: 0x8b51_f9dd, multiplier: 0x58f3_8ded };
+    let mut next = |i: usize| u64::from(hash.mix_in(pool[i % 4]));
+    std::array::from_fn(|i| {
+        let low = next(2 * i);
+        low | next(2 * i + 1) << 32
+    })
+}
+
+fn seed_pool(entropy: [u32; 4]) -> [u32; 4] {
+    let mut hash = HashConstant { value: 0x43b0_d7e5, multiplier: 0x931e_8875 };
+    let mut pool = entropy.map(|word| hash.mix_in(word));
+    for source in 0..4 {
+        for target in (0..4).filter(|&target| target != source) {
+            let word = hash.mix_in(pool[source]);
+            let mixed = pool[target].wrapping_mul(0xca01_f9dd).wrapping_sub(word.wrapping_mul(0x4973_f715));
+            pool[target] = mixed ^ mixed >> 16;
+        }
+    }
+    pool
+}
+
+/// The running constant that makes every word of a `SeedSequence` hash differently.
+struct HashConstant {
+    value: u32,
+    multiplier: u32,
+}
+
+impl HashConstant {
+    fn mix_in(&mut self, word: u32) -> u32 {
+        let word = word ^ self.value;
+        self.value = self.value.wrapping_mul(self.multiplier);
+        let word = word.wrapping_mul(self.value);
+        word ^ word >> 16
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // The expected numbers of this module were taken from NumPy.
+
+    #[test]
+    fn seed_gives_numpys_state_and_outputs() {
+        let [a, b, c, d] = seed_words(1);
+        let join = |high: u64, low: u64| u128::from(high) << 64 | u128::from(low);
+        let increment = join(c, d) << 1 | 1;
+        assert_eq!(increment, 194290289479364712180083596243593368443);
+        let multiplier = 0x2360_ED05_1FC6_5DA4_4385_DF64_9FCC_F645_u128;
+        let state = increment.wrapping_add(join(a, b)).wrapping_mul(multiplier).wrapping_add(increment);
+        assert_eq!(state, 207833532711051698738587646355624148094);
+
+        let mut generator = Generator::new(1);
+        let outputs: [u64; 3] = std::array::from_fn(|_| generator.pcg.next_u64());
+        assert_eq!(outputs, [0x8306_bdf3_7922_e4ff, 0xf351_96bb_c152_a866, 0x24e7_a4f6_08ec_18cd]);
+    }
+
+    #[test]
+    fn wide_seeds_use_both_words() {
+        let mut generator = Generator::new(0x0123_4567_89ab_cdef);
+        assert_eq!(generator.pcg.next_u64(), 0xb615_d4ad_31fd_27fc);
+    }
+
+    #[test]
+    fn shuffles_as_numpy_does() {
+        let mut generator = Generator::new(1);
+        let mut five: Vec<u32> = (0..5).collect();
+        generator.shuffle(&mut five);
+        assert_eq!(five, [4, 0, 1, 2, 3]);
+        let mut sixteen: Vec<u32> = (0..16).collect();
+        generator.shuffle(&mut sixteen);
+        assert_eq!(sixteen, [12, 1, 11, 6, 10, 7, 13, 15, 3, 4, 5, 8, 0, 9, 14, 2]);
+    }
+
+    #[test]
+    fn shuffling_one_or_none_draws_nothing() {
+        let mut generator = Generator::new(3);
+        generator.shuffle(&mut [7]);
+        generator.shuffle::<u8>(&mut []);
+        assert_eq!(generator, Generator::new(3));
+    }
+}

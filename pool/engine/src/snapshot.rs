@@ -1,0 +1,154 @@
+//! A battle at rest between two steps, as plain data, and the check that it fits an arena.
+
+use thiserror::Error;
+
+use crate::arena::{Arena, Kind};
+use crate::random::Generator;
+use crate::units::Units;
+
+/// All of a battle that changes. It can be edited, or made from a recording; what it is restored into checks it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// The units, by battle-wide id.
+    pub units: Units,
+    /// The last action of each agent; `None` after a reset.
+    pub last_actions: Vec<Option<u32>>,
+    /// The generator of execution orders.
+    pub generator: Generator,
+    /// Steps of the episode so far.
+    pub episode_length: u32,
+    /// Sum of its rewards so far.
+    pub episode_return: f64,
+}
+
+/// Why a snapshot cannot be restored into a battle; the battle was not changed.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SnapshotError {
+    /// A column has the wrong length; the snapshot is probably of another scenario.
+    #[error("snapshot column '{column}' has {given} entries where the battle has {expected}")]
+    WrongLength {
+        /// The column.
+        column: &'static str,
+        /// Its length.
+        given: usize,
+        /// What it should be.
+        expected: usize,
+    },
+    /// A number that the unit cannot have.
+    #[error("snapshot column '{column}': unit {unit} has {value}, which is not within {min} to {max}")]
+    OutOfRange {
+        /// The column.
+        column: &'static str,
+        /// Battle-wide id of the unit.
+        unit: usize,
+        /// Its value.
+        value: f64,
+        /// The least it could be.
+        min: f64,
+        /// The most it could be.
+        max: f64,
+    },
+    /// A target that does not exist.
+    #[error("snapshot column 'target': unit {unit} targets unit {target}, and there are {n_units} units")]
+    NoSuchTarget {
+        /// Battle-wide id of the unit.
+        unit: usize,
+        /// Its target.
+        target: u32,
+        /// How many units there are.
+        n_units: usize,
+    },
+    /// A last action that does not exist.
+    #[error("snapshot column 'last_actions': agent {agent} took action {action} of {n_actions}")]
+    NoSuchAction {
+        /// The agent.
+        agent: usize,
+        /// Its action.
+        action: u32,
+        /// How many actions there are.
+        n_actions: usize,
+    },
+    /// The return is not a number.
+    #[error("snapshot field 'episode_return' is {value}, which is not finite")]
+    Return {
+        /// What it is.
+        value: f64,
+    },
+}
+
+impl Snapshot {
+    /// Checks that the snapshot can be of a battle in this arena.
+    pub(crate) fn check(&self, arena: &Arena) -> Result<(), SnapshotError> {
+        self.check_lengths(arena)?;
+        self.check_figures(arena)?;
+        self.check_references(arena)
+    }
+
+    fn check_lengths(&self, arena: &Arena) -> Result<(), SnapshotError> {
+        let units = &self.units;
+        let (n_units, n_agents) = (arena.sizes().n_units, arena.sizes().n_agents);
+        let columns = [
+            ("pos", units.pos.len(), n_units),
+            ("vel", units.vel.len(), n_units),
+            ("hp", units.hp.len(), n_units),
+            ("shield", units.shield.len(), n_units),
+            ("energy", units.energy.len(), n_units),
+            ("cooldown", units.cooldown.len(), n_units),
+            ("shield_cooldown", units.shield_cooldown.len(), n_units),
+            ("healing", units.healing.len(), n_units),
+            ("alive", units.alive.len(), n_units),
+            ("target", units.target.len(), n_units),
+            ("last_actions", self.last_actions.len(), n_agents),
+        ];
+        match columns.into_iter().find(|(_, given, expected)| given != expected) {
+            Some((column, given, expected)) => Err(SnapshotError::WrongLength { column, given, expected }),
+            None => Ok(()),
+        }
+    }
+
+    fn check_figures(&self, arena: &Arena) -> Result<(), SnapshotError> {
+        let units = &self.units;
+        for (id, unit) in arena.unit_ids().zip(0..) {
+            let kind: &Kind = arena.kind(id);
+            let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
+            let anything = f64::from(f32::MAX);
+            let figures = [
+                ("pos", pos.x, -anything, anything),
+                ("pos", pos.y, -anything, anything),
+                ("vel", vel.x, -anything, anything),
+                ("vel", vel.y, -anything, anything),
+                ("hp", units.hp[unit], 0.0, kind.hp),
+                ("shield", units.shield[unit], 0.0, kind.shield),
+                ("energy", units.energy[unit], 0.0, kind.energy),
+                ("cooldown", units.cooldown[unit], 0.0, f64::MAX),
+                ("shield_cooldown", units.shield_cooldown[unit], 0.0, f64::MAX),
+                ("healing", units.healing[unit], 0.0, f64::MAX),
+            ];
+            for (column, value, min, max) in figures {
+                if !(min..=max).contains(&value) {
+                    return Err(SnapshotError::OutOfRange { column, unit, value, min, max });
+                }
+            }
+        }
+        if self.episode_return.is_finite() {
+            Ok(())
+        } else {
+            Err(SnapshotError::Return { value: self.episode_return })
+        }
+    }
+
+    fn check_references(&self, arena: &Arena) -> Result<(), SnapshotError> {
+        let (n_units, n_actions) = (arena.sizes().n_units, arena.sizes().n_actions);
+        for (unit, &target) in self.units.target.iter().enumerate() {
+            if let Some(target) = target.filter(|&target| target as usize >= n_units) {
+                return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
+            }
+        }
+        for (agent, &action) in self.last_actions.iter().enumerate() {
+            if let Some(action) = action.filter(|&action| action as usize >= n_actions) {
+                return Err(SnapshotError::NoSuchAction { agent, action, n_actions });
+            }
+        }
+        Ok(())
+    }
+}

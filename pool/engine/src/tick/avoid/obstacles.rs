@@ -1,0 +1,205 @@
+//! The half-planes that obstacle edges impose on ground units, and the search for edges.
+
+use glam::Vec2;
+
+use super::neighbours::{left_leg, right_leg};
+use super::program::{Line, unit};
+use super::{EPSILON, Mover, insert_sorted};
+use crate::arena::{Arena, Edge, left_of};
+
+/// The edges that `mover` sees, nearest first: squared distance and number, left in `found`.
+pub(super) fn find(arena: &Arena, mover: &Mover, found: &mut Vec<(f32, u32)>) {
+    found.clear();
+    let Some(range) = mover.kind.edge_range_squared else { return };
+    for &number in arena.edges.near(mover.position) {
+        let edge = arena.edges.edge(number);
+        if left_of(edge.start, edge.end, mover.position) < 0.0 {
+            let distance_squared = distance_squared(edge, mover.position);
+            if distance_squared < range {
+                insert_sorted(found, distance_squared, number);
+            }
+        }
+    }
+}
+
+fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
+    let span = edge.end - edge.start;
+    let share = (point - edge.start).dot(span) / span.length_squared();
+    let nearest = if share < 0.0 {
+        edge.start
+    } else if share > 1.0 {
+        edge.end
+    } else {
+        edge.start + share * span
+    };
+    (point - nearest).length_squared()
+}
+
+/// One end of what bounds the view of an obstacle: a corner, and the outline's directions into and out of it.
+#[derive(Clone, Copy)]
+struct Corner {
+    /// Seen from the unit.
+    offset: Vec2,
+    incoming: Vec2,
+    outgoing: Vec2,
+}
+
+impl Corner {
+    fn start_of(edge: &Edge, position: Vec2) -> Corner {
+        Corner { offset: edge.start - position, incoming: edge.before, outgoing: edge.along }
+    }
+
+    fn end_of(edge: &Edge, position: Vec2) -> Corner {
+        Corner { offset: edge.end - position, incoming: edge.along, outgoing: edge.after }
+    }
+}
+
+/// What of an edge bounds the velocity obstacle: both its corners, or one that hides the rest.
+enum View {
+    Whole { left: Corner, right: Corner },
+    Only(Corner),
+}
+
+/// The velocities that keep `mover` off the edge for the time horizon; `None` if the edge asks for nothing that
+/// other lines do not ask for already.
+pub(super) fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
+    let radius = mover.kind.radius;
+    let start = Corner::start_of(edge, mover.position);
+    let end = Corner::end_of(edge, mover.position);
+    if earlier.iter().any(|line| covers(line, start.offset, radius) && covers(line, end.offset, radius)) {
+        return None;
+    }
+    let radius_squared = radius * radius;
+    let span = edge.end - edge.start;
+    let share = (-start.offset).dot(span) / span.length_squared();
+    let touches_line = (-start.offset - share * span).length_squared() <= radius_squared;
+
+    if share < 0.0 && start.offset.length_squared() <= radius_squared {
+        return Some(away_from(start.offset));
+    } else if share > 1.0 && end.offset.length_squared() <= radius_squared {
+        // Where the next edge is in view it takes care of this corner.
+        return (end.offset.perp_dot(edge.after) >= 0.0).then(|| away_from(end.offset));
+    } else if (0.0..1.0).contains(&share) && touches_line {
+        return Some(Line { point: Vec2::ZERO, direction: -edge.along });
+    }
+
+    let view = if share < 0.0 && touches_line {
+        View::Only(start)
+    } else if share > 1.0 && touches_line {
+        View::Only(end)
+    } else {
+        View::Whole { left: start, right: end }
+    };
+    Shadow::cast(&view, radius).line(mover.velocity, radius)
+}
+
+/// Whether the line already keeps the unit off this point of an obstacle.
+fn covers(line: &Line, offset: Vec2, radius: f32) -> bool {
+    (offset - line.point).perp_dot(line.direction) - radius >= -EPSILON
+}
+
+/// The line of a unit that touches a corner: not a step closer.
+fn away_from(corner: Vec2) -> Line {
+    Line { point: Vec2::ZERO, direction: unit(Vec2::new(-corner.y, corner.x)) }
+}
+
+/// The velocity obstacle of an edge: two legs, and between them the edge itself, all widened by the radius.
+struct Shadow {
+    left: Leg,
+    right: Leg,
+    /// Direction of the outline at the left corner.
+    along: Vec2,
+    /// Whether both legs start at one corner.
+    single: bool,
+}
+
+struct Leg {
+    corner: Vec2,
+    direction: Vec2,
+    /// Whether the neighbouring edge bounds the shadow instead; then that edge brings the line.
+    foreign: bool,
+}
+
+impl Shadow {
+    fn cast(view: &View, radius: f32) -> Shadow {
+        let (left, right, single) = match view {
+            View::Whole { left, right } => (left, right, false),
+            View::Only(corner) => (corner, corner, true),
+        };
+        let tangent = |corner: &Corner| {
+            let distance_squared = corner.offset.length_squared();
+            ((distance_squared - radius * radius).sqrt(), distance_squared)
+        };
+        let (left_length, left_squared) = tangent(left);
+        let (right_length, right_squared) = tangent(right);
+        Shadow {
+            left: Leg::left(left, left_leg(left.offset, left_length, radius, left_squared)),
+            right: Leg::right(right, right_leg(right.offset, right_length, radius, right_squared)),
+            along: left.outgoing,
+            single,
+        }
+    }
+
+    /// The line at the point of the shadow's boundary nearest to the velocity.
+    fn line(&self, velocity: Vec2, radius: f32) -> Option<Line> {
+        let Shadow { left, right, .. } = self;
+        let cutoff = right.corner - left.corner;
+        let share =
+            if self.single { 0.5 } else { (velocity - left.corner).dot(cutoff) / cutoff.length_squared() };
+        let on_left = (velocity - left.corner).dot(left.direction);
+        let on_right = (velocity - right.corner).dot(right.direction);
+        if share < 0.0 && on_left < 0.0 || self.single && on_left < 0.0 && on_right < 0.0 {
+            return Some(round_corner(left.corner, velocity, radius));
+        } else if share > 1.0 && on_right < 0.0 {
+            return Some(round_corner(right.corner, velocity, radius));
+        }
+
+        let to_cutoff = if self.single || share < 0.0 || share > 1.0 {
+            f32::INFINITY
+        } else {
+            (velocity - (left.corner + share * cutoff)).length_squared()
+        };
+        let to_left = left.distance_squared(velocity, on_left);
+        let to_right = right.distance_squared(velocity, on_right);
+        if to_cutoff <= to_left && to_cutoff <= to_right {
+            Some(widened(left.corner, -self.along, radius))
+        } else if to_left <= to_right {
+            (!left.foreign).then(|| widened(left.corner, left.direction, radius))
+        } else {
+            (!right.foreign).then(|| widened(right.corner, -right.direction, radius))
+        }
+    }
+}
+
+impl Leg {
+    /// A leg never points into the edge next to it; that edge takes its place.
+    fn left(corner: &Corner, direction: Vec2) -> Leg {
+        let foreign = direction.perp_dot(-corner.incoming) >= 0.0;
+        Leg { corner: corner.offset, direction: if foreign { -corner.incoming } else { direction }, foreign }
+    }
+
+    fn right(corner: &Corner, direction: Vec2) -> Leg {
+        let foreign = direction.perp_dot(corner.outgoing) <= 0.0;
+        Leg { corner: corner.offset, direction: if foreign { corner.outgoing } else { direction }, foreign }
+    }
+
+    /// From a velocity whose projection on the leg is `at`.
+    fn distance_squared(&self, velocity: Vec2, at: f32) -> f32 {
+        if at < 0.0 {
+            f32::INFINITY
+        } else {
+            (velocity - (self.corner + at * self.direction)).length_squared()
+        }
+    }
+}
+
+/// The tangent of the disc around a corner at the side of the velocity.
+fn round_corner(corner: Vec2, velocity: Vec2, radius: f32) -> Line {
+    let outward = unit(velocity - corner);
+    Line { point: corner + radius * outward, direction: Vec2::new(outward.y, -outward.x) }
+}
+
+/// The line through `corner` along `direction`, moved out by the radius.
+fn widened(corner: Vec2, direction: Vec2, radius: f32) -> Line {
+    Line { point: corner + radius * Vec2::new(-direction.y, direction.x), direction }
+}

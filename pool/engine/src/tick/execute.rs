@@ -1,0 +1,43 @@
+//! Phase 4, execution: units move, recover and act one after another, in an order that is handed in.
+
+use super::{World, targeters};
+use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
+
+/// Lets every unit of the order have its turn; returns the reward, unscaled.
+pub(super) fn all(world: &mut World) -> f64 {
+    let mut earned = 0.0;
+    for i in 0..world.plan.order.len() {
+        let id = world.plan.order[i];
+        // Who was killed earlier in this tick does nothing, unless a heal came in between (R2).
+        if world.units.alive[id as usize] && world.units.has_health(id) {
+            earned += turn(world, id);
+        }
+    }
+    earned
+}
+
+fn turn(world: &mut World, id: u32) -> f64 {
+    recover(world, id);
+    let i = id as usize;
+    match world.plan.attack[i] {
+        // There is no second range check: who was in reach when the attack was declared is hit.
+        Some(target) if world.units.cooldown[i] == 0.0 => {
+            world.units.cooldown[i] = world.arena.kind(id).cooldown;
+            targeters::act(world, id, target)
+        }
+        _ => 0.0,
+    }
+}
+
+/// Movement, and what time alone does.
+fn recover(world: &mut World, id: u32) {
+    let (units, kind, i) = (&mut *world.units, world.arena.kind(id), id as usize);
+    units.pos[i] += units.vel[i] * TICK as f32;
+    units.cooldown[i] = f64::max(0.0, units.cooldown[i] - TICK);
+    units.shield_cooldown[i] = f64::max(0.0, units.shield_cooldown[i] - TICK);
+    if units.shield_cooldown[i] == 0.0 {
+        units.shield[i] = f64::min(kind.shield, units.shield[i] + SHIELD_PER_TICK);
+    }
+    units.energy[i] = f64::min(kind.energy, units.energy[i] + ENERGY_PER_TICK);
+    units.hp[i] = f64::min(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
+}

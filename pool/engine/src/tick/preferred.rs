@@ -1,0 +1,67 @@
+//! Phase 2, preferred velocities: where each unit wants to go, and whom it declares to attack or heal.
+//!
+//! Whom an attack-moving unit picks as its target is in `choose`.
+
+use glam::Vec2;
+
+use super::{World, choose};
+use crate::command::Command;
+use crate::units::distance;
+
+pub(super) fn declare(world: &mut World) {
+    let pace = choose::HealersPace::at_start_of_phase(world);
+    for i in 0..world.living.all.len() {
+        let id = world.living.all[i];
+        let unit = id as usize;
+        world.plan.attack[unit] = None;
+        let speed = world.arena.kind(id).speed;
+        world.plan.preferred[unit] = match world.plan.commands[unit] {
+            Command::Stop => Vec2::ZERO,
+            Command::MoveTo(destination) => towards_point(world.units.pos[unit], destination, speed),
+            Command::Target(target) => close_in(world, id, target, speed),
+            Command::AttackMove => {
+                let speed = pace.speed_of(world, id);
+                world.units.target[unit] = choose::target(world, id);
+                match world.units.target[unit] {
+                    Some(target) => close_in(world, id, target, speed),
+                    None => towards_point(world.units.pos[unit], world.arena.attack_point, speed),
+                }
+            }
+        };
+    }
+}
+
+/// Declares an attack on a target within reach, or walks to it.
+fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
+    if in_reach(world, id, target) && world.arena.can_attack(id, target) {
+        world.plan.attack[id as usize] = Some(target);
+        return Vec2::ZERO;
+    }
+    towards_unit(world.units.pos[id as usize], world.units.pos[target as usize], speed)
+}
+
+/// Whether the target is within the attack range, measured between the two bodies' edges.
+pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
+    let reach = world.arena.kind(id).reach + world.arena.kind(target).radius;
+    distance(world.units.pos[id as usize], world.units.pos[target as usize]) <= reach
+}
+
+/// Full speed straight to a point; counted in f64, unlike the way to a unit.
+fn towards_point(from: Vec2, to: [f64; 2], speed: f64) -> Vec2 {
+    let (dx, dy) = (to[0] - f64::from(from.x), to[1] - f64::from(from.y));
+    let length = (dx * dx + dy * dy).sqrt();
+    if length == 0.0 || speed == 0.0 {
+        return Vec2::ZERO;
+    }
+    Vec2::new((dx * speed / length) as f32, (dy * speed / length) as f32)
+}
+
+/// Full speed straight to a unit; counted in f32.
+fn towards_unit(from: Vec2, to: Vec2, speed: f64) -> Vec2 {
+    let (way, speed) = (to - from, speed as f32);
+    let length = way.length();
+    if length == 0.0 || speed == 0.0 {
+        return Vec2::ZERO;
+    }
+    Vec2::new(way.x * speed / length, way.y * speed / length)
+}

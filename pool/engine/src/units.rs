@@ -1,0 +1,101 @@
+//! The columns of a battle: what changes about each unit, one vector a quantity, indexed by battle-wide id.
+//!
+//! What never changes about a unit (its kind, its side) is in the arena.
+
+use glam::Vec2;
+
+use crate::arena::Arena;
+
+/// The changing part of every unit of a battle, indexed by battle-wide id; all columns have equal lengths.
+///
+/// A dead unit keeps its last values.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Units {
+    /// Position in terrain squares; x grows east, y north.
+    pub pos: Vec<Vec2>,
+    /// Velocity in the last tick, in squares per second.
+    pub vel: Vec<Vec2>,
+    /// Health, from 0 to the type's maximum.
+    pub hp: Vec<f64>,
+    /// Shield, from 0 to the type's maximum.
+    pub shield: Vec<f64>,
+    /// Energy, from 0 to the type's maximum.
+    pub energy: Vec<f64>,
+    /// Seconds until the unit can act again.
+    pub cooldown: Vec<f64>,
+    /// Seconds until the shield regenerates.
+    pub shield_cooldown: Vec<f64>,
+    /// Healing that was paid for with energy and not yet given, in health.
+    pub healing: Vec<f64>,
+    /// Whether the unit is in the battle. A unit that left it stays out, whatever becomes of its health (R2).
+    pub alive: Vec<bool>,
+    /// The unit's target.
+    pub target: Vec<Option<u32>>,
+}
+
+impl Units {
+    /// Puts every unit where and as it starts an episode.
+    pub(crate) fn reset(&mut self, arena: &Arena) {
+        let kinds = || arena.unit_ids().map(|id| arena.kind(id));
+        refill(&mut self.pos, arena.starts.iter().copied());
+        refill(&mut self.vel, kinds().map(|_| Vec2::ZERO));
+        refill(&mut self.hp, kinds().map(|kind| kind.hp));
+        refill(&mut self.shield, kinds().map(|kind| kind.shield));
+        refill(&mut self.energy, kinds().map(|kind| kind.initial_energy));
+        for column in [&mut self.cooldown, &mut self.shield_cooldown, &mut self.healing] {
+            refill(column, kinds().map(|_| 0.0));
+        }
+        refill(&mut self.alive, kinds().map(|_| true));
+        refill(&mut self.target, kinds().map(|_| None));
+    }
+
+    /// Whether the unit still has health. In the middle of a tick that is not the same as `alive`.
+    pub(crate) fn has_health(&self, id: u32) -> bool {
+        self.hp[id as usize] > 0.0
+    }
+}
+
+/// The distance between two points in f64, as searches and comparisons use it.
+pub(crate) fn distance(a: Vec2, b: Vec2) -> f64 {
+    distance_squared(a, b).sqrt()
+}
+
+/// The square of [`distance`].
+pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
+    let (dx, dy) = (f64::from(a.x) - f64::from(b.x), f64::from(a.y) - f64::from(b.y));
+    dx * dx + dy * dy
+}
+
+/// The ids of the units that are in the battle, ascending.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Living {
+    pub all: Vec<u32>,
+    pub allies: Vec<u32>,
+    pub enemies: Vec<u32>,
+}
+
+impl Living {
+    /// Gathers the ids of those that `units` says are alive.
+    pub fn gather(&mut self, arena: &Arena, units: &Units) {
+        let alive = |id: &u32| units.alive[*id as usize];
+        refill(&mut self.all, arena.unit_ids().filter(alive));
+        refill(&mut self.allies, arena.agents.iter().copied().filter(alive));
+        refill(&mut self.enemies, arena.enemies.iter().copied().filter(alive));
+    }
+
+    /// The living units of the side that `id` is on.
+    pub fn side_of(&self, arena: &Arena, id: u32) -> &[u32] {
+        if arena.is_enemy(id) { &self.enemies } else { &self.allies }
+    }
+
+    /// The living units of the side that `id` is not on.
+    pub fn opponents(&self, arena: &Arena, id: u32) -> &[u32] {
+        if arena.is_enemy(id) { &self.allies } else { &self.enemies }
+    }
+}
+
+/// Replaces the contents of a vector, keeping its memory.
+pub(crate) fn refill<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
+    column.clear();
+    column.extend(values);
+}

@@ -1,0 +1,10 @@
+//! Recorded battles of the published environment, and how the engine's battles are set beside them.
+//!
+//! The tests themselves are in the files next to this folder. Recordings are read from the folder that the
+//! environment variable `SMACLITE_TRACES` names, else from `golden`; see `golden/README.md` for their format.
+#![forbid(unsafe_code)]
+
+pub mod compare;
+pub mod recording;
+
+pub use recording::Recording;

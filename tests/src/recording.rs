@@ -1,0 +1,248 @@
+//! Reading recorded battles.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use glam::Vec2;
+use npyz::TypeChar;
+use npyz::npz::NpzArchive;
+use serde_json::Value;
+use smaclite_engine::{Generator, Snapshot, TICKS_PER_STEP, Units};
+use smaclite_scenarios::Scenario;
+
+type Archive = NpzArchive<BufReader<File>>;
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// One recorded battle: T steps of U units, A of them agents'.
+pub struct Recording {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of the battle's generator.
+    pub seed: u64,
+    /// What the recorded environment said of its sizes: agents, enemies, actions, floats in obs and state.
+    pub sizes: [usize; 5],
+    /// What it said of the greatest unscaled reward.
+    pub max_reward: f64,
+    /// Units before each step, and after the last: T + 1.
+    pub frames: Vec<Units>,
+    /// Joint action of each step.
+    pub actions: Vec<Vec<i32>>,
+    /// Execution order of each tick of each step.
+    pub orders: Vec<[Vec<u32>; TICKS_PER_STEP]>,
+    /// Reward of each step.
+    pub rewards: Vec<f64>,
+    /// Whether each step ended the episode.
+    pub terminated: Vec<bool>,
+    /// Whether the last step ended in a victory.
+    pub won: bool,
+    /// Observations before each step, and after the last.
+    pub obs: Vec<Vec<f32>>,
+    /// The state likewise.
+    pub state: Vec<Vec<f32>>,
+    /// Available actions likewise.
+    pub avail: Vec<Vec<u8>>,
+    /// The same tick by tick, in files that have it.
+    pub ticks: Option<Ticks>,
+}
+
+/// What files recorded tick by tick have in addition.
+pub struct Ticks {
+    /// Units before each tick, and after the last: 8 T + 1.
+    pub frames: Vec<Units>,
+    /// Preferred velocity of each unit in each tick.
+    pub preferred: Vec<Vec<Vec2>>,
+    /// Unscaled reward of each tick, without that for winning.
+    pub earned: Vec<f64>,
+}
+
+/// The folder of recordings: `SMACLITE_TRACES`, else `golden`.
+pub fn folder() -> PathBuf {
+    match std::env::var_os("SMACLITE_TRACES") {
+        Some(folder) => PathBuf::from(folder),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("golden"),
+    }
+}
+
+/// All recordings in the folder and the folders in it, by path.
+///
+/// # Panics
+/// If one cannot be read, or there is none.
+pub fn all() -> Vec<Recording> {
+    let mut paths = Vec::new();
+    gather(&folder(), &mut paths);
+    paths.sort();
+    assert!(!paths.is_empty(), "no recordings (*.npz) in {}", folder().display());
+    let read = |path: PathBuf| Recording::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    paths.into_iter().map(read).collect()
+}
+
+fn gather(folder: &Path, paths: &mut Vec<PathBuf>) {
+    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+    for path in entries.map(|entry| entry.expect("a readable folder").path()) {
+        if path.is_dir() {
+            gather(&path, paths);
+        } else if path.extension().is_some_and(|extension| extension == "npz") {
+            paths.push(path);
+        }
+    }
+}
+
+impl Recording {
+    /// Reads one file.
+    ///
+    /// # Errors
+    /// What of it could not be read.
+    pub fn read(path: &Path) -> Result<Recording> {
+        let mut archive = NpzArchive::open(path)?;
+        let meta: Vec<u8> = integers(&mut archive, "meta")?.into_iter().map(|x| x as u8).collect();
+        let meta: Value = serde_json::from_slice(&meta)?;
+        let size = |key: &str| meta[key].as_u64().map(|x| x as usize).ok_or(format!("no {key} in meta"));
+        let sizes =
+            [size("n_agents")?, size("n_enemies")?, size("n_actions")?, size("obs_size")?, size("state_size")?];
+        let [n_agents, n_enemies, n_actions, obs_size, state_size] = sizes;
+        let n_units = n_agents + n_enemies;
+        let has_ticks = archive.by_name("tick_pos")?.is_some();
+        let ticks = match has_ticks {
+            true => Some(Ticks {
+                frames: frames(&mut archive, "tick_", n_units)?,
+                preferred: rows(vectors(&mut archive, "tick_pref")?, n_units),
+                earned: floats(&mut archive, "tick_reward")?,
+            }),
+            false => None,
+        };
+        Ok(Recording {
+            path: path.to_owned(),
+            scenario: meta["scenario"].as_str().ok_or("no scenario in meta")?.to_owned(),
+            seed: meta["seed"].as_u64().ok_or("no seed in meta")?,
+            sizes,
+            max_reward: meta["max_reward"].as_f64().ok_or("no max_reward in meta")?,
+            frames: frames(&mut archive, "", n_units)?,
+            actions: rows(integers(&mut archive, "actions")?.into_iter().map(|x| x as i32).collect(), n_agents),
+            orders: orders(&integers(&mut archive, "order")?, n_units),
+            rewards: floats(&mut archive, "reward")?,
+            terminated: flags(&mut archive, "terminated")?,
+            won: flags(&mut archive, "won")?.first().copied().ok_or("nothing in won")?,
+            obs: rows(singles(&mut archive, "obs")?, n_agents * obs_size),
+            state: rows(singles(&mut archive, "state")?, state_size),
+            avail: rows(
+                integers(&mut archive, "avail")?.into_iter().map(|x| x as u8).collect(),
+                n_agents * n_actions,
+            ),
+            ticks,
+        })
+    }
+
+    /// The name of the file without its ending.
+    pub fn name(&self) -> String {
+        self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// The scenario: a file of its name beside the recording or at the top of the recordings, else a standard one.
+    ///
+    /// # Panics
+    /// If there is neither.
+    pub fn load_scenario(&self) -> Scenario {
+        let file = format!("{}.json", self.scenario);
+        let beside = self.path.with_file_name(&file);
+        let at_top = folder().join(&file);
+        match [beside, at_top].into_iter().find(|path| path.is_file()) {
+            Some(path) => Scenario::load(&path).unwrap_or_else(|e| panic!("{e}")),
+            None => Scenario::standard(&self.scenario)
+                .unwrap_or_else(|| panic!("{}: no {file} beside it, and no standard scenario", self.path.display())),
+        }
+    }
+
+    /// Number of steps.
+    pub fn n_steps(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// The battle before step `t`.
+    pub fn snapshot(&self, t: usize) -> Snapshot {
+        let last = t.checked_sub(1).map(|last| &self.actions[last]);
+        Snapshot {
+            units: self.frames[t].clone(),
+            last_actions: (0..self.sizes[0]).map(|agent| last.map(|actions| actions[agent] as u32)).collect(),
+            generator: Generator::new(self.seed),
+            episode_length: t as u32,
+            episode_return: self.rewards[..t].iter().sum(),
+        }
+    }
+
+    /// The execution orders of step `t`.
+    pub fn order(&self, t: usize) -> [&[u32]; TICKS_PER_STEP] {
+        std::array::from_fn(|tick| &self.orders[t][tick][..])
+    }
+}
+
+fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Units>> {
+    let name = |column: &str| format!("{prefix}{column}");
+    let pos = rows(vectors(archive, &name("pos"))?, n_units);
+    let vel = rows(vectors(archive, &name("vel"))?, n_units);
+    let mut column = |column: &str| floats(archive, &name(column)).map(|values| rows(values, n_units));
+    let (hp, shield, energy) = (column("hp")?, column("shield")?, column("energy")?);
+    let (cooldown, shield_cooldown) = (column("cooldown")?, column("shield_cooldown")?);
+    let healing = column("healing")?;
+    let alive = rows(flags(archive, &name("alive"))?, n_units);
+    let target = integers(archive, &name("target"))?.into_iter().map(|id| u32::try_from(id).ok()).collect();
+    let target: Vec<Vec<Option<u32>>> = rows(target, n_units);
+    let frame = |t: usize| Units {
+        pos: pos[t].clone(),
+        vel: vel[t].clone(),
+        hp: hp[t].clone(),
+        shield: shield[t].clone(),
+        energy: energy[t].clone(),
+        cooldown: cooldown[t].clone(),
+        shield_cooldown: shield_cooldown[t].clone(),
+        healing: healing[t].clone(),
+        alive: alive[t].clone(),
+        target: target[t].clone(),
+    };
+    Ok((0..pos.len()).map(frame).collect())
+}
+
+fn orders(ids: &[i64], n_units: usize) -> Vec<[Vec<u32>; TICKS_PER_STEP]> {
+    const NOBODY: i64 = 255;
+    let tick = |ids: &[i64]| ids.iter().take_while(|&&id| id != NOBODY).map(|&id| id as u32).collect();
+    let ticks = |step: &[i64]| std::array::from_fn(|i| tick(&step[i * n_units..(i + 1) * n_units]));
+    ids.chunks_exact(TICKS_PER_STEP * n_units).map(ticks).collect()
+}
+
+fn rows<T: Clone>(values: Vec<T>, size: usize) -> Vec<Vec<T>> {
+    values.chunks_exact(size).map(<[T]>::to_vec).collect()
+}
+
+fn vectors(archive: &mut Archive, name: &str) -> Result<Vec<Vec2>> {
+    Ok(singles(archive, name)?.chunks_exact(2).map(Vec2::from_slice).collect())
+}
+
+fn singles(archive: &mut Archive, name: &str) -> Result<Vec<f32>> {
+    Ok(archive.by_name(name)?.ok_or(format!("no {name}"))?.into_vec()?)
+}
+
+fn floats(archive: &mut Archive, name: &str) -> Result<Vec<f64>> {
+    Ok(archive.by_name(name)?.ok_or(format!("no {name}"))?.into_vec()?)
+}
+
+fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
+    Ok(integers(archive, name)?.into_iter().map(|flag| flag != 0).collect())
+}
+
+/// Integers of whatever width.
+fn integers(archive: &mut Archive, name: &str) -> Result<Vec<i64>> {
+    let array = archive.by_name(name)?.ok_or(format!("no {name}"))?;
+    let npyz::DType::Plain(dtype) = array.dtype() else { return Err(format!("{name} is a record").into()) };
+    Ok(match (dtype.type_char(), dtype.size_field()) {
+        (TypeChar::Bool, _) => array.into_vec::<bool>()?.into_iter().map(i64::from).collect(),
+        (TypeChar::Uint, 1) => array.into_vec::<u8>()?.into_iter().map(i64::from).collect(),
+        (TypeChar::Uint, 2) => array.into_vec::<u16>()?.into_iter().map(i64::from).collect(),
+        (TypeChar::Int, 1) => array.into_vec::<i8>()?.into_iter().map(i64::from).collect(),
+        (TypeChar::Int, 2) => array.into_vec::<i16>()?.into_iter().map(i64::from).collect(),
+        (TypeChar::Int, 4) => array.into_vec::<i32>()?.into_iter().map(i64::from).collect(),
+        _ => array.into_vec::<i64>()?,
+    })
+}
