@@ -1,0 +1,59 @@
+# Every command a developer needs; CI (.ci/run) uses the same ones.
+
+venv := justfile_directory() / ".venv"
+python := venv / "bin/python"
+
+# The interpreter that lints of the extension module look at.
+export PYO3_PYTHON := python
+
+# List the commands
+_list:
+    @{{ just_executable() }} --list --unsorted --justfile {{ justfile() }}
+
+# Make the virtual environment .venv if it is not there
+_venv:
+    @test -x {{ python }} || python3 -m venv {{ venv }}
+
+# Build the Python package and install it into .venv, with what its tests need
+install: _venv
+    {{ python }} -m pip install '.[test]'
+
+# All tests, Rust and Python
+test: test-rust test-python
+
+# Rust tests (one name as argument: only tests with it)
+test-rust *args:
+    cargo test --release {{ args }}
+
+# Python tests over the installed package, the README's commands and code among them
+test-python *args: install
+    {{ python }} -m pytest tests/python {{ args }}
+
+# Recorded battles of the published environment, one line a file (SMACLITE_TRACES=folder for others)
+conformance:
+    cargo test --release -p smaclite-tests --test conformance -- --nocapture
+
+# A random policy on the embedded default: steps/s and returns
+demo *args: install
+    {{ python }} bindings/examples/random_policy.py {{ args }}
+
+# Steps per second (`just bench --help` for the options)
+bench *args:
+    cargo run --release --quiet -p smaclite-ipc --bin smaclite-pool -- bench {{ args }}
+
+# Everything in release mode, with the program in target/release/smaclite-pool
+build:
+    cargo build --release
+
+# Format all code
+fmt:
+    cargo fmt --all
+
+# Formatting and lints, warnings being errors
+lint: _venv
+    cargo fmt --all --check
+    cargo clippy --workspace --all-targets -- -D warnings
+
+# API documentation of all crates, in target/doc
+docs $RUSTDOCFLAGS="-D warnings":
+    cargo doc --no-deps

@@ -1,0 +1,88 @@
+"""The README's table, code and commands, checked and run as a reader would."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import smaclite_pool
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text()
+PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+
+
+def table(heading: str) -> list[list[str]]:
+    """The rows of the table whose first column has this heading."""
+    head = re.search(rf"^\| {heading} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)", README, re.MULTILINE)
+    assert head, f"no table with {heading}"
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in head[1].splitlines()]
+
+
+@pytest.fixture
+def environment() -> Iterator[dict[str, str]]:
+    """A folder of pools of one's own; short, because sockets lie in it."""
+    with tempfile.TemporaryDirectory(prefix="readme-") as folder:
+        yield {**os.environ, "SMACLITE_POOL_ROOT": folder}
+
+
+def run(argv: list[str], environment: dict[str, str]) -> str:
+    done = subprocess.run(argv, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_table_of_fields_is_the_one_in_the_code() -> None:
+    told = {name.strip("`"): f"{dtype} {shape}: {meaning}." for name, dtype, shape, meaning in table("field")}
+    documented = {name: getattr(member, "__doc__", None) or "" for name, member in vars(smaclite_pool.Batch).items()}
+    actual = {name: text for name, text in documented.items() if re.match(r"\w+ \[M", text)}
+    assert list(told) == list(actual)
+    for name, text in actual.items():
+        assert text.startswith(told[name]), name
+
+
+def test_the_first_example_runs(environment: dict[str, str]) -> None:
+    printed = run([sys.executable, "-c", blocks("python")[0]], environment)
+    assert printed.startswith("(64, 5, "), printed
+
+
+def test_two_terminals(environment: dict[str, str]) -> None:
+    [serve] = [line for block in blocks("sh") for line in block.splitlines() if " serve " in line]
+    arguments = shlex.split(serve)[1:]
+    with subprocess.Popen([*PROGRAM, *arguments], env=environment, stdout=subprocess.PIPE, text=True) as pool:
+        assert pool.stdout is not None
+        try:
+            assert any("smaclite_pool.connect" in line for line in pool.stdout), "the pool did not start"
+            run([sys.executable, "-c", blocks("python")[1]], environment)
+        finally:
+            pool.send_signal(signal.SIGINT)
+            status = pool.wait(timeout=10)
+    assert status == 0
+
+
+def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Path) -> None:
+    file = tmp_path / "scenario.json"
+    file.write_text(blocks("json")[0])
+    assert "2 agents against 3 enemies" in run([*PROGRAM, "check", str(file)], environment)
+
+
+def test_every_command_of_the_program_is_listed(environment: dict[str, str]) -> None:
+    told = {re.sub(r"`smaclite-pool (\S+).*`", r"\1", command) for command, _ in table("command")}
+    listed = run([*PROGRAM, "--help"], environment).split("Commands:")[1].split("Options:")[0]
+    assert told == set(re.findall(r"^  (\w+)", listed, re.MULTILINE)) - {"help"}
+
+
+def test_ci_runs_the_test_command() -> None:
+    [command] = [line for block in blocks("sh") for line in block.splitlines() if line.endswith("just test")]
+    assert f"\n    {command}\n" in (ROOT / ".ci" / "run").read_text()
