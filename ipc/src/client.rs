@@ -37,7 +37,9 @@ pub enum ConnectError {
     Memory(#[from] TooLittleMemory),
     Ipc(#[from] IpcError),
     Field(#[from] UnknownField),
-    #[error("frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})")]
+    #[error(
+        "frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})"
+    )]
     #[allow(missing_docs)]
     Layout {
         lane: String,
@@ -65,7 +67,9 @@ pub enum ClientError {
          stay, or start the lane with more (frames_held)"
     )]
     TooManyHeld { limit: usize },
-    #[error("nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first")]
+    #[error(
+        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first"
+    )]
     NothingToReceive { outstanding: usize, batch_size: usize },
     #[error("frames {first} to {last} were lost: this process did not read them in time")]
     FramesLost { first: u64, last: u64 },
@@ -111,7 +115,12 @@ struct Parts {
 
 impl Client {
     /// Attaches to a lane of a pool: to its only lane, if none is named.
-    pub fn connect(place: &Place, pool: &str, lane: Option<&str>, wait: Wait) -> Result<Client, ConnectError> {
+    pub fn connect(
+        place: &Place,
+        pool: &str,
+        lane: Option<&str>,
+        wait: Wait,
+    ) -> Result<Client, ConnectError> {
         let mut control = ControlClient::connect(place, pool)?;
         let question = Ask::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
         let (session, description) = match control.ask(&question)? {
@@ -258,7 +267,12 @@ impl Drop for Client {
 }
 
 impl Parts {
-    fn send(&mut self, kind: RequestKind, env_ids: Option<&[i32]>, actions: &[i32]) -> Result<(), ClientError> {
+    fn send(
+        &mut self,
+        kind: RequestKind,
+        env_ids: Option<&[i32]>,
+        actions: &[i32],
+    ) -> Result<(), ClientError> {
         self.requests += 1;
         let count = env_ids.map_or(self.description.num_envs, <[i32]>::len);
         let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
@@ -282,7 +296,8 @@ impl Parts {
             _ => step_bytes(count, self.description.n_agents),
         };
         loop {
-            let mut sample = self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
+            let mut sample =
+                self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
             *sample.user_header_mut() = header;
             let payload = sample.payload_mut();
             let ids: &mut [i32] = bytemuck::cast_slice_mut(&mut payload[..count * size_of::<i32>()]);
@@ -321,7 +336,8 @@ impl Parts {
                 std::thread::yield_now();
                 continue;
             }
-            let left = patience.timeout.map_or(LOOK_AROUND, |t| t.saturating_sub(begin.elapsed()).min(LOOK_AROUND));
+            let left =
+                patience.timeout.map_or(LOOK_AROUND, |t| t.saturating_sub(begin.elapsed()).min(LOOK_AROUND));
             let woken = self.listener.timed_wait(|_| {}, left);
             if !matches!(woken, Ok(events) if events > 0) {
                 if !self.control.is_alive() {
@@ -380,7 +396,7 @@ impl Parts {
     }
 }
 
-fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {
+pub(crate) fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {
     let layout = description.layout()?;
     if layout.hash() != description.layout_hash {
         let lane = description.lane.clone();

@@ -99,7 +99,8 @@ impl Legal {
         }
         for (agent, &action) in actions.iter().enumerate() {
             if !self.is_available(env, agent, action) {
-                let available = (0..self.n_actions).filter(|a| self.is_available(env, agent, *a as i32)).collect();
+                let available =
+                    (0..self.n_actions).filter(|a| self.is_available(env, agent, *a as i32)).collect();
                 return Err(Rejection::UnavailableAction { env, agent, action, available });
             }
         }
@@ -184,8 +185,7 @@ impl Legal {
         for (slot, id) in ids.iter().enumerate() {
             let Some(env) = usize::try_from(*id).ok().filter(|env| *env < self.envs.len()) else { continue };
             let ended = terminated[slot] | truncated[slot] != 0;
-            self.envs[env] =
-                EnvState { busy: None, over: ended && self.autoreset != Autoreset::SameStep };
+            self.envs[env] = EnvState { busy: None, over: ended && self.autoreset != Autoreset::SameStep };
             if let Some(masks) = masks {
                 self.pack(env, &masks[slot * row..(slot + 1) * row]);
             }
@@ -197,7 +197,10 @@ impl Legal {
         let words = &mut self.bits[env * self.n_agents * self.words..(env + 1) * self.n_agents * self.words];
         for (agent, bits) in mask.chunks_exact(self.n_actions).zip(words.chunks_exact_mut(self.words)) {
             for (bytes, word) in agent.chunks(64).zip(bits) {
-                *word = bytes.chunks(8).enumerate().fold(0, |word, (i, eight)| word | pack_eight(eight) << (8 * i));
+                *word = bytes
+                    .chunks(8)
+                    .enumerate()
+                    .fold(0, |word, (i, eight)| word | pack_eight(eight) << (8 * i));
             }
         }
     }
@@ -233,7 +236,7 @@ fn nth_set(words: &[u64], limit: usize, draw: u32) -> i32 {
         if left >= 64 { *word } else { word & ((1 << left) - 1) }
     };
     let count: u32 = words.iter().enumerate().map(valid).map(u64::count_ones).sum();
-    let mut nth = (u64::from(draw) * u64::from(count) >> 32) as u32;
+    let mut nth = ((u64::from(draw) * u64::from(count)) >> 32) as u32;
     for (i, mut word) in words.iter().enumerate().map(|(i, word)| (i, valid((i, word)))) {
         if nth < word.count_ones() {
             for _ in 0..nth {

@@ -31,12 +31,14 @@
 #![deny(unsafe_code)] // allowed where a module says why
 
 mod batch;
+pub mod cli;
 mod client;
 pub mod control;
 mod legal;
 mod memory;
 mod place;
 mod services;
+mod spectator;
 mod supervisor;
 mod transport;
 pub mod wire;
@@ -49,6 +51,7 @@ pub use memory::TooLittleMemory;
 pub use place::{Place, PlaceError, ROOT_VARIABLE, check_name};
 pub use services::{Capacity, IpcError};
 pub use smaclite_pool::Wait;
+pub use spectator::Spectator;
 pub use supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
 
 use control::client::ControlClient;

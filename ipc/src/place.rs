@@ -93,7 +93,8 @@ impl Place {
         let mut config = Config::default();
         let root = self.root.as_os_str().as_encoded_bytes();
         config.global.set_root_path(&Path::new(root).expect("the length was checked"));
-        config.global.prefix = FileName::new(self.prefix.as_bytes()).expect("letters, digits and underscores");
+        config.global.prefix =
+            FileName::new(self.prefix.as_bytes()).expect("letters, digits and underscores");
         config
     }
 }

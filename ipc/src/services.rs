@@ -83,7 +83,13 @@ pub struct Capacity {
 
 impl Capacity {
     /// What a lane of `num_envs` environments in batches of `batch_size` served by `threads` workers needs.
-    pub fn new(num_envs: usize, batch_size: usize, threads: usize, frames_held: usize, spectators: usize) -> Self {
+    pub fn new(
+        num_envs: usize,
+        batch_size: usize,
+        threads: usize,
+        frames_held: usize,
+        spectators: usize,
+    ) -> Self {
         let synchronous = num_envs == batch_size;
         Capacity {
             frames_held,
@@ -94,9 +100,10 @@ impl Capacity {
         }
     }
 
-    /// Frames that can exist at once. A spectator keeps one waiting and may hold as many as a learner.
+    /// Frames that can exist at once: a learner's, those of a predecessor that was killed until they are taken back, a
+    /// spectator's one waiting and one held, and those being filled.
     fn frames(&self) -> usize {
-        self.frames_waiting + self.frames_held + self.spectators * (1 + self.frames_held) + self.frames_filling
+        2 * (self.frames_waiting + self.frames_held) + 2 * self.spectators + self.frames_filling
     }
 
     /// Bytes of shared memory that the supervisor needs for a lane.
@@ -211,7 +218,11 @@ impl LaneServices {
         Ok(LaneServices { frames, frames_event, requests })
     }
 
-    pub(crate) fn frame_publisher(&self, layout: &Layout, capacity: Capacity) -> Result<FramePublisher, IpcError> {
+    pub(crate) fn frame_publisher(
+        &self,
+        layout: &Layout,
+        capacity: Capacity,
+    ) -> Result<FramePublisher, IpcError> {
         let frames = capacity.frames();
         self.frames
             .publisher_builder()

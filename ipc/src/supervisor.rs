@@ -250,7 +250,7 @@ impl Supervisor {
             threads: options.threads,
             shared_memory,
             started: Instant::now(),
-            services,
+            _services: services,
             node,
         };
         let control = std::thread::Builder::new().name("smaclite-control".to_owned());

@@ -2,13 +2,20 @@
 
 #![allow(unsafe_code)] // a loaned sample is shared memory the operating system zeroed, not uninitialised Rust memory
 
-use crate::services::{FrameLoan, FramePublisher, IpcListener, IpcNotifier, RequestSample, RequestSubscriber};
+use crate::services::{
+    FrameLoan, FramePublisher, IpcListener, IpcNotifier, RequestSample, RequestSubscriber,
+};
 use crate::wire::{FrameHeader, MAGIC, read_request};
+use iceoryx2::port::LoanError;
+use iceoryx2::port::update_connections::UpdateConnections;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Outlet, Request, Round, Transport};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Dead processes are cleaned up every 100 ms; a frame that is not to be had after this never will be.
+const RECLAIM_TIME: Duration = Duration::from_secs(2);
 
 /// Lanes over iceoryx2.
 pub(crate) struct Iceoryx;
@@ -58,9 +65,20 @@ pub(crate) struct FrameOutlet {
 impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
+    /// The memory suffices by calculation, but when learners are killed one after the other theirs comes back only with
+    /// the next look-around; so waits for it a little.
     fn loan(&mut self) -> Result<FrameLoan, String> {
-        let loan = self.publisher.loan_slice_uninit(self.layout.bytes());
-        loan.map_err(|error| format!("no memory for a frame: {error:?}"))
+        let begin = Instant::now();
+        loop {
+            match self.publisher.loan_slice_uninit(self.layout.bytes()) {
+                Ok(loan) => return Ok(loan),
+                Err(LoanError::OutOfMemory) if begin.elapsed() < RECLAIM_TIME => {
+                    let _ = self.publisher.update_connections(); // takes back what clean-up freed
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Err(error) => return Err(format!("no memory for a frame: {error:?}")),
+            }
+        }
     }
 
     fn payload(loan: &mut FrameLoan) -> &mut [u8] {

@@ -26,6 +26,15 @@ pub enum Wait {
 }
 
 impl Wait {
+    /// The word used in options and Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Wait::Adaptive(_) => "adaptive",
+            Wait::Spin => "spin",
+            Wait::Block => "block",
+        }
+    }
+
     /// Until when to spin, counted from now: `None` means for ever.
     pub fn spin_until(self) -> Option<Instant> {
         match self {
@@ -132,7 +141,8 @@ impl<E> HandOff<E> {
         }
         let mut state = lock(&inbox.state);
         let lanes = state.queues.len();
-        let lane = (0..lanes).map(|i| (state.next_queue + i) % lanes).find(|l| !state.queues[*l].is_empty())?;
+        let lane =
+            (0..lanes).map(|i| (state.next_queue + i) % lanes).find(|l| !state.queues[*l].is_empty())?;
         state.next_queue = (lane + 1) % lanes;
         let queue = &mut state.queues[lane];
         let count = most.min(queue.len());

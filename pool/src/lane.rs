@@ -314,7 +314,11 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn serve(&self, run: &[Entry], scratch: &mut Scratch) {
         let mut tally = Tally::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
-            if self.is_synchronous() { self.serve_run(run, scratch, &mut tally) } else { self.serve_each(run, scratch, &mut tally) }
+            if self.is_synchronous() {
+                self.serve_run(run, scratch, &mut tally)
+            } else {
+                self.serve_each(run, scratch, &mut tally)
+            }
         }));
         match served {
             Ok(Ok(())) => {}
@@ -340,7 +344,8 @@ impl<T: Transport> Lane<T> {
     /// Asynchronous: whoever finishes first gets the next slot.
     fn serve_each(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
         for entry in run {
-            let claim_slot = |_| Ok(lock(&self.outbox).claim(entry.round, 1)?.map(|claim| (claim, claim.first)));
+            let claim_slot =
+                |_| Ok(lock(&self.outbox).claim(entry.round, 1)?.map(|claim| (claim, claim.first)));
             let claim = self.serve_seat(entry, scratch, tally, claim_slot)?;
             claim.into_iter().for_each(|claim| self.finish(claim));
         }

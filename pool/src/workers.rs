@@ -133,7 +133,8 @@ impl<T: Transport> Shared<T> {
     fn accept_all(&self) -> bool {
         let mut any = false;
         for (index, lane) in self.lanes.iter().enumerate() {
-            let accepted = catch_unwind(AssertUnwindSafe(|| lane.accept(|entries| self.share_out(index, entries))));
+            let accepted =
+                catch_unwind(AssertUnwindSafe(|| lane.accept(|entries| self.share_out(index, entries))));
             any |= accepted.unwrap_or_else(|panic| {
                 lane.fail(panic_text(panic.as_ref()));
                 false

@@ -26,8 +26,8 @@ pub enum Ask {
         /// The lane's name.
         lane: Option<String>,
     },
-    /// Look up a lane without taking it.
-    Lane {
+    /// Become a spectator of a lane. Ends when the connection does.
+    Watch {
         /// The lane's name.
         lane: Option<String>,
     },
@@ -46,7 +46,7 @@ pub enum Answer {
         /// What was attached to.
         lane: Box<LaneDescription>,
     },
-    /// To [`Ask::Lane`].
+    /// To [`Ask::Watch`].
     Lane(Box<LaneDescription>),
     /// No.
     Refused(Refusal),
@@ -59,11 +59,15 @@ pub enum Answer {
 pub enum Refusal {
     #[error("lane `{lane}` already has a learner: process {holder}")]
     LaneTaken { lane: String, holder: u32 },
+    #[error("lane `{lane}` has its {limit} spectators already; serve it with more (--spectators)")]
+    TooManySpectators { lane: String, limit: usize },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
     #[error("the pool has several lanes; say which one: {}", names(lanes))]
     WhichLane { lanes: Vec<String> },
-    #[error("the pool speaks version {supervisor} of the protocol, this program {client}; run the same release")]
+    #[error(
+        "the pool speaks version {supervisor} of the protocol, this program {client}; run the same release"
+    )]
     Version { supervisor: u32, client: u32 },
     #[error("lane `{lane}` failed and serves no more: {text}")]
     LaneFailed { lane: String, text: String },
@@ -99,6 +103,8 @@ pub struct LaneStatus {
     pub description: LaneDescription,
     /// The process of the learner that has it.
     pub holder: Option<u32>,
+    /// Spectators that watch it.
+    pub spectators: usize,
     /// Counts since the supervisor started.
     pub figures: LaneFigures,
     /// Steps of single environments in the last second.

@@ -1,7 +1,9 @@
 //! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when a
 //! learner's process ends, and has iceoryx2 take back what dead processes left.
 
-use super::protocol::{Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal};
+use super::protocol::{
+    Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal,
+};
 use crate::services::{Ipc, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use iceoryx2::prelude::Node;
@@ -25,7 +27,7 @@ pub(crate) struct Host {
     pub(crate) shared_memory: usize,
     pub(crate) started: Instant,
     /// Kept open so that learners find them.
-    pub(crate) services: (WorkEvent, Vec<LaneServices>),
+    pub(crate) _services: (WorkEvent, Vec<LaneServices>),
     pub(crate) node: Node<Ipc>,
 }
 
@@ -33,6 +35,7 @@ pub(crate) struct Host {
 pub(crate) struct HostedLane {
     pub(crate) description: LaneDescription,
     holder: Option<u32>,
+    spectators: usize,
     /// Steps and time at the last look, for the rate.
     seen: (u64, Instant),
     steps_per_s: f64,
@@ -40,7 +43,7 @@ pub(crate) struct HostedLane {
 
 impl HostedLane {
     pub(crate) fn new(description: LaneDescription) -> Self {
-        HostedLane { description, holder: None, seen: (0, Instant::now()), steps_per_s: 0.0 }
+        HostedLane { description, holder: None, spectators: 0, seen: (0, Instant::now()), steps_per_s: 0.0 }
     }
 }
 
@@ -50,7 +53,15 @@ struct Connection {
     /// Readable when the process ends, even if a forked child keeps the socket open.
     process: Option<OwnedFd>,
     received: Vec<u8>,
-    lane: Option<usize>,
+    role: Role,
+}
+
+/// What a connection is besides a questioner; lanes by number.
+#[derive(Clone, Copy, PartialEq)]
+enum Role {
+    None,
+    Learner(usize),
+    Spectator(usize),
 }
 
 /// Serves until `stop` is closed by the other end.
@@ -68,7 +79,9 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
                 host.release(connections.swap_remove(index));
             }
         }
-        if ready.listener && let Ok((stream, _)) = listener.accept() {
+        if ready.listener
+            && let Ok((stream, _)) = listener.accept()
+        {
             connections.extend(Connection::new(stream));
         }
         if last_look.elapsed() >= LOOK_AROUND {
@@ -116,7 +129,7 @@ impl Connection {
         stream.set_nonblocking(true).ok()?;
         let process = rustix::process::pidfd_open(peer.pid, rustix::process::PidfdFlags::empty()).ok();
         let pid = peer.pid.as_raw_nonzero().get() as u32;
-        Some(Connection { stream, pid, process, received: Vec::new(), lane: None })
+        Some(Connection { stream, pid, process, received: Vec::new(), role: Role::None })
     }
 
     fn process_ended(&self) -> bool {
@@ -135,6 +148,13 @@ impl Connection {
                 Ok(n) => self.received.extend_from_slice(&chunk[..n]),
                 Err(e) => return matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
             }
+        }
+    }
+
+    fn expect_no_role(&self) -> Result<(), Refusal> {
+        match self.role {
+            Role::None => Ok(()),
+            _ => Err(Refusal::Malformed { what: "this connection has a lane already".to_owned() }),
         }
     }
 
@@ -158,10 +178,7 @@ impl Host {
         while let Some(line) = connection.next_line() {
             let answer = match serde_json::from_slice::<Ask>(&line) {
                 Ok(Ask::Status) => Answer::Status(self.status()),
-                Ok(Ask::Lane { lane }) => match self.find(lane) {
-                    Ok(index) => Answer::Lane(Box::new(self.lanes[index].description.clone())),
-                    Err(refusal) => Answer::Refused(refusal),
-                },
+                Ok(Ask::Watch { lane }) => self.watch(connection, lane).unwrap_or_else(Answer::Refused),
                 Ok(Ask::Attach { version, lane }) => {
                     self.attach(connection, version, lane, sessions).unwrap_or_else(Answer::Refused)
                 }
@@ -184,9 +201,7 @@ impl Host {
         if version != PROTOCOL_VERSION {
             return Err(Refusal::Version { supervisor: PROTOCOL_VERSION, client: version });
         }
-        if connection.lane.is_some() {
-            return Err(Refusal::Malformed { what: "this connection is a learner already".to_owned() });
-        }
+        connection.expect_no_role()?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let name = lane.description.lane.clone();
@@ -198,10 +213,23 @@ impl Host {
         }
         *sessions += 1;
         lane.holder = Some(connection.pid);
-        connection.lane = Some(index);
+        connection.role = Role::Learner(index);
         self.pool.set_session(index, Some(*sessions));
         tracing::info!(lane = name, pid = connection.pid, "learner attached");
         Ok(Answer::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
+    }
+
+    fn watch(&mut self, connection: &mut Connection, lane: Option<String>) -> Result<Answer, Refusal> {
+        connection.expect_no_role()?;
+        let index = self.find(lane)?;
+        let lane = &mut self.lanes[index];
+        let limit = lane.description.capacity.spectators;
+        if lane.spectators == limit {
+            return Err(Refusal::TooManySpectators { lane: lane.description.lane.clone(), limit });
+        }
+        lane.spectators += 1;
+        connection.role = Role::Spectator(index);
+        Ok(Answer::Lane(Box::new(lane.description.clone())))
     }
 
     fn find(&self, lane: Option<String>) -> Result<usize, Refusal> {
@@ -218,16 +246,26 @@ impl Host {
 
     /// Frees what a connection held.
     fn release(&mut self, connection: Connection) {
-        let Some(index) = connection.lane else { return };
-        self.pool.set_session(index, None);
-        self.lanes[index].holder = None;
-        tracing::info!(lane = self.lanes[index].description.lane, pid = connection.pid, "learner left");
+        match connection.role {
+            Role::None => {}
+            Role::Spectator(index) => self.lanes[index].spectators -= 1,
+            Role::Learner(index) => {
+                self.pool.set_session(index, None);
+                self.lanes[index].holder = None;
+                tracing::info!(
+                    lane = self.lanes[index].description.lane,
+                    pid = connection.pid,
+                    "learner left"
+                );
+            }
+        }
     }
 
     fn status(&self) -> PoolStatus {
         let lane = |(index, lane): (usize, &HostedLane)| LaneStatus {
             description: lane.description.clone(),
             holder: lane.holder,
+            spectators: lane.spectators,
             figures: self.pool.figures(index),
             steps_per_s: lane.steps_per_s,
             failure: self.pool.failure(index).map(str::to_owned),

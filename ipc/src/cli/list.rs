@@ -1,0 +1,129 @@
+//! `smaclite-pool list` and `status`: which pools run here, and how they do.
+
+use super::{Outcome, heading, megabytes, place, print_table};
+use crate::control::client::ControlError;
+use crate::{ConnectError, LaneStatus, Place, PoolStatus, status};
+use clap::Args;
+
+#[derive(Args)]
+pub(super) struct List {
+    /// One JSON object a pool
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub(super) struct Status {
+    /// The pool's name
+    #[arg(default_value = "default")]
+    name: String,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl List {
+    pub(super) fn run(self) -> Outcome {
+        let pools = living_pools(&place()?)?;
+        if self.json {
+            pools.iter().try_for_each(|pool| serde_json::to_string(pool).map(|line| println!("{line}")))?;
+            return Ok(());
+        }
+        if pools.is_empty() {
+            println!("no pool runs here");
+            return Ok(());
+        }
+        let mut rows = vec![heading(["pool", "process", "lane", "environments", "learner", "steps/s"])];
+        for pool in &pools {
+            for lane in &pool.lanes {
+                let d = &lane.description;
+                rows.push(vec![
+                    pool.pool.clone(),
+                    pool.pid.to_string(),
+                    d.lane.clone(),
+                    format!("{} x {}", d.num_envs, d.scenario),
+                    learner(lane),
+                    format!("{:.0}", lane.steps_per_s),
+                ]);
+            }
+        }
+        print_table(&rows)?;
+        Ok(())
+    }
+}
+
+impl Status {
+    pub(super) fn run(self) -> Outcome {
+        let pool = status(&place()?, &self.name)?;
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&pool)?);
+            return Ok(());
+        }
+        println!(
+            "pool `{}`: process {}, up {:.0} s, {} worker threads, {} of shared memory",
+            pool.pool,
+            pool.pid,
+            pool.uptime_s,
+            pool.threads,
+            megabytes(pool.shared_memory)
+        );
+        let mut rows = vec![heading([
+            "lane",
+            "environments",
+            "learner",
+            "steps/s",
+            "steps",
+            "episodes",
+            "won",
+            "refused",
+        ])];
+        rows.extend(pool.lanes.iter().map(lane_row));
+        print_table(&rows)?;
+        for lane in &pool.lanes {
+            if let Some(failure) = &lane.failure {
+                println!("lane `{}` failed: {failure}", lane.description.lane);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn lane_row(lane: &LaneStatus) -> Vec<String> {
+    let (d, f) = (&lane.description, lane.figures);
+    let won = if f.episodes == 0 {
+        "-".to_owned()
+    } else {
+        format!("{:.1} %", 100.0 * f.wins as f64 / f.episodes as f64)
+    };
+    vec![
+        d.lane.clone(),
+        format!("{} x {}", d.num_envs, d.scenario),
+        learner(lane),
+        format!("{:.0}", lane.steps_per_s),
+        f.steps.to_string(),
+        f.episodes.to_string(),
+        won,
+        f.rejected.to_string(),
+    ]
+}
+
+fn learner(lane: &LaneStatus) -> String {
+    match (&lane.failure, lane.holder) {
+        (Some(_), _) => "failed".to_owned(),
+        (None, Some(pid)) => format!("process {pid}"),
+        (None, None) => "none".to_owned(),
+    }
+}
+
+/// The pools that answer; what a dead one left is skipped.
+fn living_pools(place: &Place) -> Result<Vec<PoolStatus>, ConnectError> {
+    let mut pools = Vec::new();
+    for name in place.pool_names() {
+        match status(place, &name) {
+            Ok(pool) => pools.push(pool),
+            Err(ConnectError::Control(ControlError::NoSuchPool { .. })) => {}
+            Err(error) => eprintln!("smaclite-pool: {error}"),
+        }
+    }
+    Ok(pools)
+}

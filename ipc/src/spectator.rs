@@ -1,0 +1,99 @@
+//! Watching a lane: read-only, as many frames as the watcher has time for, without anyone noticing.
+
+use crate::batch::Batch;
+use crate::client::{ClientError, ConnectError, checked_layout};
+use crate::control::client::ControlClient;
+use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
+use crate::place::Place;
+use crate::services::{FrameSubscriber, Ipc, LaneServices, doing, node};
+use crate::wire::{FrameHeader, MAGIC};
+use iceoryx2::prelude::Node;
+use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+use std::mem::ManuallyDrop;
+use std::sync::Arc;
+
+/// A watcher of a lane. Frames that it does not fetch in time are replaced by newer ones; it holds one at a time.
+pub struct Spectator {
+    parts: ManuallyDrop<Parts>,
+    owner: u32,
+}
+
+/// Dropped in this order: the frame before its port, that before its node, the control connection last.
+struct Parts {
+    current: Option<Batch>,
+    subscriber: FrameSubscriber,
+    _services: LaneServices,
+    _node: Node<Ipc>,
+    control: ControlClient,
+    description: LaneDescription,
+    layout: Arc<Layout>,
+}
+
+impl Spectator {
+    /// Watches a lane of a pool: its only lane, if none is named.
+    pub fn connect(place: &Place, pool: &str, lane: Option<&str>) -> Result<Spectator, ConnectError> {
+        let mut control = ControlClient::connect(place, pool)?;
+        let description = match control.ask(&Ask::Watch { lane: lane.map(str::to_owned) })? {
+            Answer::Lane(lane) => *lane,
+            Answer::Refused(refusal) => return Err(refusal.into()),
+            other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+        };
+        let layout = Arc::new(checked_layout(&description)?);
+        let node = node(place, &format!("spectator of {pool}"))?;
+        let services = LaneServices::open(&node, &description.instance, &description.lane)?;
+        let subscriber = services.frame_subscriber(1)?;
+        let parts = Parts {
+            current: None,
+            subscriber,
+            _services: services,
+            _node: node,
+            control,
+            description,
+            layout,
+        };
+        Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
+    }
+
+    /// What is watched.
+    pub fn description(&self) -> &LaneDescription {
+        &self.parts.description
+    }
+
+    /// The newest frame, `None` before the first. Never blocks. Whose session it belongs to does not matter here.
+    pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
+        if self.owner != std::process::id() {
+            return Err(ClientError::Forked { owner: self.owner });
+        }
+        let parts = &mut *self.parts;
+        // The held frame is given back before another is taken. With a buffer of one there is at most one newer.
+        let newer = parts.subscriber.has_samples().map_err(doing("looking for a frame"))?;
+        if newer {
+            parts.current = None;
+            if let Some(sample) = parts.subscriber.receive().map_err(doing("receiving a frame"))? {
+                let hash = parts.layout.hash();
+                if is_batch(sample.user_header(), hash) && sample.payload().len() == parts.layout.bytes() {
+                    parts.current = Some(Batch::new(sample, Arc::clone(&parts.layout)));
+                }
+            }
+        } else if !parts.control.is_alive() {
+            return Err(ClientError::PoolDied { pool: parts.description.pool.clone() });
+        }
+        Ok(parts.current.as_ref())
+    }
+}
+
+fn is_batch(header: &FrameHeader, layout_hash: u64) -> bool {
+    (header.magic, header.version, header.layout_hash) == (MAGIC, FORMAT_VERSION, layout_hash)
+        && header.rejection_len == 0
+}
+
+impl Drop for Spectator {
+    #[allow(unsafe_code)]
+    fn drop(&mut self) {
+        // A forked child must not take its parent's port down.
+        if self.owner == std::process::id() {
+            // SAFETY: dropped once, here, and not used after.
+            unsafe { ManuallyDrop::drop(&mut self.parts) }
+        }
+    }
+}
