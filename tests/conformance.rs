@@ -29,7 +29,11 @@ fn battles_are_those_of_the_published_environment() {
         check_reset(recording, &arena, &mut tally);
         check_steps(recording, &arena, &mut tally);
         let episode = check_episode(recording, &arena);
-        println!("{:32} {tally}  whole episode {}", recording.name(), if episode.is_ok() { "yes" } else { "no" });
+        println!(
+            "{:32} {tally}  whole episode {}",
+            recording.name(),
+            if episode.is_ok() { "yes" } else { "no" }
+        );
         for difference in tally.differences.iter().chain(episode.as_ref().err()) {
             println!("    {difference}");
         }
@@ -39,7 +43,10 @@ fn battles_are_those_of_the_published_environment() {
     let files = recordings.len();
     println!("total: {files} files, {total}, whole episodes {whole_episodes} of {files}");
     assert!(total.differences.is_empty(), "some steps differ, see above");
-    assert!((files - whole_episodes) as f64 <= MAY_PART * files as f64, "too many whole episodes differ, see above");
+    assert!(
+        (files - whole_episodes) as f64 <= MAY_PART * files as f64,
+        "too many whole episodes differ, see above"
+    );
 }
 
 /// How many steps agree.
@@ -87,7 +94,11 @@ fn check_sizes(recording: &Recording, arena: &Arena) {
     let found = [sizes.n_agents, sizes.n_enemies, sizes.n_actions, sizes.obs_size, sizes.state_size];
     assert_eq!(recording.sizes, found, "{}: agents, enemies, actions, obs, state", recording.name());
     let (recorded, found) = (recording.max_reward, arena.max_reward());
-    assert!((recorded - found).abs() < 1e-6, "{}: greatest reward {recorded}, found {found}", recording.name());
+    assert!(
+        (recorded - found).abs() < 1e-6,
+        "{}: greatest reward {recorded}, found {found}",
+        recording.name()
+    );
 }
 
 /// A reset must give the first frame; it counts as a step.
@@ -105,7 +116,9 @@ fn check_steps(recording: &Recording, arena: &Arc<Arena>, tally: &mut Tally) {
     let mut scratch = Scratch::new();
     for t in 0..recording.n_steps() {
         let name = format!("step {t} (ticks {} to {})", t * TICKS_PER_STEP, (t + 1) * TICKS_PER_STEP - 1);
-        battle.restore(&recording.snapshot(t)).unwrap_or_else(|e| panic!("{}, {name}: {e}", recording.name()));
+        battle
+            .restore(&recording.snapshot(t))
+            .unwrap_or_else(|e| panic!("{}, {name}: {e}", recording.name()));
         let order = recording.order(t);
         let step = battle
             .step_in_order(&recording.actions[t], ExecutionOrder::Given(&order), &mut scratch)

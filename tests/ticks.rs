@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, TICKS_PER_STEP};
+use smaclite_tests::Recording;
 use smaclite_tests::compare::{self, Bounds};
 use smaclite_tests::recording::{self, Ticks};
-use smaclite_tests::Recording;
 
 const BOUNDS: Bounds = Bounds { figures: 1e-6, places: 1e-5 };
 

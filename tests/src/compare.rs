@@ -85,7 +85,12 @@ pub fn units(recorded: &Units, found: &Units, bounds: Bounds) -> Comparison {
     let mut comparison = Comparison::default();
     for unit in 0..recorded.alive.len() {
         comparison.equal(format_args!("alive of unit {unit}"), recorded.alive[unit], found.alive[unit]);
-        comparison.figure(format_args!("hp of unit {unit}"), recorded.hp[unit], found.hp[unit], bounds.figures);
+        comparison.figure(
+            format_args!("hp of unit {unit}"),
+            recorded.hp[unit],
+            found.hp[unit],
+            bounds.figures,
+        );
         if !recorded.alive[unit] {
             continue;
         }

@@ -101,8 +101,13 @@ impl Recording {
         let meta: Vec<u8> = integers(&mut archive, "meta")?.into_iter().map(|x| x as u8).collect();
         let meta: Value = serde_json::from_slice(&meta)?;
         let size = |key: &str| meta[key].as_u64().map(|x| x as usize).ok_or(format!("no {key} in meta"));
-        let sizes =
-            [size("n_agents")?, size("n_enemies")?, size("n_actions")?, size("obs_size")?, size("state_size")?];
+        let sizes = [
+            size("n_agents")?,
+            size("n_enemies")?,
+            size("n_actions")?,
+            size("obs_size")?,
+            size("state_size")?,
+        ];
         let [n_agents, n_enemies, n_actions, obs_size, state_size] = sizes;
         let n_units = n_agents + n_enemies;
         let has_ticks = archive.by_name("tick_pos")?.is_some();
@@ -121,7 +126,10 @@ impl Recording {
             sizes,
             max_reward: meta["max_reward"].as_f64().ok_or("no max_reward in meta")?,
             frames: frames(&mut archive, "", n_units)?,
-            actions: rows(integers(&mut archive, "actions")?.into_iter().map(|x| x as i32).collect(), n_agents),
+            actions: rows(
+                integers(&mut archive, "actions")?.into_iter().map(|x| x as i32).collect(),
+                n_agents,
+            ),
             orders: orders(&integers(&mut archive, "order")?, n_units),
             rewards: floats(&mut archive, "reward")?,
             terminated: flags(&mut archive, "terminated")?,
@@ -151,8 +159,9 @@ impl Recording {
         let at_top = folder().join(&file);
         match [beside, at_top].into_iter().find(|path| path.is_file()) {
             Some(path) => Scenario::load(&path).unwrap_or_else(|e| panic!("{e}")),
-            None => Scenario::standard(&self.scenario)
-                .unwrap_or_else(|| panic!("{}: no {file} beside it, and no standard scenario", self.path.display())),
+            None => Scenario::standard(&self.scenario).unwrap_or_else(|| {
+                panic!("{}: no {file} beside it, and no standard scenario", self.path.display())
+            }),
         }
     }
 

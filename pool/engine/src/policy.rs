@@ -1,46 +1,111 @@
-//! Simple players for benches, demos and tests. They see the whole battle, which agents do not.
+//! Simple players for benches, demos and tests: uniformly random, and one that walks to the nearest enemy and
+//! attacks it.
 
-use crate::Battle;
+use rand::Rng;
+use rand_pcg::Pcg64Mcg;
+
+use crate::battle::Battle;
 use crate::command::{DIRECTIONS, action};
 use crate::units::distance_squared;
-use rand::Rng;
 
-/// Writes an action for every agent: walk to and attack the nearest enemy; a healer heals the most hurt of the allies it
-/// can target and walks with the nearest ally otherwise; nobody left to go to means stop. `actions` is `[n_agents]`.
-pub fn nearest(battle: &Battle, actions: &mut [i32]) {
-    for (agent, slot) in actions.iter_mut().enumerate() {
-        *slot = nearest_action(battle, agent) as i32;
+/// Plays uniformly random available actions. Equal seeds play alike in equal battles.
+#[derive(Clone, Debug)]
+pub struct Random {
+    generator: Pcg64Mcg,
+}
+
+impl Random {
+    /// A player with a stream of its own.
+    pub fn new(seed: u64) -> Random {
+        use rand::SeedableRng;
+        Random { generator: Pcg64Mcg::seed_from_u64(seed) }
+    }
+
+    /// Writes an action for each agent.
+    ///
+    /// # Panics
+    /// If `actions` is longer than there are agents.
+    pub fn act(&mut self, battle: &Battle, actions: &mut [i32]) {
+        for (agent, action) in actions.iter_mut().enumerate() {
+            *action = pick(battle.available(agent), self.generator.next_u64()) as i32;
+        }
     }
 }
 
-fn nearest_action(battle: &Battle, agent: usize) -> usize {
-    let (arena, units) = (battle.arena(), battle.units());
-    let own = arena.agents[agent];
-    if !units.alive[own as usize] {
+/// One of the set bits, by position, as uniformly as the random `word` is; 0 if there is none.
+pub fn pick(bits: &[u64], word: u64) -> usize {
+    let count: u32 = bits.iter().map(|bits| bits.count_ones()).sum();
+    // The high bits of word * count are uniform in 0..count, to within count / 2^64.
+    let mut skip = ((u128::from(word) * u128::from(count)) >> 64) as u32;
+    for (i, &bits) in bits.iter().enumerate() {
+        if skip < bits.count_ones() {
+            let rest = (0..skip).fold(bits, |bits, _| bits & (bits - 1));
+            return i * 64 + rest.trailing_zeros() as usize;
+        }
+        skip -= bits.count_ones();
+    }
+    0
+}
+
+/// Writes an action for each agent: target the nearest enemy that can be targeted; without one, the move that
+/// leads nearest to the nearest living enemy. Healers target the most hurt ally they can, or follow their side.
+///
+/// # Panics
+/// If `actions` is longer than there are agents.
+pub fn nearest(battle: &Battle, actions: &mut [i32]) {
+    for (agent, action) in actions.iter_mut().enumerate() {
+        *action = choose(battle, agent) as i32;
+    }
+}
+
+fn choose(battle: &Battle, agent: usize) -> usize {
+    if battle.is_available(agent, action::NO_OP) {
         return action::NO_OP;
     }
-    let heals = arena.kind(own).is_healer;
-    let others = if heals { &arena.agents } else { &arena.enemies };
-    let far = |id: u32| distance_squared(units.pos[own as usize], units.pos[id as usize]);
-    let targets = (0..others.len()).filter(|i| battle.is_available(agent, action::FIRST_TARGET + i));
-    let worth = |i: &usize| if heals { units.hp[others[*i] as usize] } else { far(others[*i]) };
-    if let Some(target) = targets.min_by(|a, b| worth(a).total_cmp(&worth(b))) {
+    let arena = battle.arena();
+    let id = arena.agents[agent];
+    let is_healer = arena.kind(id).is_healer;
+    let others = if is_healer { &arena.agents } else { &arena.enemies };
+    let units = battle.units();
+    let away = |other: u32| distance_squared(units.pos[id as usize], units.pos[other as usize]);
+    // How little a unit is worth walking to: the less health a patient has the better, then the nearer.
+    let rank = |other: u32| {
+        let share = if is_healer { units.hp[other as usize] / arena.kind(other).hp } else { 0.0 };
+        (share, away(other))
+    };
+    let by_rank = |&a: &(usize, u32), &b: &(usize, u32)| {
+        rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal)
+    };
+    let candidates = || others.iter().copied().enumerate();
+    let targetable = candidates().filter(|&(i, _)| battle.is_available(agent, action::FIRST_TARGET + i));
+    if let Some((target, _)) = targetable.min_by(by_rank) {
         return action::FIRST_TARGET + target;
     }
-    let living = others.iter().copied().filter(|id| *id != own && units.alive[*id as usize]);
-    let Some(goal) = living.min_by(|a, b| far(*a).total_cmp(&far(*b))) else { return action::STOP };
-    let [dx, dy] = (units.pos[goal as usize] - units.pos[own as usize]).to_array().map(f64::from);
-    let gain = |direction: usize| DIRECTIONS[direction][0] * dx + DIRECTIONS[direction][1] * dy;
-    let moves = (0..4).filter(|d| battle.is_available(agent, action::NORTH + d));
-    moves.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).map_or(action::STOP, |d| action::NORTH + d)
+    let fits = |other: u32| {
+        units.alive[other as usize] && other != id && !(is_healer && arena.kind(other).is_healer)
+    };
+    match candidates()
+        .filter(|&(_, other)| fits(other))
+        .map(|(_, other)| other)
+        .min_by(|&a, &b| away(a).total_cmp(&away(b)))
+    {
+        Some(goal) => approach(battle, agent, goal),
+        None => action::STOP,
+    }
 }
 
-/// Writes a uniformly random legal action for every agent. `actions` is `[n_agents]`.
-pub fn random(battle: &Battle, generator: &mut impl Rng, actions: &mut [i32]) {
-    for (agent, slot) in actions.iter_mut().enumerate() {
-        let legal = || (0..battle.arena().sizes().n_actions).filter(|a| battle.is_available(agent, *a));
-        let draw = u64::from(generator.next_u32()) * legal().count() as u64;
-        let nth = (draw >> 32) as usize; // equally likely to 2^-32
-        *slot = legal().nth(nth).unwrap_or(action::NO_OP) as i32;
+/// The available move that leads nearest to a unit, or to stop if none leads nearer.
+fn approach(battle: &Battle, agent: usize, goal: u32) -> usize {
+    let units = battle.units();
+    let position = units.pos[battle.arena().agents[agent] as usize];
+    let goal = units.pos[goal as usize];
+    let mut best = (action::STOP, distance_squared(position, goal));
+    for (direction, action) in DIRECTIONS.into_iter().zip(action::NORTH..) {
+        let step = glam::Vec2::from(direction.map(|d| d as f32));
+        let away = distance_squared(position + step, goal);
+        if away < best.1 && battle.is_available(agent, action) {
+            best = (action, away);
+        }
     }
+    best.0
 }

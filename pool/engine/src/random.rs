@@ -21,7 +21,10 @@ impl Generator {
     pub fn new(seed: u64) -> Generator {
         let [state_high, state_low, stream_high, stream_low] = seed_words(seed);
         let join = |high: u64, low: u64| u128::from(high) << 64 | u128::from(low);
-        Generator { pcg: Pcg64::new(join(state_high, state_low), join(stream_high, stream_low)), high_half: None }
+        Generator {
+            pcg: Pcg64::new(join(state_high, state_low), join(stream_high, stream_low)),
+            high_half: None,
+        }
     }
 
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.

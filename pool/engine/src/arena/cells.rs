@@ -41,7 +41,8 @@ impl EdgesByCell {
 
     /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them.
     pub fn near(&self, position: Vec2) -> &[u32] {
-        let index = |x: f32, count: usize| (x.floor() as i64).saturating_add(1).clamp(0, count as i64 - 1) as usize;
+        let index =
+            |x: f32, count: usize| (x.floor() as i64).saturating_add(1).clamp(0, count as i64 - 1) as usize;
         let cell = index(position.y, self.rows) * self.columns + index(position.x, self.columns);
         &self.lists[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }

@@ -171,13 +171,26 @@ mod tests {
 
     #[test]
     fn an_edge_across_a_line_is_cut_on_it() {
-        let long = outline(&Rect { x0: 0, y0: 6, x1: 10, y1: 7 });
-        let mut edges = outline(&SQUARE).to_vec();
-        edges.extend(long);
+        let [_, east, _, _] = outline(&SQUARE);
+        let [long, ..] = outline(&Rect { x0: 0, y0: 6, x1: 10, y1: 7 });
+        assert!(matches!(east.side_of(&long), Side::Both { start_is_left: true }));
+        let (west, rest) = long.cut_by(&east);
+        assert_eq!([west.start, west.end, rest.start, rest.end].map(|point| point.x), [0.0, 4.0, 4.0, 10.0]);
+        assert_eq!(
+            [west.before, west.after, rest.before, rest.after],
+            [Vec2::NEG_Y, Vec2::X, Vec2::X, Vec2::Y]
+        );
+    }
+
+    #[test]
+    fn arranging_loses_no_length() {
+        // In a pinwheel of four bars every line crosses another bar.
+        let bars = [[0, 4, 5, 6], [4, 5, 6, 10], [5, 4, 10, 6], [4, 0, 6, 5]];
+        let bars = bars.map(|[x0, y0, x1, y1]| Rect { x0, y0, x1, y1 });
         let mut pieces = Vec::new();
-        Node::arrange(edges, &mut pieces);
-        assert!(pieces.len() > 8, "nothing was cut");
+        Node::arrange(bars.iter().flat_map(outline).collect(), &mut pieces);
+        assert!(pieces.len() > 16, "nothing was cut");
         let length: f32 = pieces.iter().map(|edge| (edge.end - edge.start).length()).sum();
-        assert_eq!(length, 8.0 + 22.0);
+        assert_eq!(length, 4.0 * 14.0);
     }
 }

@@ -58,7 +58,7 @@ impl Kind {
             radius,
             plane: unit_type.plane,
             is_healer: unit_type.is_healer(),
-            targeter: unit_type.targeter.clone(),
+            targeter: unit_type.targeter,
             reach: unit_type.attack_range + radius,
             scan_range: unit_type.minimum_scan_range,
             search_radius: unit_type.minimum_scan_range + largest_radius,

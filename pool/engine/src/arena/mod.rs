@@ -83,7 +83,8 @@ impl Arena {
         let kinds: Vec<Kind> = types.iter().map(|kind| Kind::new(kind, largest_radius)).collect();
         let pairs = || types.iter().flat_map(|attacker| types.iter().map(move |victim| (attacker, victim)));
         let layout = Layout::new(scenario);
-        let farthest_sight = kinds.iter().filter_map(|kind| kind.avoid.edge_range_squared).fold(0.0, f32::max);
+        let farthest_sight =
+            kinds.iter().filter_map(|kind| kind.avoid.edge_range_squared).fold(0.0, f32::max);
         let enemies = ids_of(scenario, Faction::Enemy);
         let total = |id: &u32| {
             let unit_type = &types[units[*id as usize].unit_type];
@@ -200,8 +201,10 @@ impl Layout {
 
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
     let units = scenario.units.iter().zip(0u32..);
-    let mut ids: Vec<(usize, u32)> =
-        units.filter(|(unit, _)| unit.faction == faction).map(|(unit, id)| (unit.id_in_faction, id)).collect();
+    let mut ids: Vec<(usize, u32)> = units
+        .filter(|(unit, _)| unit.faction == faction)
+        .map(|(unit, id)| (unit.id_in_faction, id))
+        .collect();
     ids.sort_unstable();
     ids.into_iter().map(|(_, id)| id).collect()
 }

@@ -2,10 +2,10 @@
 
 use glam::Vec2;
 
+use crate::TARGETING_RANGE;
 use crate::arena::{Arena, Sizes};
 use crate::command::{DIRECTIONS, action};
 use crate::units::{Living, Units, distance_squared};
-use crate::TARGETING_RANGE;
 
 /// One row of bits an agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
 #[derive(Clone, Debug)]

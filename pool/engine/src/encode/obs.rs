@@ -29,8 +29,10 @@ impl Bodies {
     fn gather(&mut self, view: &View) {
         let Bodies { allies, enemies } = self;
         let layout = &view.arena.layout;
-        let sides =
-            [(&view.arena.agents, layout.ally_body(), allies), (&view.arena.enemies, layout.enemy_body(), enemies)];
+        let sides = [
+            (&view.arena.agents, layout.ally_body(), allies),
+            (&view.arena.enemies, layout.enemy_body(), enemies),
+        ];
         for (ids, size, out) in sides {
             out.resize(ids.len() * size, 0.0);
             for (&id, out) in ids.iter().zip(out.chunks_exact_mut(size)) {

@@ -42,8 +42,7 @@ struct Candidate {
 impl Candidate {
     /// Healers first, then the nearest. Candidates come by ascending id, so of equals the first is kept.
     fn beats(&self, other: &Candidate) -> bool {
-        self.is_healer > other.is_healer
-            || self.is_healer == other.is_healer && self.distance < other.distance
+        if self.is_healer == other.is_healer { self.distance < other.distance } else { self.is_healer }
     }
 }
 
@@ -62,7 +61,8 @@ fn best_opponent(world: &World, id: u32, retaliate: bool) -> Option<Candidate> {
         let after_me = world.units.target[other as usize] == Some(id);
         let squared = distance_squared(position, world.units.pos[other as usize]);
         let found = squared <= search_radius_squared;
-        if !found && !(retaliate && after_me) {
+        let is_candidate = found || retaliate && after_me;
+        if !is_candidate {
             continue;
         }
         let kind = arena.kind(other);
@@ -101,7 +101,8 @@ pub(super) struct HealersPace {
 
 impl HealersPace {
     pub fn at_start_of_phase(world: &World) -> HealersPace {
-        let searches = |&id: &u32| !world.arena.kind(id).is_healer && world.units.target[id as usize].is_none();
+        let searches =
+            |&id: &u32| !world.arena.kind(id).is_healer && world.units.target[id as usize].is_none();
         HealersPace { someone_searches: world.living.enemies.iter().any(searches) }
     }
 

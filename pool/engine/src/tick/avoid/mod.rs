@@ -12,6 +12,7 @@
 mod neighbours;
 mod obstacles;
 mod program;
+mod tree;
 
 use glam::Vec2;
 
@@ -19,6 +20,7 @@ use super::World;
 use crate::arena::AvoidKind;
 use neighbours::Neighbour;
 use program::Line;
+use tree::Tree;
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
 const EPSILON: f32 = 1e-5;
@@ -26,7 +28,8 @@ const EPSILON: f32 = 1e-5;
 /// Working memory of collision avoidance.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
-    packed: neighbours::Packed,
+    /// The living units of each plane.
+    planes: [Tree; 3],
     /// Squared distance and number of edges or units in sight, nearest first.
     found: Vec<(f32, u32)>,
     lines: Vec<Line>,
@@ -35,7 +38,6 @@ pub(crate) struct Memory {
 
 /// A unit that looks for a velocity.
 struct Mover {
-    id: u32,
     position: Vec2,
     velocity: Vec2,
     preferred: Vec2,
@@ -45,7 +47,7 @@ struct Mover {
 /// Sets the velocity of every living unit.
 pub(super) fn plan_velocities(world: &mut World) {
     let mut memory = std::mem::take(&mut world.plan.avoid);
-    memory.packed.gather(world.arena, world.units, &world.living.all);
+    grow_trees(world, &mut memory.planes);
     for &id in &world.living.all {
         let i = id as usize;
         // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
@@ -61,12 +63,19 @@ pub(super) fn plan_velocities(world: &mut World) {
     world.plan.avoid = memory;
 }
 
+fn grow_trees(world: &World, planes: &mut [Tree; 3]) {
+    planes.iter_mut().for_each(Tree::clear);
+    for &id in &world.living.all {
+        planes[world.arena.kind(id).plane as usize].push(world.units.pos[id as usize], id);
+    }
+    planes.iter_mut().for_each(Tree::grow);
+}
+
 fn permitted_velocity(world: &World, id: u32, memory: &mut Memory) -> Vec2 {
-    let Memory { packed, found, lines, projected } = memory;
+    let Memory { planes, found, lines, projected } = memory;
     let i = id as usize;
     let kind = world.arena.kind(id);
     let mover = Mover {
-        id,
         position: world.units.pos[i],
         velocity: world.units.vel[i],
         preferred: world.plan.preferred[i],
@@ -80,7 +89,7 @@ fn permitted_velocity(world: &World, id: u32, memory: &mut Memory) -> Vec2 {
         }
     }
     let n_hard = lines.len();
-    packed.find(&mover, kind.plane, found);
+    planes[kind.plane as usize].find(mover.position, mover.kind.neighbour_range_squared, id, found);
     lines.extend(found.iter().map(|&(_, other)| neighbours::line(&mover, &Neighbour::of(world, other))));
 
     let velocity = program::solve(lines, n_hard, mover.kind.max_speed, mover.preferred, projected);

@@ -1,57 +1,10 @@
-//! The half-planes that neighbouring units impose, and the search for neighbours.
+//! The half-planes that neighbouring units impose. Who is a neighbour is found in `tree`.
 
 use glam::Vec2;
-use smaclite_units::Plane;
 
 use super::program::Line;
-use super::{Mover, World, insert_sorted};
+use super::{Mover, World};
 use crate::TICKS_PER_SECOND;
-use crate::arena::Arena;
-use crate::units::Units;
-
-/// Where the living units are, by plane, ids ascending.
-#[derive(Debug, Default)]
-pub(super) struct Packed {
-    planes: [Lanes; 3],
-}
-
-#[derive(Debug, Default)]
-struct Lanes {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    ids: Vec<u32>,
-}
-
-impl Packed {
-    /// Takes down where all living units are.
-    pub fn gather(&mut self, arena: &Arena, units: &Units, living: &[u32]) {
-        for Lanes { x, y, ids } in &mut self.planes {
-            x.clear();
-            y.clear();
-            ids.clear();
-        }
-        for &id in living {
-            let Lanes { x, y, ids } = &mut self.planes[arena.kind(id).plane as usize];
-            x.push(units.pos[id as usize].x);
-            y.push(units.pos[id as usize].y);
-            ids.push(id);
-        }
-    }
-
-    /// The other units of the plane nearer to `mover` than its range: squared distance and id, nearest first, of
-    /// equals the lowest id.
-    pub fn find(&self, mover: &Mover, plane: Plane, found: &mut Vec<(f32, u32)>) {
-        found.clear();
-        let Lanes { x, y, ids } = &self.planes[plane as usize];
-        let range = mover.kind.neighbour_range_squared;
-        for ((&x, &y), &other) in x.iter().zip(y).zip(ids) {
-            let distance_squared = (mover.position - Vec2::new(x, y)).length_squared();
-            if distance_squared < range && other != mover.id {
-                insert_sorted(found, distance_squared, other);
-            }
-        }
-    }
-}
 
 /// What a unit knows of one that it avoids.
 pub(super) struct Neighbour {
@@ -123,5 +76,6 @@ pub(super) fn left_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32
 
 /// The direction of the right tangent.
 pub(super) fn right_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
-    Vec2::new(offset.x * leg + offset.y * reach, -offset.x * reach + offset.y * leg) * (1.0 / distance_squared)
+    Vec2::new(offset.x * leg + offset.y * reach, -offset.x * reach + offset.y * leg)
+        * (1.0 / distance_squared)
 }

@@ -154,7 +154,7 @@ impl Shadow {
             return Some(round_corner(right.corner, velocity, radius));
         }
 
-        let to_cutoff = if self.single || share < 0.0 || share > 1.0 {
+        let to_cutoff = if self.single || !(0.0..=1.0).contains(&share) {
             f32::INFINITY
         } else {
             (velocity - (left.corner + share * cutoff)).length_squared()

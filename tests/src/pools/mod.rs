@@ -1,0 +1,19 @@
+//! Pools made of real processes, for the tests of what is promised when processes die, stop or lie.
+//!
+//! A child is the running program itself, started again with a role (`process`, `role`); the parent tells it what to do
+//! by lines of text. Every test has a room of its own (`room`), so that nothing of one test is seen by another.
+
+pub mod dice;
+pub mod games;
+pub mod plan;
+pub mod process;
+pub mod raw;
+pub mod replay;
+pub mod role;
+pub mod room;
+pub mod torture;
+
+pub use plan::{LanePlan, PoolPlan};
+pub use process::Child;
+pub use replay::Replay;
+pub use room::Room;
