@@ -3,6 +3,7 @@
 
 #![allow(unsafe_code)] // `Sync` for a sample that is only read
 
+use crate::place::Stay;
 use crate::services::FrameSample;
 use crate::wire::FrameHeader;
 use faer::MatRef;
@@ -16,6 +17,8 @@ pub struct Batch {
     sample: ManuallyDrop<FrameSample>,
     layout: Arc<Layout>,
     owner: u32,
+    /// The sample keeps its node alive, so its process is still a guest of the place.
+    _stay: Arc<Stay>,
 }
 
 // SAFETY: a `FrameSample` is not `Sync` only because of its reference count, which is touched when it is dropped, and
@@ -24,8 +27,8 @@ pub struct Batch {
 unsafe impl Sync for Batch {}
 
 impl Batch {
-    pub(crate) fn new(sample: FrameSample, layout: Arc<Layout>) -> Batch {
-        Batch { sample: ManuallyDrop::new(sample), layout, owner: std::process::id() }
+    pub(crate) fn new(sample: FrameSample, layout: Arc<Layout>, stay: Arc<Stay>) -> Batch {
+        Batch { sample: ManuallyDrop::new(sample), layout, owner: std::process::id(), _stay: stay }
     }
 
     /// Where each field lies.

@@ -8,12 +8,11 @@ use crate::legal::Legal;
 use crate::memory::{TooLittleMemory, check_room, reserve_segments};
 use crate::place::{Place, PlaceError};
 use crate::services::{
-    FrameSample, FrameSubscriber, Ipc, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
-    WorkEvent, doing, node,
+    FrameSample, FrameSubscriber, Guest, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
+    WorkEvent, doing, enter,
 };
 use crate::wire::{MAGIC, RequestHeader, actions_offset, step_bytes};
 use iceoryx2::port::ReceiveError;
-use iceoryx2::prelude::Node;
 use smaclite_pool::fields::UnknownField;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 use smaclite_pool::transport::RequestKind;
@@ -101,7 +100,7 @@ struct Parts {
     listener: IpcListener,
     work: IpcNotifier,
     _services: (LaneServices, WorkEvent),
-    _node: Node<Ipc>,
+    guest: Guest,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
@@ -132,9 +131,9 @@ impl Client {
         let capacity = description.capacity;
         let num_envs = description.num_envs;
         check_room(capacity.request_memory(&layout, num_envs), "requests of a learner")?;
-        let node = node(place, &format!("learner of {pool}"))?;
-        let lane = LaneServices::open(&node, &description.instance, &description.lane)?;
-        let work_event = WorkEvent::open(&node, &description.instance)?;
+        let guest = enter(place, &format!("learner of {pool}"))?;
+        let lane = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
+        let work_event = WorkEvent::open(&guest.node, &description.instance)?;
         let publisher = lane.request_publisher(&layout, num_envs, capacity)?;
         reserve_segments(place, "requests of a learner")?;
         let parts = Parts {
@@ -143,7 +142,7 @@ impl Client {
             listener: lane.frame_listener()?,
             work: work_event.notifier()?,
             _services: (lane, work_event),
-            _node: node,
+            guest,
             control,
             legal: Legal::new(&layout, num_envs, description.autoreset),
             description,
@@ -202,7 +201,7 @@ impl Client {
         }
         let sample = parts.wait_for_sample(patience)?;
         parts.legal.learn(&parts.layout, sample.payload());
-        Ok(Batch::new(sample, Arc::clone(&parts.layout)))
+        Ok(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.guest.stay)))
     }
 
     /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).

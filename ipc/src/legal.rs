@@ -4,6 +4,7 @@
 
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use smaclite_engine::policy::pick;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{Autoreset, Rejection};
@@ -16,8 +17,8 @@ pub(crate) struct Legal {
     synchronous: bool,
     /// Words of 64 actions an agent has in `bits`.
     words: usize,
-    /// `[num_envs, n_agents, words]`: bit a = action a is available. All set where the lane leaves the masks out: the
-    /// supervisor checks in any case.
+    /// `[num_envs, n_agents, words]`: bit a = action a is available. Every action is, where the lane leaves the masks out:
+    /// the supervisor checks in any case.
     bits: Vec<u64>,
     envs: Vec<EnvState>,
     /// Results still to come.
@@ -44,7 +45,7 @@ impl Legal {
             autoreset,
             synchronous: layout.slots() == num_envs,
             words,
-            bits: vec![u64::MAX; num_envs * sizes.n_agents * words],
+            bits: every_action(sizes.n_actions).cycle().take(num_envs * sizes.n_agents * words).collect(),
             envs: vec![EnvState::default(); num_envs],
             outstanding: 0,
             was_reset: false,
@@ -214,12 +215,19 @@ impl Legal {
             };
             for (agent, action) in row.iter_mut().enumerate() {
                 let start = (env * self.n_agents + agent) * self.words;
-                let draw = self.sampler.next_u32();
-                *action = nth_set(&self.bits[start..start + self.words], self.n_actions, draw);
+                *action = pick(&self.bits[start..start + self.words], self.sampler.next_u64()) as i32;
             }
         }
         Ok(())
     }
+}
+
+/// The words of an agent to whom every action is available.
+fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
+    (0..n_actions.div_ceil(64)).map(move |word| match n_actions - word * 64 {
+        left if left < 64 => (1 << left) - 1,
+        _ => u64::MAX,
+    })
 }
 
 /// Eight mask bytes as eight bits: the multiplication gathers the low bit of every byte in the top byte.
@@ -227,26 +235,6 @@ fn pack_eight(bytes: &[u8]) -> u64 {
     let mut eight = [0u8; 8];
     eight[..bytes.len()].copy_from_slice(bytes);
     ((u64::from_le_bytes(eight) & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080)) >> 56
-}
-
-/// The set bit that `draw` picks, all being equally likely (to 2^-32); 0 if none is set.
-fn nth_set(words: &[u64], limit: usize, draw: u32) -> i32 {
-    let valid = |(i, word): (usize, &u64)| {
-        let left = limit - i * 64;
-        if left >= 64 { *word } else { word & ((1 << left) - 1) }
-    };
-    let count: u32 = words.iter().enumerate().map(valid).map(u64::count_ones).sum();
-    let mut nth = ((u64::from(draw) * u64::from(count)) >> 32) as u32;
-    for (i, mut word) in words.iter().enumerate().map(|(i, word)| (i, valid((i, word)))) {
-        if nth < word.count_ones() {
-            for _ in 0..nth {
-                word &= word - 1;
-            }
-            return (i * 64) as i32 + word.trailing_zeros() as i32;
-        }
-        nth -= word.count_ones();
-    }
-    0
 }
 
 #[cfg(test)]
@@ -260,14 +248,9 @@ mod tests {
     }
 
     #[test]
-    fn every_legal_action_and_no_other_is_drawn() {
-        let words = [0b1001_0010, 1 << 5];
-        let mut seen = std::collections::BTreeSet::new();
-        for i in 0..1000u64 {
-            seen.insert(nth_set(&words, 70, (i * (1 << 32) / 1000) as u32));
-        }
-        assert_eq!(seen.into_iter().collect::<Vec<_>>(), [1, 4, 7, 69]);
-        assert_eq!(nth_set(&words, 69, u32::MAX), 7, "beyond the last action");
-        assert_eq!(nth_set(&[0], 6, 3), 0);
+    fn without_masks_every_action_and_no_other_counts_as_legal() {
+        assert_eq!(every_action(3).collect::<Vec<_>>(), [0b111]);
+        assert_eq!(every_action(64).collect::<Vec<_>>(), [u64::MAX]);
+        assert_eq!(every_action(66).collect::<Vec<_>>(), [u64::MAX, 0b11]);
     }
 }

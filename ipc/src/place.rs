@@ -1,12 +1,17 @@
 //! Where pools of this user live: a private folder for sockets, locks and iceoryx2's files, and a prefix for what
 //! iceoryx2 puts into `/dev/shm`. One user a pool: nothing here can be opened by another.
 
-use iceoryx2::prelude::*;
+use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
+use rustix::fs::{FlockOperation, flock};
+use std::fs::{DirEntry, File};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path as FsPath, PathBuf};
 
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
+
+/// Locked by every process that uses iceoryx2 here.
+const STAY_LOCK: &str = "in-use";
 
 /// iceoryx2 builds socket paths below the folder, which the system limits to 108 bytes.
 const MAX_ROOT_LEN: usize = 60;
@@ -96,6 +101,54 @@ impl Place {
         config.global.prefix =
             FileName::new(self.prefix.as_bytes()).expect("letters, digits and underscores");
         config
+    }
+}
+
+/// Held by every process of a place for as long as it uses iceoryx2. The last one to leave removes what iceoryx2 keeps for
+/// good, and what its clean-up could not take from processes that were killed.
+pub(crate) struct Stay {
+    lock: File,
+    place: Place,
+}
+
+impl Place {
+    /// Enters the place; waits while another process tidies it up.
+    pub(crate) fn enter(&self) -> std::io::Result<Stay> {
+        let lock =
+            File::options().create(true).truncate(false).write(true).open(self.root.join(STAY_LOCK))?;
+        flock(&lock, FlockOperation::LockShared)?;
+        Ok(Stay { lock, place: self.clone() })
+    }
+
+    /// Files of this place in `/dev/shm` and iceoryx2's below the root.
+    pub(crate) fn left_overs(&self) -> Vec<PathBuf> {
+        let shm = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+        let ours = |entry: &DirEntry| entry.file_name().to_str().is_some_and(|n| n.starts_with(&self.prefix));
+        let mut files: Vec<_> = shm.filter(ours).map(|entry| entry.path()).collect();
+        for entry in std::fs::read_dir(&self.root).into_iter().flatten().flatten() {
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                collect_files(&entry.path(), &mut files);
+            }
+        }
+        files
+    }
+}
+
+impl Drop for Stay {
+    fn drop(&mut self) {
+        if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
+            self.place.left_overs().iter().for_each(|file| drop(std::fs::remove_file(file)));
+        }
+    }
+}
+
+fn collect_files(folder: &FsPath, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            collect_files(&entry.path(), files);
+        } else {
+            files.push(entry.path());
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
 //! never meets what a learner still holds of its predecessor.
 
-use crate::place::Place;
+use crate::place::{Place, Stay};
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -18,6 +18,7 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use serde::{Deserialize, Serialize};
 use smaclite_pool::layout::Layout;
 use std::mem::MaybeUninit;
+use std::sync::Arc;
 
 /// Worker threads share ports, so the variant with locks.
 pub(crate) type Ipc = ipc_threadsafe::Service;
@@ -50,15 +51,23 @@ pub(crate) fn doing<E: std::fmt::Debug>(doing: &'static str) -> impl FnOnce(E) -
     move |cause| IpcError { doing, cause: format!("{cause:?}") }
 }
 
+/// A node and the stay that outlives it. Dropped in this order.
+pub(crate) struct Guest {
+    pub(crate) node: Node<Ipc>,
+    pub(crate) stay: Arc<Stay>,
+}
+
 /// A node without signal handlers, under our own configuration.
-pub(crate) fn node(place: &Place, name: &str) -> Result<Node<Ipc>, IpcError> {
+pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
     quiet();
-    NodeBuilder::new()
+    let stay = Arc::new(place.enter().map_err(doing("entering the pools' folder"))?);
+    let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
         .config(&place.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(doing("creating an iceoryx2 node"))
+        .map_err(doing("creating an iceoryx2 node"))?;
+    Ok(Guest { node, stay })
 }
 
 /// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.

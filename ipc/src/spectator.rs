@@ -5,9 +5,8 @@ use crate::client::{ClientError, ConnectError, checked_layout};
 use crate::control::client::ControlClient;
 use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
 use crate::place::Place;
-use crate::services::{FrameSubscriber, Ipc, LaneServices, doing, node};
+use crate::services::{FrameSubscriber, Guest, LaneServices, doing, enter};
 use crate::wire::{FrameHeader, MAGIC};
-use iceoryx2::prelude::Node;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
@@ -23,7 +22,7 @@ struct Parts {
     current: Option<Batch>,
     subscriber: FrameSubscriber,
     _services: LaneServices,
-    _node: Node<Ipc>,
+    guest: Guest,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
@@ -39,18 +38,11 @@ impl Spectator {
             other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
-        let node = node(place, &format!("spectator of {pool}"))?;
-        let services = LaneServices::open(&node, &description.instance, &description.lane)?;
+        let guest = enter(place, &format!("spectator of {pool}"))?;
+        let services = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
         let subscriber = services.frame_subscriber(1)?;
-        let parts = Parts {
-            current: None,
-            subscriber,
-            _services: services,
-            _node: node,
-            control,
-            description,
-            layout,
-        };
+        let parts =
+            Parts { current: None, subscriber, _services: services, guest, control, description, layout };
         Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
     }
 
@@ -72,7 +64,8 @@ impl Spectator {
             if let Some(sample) = parts.subscriber.receive().map_err(doing("receiving a frame"))? {
                 let hash = parts.layout.hash();
                 if is_batch(sample.user_header(), hash) && sample.payload().len() == parts.layout.bytes() {
-                    parts.current = Some(Batch::new(sample, Arc::clone(&parts.layout)));
+                    parts.current =
+                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.guest.stay)));
                 }
             }
         } else if !parts.control.is_alive() {

@@ -4,7 +4,7 @@ use crate::control::protocol::LaneDescription;
 use crate::control::server::{Host, HostedLane, serve};
 use crate::memory::{TooLittleMemory, check_room, reserve_segments};
 use crate::place::{Place, PlaceError, check_name};
-use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, node};
+use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, enter};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use iceoryx2::prelude::Node;
 use rustix::fs::{FlockOperation, flock};
@@ -233,9 +233,9 @@ impl Supervisor {
         let shared_memory = needs.sum();
         check_room(shared_memory, "frames of all lanes")?;
 
-        let node = node(&config.place, &config.name)?;
+        let guest = enter(&config.place, &config.name)?;
         let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
-        let (pool, services) = start_pool(&node, &instance, lanes, options)?;
+        let (pool, services) = start_pool(&guest.node, &instance, lanes, options)?;
         reserve_segments(&config.place, "frames of all lanes")?;
 
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
@@ -251,7 +251,7 @@ impl Supervisor {
             shared_memory,
             started: Instant::now(),
             _services: services,
-            node,
+            guest,
         };
         let control = std::thread::Builder::new().name("smaclite-control".to_owned());
         let control =

@@ -4,9 +4,8 @@
 use super::protocol::{
     Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal,
 };
-use crate::services::{Ipc, LaneServices, WorkEvent};
+use crate::services::{Guest, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
-use iceoryx2::prelude::Node;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use smaclite_pool::Pool;
 use std::io::{ErrorKind, Read, Write};
@@ -28,7 +27,7 @@ pub(crate) struct Host {
     pub(crate) started: Instant,
     /// Kept open so that learners find them.
     pub(crate) _services: (WorkEvent, Vec<LaneServices>),
-    pub(crate) node: Node<Ipc>,
+    pub(crate) guest: Guest,
 }
 
 /// A lane as the control thread sees it.
@@ -86,7 +85,7 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
         }
         if last_look.elapsed() >= LOOK_AROUND {
             last_look = Instant::now();
-            host.node.try_cleanup_dead_nodes();
+            host.guest.node.try_cleanup_dead_nodes();
             host.measure();
         }
     }

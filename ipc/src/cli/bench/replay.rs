@@ -1,8 +1,6 @@
 //! Recorded play: the actions that a policy takes, to be replayed while time is measured.
 
 use clap::ValueEnum;
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 use smaclite_engine::{Arena, Battle, Scratch, TICKS_PER_STEP, policy};
 use std::sync::Arc;
@@ -31,7 +29,7 @@ impl Replay {
         let sizes = arena.sizes();
         let mut battle = Battle::new(Arc::clone(arena), seed);
         let mut scratch = Scratch::new();
-        let mut generator = Pcg64Mcg::seed_from_u64(seed);
+        let mut random = policy::Random::new(seed);
         let mut row = vec![0; sizes.n_agents];
         let mut replay = Replay { actions: Vec::new(), resets: Vec::new(), unit_ticks: 0 };
         for _ in 0..steps {
@@ -41,7 +39,7 @@ impl Replay {
             } else {
                 match policy {
                     Policy::Nearest => policy::nearest(&battle, &mut row),
-                    Policy::Random => policy::random(&battle, &mut generator, &mut row),
+                    Policy::Random => random.act(&battle, &mut row),
                 }
                 let living = sizes.n_units - battle.dead_allies() - battle.dead_enemies();
                 replay.unit_ticks += (living * TICKS_PER_STEP) as u64;
