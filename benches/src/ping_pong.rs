@@ -1,0 +1,80 @@
+//! A bare iceoryx2 ping-pong between two processes: the least that a round trip through it costs.
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+use smaclite_ipc::Wait;
+use std::error::Error;
+use std::time::{Duration, Instant};
+
+type Ipc = ipc_threadsafe::Service;
+
+/// One side: what it sends on, and what it hears.
+pub(crate) struct Side {
+    publisher: Publisher<Ipc, [u8], ()>,
+    subscriber: Subscriber<Ipc, [u8], ()>,
+    notifier: Notifier<Ipc>,
+    listener: Listener<Ipc>,
+    wait: Wait,
+    _node: Node<Ipc>,
+}
+
+impl Side {
+    pub(crate) fn open(name: &str, wait: Wait, out: &str, back: &str) -> Result<Side, Box<dyn Error>> {
+        set_log_level(LogLevel::Fatal);
+        let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
+        let data = |what: &str| -> Result<_, Box<dyn Error>> {
+            let service = node.service_builder(&format!("{name}/{what}").as_str().try_into()?);
+            Ok(service.publish_subscribe::<[u8]>().enable_safe_overflow(true).open_or_create()?)
+        };
+        let event = |what: &str| -> Result<_, Box<dyn Error>> {
+            Ok(node
+                .service_builder(&format!("{name}/{what}").as_str().try_into()?)
+                .event()
+                .open_or_create()?)
+        };
+        Ok(Side {
+            publisher: data(out)?.publisher_builder().initial_max_slice_len(64).create()?,
+            subscriber: data(back)?.subscriber_builder().create()?,
+            notifier: event(out)?.notifier_builder().create()?,
+            listener: event(back)?.listener_builder().create()?,
+            wait,
+            _node: node,
+        })
+    }
+
+    pub(crate) fn send(&self) -> Result<(), Box<dyn Error>> {
+        self.publisher.loan_slice(64)?.send()?;
+        self.notifier.notify()?;
+        Ok(())
+    }
+
+    /// Waits for a message; `false` after a second without.
+    pub(crate) fn receive(&self) -> Result<bool, Box<dyn Error>> {
+        let begin = Instant::now();
+        let spin_until = self.wait.spin_until();
+        while self.subscriber.receive()?.is_none() {
+            if spin_until.is_none_or(|end| Instant::now() < end) {
+                std::thread::yield_now();
+            } else {
+                self.listener.timed_wait(|_| {}, Duration::from_millis(100))?;
+            }
+            if begin.elapsed() > Duration::from_secs(1) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// Answers until killed.
+pub(crate) fn serve(name: &str, wait: Wait) -> Result<(), Box<dyn Error>> {
+    let side = Side::open(name, wait, "pong", "ping")?;
+    loop {
+        if side.receive()? {
+            side.send()?;
+        }
+    }
+}
