@@ -1,1 +1,104 @@
-//! To come.
+//! The same battles on 1, 2 and 4 threads come to the same bits, and so do battles that share a scratch.
+
+use std::sync::Arc;
+use std::thread;
+
+use smaclite_engine::policy::Random;
+use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, TICKS_PER_STEP, Units};
+use smaclite_scenarios::Scenario;
+
+const N_STEPS: usize = 40;
+
+/// Two battles of every scenario.
+fn battles() -> Vec<Battle> {
+    let arenas = Scenario::standard_names().map(|name| {
+        let scenario = Scenario::standard(name).expect("a standard scenario");
+        Arc::new(Arena::new(&scenario, Rules::Smaclite))
+    });
+    arenas.flat_map(|arena| [Battle::new(arena.clone(), 1), Battle::new(arena, 2)]).collect()
+}
+
+/// The units of a battle after every tick.
+type Course = Vec<Units>;
+
+fn course(mut battle: Battle, seed: u64, scratch: &mut Scratch) -> Course {
+    let mut player = Random::new(seed);
+    let mut actions = vec![0; battle.arena().sizes().n_agents];
+    let mut course = Vec::new();
+    for _ in 0..N_STEPS {
+        if battle.is_over() {
+            battle.reset();
+        }
+        player.act(&battle, &mut actions);
+        let observe = |tick: smaclite_engine::Tick<'_>| course.push(tick.units.clone());
+        battle.step_observed(&actions, ExecutionOrder::Drawn, scratch, observe).expect("legal actions");
+    }
+    course
+}
+
+/// The courses of all battles, dealt out to threads; each thread has one scratch for all of its battles.
+fn courses(n_threads: usize) -> Vec<Course> {
+    let battles = battles();
+    let mut courses: Vec<Course> = vec![Vec::new(); battles.len()];
+    thread::scope(|scope| {
+        let mut hands: Vec<Vec<_>> = (0..n_threads).map(|_| Vec::new()).collect();
+        for (i, (battle, course)) in battles.into_iter().zip(&mut courses).enumerate() {
+            hands[i % n_threads].push((i, battle, course));
+        }
+        for hand in hands {
+            scope.spawn(move || {
+                let mut scratch = Scratch::new();
+                for (i, battle, out) in hand {
+                    *out = course(battle, i as u64, &mut scratch);
+                }
+            });
+        }
+    });
+    courses
+}
+
+/// Where two courses of the same battles first differ.
+fn first_difference(a: &[Course], b: &[Course]) -> Option<String> {
+    let bits = |units: &Units, unit: usize| {
+        let floats = [
+            &units.hp,
+            &units.shield,
+            &units.energy,
+            &units.cooldown,
+            &units.shield_cooldown,
+            &units.healing,
+        ];
+        (
+            [units.pos[unit], units.vel[unit]].map(|v| v.to_array().map(f32::to_bits)),
+            floats.map(|column| column[unit].to_bits()),
+            (units.alive[unit], units.target[unit]),
+        )
+    };
+    for (env, (a, b)) in a.iter().zip(b).enumerate() {
+        for (tick, (a, b)) in a.iter().zip(b).enumerate() {
+            if let Some(unit) = (0..a.pos.len()).find(|&unit| bits(a, unit) != bits(b, unit)) {
+                let step = tick / TICKS_PER_STEP;
+                return Some(format!("environment {env}, step {step}, tick {tick}, unit {unit}"));
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let alone = courses(1);
+    assert!(alone.iter().all(|course| course.len() == N_STEPS * TICKS_PER_STEP));
+    for n_threads in [2, 4] {
+        let difference = first_difference(&alone, &courses(n_threads));
+        assert_eq!(difference, None, "first difference between 1 and {n_threads} threads");
+    }
+}
+
+#[test]
+fn a_difference_is_named() {
+    let a = courses(1);
+    let mut b = a.clone();
+    b[3][17].pos[2].x = f32::from_bits(b[3][17].pos[2].x.to_bits() ^ 1);
+    assert_eq!(first_difference(&a, &b).as_deref(), Some("environment 3, step 2, tick 17, unit 2"));
+}

@@ -51,7 +51,7 @@ impl Comparison {
 
     /// Compares two figures, and notes the difference if none is noted yet.
     pub fn figure(&mut self, what: impl fmt::Display, recorded: f64, found: f64, bound: f64) {
-        if !((recorded - found).abs() <= bound) {
+        if (recorded - found).abs() > bound || found.is_nan() {
             note(&mut self.discrete, what, recorded, found);
         }
     }
@@ -65,7 +65,7 @@ impl Comparison {
 
     fn place(&mut self, what: impl fmt::Display, recorded: f32, found: f32, bound: f64) -> f64 {
         let error = (f64::from(recorded) - f64::from(found)).abs();
-        if !(error <= bound) {
+        if error > bound || error.is_nan() {
             note(&mut self.places, what, recorded, found);
         }
         error
