@@ -217,3 +217,80 @@ impl<E> HandOff<E> {
         self.stop.load(Ordering::Acquire)
     }
 }
+
+/// `RUSTFLAGS="--cfg loom" cargo test --release -p smaclite-pool hand_off`: every interleaving. A wake-up that is lost
+/// shows as a deadlock.
+#[cfg(all(test, loom))]
+mod loom_tests {
+    use super::*;
+    use loom::thread;
+    use std::sync::Arc;
+
+    fn lead<'a>(hand_off: &'a HandOff<u32>, worker: usize) -> Option<Lead<'a>> {
+        match hand_off.follow(worker, Wait::Block) {
+            Woken::Leading(lead) => Some(lead),
+            Woken::Work => None,
+        }
+    }
+
+    #[test]
+    fn work_for_a_follower_that_goes_to_sleep_reaches_it() {
+        loom::model(|| {
+            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
+            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let follower = {
+                let hand_off = Arc::clone(&hand_off);
+                thread::spawn(move || {
+                    let mut run = Vec::new();
+                    while hand_off.take(1, 8, &mut run).is_none() {
+                        assert!(lead(&hand_off, 1).is_none(), "worker 0 still leads");
+                    }
+                    assert_eq!(run, [7]);
+                })
+            };
+            hand_off.push(1, 0, [7].into_iter());
+            follower.join().unwrap();
+            hand_off.resign(leading);
+        });
+    }
+
+    #[test]
+    fn the_lead_passes_to_a_follower_that_goes_to_sleep() {
+        loom::model(|| {
+            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
+            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let follower = {
+                let hand_off = Arc::clone(&hand_off);
+                thread::spawn(move || {
+                    let lead = loop {
+                        if let Some(lead) = lead(&hand_off, 1) {
+                            break lead;
+                        }
+                    };
+                    hand_off.resign(lead);
+                })
+            };
+            hand_off.resign(leading);
+            follower.join().unwrap(); // worker 0 is busy elsewhere and never leads again
+        });
+    }
+
+    #[test]
+    fn a_follower_that_goes_to_sleep_hears_the_stop() {
+        loom::model(|| {
+            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
+            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let follower = {
+                let hand_off = Arc::clone(&hand_off);
+                thread::spawn(move || {
+                    while !hand_off.is_stopped() {
+                        drop(lead(&hand_off, 1));
+                    }
+                })
+            };
+            hand_off.stop();
+            follower.join().unwrap();
+            hand_off.resign(leading);
+        });
+    }
+}

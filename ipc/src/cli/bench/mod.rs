@@ -1,7 +1,8 @@
 //! `smaclite-pool bench`: steps per second, of one bare battle or of a whole pool.
 //!
-//! Actions are recorded before anything is timed and replayed then, so that the figures are the environment's and the
-//! transport's alone: same seeds and actions give the same battles.
+//! Actions of the nearest policy are recorded before anything is timed and replayed then, so that the figures are the
+//! environment's and the transport's alone: same seeds and actions give the same battles. Random actions are drawn by
+//! the client's own sampler, which costs next to nothing.
 
 mod engine;
 mod pool;

@@ -1,6 +1,6 @@
 //! A whole pool, in this process or another, with a learner that replays actions.
 
-use super::replay::Replay;
+use super::replay::{Policy, Replay};
 use super::{Measured, Mode, Task, resident_bytes};
 use crate::cli::place;
 use crate::supervisor::{LaneConfig, Supervisor, SupervisorConfig};
@@ -26,16 +26,16 @@ pub(super) fn measure(task: &Task<'_>) -> Result<Measured, Box<dyn Error>> {
         Mode::Attached => Server::another_process(task, &place, &name)?,
         _ => Server::this_process(task, &place, &name)?,
     };
-    let mut measured = if task.batch_size == task.envs {
-        replayed(task, &mut client)?
-    } else {
-        asynchronous(task, &mut client)?
+    let mut measured = match task.policy {
+        Policy::Random => sampled(task, &mut client)?,
+        Policy::Nearest if task.batch_size == task.envs => replayed(task, &mut client)?,
+        Policy::Nearest => return Err("asynchronous batches are measured with --policy random".into()),
     };
     measured.rss_bytes = resident_bytes(server.pid());
     Ok(measured)
 }
 
-/// Synchronous: replays what was recorded.
+/// Replays what the policy did in battles of the same seeds.
 fn replayed(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Error>> {
     let arena = Arc::new(Arena::new(task.scenario, Rules::default()));
     let record = |env: usize| Replay::record(&arena, SEED + env as u64, BATCHES, task.policy);
@@ -64,15 +64,15 @@ fn replayed(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Er
     })
 }
 
-/// Asynchronous: random legal actions from the client's own sampler, as the order of results is not known before.
-fn asynchronous(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Error>> {
+/// Random legal actions from the client's own sampler, as the order of results is not known before.
+fn sampled(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Error>> {
     let sizes = client.layout().sizes();
     let mut actions = vec![0; task.batch_size * sizes.n_agents];
     let mut ids = vec![0; task.batch_size];
     let mut measured = Measured { steps: 0, unit_ticks: 0, time: Duration::ZERO, rss_bytes: 0 };
     client.send_reset(Some(SEED), None)?;
     let begin = Instant::now();
-    while begin.elapsed() < task.time {
+    while measured.steps == 0 || begin.elapsed() < task.time {
         let batch = client.recv(patience(&mut || false))?;
         ids.copy_from_slice(batch.env_id());
         measured.steps += ids.len() as u64;
