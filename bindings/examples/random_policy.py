@@ -1,0 +1,58 @@
+"""A random-policy learner over a real scenario: how fast it is, and how it fares.
+
+    python bindings/examples/random_policy.py 2s3z --num-envs 64 --seconds 5
+"""
+
+import argparse
+import time
+
+import numpy as np
+import smaclite_pool as sp
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Play a scenario with uniformly random legal actions.")
+    parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file (default: 2s3z)")
+    parser.add_argument("--num-envs", type=int, default=64, help="environments stepped at once (default: 64)")
+    parser.add_argument("--seconds", type=float, default=5.0, help="how long to play (default: 5)")
+    parser.add_argument("--threads", type=int, help="worker threads (default: the cores there are, less one)")
+    parser.add_argument("--seed", type=int, default=1, help="of environments and policy (default: 1)")
+    return parser.parse_args()
+
+
+def play(envs: sp.Envs, seconds: float, seed: int) -> None:
+    envs.seed_sampler(seed)
+    returns: list[float] = []
+    wins = steps = 0
+    batch = envs.reset(seed=seed)
+    actions = envs.sample_actions()
+    begin = time.perf_counter()
+    while time.perf_counter() - begin < seconds:
+        batch = envs.step(envs.sample_actions(out=actions))
+        steps += len(batch)
+        ended = batch.terminated | batch.truncated
+        if ended.any():
+            returns += batch.episode_return[ended].tolist()
+            wins += int(batch.battle_won[ended].sum())
+    elapsed = time.perf_counter() - begin
+    print(f"{envs.scenario}: {envs.num_envs} environments, {envs.n_agents} agents against {envs.n_enemies}")
+    print(f"  {steps / elapsed:,.0f} steps/s ({steps:,} steps of single environments in {elapsed:.1f} s)")
+    if returns:
+        print(f"  {len(returns):,} episodes: mean return {np.mean(returns):.2f}, won {100 * wins / len(returns):.1f} %")
+    else:
+        print("  no episode ended in this time")
+
+
+def main() -> None:
+    options = arguments()
+    try:
+        with sp.make(options.scenario, options.num_envs, threads=options.threads) as envs:
+            play(envs, options.seconds, options.seed)
+    except sp.PoolError as error:
+        raise SystemExit(f"random_policy: {error}") from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()

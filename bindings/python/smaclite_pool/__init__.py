@@ -1,0 +1,64 @@
+"""Battles of SMAClite, many at once, stepped by native worker threads and read in place from shared memory.
+
+    import smaclite_pool as sp
+
+    with sp.make("2s3z", num_envs=64) as envs:      # a pool within this process
+        batch = envs.reset(seed=1)
+        for _ in range(1000):
+            actions = envs.sample_actions()         # int32 [64, n_agents], legal
+            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, batch.reward, ...
+
+A pool in a process of its own is served by `smaclite-pool serve 2s3z:64 --name train` and attached to by
+`sp.connect("train")`: the same methods, the same bits.
+
+Words: an agent is a learner's slot, a unit any body. A step is one decision. A lane is a set of environments with one
+learner. A batch has M slots, one environment each.
+"""
+
+from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenarios, status
+from .errors import (
+    Busy,
+    Closed,
+    ConnectError,
+    Forked,
+    IllegalAction,
+    InvalidRequest,
+    LaneFailed,
+    LaneTaken,
+    NoSuchPool,
+    PoolDied,
+    PoolError,
+    ScenarioError,
+    StartError,
+    Timeout,
+    TooLittleMemory,
+    TooManyFramesHeld,
+)
+
+__all__ = [
+    "Batch",
+    "Busy",
+    "Closed",
+    "ConnectError",
+    "Envs",
+    "Forked",
+    "Frame",
+    "IllegalAction",
+    "InvalidRequest",
+    "LaneFailed",
+    "LaneTaken",
+    "NoSuchPool",
+    "PoolDied",
+    "PoolError",
+    "ScenarioError",
+    "StartError",
+    "Timeout",
+    "TooLittleMemory",
+    "TooManyFramesHeld",
+    "__version__",
+    "connect",
+    "make",
+    "pools",
+    "scenarios",
+    "status",
+]

@@ -1,0 +1,167 @@
+# Written by hand: generated stubs do not know the types of arrays. `mypy.stubtest` checks that names, parameters and
+# defaults are the module's.
+
+from os import PathLike
+from types import TracebackType
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Batch", "Envs", "Frame", "__version__", "connect", "make", "pools", "run_program", "scenarios", "status"]
+
+__version__: str
+
+_Wait = Literal["adaptive", "spin", "block"]
+_Autoreset = Literal["next_step", "same_step", "disabled"]
+_Rules = Literal["smaclite", "paper"]
+
+@final
+class Frame:
+    """The shared memory of one frame: the base of the arrays of a `Batch`."""
+
+    @property
+    def sequence(self) -> int: ...
+
+@final
+class Batch:
+    """M slots, one environment each; every field is a read-only array over shared memory."""
+
+    @property
+    def env_id(self) -> NDArray[np.int32]:
+        """int32 [M]: which environment the slot is."""
+    @property
+    def obs(self) -> NDArray[np.float32]:
+        """float32 [M, n_agents, obs_size]: observation of each agent; zeros for the dead."""
+    @property
+    def state(self) -> NDArray[np.float32]:
+        """float32 [M, state_size]: global state, for training only."""
+    @property
+    def avail_actions(self) -> NDArray[np.bool_]:
+        """bool [M, n_agents, n_actions]: which actions are legal in the next step."""
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """bool [M, n_agents]: which agents live."""
+    @property
+    def reward(self) -> NDArray[np.float32]:
+        """float32 [M]: team reward of the step just made."""
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """bool [M]: the step ended the battle: one side has nobody left."""
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """bool [M]: the step reached the episode limit with both sides alive."""
+    @property
+    def battle_won(self) -> NDArray[np.bool_]:
+        """bool [M]: the step ended the battle in a victory of the agents."""
+    @property
+    def dead_allies(self) -> NDArray[np.int32]:
+        """int32 [M]: agents that died so far in the episode."""
+    @property
+    def dead_enemies(self) -> NDArray[np.int32]:
+        """int32 [M]: enemies that died so far in the episode."""
+    @property
+    def episode_return(self) -> NDArray[np.float32]:
+        """float32 [M]: sum of rewards so far; on an episode's last step its total."""
+    @property
+    def episode_length(self) -> NDArray[np.int32]:
+        """int32 [M]: steps so far; on an episode's last step its total."""
+    @property
+    def final_obs(self) -> NDArray[np.float32]:
+        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended in this step."""
+    @property
+    def final_state(self) -> NDArray[np.float32]:
+        """float32 [M, state_size]: same-step autoreset: last state, as final_obs."""
+    @property
+    def final_avail_actions(self) -> NDArray[np.bool_]:
+        """bool [M, n_agents, n_actions]: same-step autoreset: last avail_actions, as final_obs."""
+    @property
+    def sequence(self) -> int:
+        """Counts the frames of the lane, from 1."""
+    def keys(self) -> list[str]: ...
+    def copy(self) -> dict[str, NDArray[Any]]: ...
+    def __len__(self) -> int: ...
+
+@final
+class Envs:
+    """The environments of a lane, attached to by `make` or `connect`."""
+
+    def reset(
+        self,
+        seed: int | None = None,
+        mask: ArrayLike | None = None,
+        env_id: ArrayLike | None = None,
+        timeout: float | None = None,
+    ) -> Batch: ...
+    def step(self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None) -> Batch: ...
+    def send(self, actions: ArrayLike, env_id: ArrayLike | None = None) -> None: ...
+    def recv(self, timeout: float | None = None) -> Batch: ...
+    def async_reset(self, seed: int | None = None) -> None: ...
+    def sample_actions(
+        self, env_id: ArrayLike | None = None, out: NDArray[np.int32] | None = None
+    ) -> NDArray[np.int32]: ...
+    def seed_sampler(self, seed: int) -> None: ...
+    def close(self) -> None: ...
+    def __enter__(self) -> Envs: ...
+    def __exit__(
+        self,
+        exception_type: type[BaseException] | None = ...,
+        exception: BaseException | None = ...,
+        traceback: TracebackType | None = ...,
+        /,
+    ) -> None: ...
+    @property
+    def num_envs(self) -> int: ...
+    @property
+    def batch_size(self) -> int: ...
+    @property
+    def n_agents(self) -> int: ...
+    @property
+    def n_enemies(self) -> int: ...
+    @property
+    def n_actions(self) -> int: ...
+    @property
+    def obs_size(self) -> int: ...
+    @property
+    def state_size(self) -> int: ...
+    @property
+    def episode_limit(self) -> int | None: ...
+    @property
+    def scenario(self) -> str: ...
+    @property
+    def autoreset(self) -> _Autoreset: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def lane(self) -> str: ...
+    @property
+    def pid(self) -> int: ...
+    @property
+    def rules(self) -> _Rules: ...
+    @property
+    def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
+    @property
+    def description(self) -> dict[str, Any]: ...
+
+def make(
+    scenario: str | PathLike[str],
+    num_envs: int = 64,
+    *,
+    batch_size: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    autoreset: _Autoreset = "next_step",
+    episode_limit: int | Literal["default"] | None = "default",
+    rules: _Rules = "smaclite",
+    fields: list[str] | None = None,
+    frames_held: int = 4,
+    wait: _Wait = "adaptive",
+    name: str | None = None,
+) -> Envs: ...
+def connect(pool: str, lane: str | None = None, *, timeout: float = 0.0, wait: _Wait = "adaptive") -> Envs: ...
+def scenarios() -> list[str]: ...
+def status(pool: str) -> dict[str, Any]: ...
+def pools() -> list[str]: ...
+def run_program(args: list[str]) -> int: ...

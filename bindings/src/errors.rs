@@ -1,0 +1,81 @@
+//! Every Rust error as the exception of `smaclite_pool.errors` that fits it. The texts are the Rust side's.
+
+use pyo3::prelude::*;
+use smaclite_ipc::{
+    ClientError, ConnectError as Connect, ControlError as Control, Refusal, StartError as Start,
+};
+use smaclite_pool::Rejection;
+
+/// The classes, imported from Python when first raised.
+pub mod class {
+    pyo3::import_exception!(smaclite_pool.errors, PoolError);
+    pyo3::import_exception!(smaclite_pool.errors, InvalidRequest);
+    pyo3::import_exception!(smaclite_pool.errors, IllegalAction);
+    pyo3::import_exception!(smaclite_pool.errors, ScenarioError);
+    pyo3::import_exception!(smaclite_pool.errors, StartError);
+    pyo3::import_exception!(smaclite_pool.errors, TooLittleMemory);
+    pyo3::import_exception!(smaclite_pool.errors, ConnectError);
+    pyo3::import_exception!(smaclite_pool.errors, NoSuchPool);
+    pyo3::import_exception!(smaclite_pool.errors, LaneTaken);
+    pyo3::import_exception!(smaclite_pool.errors, PoolDied);
+    pyo3::import_exception!(smaclite_pool.errors, LaneFailed);
+    pyo3::import_exception!(smaclite_pool.errors, Timeout);
+    pyo3::import_exception!(smaclite_pool.errors, TooManyFramesHeld);
+    pyo3::import_exception!(smaclite_pool.errors, Forked);
+    pyo3::import_exception!(smaclite_pool.errors, Busy);
+    pyo3::import_exception!(smaclite_pool.errors, Closed);
+}
+
+/// A value that cannot be.
+pub fn invalid(what: impl ToString) -> PyErr {
+    class::InvalidRequest::new_err(what.to_string())
+}
+
+/// Of [`smaclite_ipc::Client`]'s methods.
+pub fn of_client(error: ClientError) -> PyErr {
+    let text = error.to_string();
+    match error {
+        ClientError::Rejected(rejection) => of_rejection(rejection),
+        ClientError::WrongLength { .. } | ClientError::NothingToReceive { .. } => invalid(text),
+        ClientError::Timeout(_) => class::Timeout::new_err(text),
+        ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
+        ClientError::TooManyHeld { .. } => class::TooManyFramesHeld::new_err(text),
+        ClientError::Forked { .. } => class::Forked::new_err(text),
+        ClientError::Interrupted | ClientError::FramesLost { .. } | ClientError::Ipc(_) => {
+            class::PoolError::new_err(text)
+        }
+    }
+}
+
+fn of_rejection(rejection: Rejection) -> PyErr {
+    let text = rejection.to_string();
+    match rejection {
+        Rejection::UnavailableAction { env, agent, action, available } => {
+            class::IllegalAction::new_err((text, env, agent, action, available))
+        }
+        Rejection::LaneFailed { .. } => class::LaneFailed::new_err(text),
+        _ => invalid(text),
+    }
+}
+
+/// Of attaching and asking.
+pub fn of_connect(error: Connect) -> PyErr {
+    let text = error.to_string();
+    match error {
+        Connect::Refused(Refusal::LaneTaken { holder, .. }) => class::LaneTaken::new_err((text, holder)),
+        Connect::Refused(Refusal::LaneFailed { .. }) => class::LaneFailed::new_err(text),
+        Connect::Control(Control::NoSuchPool { .. }) => class::NoSuchPool::new_err(text),
+        Connect::Memory(_) => class::TooLittleMemory::new_err(text),
+        _ => class::ConnectError::new_err(text),
+    }
+}
+
+/// Of starting a pool.
+pub fn of_start(error: Start) -> PyErr {
+    let text = error.to_string();
+    match error {
+        Start::Name(_) | Start::Lane { .. } | Start::NoLanes => invalid(text),
+        Start::Memory(_) => class::TooLittleMemory::new_err(text),
+        _ => class::StartError::new_err(text),
+    }
+}

@@ -1,0 +1,13 @@
+//! The `smaclite-pool` program, run from Python.
+
+use pyo3::prelude::*;
+use std::ffi::OsString;
+
+/// Run the `smaclite-pool` program in this process and return its exit status.
+///
+/// `args[0]` is the program's name. Ctrl-C is the program's own affair while it runs: have SIGINT at its default first,
+/// as `python -m smaclite_pool` does.
+#[pyfunction]
+pub fn run_program(py: Python<'_>, args: Vec<OsString>) -> i32 {
+    py.detach(|| smaclite_ipc::cli::run(args))
+}
