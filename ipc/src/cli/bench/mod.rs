@@ -7,6 +7,7 @@
 mod engine;
 mod pool;
 mod replay;
+mod table;
 
 use super::{Outcome, heading, print_table};
 use clap::{Args, ValueEnum};
@@ -50,6 +51,9 @@ pub(super) struct Bench {
     /// One JSON object a line
     #[arg(long)]
     json: bool,
+    /// Print the speed table of the SMAClite paper with a column for this machine instead
+    #[arg(long, conflicts_with_all = ["scenarios", "mode", "policy", "envs", "threads"])]
+    table: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
@@ -101,6 +105,9 @@ struct Measured {
 
 impl Bench {
     pub(in crate::cli) fn run(self) -> Outcome {
+        if self.table {
+            return table::print(self.json);
+        }
         let names = if self.scenarios.is_empty() {
             Scenario::standard_names().map(str::to_owned).collect()
         } else {
