@@ -7,7 +7,7 @@
 //! Equal seeds and actions give equal bits, on every machine: arithmetic is in f32 or f64 as the rules say, never
 //! fused, and nothing is drawn but the execution order of a tick.
 //!
-//! ```no_run
+//! ```
 //! use std::sync::Arc;
 //! use smaclite_engine::{Arena, Battle, Rules, Scratch};
 //! use smaclite_scenarios::Scenario;
@@ -16,7 +16,7 @@
 //! let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
 //! let mut scratch = Scratch::new();
 //! let step = battle.step(&[4; 5], &mut scratch)?; // everyone moves east
-//! assert_eq!(step.reward, 0.0);
+//! assert_eq!((step.reward, step.terminated), (0.0, false)); // the sides have not met yet
 //! # Ok::<(), smaclite_engine::IllegalAction>(())
 //! ```
 #![forbid(unsafe_code)]

@@ -66,6 +66,14 @@ pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
     dx * dx + dy * dy
 }
 
+/// The square that a coordinate lies in; the nearest number there is for what no square has.
+///
+/// `f64::floor` is a call into the C library on the plainest x86-64, and this is asked for every unit and tick.
+pub(crate) fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    if whole as f64 > x { whole.saturating_sub(1) } else { whole }
+}
+
 /// The ids of the units that are in the battle, ascending.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Living {

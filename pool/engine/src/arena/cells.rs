@@ -6,6 +6,8 @@
 use glam::Vec2;
 use smaclite_scenarios::Terrain;
 
+use crate::units::floor;
+
 use super::edges::{Edge, Node, left_of, outline};
 
 /// The edges to consider in each square, with one ring of squares around the map for whoever leaves it.
@@ -42,7 +44,7 @@ impl EdgesByCell {
     /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them.
     pub fn near(&self, position: Vec2) -> &[u32] {
         let index =
-            |x: f32, count: usize| (x.floor() as i64).saturating_add(1).clamp(0, count as i64 - 1) as usize;
+            |x: f32, count: usize| floor(f64::from(x)).saturating_add(1).clamp(0, count as i64 - 1) as usize;
         let cell = index(position.y, self.rows) * self.columns + index(position.x, self.columns);
         &self.lists[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }

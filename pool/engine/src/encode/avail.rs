@@ -5,7 +5,7 @@ use glam::Vec2;
 use crate::TARGETING_RANGE;
 use crate::arena::{Arena, Sizes};
 use crate::command::{DIRECTIONS, action};
-use crate::units::{Living, Units, distance_squared};
+use crate::units::{Living, Units, distance_squared, floor};
 
 /// One row of bits an agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
 #[derive(Clone, Debug)]
@@ -76,5 +76,5 @@ impl Available {
 /// Whether the square one step away is on the map and walkable.
 fn can_move(arena: &Arena, position: Vec2, [dx, dy]: [f64; 2]) -> bool {
     let (x, y) = (f64::from(position.x) + dx, f64::from(position.y) + dy);
-    arena.terrain.is_walkable(x.floor() as i64, y.floor() as i64)
+    arena.terrain.is_walkable(floor(x), floor(y))
 }

@@ -9,6 +9,7 @@
 //! battles depend on it to the last bit. The time horizon is 1 s, for units and for obstacles, and so appears
 //! nowhere.
 
+mod found;
 mod neighbours;
 mod obstacles;
 mod program;
@@ -18,6 +19,7 @@ use glam::Vec2;
 
 use super::World;
 use crate::arena::AvoidKind;
+use found::Found;
 use neighbours::Neighbour;
 use program::Line;
 use tree::Tree;
@@ -30,8 +32,10 @@ const EPSILON: f32 = 1e-5;
 pub(crate) struct Memory {
     /// The living units of each plane.
     planes: [Tree; 3],
-    /// Squared distance and number of edges or units in sight, nearest first.
-    found: Vec<(f32, u32)>,
+    /// What others know of each unit, by battle-wide id; stale for the dead.
+    neighbours: Vec<Neighbour>,
+    /// Edges or units in sight.
+    found: Found,
     lines: Vec<Line>,
     projected: Vec<Line>,
 }
@@ -47,7 +51,7 @@ struct Mover {
 /// Sets the velocity of every living unit.
 pub(super) fn plan_velocities(world: &mut World) {
     let mut memory = std::mem::take(&mut world.plan.avoid);
-    grow_trees(world, &mut memory.planes);
+    memory.take_down(world);
     for &id in &world.living.all {
         let i = id as usize;
         // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
@@ -63,16 +67,22 @@ pub(super) fn plan_velocities(world: &mut World) {
     world.plan.avoid = memory;
 }
 
-fn grow_trees(world: &World, planes: &mut [Tree; 3]) {
-    planes.iter_mut().for_each(Tree::clear);
-    for &id in &world.living.all {
-        planes[world.arena.kind(id).plane as usize].push(world.units.pos[id as usize], id);
+impl Memory {
+    /// Takes down where all living units are and what they do.
+    fn take_down(&mut self, world: &World) {
+        self.planes.iter_mut().for_each(Tree::clear);
+        self.neighbours.resize(world.units.pos.len(), Neighbour::default());
+        for &id in &world.living.all {
+            let neighbour = Neighbour::of(world, id);
+            self.planes[world.arena.kind(id).plane as usize].push(neighbour.position, id);
+            self.neighbours[id as usize] = neighbour;
+        }
+        self.planes.iter_mut().for_each(Tree::grow);
     }
-    planes.iter_mut().for_each(Tree::grow);
 }
 
 fn permitted_velocity(world: &World, id: u32, memory: &mut Memory) -> Vec2 {
-    let Memory { planes, found, lines, projected } = memory;
+    let Memory { planes, neighbours, found, lines, projected } = memory;
     let i = id as usize;
     let kind = world.arena.kind(id);
     let mover = Mover {
@@ -83,22 +93,16 @@ fn permitted_velocity(world: &World, id: u32, memory: &mut Memory) -> Vec2 {
     };
     lines.clear();
     obstacles::find(world.arena, &mover, found);
-    for &(_, number) in found.iter() {
+    for number in found.nearest_first() {
         if let Some(line) = obstacles::line(&mover, world.arena.edges.edge(number), lines) {
             lines.push(line);
         }
     }
     let n_hard = lines.len();
     planes[kind.plane as usize].find(mover.position, mover.kind.neighbour_range_squared, id, found);
-    lines.extend(found.iter().map(|&(_, other)| neighbours::line(&mover, &Neighbour::of(world, other))));
+    lines.extend(found.nearest_first().map(|other| neighbours::line(&mover, &neighbours[other as usize])));
 
     let velocity = program::solve(lines, n_hard, mover.kind.max_speed, mover.preferred, projected);
     // Two units in one spot have no direction to part in; whatever comes of that, nobody leaves the plane.
     if velocity.is_finite() { velocity } else { Vec2::ZERO }
-}
-
-/// Inserts what was found at a distance, behind all that is as near.
-fn insert_sorted(found: &mut Vec<(f32, u32)>, distance_squared: f32, what: u32) {
-    let nearer = found.iter().rev().take_while(|(other, _)| distance_squared < *other).count();
-    found.insert(found.len() - nearer, (distance_squared, what));
 }

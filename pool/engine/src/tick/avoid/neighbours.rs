@@ -7,6 +7,7 @@ use super::{Mover, World};
 use crate::TICKS_PER_SECOND;
 
 /// What a unit knows of one that it avoids.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Neighbour {
     pub position: Vec2,
     pub velocity: Vec2,

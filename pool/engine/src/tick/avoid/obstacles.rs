@@ -2,13 +2,14 @@
 
 use glam::Vec2;
 
+use super::found::Found;
 use super::neighbours::{left_leg, right_leg};
 use super::program::{Line, unit};
-use super::{EPSILON, Mover, insert_sorted};
+use super::{EPSILON, Mover};
 use crate::arena::{Arena, Edge, left_of};
 
-/// The edges that `mover` sees, nearest first: squared distance and number, left in `found`.
-pub(super) fn find(arena: &Arena, mover: &Mover, found: &mut Vec<(f32, u32)>) {
+/// Finds the edges that `mover` sees.
+pub(super) fn find(arena: &Arena, mover: &Mover, found: &mut Found) {
     found.clear();
     let Some(range) = mover.kind.edge_range_squared else { return };
     for &number in arena.edges.near(mover.position) {
@@ -16,7 +17,7 @@ pub(super) fn find(arena: &Arena, mover: &Mover, found: &mut Vec<(f32, u32)>) {
         if left_of(edge.start, edge.end, mover.position) < 0.0 {
             let distance_squared = distance_squared(edge, mover.position);
             if distance_squared < range {
-                insert_sorted(found, distance_squared, number);
+                found.push(distance_squared, number);
             }
         }
     }

@@ -6,7 +6,7 @@
 
 use glam::Vec2;
 
-use super::insert_sorted;
+use super::found::Found;
 
 /// A box with no more units than this is not divided.
 const LEAF_SIZE: usize = 10;
@@ -75,22 +75,21 @@ impl Tree {
         self.divide(begin + n_lower, end);
     }
 
-    /// Finds the units whose squared distance to `position` is below `range_squared`, without unit `but`: squared
-    /// distance and id, nearest first.
-    pub fn find(&self, position: Vec2, range_squared: f32, but: u32, found: &mut Vec<(f32, u32)>) {
+    /// Finds the units whose squared distance to `position` is below `range_squared`, without unit `but`.
+    pub fn find(&self, position: Vec2, range_squared: f32, but: u32, found: &mut Found) {
         found.clear();
         if !self.boxes.is_empty() {
             self.find_in(0, &Query { position, range_squared, but }, found);
         }
     }
 
-    fn find_in(&self, index: usize, query: &Query, found: &mut Vec<(f32, u32)>) {
+    fn find_in(&self, index: usize, query: &Query, found: &mut Found) {
         let this = &self.boxes[index];
         if this.upper == 0 {
             for &(position, id) in &self.units[this.begin as usize..this.end as usize] {
                 let distance_squared = (query.position - position).length_squared();
                 if distance_squared < query.range_squared && id != query.but {
-                    insert_sorted(found, distance_squared, id);
+                    found.push(distance_squared, id);
                 }
             }
             return;
@@ -168,38 +167,36 @@ mod tests {
         tree
     }
 
+    fn find(tree: &Tree, position: Vec2, range_squared: f32, but: u32) -> Vec<u32> {
+        let mut found = Found::default();
+        tree.find(position, range_squared, but, &mut found);
+        found.nearest_first().collect()
+    }
+
     #[test]
     fn finds_what_a_scan_finds() {
         let positions: Vec<Vec2> =
             (0..97).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.31, (i * 53 % 19) as f32 * 0.29)).collect();
         let tree = tree(&positions);
-        for (id, &position) in positions.iter().enumerate() {
+        for (id, &position) in (0..).zip(&positions) {
+            let away = |other: &u32| (position - positions[*other as usize]).length_squared();
             for range_squared in [0.0, 0.1, 1.3, 100.0] {
-                let mut found = Vec::new();
-                tree.find(position, range_squared, id as u32, &mut found);
-                assert!(found.is_sorted_by(|a, b| a.0 <= b.0), "nearest first: {found:?}");
-                let mut ids: Vec<u32> = found.iter().map(|&(_, id)| id).collect();
-                ids.sort_unstable();
-                let near = |other: &u32| {
-                    let away = (position - positions[*other as usize]).length_squared();
-                    away < range_squared && *other != id as u32
-                };
-                assert_eq!(ids, (0..97).filter(near).collect::<Vec<_>>());
+                let mut found = find(&tree, position, range_squared, id);
+                assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
+                found.sort_unstable();
+                let near = |other: &u32| away(other) < range_squared && *other != id;
+                assert_eq!(found, (0..97).filter(near).collect::<Vec<_>>());
             }
         }
     }
 
     #[test]
     fn many_units_in_one_spot_can_be_held() {
-        let mut found = Vec::new();
-        tree(&[Vec2::ONE; 50]).find(Vec2::ONE, 1.0, 7, &mut found);
-        assert_eq!(found.len(), 49);
+        assert_eq!(find(&tree(&[Vec2::ONE; 50]), Vec2::ONE, 1.0, 7).len(), 49);
     }
 
     #[test]
     fn of_a_few_the_lowest_id_is_first() {
-        let mut found = Vec::new();
-        tree(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]).find(Vec2::ZERO, 2.0, 1, &mut found);
-        assert_eq!(found, [(1.0, 0), (1.0, 2)]);
+        assert_eq!(find(&tree(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]), Vec2::ZERO, 2.0, 1), [0, 2]);
     }
 }

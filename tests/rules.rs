@@ -1,0 +1,214 @@
+//! Rules that recorded battles seldom or never come to, in battles of a few units set up for them.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec2;
+use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, Snapshot, TICKS_PER_STEP, action};
+use smaclite_scenarios::Scenario;
+
+const STOP: i32 = action::STOP as i32;
+const TARGET: i32 = action::FIRST_TARGET as i32;
+
+/// A battle of a few units on open ground, each type's count as in a scenario file: `"MARINE": 2`.
+struct Setting {
+    battle: Battle,
+    snapshot: Snapshot,
+}
+
+impl Setting {
+    fn new(rules: Rules, allies: &str, enemies: &str) -> Setting {
+        let count = |units: &str| -> u32 {
+            units
+                .split(',')
+                .map(|unit| unit.rsplit(':').next().and_then(|n| n.trim().parse().ok()).unwrap_or(0u32))
+                .sum()
+        };
+        let json = format!(
+            r#"{{ "name": "few", "num_allied_units": {}, "num_enemy_units": {}, "groups": [
+                {{ "x": 9, "y": 16, "faction": "ALLY", "units": {{ {allies} }} }},
+                {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {{ {enemies} }} }} ],
+                "terrain_preset": "SIMPLE", "attack_point": [9, 16], "num_unit_types": 0,
+                "ally_has_shields": false, "enemy_has_shields": false }}"#,
+            count(allies),
+            count(enemies)
+        );
+        let scenario = Scenario::from_json(&json, "few", Path::new(".")).expect("a valid scenario");
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, rules)), 1);
+        Setting { snapshot: battle.save(), battle }
+    }
+
+    fn place(&mut self, unit: usize, x: f32, y: f32) -> &mut Setting {
+        self.snapshot.units.pos[unit] = Vec2::new(x, y);
+        self
+    }
+
+    /// Plays one step with units acting by ascending id, or in another order; what was seen after its first tick.
+    fn play(&mut self, actions: &[i32], order: Option<&[u32]>) -> FirstTick {
+        self.battle.restore(&self.snapshot).expect("a snapshot of this battle");
+        let ids: Vec<u32> = (0..self.snapshot.units.hp.len() as u32).collect();
+        let orders = [order.unwrap_or(&ids); TICKS_PER_STEP];
+        let mut first = None;
+        let order = ExecutionOrder::Given(&orders);
+        let step = self.battle.step_observed(actions, order, &mut Scratch::new(), |tick| {
+            first.get_or_insert_with(|| FirstTick {
+                units: tick.units.clone(),
+                preferred: tick.preferred.to_vec(),
+                earned: tick.earned,
+            });
+        });
+        step.expect("legal actions");
+        first.expect("a step has ticks")
+    }
+}
+
+struct FirstTick {
+    units: smaclite_engine::Units,
+    preferred: Vec<Vec2>,
+    earned: f64,
+}
+
+/// R1: with a target that is no healer, while some agent is a living healer out of sight.
+#[test]
+fn r1_a_unit_with_a_target_turns_to_a_nearer_one_only_by_smaclites_rules() {
+    for (rules, target) in [(Rules::Smaclite, 2), (Rules::Paper, 1)] {
+        let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 2"#, r#""MARINE": 1"#);
+        setting.place(0, 2.0, 16.0).place(1, 18.0, 16.0).place(2, 20.0, 16.0).place(3, 22.0, 16.0);
+        setting.snapshot.units.target[3] = Some(1);
+        let seen = setting.play(&[STOP; 3], None);
+        assert_eq!(seen.units.target[3], Some(target), "{rules}");
+    }
+}
+
+/// R1: healers come first under both rule sets, however far.
+#[test]
+fn r1_healers_come_first() {
+    for rules in [Rules::Smaclite, Rules::Paper] {
+        let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
+        setting.place(0, 17.5, 16.0).place(1, 20.0, 16.0).place(2, 22.0, 16.0);
+        for target in [None, Some(1)] {
+            setting.snapshot.units.target[2] = target;
+            let seen = setting.play(&[STOP; 2], None);
+            assert_eq!(seen.units.target[2], Some(0), "{rules}");
+        }
+    }
+}
+
+/// A marine with 3 health beside an enemy zealot, and a medivac that has been healing it. Zealots cannot hit medivacs.
+fn last_breath(rules: Rules) -> Setting {
+    let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 1"#, r#""ZEALOT": 1"#);
+    setting.place(0, 8.0, 16.0).place(1, 9.0, 16.0).place(2, 9.9, 16.0);
+    setting.snapshot.units.hp[1] = 3.0;
+    setting.snapshot.units.target[0] = Some(1);
+    setting
+}
+
+/// R2: a marine is killed, and healed later in the same tick.
+#[test]
+fn r2_a_heal_in_the_tick_of_the_kill_saves_only_by_smaclites_rules() {
+    for (rules, lives) in [(Rules::Smaclite, true), (Rules::Paper, false)] {
+        let mut setting = last_breath(rules);
+        let seen = setting.play(&[TARGET + 1, STOP], Some(&[2, 1, 0]));
+        assert_eq!(seen.units.alive[1], lives, "{rules}");
+        assert_eq!(seen.units.hp[1], if lives { 0.5625 } else { 0.0 }, "{rules}");
+        let full = setting.snapshot.units.energy[0] + 0.5625 / 16.0;
+        assert_eq!(seen.units.energy[0], if lives { full - 1.0 } else { full }, "{rules}");
+    }
+}
+
+/// R2: a commanded healer goes on healing one that is out of the battle, to no effect.
+#[test]
+fn r2_the_dead_do_not_rise() {
+    let mut setting = last_breath(Rules::Smaclite);
+    setting.play(&[TARGET + 1, STOP], Some(&[0, 1, 2]));
+    let units = setting.battle.units();
+    assert!(units.hp[1] > 0.0 && !units.alive[1]);
+    assert_eq!(units.target[0], Some(1));
+    assert_eq!(setting.battle.dead_allies(), 1);
+    assert!(setting.battle.is_available(1, action::NO_OP));
+}
+
+/// R3: an enemy medivac (3.5 squares a second) without a target, among marines (3.15) and away from them.
+#[test]
+fn r3_a_healer_goes_as_its_slowest_neighbour() {
+    for rules in [Rules::Smaclite, Rules::Paper] {
+        let mut setting = Setting::new(rules, r#""MARINE": 1"#, r#""MEDIVAC": 1, "MARINE": 2"#);
+        setting.place(0, 2.0, 16.0).place(1, 25.0, 16.0).place(2, 24.0, 16.0);
+        for (x, speed) in [(26.0, 3.15), (10.0, 3.15)] {
+            setting.place(3, x, 16.0);
+            let seen = setting.play(&[STOP], None);
+            assert!((seen.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
+        }
+        setting.place(2, 10.0, 17.0);
+        let seen = setting.play(&[STOP], None);
+        assert!((seen.preferred[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
+    }
+}
+
+/// A healer with less than 5 energy turns to no new target, but goes on with the one it has.
+#[test]
+fn five_energy_for_a_new_target() {
+    for (energy, previous, heals) in [(4.5, None, false), (5.0, None, true), (4.5, Some(1), true)] {
+        let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
+        setting.snapshot.units.hp[1] = 30.0;
+        setting.snapshot.units.energy[0] = energy;
+        setting.snapshot.units.target[0] = previous;
+        let seen = setting.play(&[TARGET + 1, STOP], None);
+        assert_eq!(seen.units.hp[1], if heals { 30.5625 } else { 30.0 }, "energy {energy}");
+        assert_eq!(seen.units.target[0], heals.then_some(1));
+    }
+}
+
+/// A healer drops a target at full health.
+#[test]
+fn nobody_is_healed_beyond_full_health() {
+    let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
+    setting.snapshot.units.target[0] = Some(1);
+    let seen = setting.play(&[TARGET + 1, STOP], None);
+    assert_eq!((seen.units.target[0], seen.units.healing[0]), (None, 0.0));
+}
+
+/// An enemy that blows itself up adds its health to the reward; one of ours adds nothing but its hits.
+#[test]
+fn what_an_explosion_earns() {
+    let mut setting = Setting::new(Rules::Smaclite, r#""ZEALOT": 1"#, r#""BANELING": 1"#);
+    setting.place(0, 16.0, 16.0).place(1, 17.0, 16.0);
+    let seen = setting.play(&[STOP], Some(&[1, 0]));
+    assert_eq!(seen.earned, 30.0);
+    // 80 damage: 50 to the shield, and 1 of the rest to armor.
+    assert_eq!((seen.units.shield[0], seen.units.hp[0]), (0.0, 71.0));
+
+    let mut setting = Setting::new(Rules::Smaclite, r#""BANELING": 1"#, r#""ZERGLING": 2"#);
+    setting.place(0, 16.0, 16.0).place(1, 16.9, 16.0).place(2, 25.0, 16.0);
+    let seen = setting.play(&[TARGET], Some(&[0, 1, 2]));
+    assert_eq!(seen.earned, 45.0);
+    assert!(!seen.units.alive[0] && !seen.units.alive[1]);
+}
+
+/// A colossus goes on firing at a target that died in this step; when nobody else is there, nothing happens.
+#[test]
+fn a_laser_on_the_dead_spends_its_cooldown() {
+    let mut setting =
+        Setting::new(Rules::Smaclite, r#""COLOSSUS": 1, "MARINE": 1"#, r#""MARINE": 1, "ZEALOT": 1"#);
+    setting.place(0, 12.0, 16.0).place(1, 13.0, 17.5).place(2, 17.0, 16.0).place(3, 29.0, 16.0);
+    setting.snapshot.units.hp[2] = 1.0;
+    setting.snapshot.units.cooldown[0] = 0.25;
+    setting.play(&[TARGET, TARGET], None);
+    let units = setting.battle.units();
+    assert!(!units.alive[2]);
+    assert!((0.5..1.07).contains(&units.cooldown[0]), "cooldown {}", units.cooldown[0]);
+}
+
+/// Healers heal neither themselves nor each other, wherever they stand in their group, and see enemies in the
+/// columns of their allies.
+#[test]
+fn whom_healers_can_target() {
+    let setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 2, "MARINE": 2"#, r#""MARINE": 1"#);
+    let sizes = setting.battle.arena().sizes();
+    assert_eq!(sizes.n_actions, 6 + 4);
+    for healer in [0, 1] {
+        let targets: Vec<usize> = (0..4).filter(|i| setting.battle.is_available(healer, 6 + i)).collect();
+        assert_eq!(targets, [2, 3]);
+    }
+    assert!((6..10).all(|target| !setting.battle.is_available(2, target)), "the enemy is out of range");
+}
