@@ -41,6 +41,15 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-ipc --bin smaclite-pool -- bench {{ args }}
 
+# Figures of the pool beside their baselines, for benches/README.md (transport, efficiency, asynchronous, many)
+figures *args:
+    cargo build --release --quiet -p smaclite-ipc
+    cargo run --release --quiet -p smaclite-benches -- {{ args }}
+
+# Every interleaving of the hand-off between threads, by loom
+loom $RUSTFLAGS="--cfg loom":
+    cargo test --release -p smaclite-pool --target-dir target/loom hand_off
+
 # Everything in release mode, with the program in target/release/smaclite-pool
 build:
     cargo build --release
