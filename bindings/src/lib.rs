@@ -11,6 +11,7 @@ mod exit;
 mod make;
 mod program;
 mod query;
+mod scenario;
 #[allow(unsafe_code)]
 mod views;
 mod wait;
@@ -33,6 +34,8 @@ mod _native {
     use super::program::run_program;
     #[pymodule_export]
     use super::query::{pools, scenarios, status};
+    #[pymodule_export]
+    use super::scenario::scenario;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

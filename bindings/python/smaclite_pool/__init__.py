@@ -15,7 +15,7 @@ Words: an agent is a learner's slot, a unit any body. A step is one decision. A 
 learner. A batch has M slots, one environment each.
 """
 
-from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenarios, status
+from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status
 from .errors import (
     Busy,
     Closed,
@@ -59,6 +59,7 @@ __all__ = [
     "connect",
     "make",
     "pools",
+    "scenario",
     "scenarios",
     "status",
 ]

@@ -8,7 +8,19 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Batch", "Envs", "Frame", "__version__", "connect", "make", "pools", "run_program", "scenarios", "status"]
+__all__ = [
+    "Batch",
+    "Envs",
+    "Frame",
+    "__version__",
+    "connect",
+    "make",
+    "pools",
+    "run_program",
+    "scenario",
+    "scenarios",
+    "status",
+]
 
 __version__: str
 
@@ -161,6 +173,7 @@ def make(
     name: str | None = None,
 ) -> Envs: ...
 def connect(pool: str, lane: str | None = None, *, timeout: float = 0.0, wait: _Wait = "adaptive") -> Envs: ...
+def scenario(scenario: str | PathLike[str]) -> dict[str, Any]: ...
 def scenarios() -> list[str]: ...
 def status(pool: str) -> dict[str, Any]: ...
 def pools() -> list[str]: ...

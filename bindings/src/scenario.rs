@@ -1,0 +1,87 @@
+//! What a scenario is, as a dict: the figures that observations are fractions of, and the map.
+
+use crate::convert::dict_of;
+use crate::errors::class;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::{Value, json};
+use smaclite_scenarios::{Faction, Scenario, Terrain};
+use smaclite_units::{Plane, Targeter, UnitType};
+use std::path::PathBuf;
+
+/// Everything about a scenario that never changes: a standard one by name, or the one in a file.
+///
+/// Returns a dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row first),
+/// `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none), `ally_has_shields` and
+/// `enemy_has_shields` (whether observations and state show them), `episode_limit` (steps or None), and `allies` and
+/// `enemies`: a list of dicts, by id, with `unit_type`, `type_id` (place in the one-hot), `position` ([x, y] at the
+/// start), `radius` (squares), `hp`, `shield`, `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (the planes
+/// it can act on) and `targeter`.
+///
+/// Raises ScenarioError for a wrong scenario or unit file.
+#[pyfunction]
+#[pyo3(signature = (scenario))]
+pub fn scenario(py: Python<'_>, scenario: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let scenario = Scenario::resolve(&scenario.to_string_lossy())
+        .map_err(|error| class::ScenarioError::new_err(error.to_string()))?;
+    dict_of(py, &described(&scenario))
+}
+
+fn described(scenario: &Scenario) -> Value {
+    json!({
+        "name": scenario.name,
+        "width": scenario.terrain.width(),
+        "height": scenario.terrain.height(),
+        "walkable": walkable(&scenario.terrain),
+        "attack_point": scenario.attack_point,
+        "num_unit_types": scenario.num_unit_types,
+        "ally_has_shields": scenario.ally_has_shields,
+        "enemy_has_shields": scenario.enemy_has_shields,
+        "episode_limit": scenario.episode_limit,
+        "allies": units(scenario, Faction::Ally),
+        "enemies": units(scenario, Faction::Enemy),
+    })
+}
+
+fn walkable(terrain: &Terrain) -> Vec<Vec<bool>> {
+    let (width, height) = (i64::from(terrain.width()), i64::from(terrain.height()));
+    (0..height).map(|y| (0..width).map(|x| terrain.is_walkable(x, y)).collect()).collect()
+}
+
+fn units(scenario: &Scenario, faction: Faction) -> Vec<Value> {
+    let side = scenario.units.iter().filter(|unit| unit.faction == faction);
+    side.map(|unit| {
+        let figures = &scenario.unit_types[unit.unit_type];
+        json!({
+            "unit_type": figures.name,
+            "type_id": scenario.type_ids[unit.unit_type],
+            "position": unit.position,
+            "radius": figures.radius(),
+            "hp": figures.hp,
+            "shield": figures.shield,
+            "energy": figures.energy,
+            "cooldown": figures.cooldown,
+            "healer": figures.is_healer(),
+            "plane": figures.plane.to_string(),
+            "targets": targets(figures),
+            "targeter": targeter(&figures.targeter),
+        })
+    })
+    .collect()
+}
+
+/// The planes whose units this type can act on.
+fn targets(figures: &UnitType) -> Vec<String> {
+    let planes = [Plane::Ground, Plane::Air, Plane::Colossus].into_iter();
+    planes.filter(|plane| figures.can_attack(*plane)).map(|plane| plane.to_string()).collect()
+}
+
+/// The targeter's name in a unit file.
+fn targeter(targeter: &Targeter) -> &'static str {
+    match targeter {
+        Targeter::Standard => "STANDARD",
+        Targeter::Kamikaze { .. } => "KAMIKAZE",
+        Targeter::LaserBeam { .. } => "LASER_BEAM",
+        Targeter::Heal => "HEAL",
+    }
+}
