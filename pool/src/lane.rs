@@ -76,6 +76,7 @@ pub(crate) struct Entry {
     pub(crate) env: u32,
     task: Task,
     round: Round,
+    ticket: u64,
 }
 
 /// The receiving side, held by the leading worker while it accepts requests and by the control side while it changes
@@ -276,7 +277,8 @@ impl<T: Transport> Lane<T> {
             Some(_) => Err(Rejection::BusyEnv { env }),
             None => {
                 seat.busy = Some(checking.ticket);
-                checking.accepted.push(Entry { env: env as u32, task, round: *checking.round });
+                let (round, ticket) = (*checking.round, checking.ticket);
+                checking.accepted.push(Entry { env: env as u32, task, round, ticket });
                 Ok(seat)
             }
         }
@@ -315,7 +317,9 @@ impl<T: Transport> Lane<T> {
         let mut tally = Tally::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
-                self.serve_run(run, scratch, &mut tally)
+                // A worker that was busy elsewhere may find an old round's steps and a new one's resets at once.
+                let mut rounds = run.chunk_by(|a, b| a.round == b.round);
+                rounds.try_for_each(|run| self.serve_run(run, scratch, &mut tally))
             } else {
                 self.serve_each(run, scratch, &mut tally)
             }
@@ -363,13 +367,17 @@ impl<T: Transport> Lane<T> {
         let mut seat = lock(&self.seats[env]);
         let step: Option<Step> = seat.run(entry.task, self.autoreset, scratch);
         tally.count(step);
-        let Some((claim, index)) = claim_slot(env)? else { return Ok(None) };
+        let Some((claim, index)) = claim_slot(env)? else {
+            seat.forgo(self.autoreset);
+            return Ok(None);
+        };
         // SAFETY: the outbox keeps the frame's loan until every claimed slot is reported as written, which `finish`
         // does after this. Slots are distinct: an asynchronous lane's claims do not overlap, and in a synchronous one
         // `index` is the environment, which an accepted request holds once (`busy`).
         let mut slot = unsafe { claim.memory.slot(&self.layout, index) };
         seat.write(env, step, self.autoreset, &mut slot, scratch);
-        seat.busy = None;
+        // Claimed in an old round, the seat may be another request's by now.
+        seat.busy = seat.busy.filter(|ticket| *ticket != entry.ticket);
         Ok(Some(claim))
     }
 

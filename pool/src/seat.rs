@@ -123,6 +123,13 @@ impl Seat {
         }
     }
 
+    /// Leaves the outcome of [`run`](Seat::run) unwritten, for a round that is over; the game goes on as if it were written.
+    pub(crate) fn forgo(&mut self, autoreset: Autoreset) {
+        if self.over && autoreset == Autoreset::SameStep {
+            self.reset();
+        }
+    }
+
     fn reset(&mut self) {
         self.game.reset();
         self.over = false;
