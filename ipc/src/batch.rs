@@ -3,8 +3,7 @@
 
 #![allow(unsafe_code)] // `Sync` for a sample that is only read
 
-use crate::place::Stay;
-use crate::services::FrameSample;
+use crate::services::{FramePort, FrameSample};
 use crate::wire::FrameHeader;
 use faer::MatRef;
 use smaclite_pool::fields::Field;
@@ -17,8 +16,7 @@ pub struct Batch {
     sample: ManuallyDrop<FrameSample>,
     layout: Arc<Layout>,
     owner: u32,
-    /// The sample keeps its node alive, so its process is still a guest of the place.
-    _stay: Arc<Stay>,
+    port: ManuallyDrop<Arc<FramePort>>,
 }
 
 // SAFETY: a `FrameSample` is not `Sync` only because of its reference count, which is touched when it is dropped, and
@@ -27,8 +25,9 @@ pub struct Batch {
 unsafe impl Sync for Batch {}
 
 impl Batch {
-    pub(crate) fn new(sample: FrameSample, layout: Arc<Layout>, stay: Arc<Stay>) -> Batch {
-        Batch { sample: ManuallyDrop::new(sample), layout, owner: std::process::id(), _stay: stay }
+    pub(crate) fn new(sample: FrameSample, layout: Arc<Layout>, port: Arc<FramePort>) -> Batch {
+        let (sample, port) = (ManuallyDrop::new(sample), ManuallyDrop::new(port));
+        Batch { sample, layout, owner: std::process::id(), port }
     }
 
     /// Where each field lies.
@@ -100,8 +99,11 @@ impl Batch {
 impl Drop for Batch {
     fn drop(&mut self) {
         if self.owner == std::process::id() {
-            // SAFETY: dropped once, here, and not used after.
-            unsafe { ManuallyDrop::drop(&mut self.sample) }
+            // SAFETY: each is dropped once, here, and not used after.
+            unsafe {
+                ManuallyDrop::drop(&mut self.sample);
+                ManuallyDrop::drop(&mut self.port);
+            }
         }
         // A forked child forgets it: giving it back is the parent's right.
     }

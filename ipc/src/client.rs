@@ -5,10 +5,10 @@ use crate::batch::Batch;
 use crate::control::client::{ControlClient, ControlError};
 use crate::control::protocol::{Answer, Ask, LaneDescription, PROTOCOL_VERSION, Refusal};
 use crate::legal::Legal;
-use crate::memory::{TooLittleMemory, check_room, reserve_segments};
+use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
 use crate::place::{Place, PlaceError};
 use crate::services::{
-    FrameSample, FrameSubscriber, Guest, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
+    FramePort, FrameSample, Guest, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
     WorkEvent, doing, enter,
 };
 use crate::wire::{MAGIC, RequestHeader, actions_offset, step_bytes};
@@ -96,11 +96,11 @@ pub struct Client {
 /// end when everything else is given back.
 struct Parts {
     publisher: RequestPublisher,
-    subscriber: FrameSubscriber,
+    frames: Arc<FramePort>,
     listener: IpcListener,
     work: IpcNotifier,
     _services: (LaneServices, WorkEvent),
-    guest: Guest,
+    _guest: Guest,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
@@ -130,7 +130,7 @@ impl Client {
         let layout = Arc::new(checked_layout(&description)?);
         let capacity = description.capacity;
         let num_envs = description.num_envs;
-        check_room(capacity.request_memory(&layout, num_envs), "requests of a learner")?;
+        check_room(capacity.request_memory(&layout, num_envs) + PORTS, "requests of a learner")?;
         let guest = enter(place, &format!("learner of {pool}"))?;
         let lane = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
         let work_event = WorkEvent::open(&guest.node, &description.instance)?;
@@ -138,11 +138,11 @@ impl Client {
         reserve_segments(place, "requests of a learner")?;
         let parts = Parts {
             publisher,
-            subscriber: lane.frame_subscriber(capacity.frames_waiting)?,
+            frames: Arc::new(lane.frame_port(capacity.frames_waiting, &guest)?),
             listener: lane.frame_listener()?,
             work: work_event.notifier()?,
             _services: (lane, work_event),
-            guest,
+            _guest: guest,
             control,
             legal: Legal::new(&layout, num_envs, description.autoreset),
             description,
@@ -201,7 +201,7 @@ impl Client {
         }
         let sample = parts.wait_for_sample(patience)?;
         parts.legal.learn(&parts.layout, sample.payload());
-        Ok(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.guest.stay)))
+        Ok(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)))
     }
 
     /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).
@@ -258,7 +258,6 @@ impl Drop for Client {
     fn drop(&mut self) {
         // A forked child must not take its parent's ports down.
         if self.owner == std::process::id() {
-            self.parts.control.hang_up();
             // SAFETY: dropped once, here, and not used after.
             unsafe { ManuallyDrop::drop(&mut self.parts) }
         }
@@ -353,7 +352,7 @@ impl Parts {
     /// The next frame that is for us, if there is one.
     fn receive(&mut self) -> Result<Option<FrameSample>, ClientError> {
         loop {
-            let sample = match self.subscriber.receive() {
+            let sample = match self.frames.subscriber.receive() {
                 Ok(Some(sample)) => sample,
                 Ok(None) => return Ok(None),
                 Err(ReceiveError::ExceedsMaxBorrows) => {

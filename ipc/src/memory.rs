@@ -19,6 +19,10 @@ pub struct TooLittleMemory {
     suggested: u64,
 }
 
+/// What iceoryx2 needs beside frames and requests for the ports of one process at one lane: management segments and
+/// connections, a page or a few each; measured 30 to 60 kB. They cannot be reserved, since they come with the peers.
+pub(crate) const PORTS: usize = 128 << 10;
+
 /// Is there room for `needed` bytes?
 pub(crate) fn check_room(needed: usize, for_what: &str) -> Result<(), TooLittleMemory> {
     let Ok(stat) = rustix::fs::statvfs(SHM) else { return Ok(()) }; // no tmpfs there: creating files will say so

@@ -4,7 +4,7 @@
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use std::fs::{DirEntry, File};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path as FsPath, PathBuf};
 
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
@@ -109,15 +109,20 @@ impl Place {
 pub(crate) struct Stay {
     lock: File,
     place: Place,
+    owner: u32,
 }
 
 impl Place {
     /// Enters the place; waits while another process tidies it up.
     pub(crate) fn enter(&self) -> std::io::Result<Stay> {
-        let lock =
-            File::options().create(true).truncate(false).write(true).open(self.root.join(STAY_LOCK))?;
-        flock(&lock, FlockOperation::LockShared)?;
-        Ok(Stay { lock, place: self.clone() })
+        let path = self.root.join(STAY_LOCK);
+        loop {
+            let lock = lock_file(&path)?;
+            flock(&lock, FlockOperation::LockShared)?;
+            if is_file_at(&lock, &path) {
+                return Ok(Stay { lock, place: self.clone(), owner: std::process::id() });
+            }
+        }
     }
 
     /// Files of this place in `/dev/shm` and iceoryx2's below the root.
@@ -136,10 +141,25 @@ impl Place {
 
 impl Drop for Stay {
     fn drop(&mut self) {
+        if self.owner != std::process::id() {
+            return; // a forked child shares its parent's lock
+        }
         if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
             self.place.left_overs().iter().for_each(|file| drop(std::fs::remove_file(file)));
+            let _ = std::fs::remove_file(self.place.root.join(STAY_LOCK));
         }
     }
+}
+
+/// Opens a file to lock, private even where the folder is not: a lock is all another user needs to get in the way.
+pub(crate) fn lock_file(path: &FsPath) -> std::io::Result<File> {
+    File::options().create(true).truncate(false).write(true).mode(0o600).open(path)
+}
+
+/// Is this still the file at `path`? Between opening a lock's file and locking it, its last holder may have removed it.
+pub(crate) fn is_file_at(file: &File, path: &FsPath) -> bool {
+    let same = |a: &std::fs::Metadata, b: &std::fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
 }
 
 fn collect_files(folder: &FsPath, files: &mut Vec<PathBuf>) {

@@ -10,7 +10,7 @@ use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use smaclite_pool::layout::Layout;
 use std::mem::MaybeUninit;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Worker threads share ports, so the variant with locks.
 pub(crate) type Ipc = ipc_threadsafe::Service;
@@ -35,6 +36,13 @@ pub(crate) type IpcNotifier = Notifier<Ipc>;
 /// A supervisor and a learner that died may still be listed while their successors come.
 const SLACK: usize = 4;
 
+/// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one that is gone
+/// but whose process still holds frames. Each costs the memory of a learner's frames.
+const DEPARTED: usize = 1;
+
+/// How long a subscription waits for one of a dead process to be taken back.
+const TAKE_BACK: Duration = Duration::from_secs(1);
+
 /// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache lines).
 const CHUNK_OVERHEAD: usize = 192;
 
@@ -49,6 +57,13 @@ pub struct IpcError {
 /// Says what was being done when iceoryx2 refused.
 pub(crate) fn doing<E: std::fmt::Debug>(doing: &'static str) -> impl FnOnce(E) -> IpcError {
     move |cause| IpcError { doing, cause: format!("{cause:?}") }
+}
+
+/// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a subscriber that
+/// is dropped, whoever still reads them. Dropped in this order.
+pub(crate) struct FramePort {
+    pub(crate) subscriber: FrameSubscriber,
+    _stay: Arc<Stay>,
 }
 
 /// A node and the stay that outlives it. Dropped in this order.
@@ -100,19 +115,26 @@ impl Capacity {
         spectators: usize,
     ) -> Self {
         let synchronous = num_envs == batch_size;
+        // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or at the last
+        // slot of a full one. One more for a rejection.
+        let writing = threads.min(num_envs);
         Capacity {
             frames_held,
             frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { 2 } else { threads + 2 },
+            frames_filling: if synchronous { writing + 1 } else { writing + 2 },
             spectators,
             requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
         }
     }
 
-    /// Frames that can exist at once: a learner's, those of a predecessor that was killed until they are taken back, a
-    /// spectator's one waiting and one held, and those being filled.
+    /// Subscriptions to a lane's frames at once.
+    fn subscriptions(&self) -> usize {
+        self.spectators + 1 + DEPARTED
+    }
+
+    /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is one to fill.
     fn frames(&self) -> usize {
-        2 * (self.frames_waiting + self.frames_held) + 2 * self.spectators + self.frames_filling
+        self.subscriptions() * (self.frames_waiting + self.frames_held) + self.frames_filling
     }
 
     /// Bytes of shared memory that the supervisor needs for a lane.
@@ -125,6 +147,11 @@ impl Capacity {
         let bytes = step_bytes(num_envs, layout.sizes().n_agents);
         (self.requests_waiting + 2) * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
     }
+}
+
+fn still_held() -> IpcError {
+    let cause = "too many clients that are gone still have their frames held; drop those batches and every array over them";
+    IpcError { doing: "subscribing to a lane's frames", cause: cause.to_owned() }
 }
 
 fn service_name(instance: &str, lane: &str, what: &str) -> Result<ServiceName, IpcError> {
@@ -180,7 +207,7 @@ impl LaneServices {
         let frames = frames
             .user_header::<FrameHeader>()
             .max_publishers(1)
-            .max_subscribers(capacity.spectators + 1 + SLACK)
+            .max_subscribers(capacity.subscriptions())
             .max_nodes(nodes)
             .subscriber_max_buffer_size(capacity.frames_waiting)
             .subscriber_max_borrowed_samples(capacity.frames_held)
@@ -232,21 +259,29 @@ impl LaneServices {
         layout: &Layout,
         capacity: Capacity,
     ) -> Result<FramePublisher, IpcError> {
-        let frames = capacity.frames();
         self.frames
             .publisher_builder()
             .initial_max_slice_len(layout.bytes())
             .max_loaned_samples(capacity.frames_filling)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .override_sample_preallocation(move |_| frames)
             .create()
             .map_err(doing("creating a lane's frame publisher"))
     }
 
     /// `waiting`: how many frames may wait; the oldest is dropped for a newer one.
-    pub(crate) fn frame_subscriber(&self, waiting: usize) -> Result<FrameSubscriber, IpcError> {
-        let builder = self.frames.subscriber_builder().buffer_size(waiting);
-        builder.create().map_err(doing("subscribing to a lane's frames"))
+    pub(crate) fn frame_port(&self, waiting: usize, guest: &Guest) -> Result<FramePort, IpcError> {
+        let begin = Instant::now();
+        loop {
+            let created = self.frames.subscriber_builder().buffer_size(waiting).create();
+            match created {
+                Ok(subscriber) => return Ok(FramePort { subscriber, _stay: Arc::clone(&guest.stay) }),
+                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) if begin.elapsed() < TAKE_BACK => {
+                    std::thread::sleep(Duration::from_millis(20)); // the supervisor looks for the dead every 100 ms
+                }
+                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => return Err(still_held()),
+                Err(error) => return Err(doing("subscribing to a lane's frames")(error)),
+            }
+        }
     }
 
     pub(crate) fn frame_notifier(&self) -> Result<IpcNotifier, IpcError> {

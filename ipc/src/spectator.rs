@@ -4,8 +4,9 @@ use crate::batch::Batch;
 use crate::client::{ClientError, ConnectError, checked_layout};
 use crate::control::client::ControlClient;
 use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
+use crate::memory::{PORTS, check_room};
 use crate::place::Place;
-use crate::services::{FrameSubscriber, Guest, LaneServices, doing, enter};
+use crate::services::{FramePort, Guest, LaneServices, doing, enter};
 use crate::wire::{FrameHeader, MAGIC};
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 use std::mem::ManuallyDrop;
@@ -20,9 +21,9 @@ pub struct Spectator {
 /// Dropped in this order: the frame before its port, that before its node, the control connection last.
 struct Parts {
     current: Option<Batch>,
-    subscriber: FrameSubscriber,
+    frames: Arc<FramePort>,
     _services: LaneServices,
-    guest: Guest,
+    _guest: Guest,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
@@ -38,11 +39,12 @@ impl Spectator {
             other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
+        check_room(PORTS, "a spectator")?;
         let guest = enter(place, &format!("spectator of {pool}"))?;
         let services = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
-        let subscriber = services.frame_subscriber(1)?;
+        let frames = Arc::new(services.frame_port(1, &guest)?);
         let parts =
-            Parts { current: None, subscriber, _services: services, guest, control, description, layout };
+            Parts { current: None, frames, _services: services, _guest: guest, control, description, layout };
         Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
     }
 
@@ -58,14 +60,14 @@ impl Spectator {
         }
         let parts = &mut *self.parts;
         // The held frame is given back before another is taken. With a buffer of one there is at most one newer.
-        let newer = parts.subscriber.has_samples().map_err(doing("looking for a frame"))?;
+        let newer = parts.frames.subscriber.has_samples().map_err(doing("looking for a frame"))?;
         if newer {
             parts.current = None;
-            if let Some(sample) = parts.subscriber.receive().map_err(doing("receiving a frame"))? {
+            if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
                 let hash = parts.layout.hash();
                 if is_batch(sample.user_header(), hash) && sample.payload().len() == parts.layout.bytes() {
                     parts.current =
-                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.guest.stay)));
+                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
                 }
             }
         } else if !parts.control.is_alive() {

@@ -2,8 +2,8 @@
 
 use crate::control::protocol::LaneDescription;
 use crate::control::server::{Host, HostedLane, serve};
-use crate::memory::{TooLittleMemory, check_room, reserve_segments};
-use crate::place::{Place, PlaceError, check_name};
+use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
+use crate::place::{Place, PlaceError, check_name, is_file_at, lock_file};
 use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, enter};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use iceoryx2::prelude::Node;
@@ -14,7 +14,9 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::fs::File;
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -215,7 +217,7 @@ pub struct Supervisor {
     control: Option<JoinHandle<()>>,
     place: Place,
     owner: u32,
-    _lock: File,
+    _name: NameLock,
 }
 
 impl Supervisor {
@@ -223,7 +225,7 @@ impl Supervisor {
     pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
         check_name(&config.name).map_err(StartError::Name)?;
         check_lanes(&config.lanes)?;
-        let lock = take_name(&config.place, &config.name)?;
+        let name_lock = NameLock::take(&config.place, &config.name)?;
         let options = PoolOptions { threads: config.options.threads.max(1), ..config.options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{}.{}.{since_epoch:x}", config.name, std::process::id());
@@ -231,7 +233,13 @@ impl Supervisor {
         let lanes: Vec<_> = config.lanes.into_iter().map(|lane| lane.prepare(&shared)).collect();
         let needs = lanes.iter().map(|(spec, d)| d.capacity.frame_memory(&spec.layout()));
         let shared_memory = needs.sum();
-        check_room(shared_memory, "frames of all lanes")?;
+        let guests = lanes.iter().map(|(spec, d)| {
+            d.capacity.request_memory(&spec.layout(), d.num_envs) + (2 + d.capacity.spectators) * PORTS
+        });
+        check_room(
+            shared_memory + guests.sum::<usize>(),
+            "frames of all lanes and their learners' requests",
+        )?;
 
         let guest = enter(&config.place, &config.name)?;
         let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
@@ -243,6 +251,8 @@ impl Supervisor {
         let _ = std::fs::remove_file(&socket); // of a dead pool: the lock is ours
         let listener = UnixListener::bind(&socket).map_err(system("opening the control socket"))?;
         listener.set_nonblocking(true).map_err(system("opening the control socket"))?;
+        let private = std::fs::set_permissions(&socket, PermissionsExt::from_mode(0o600));
+        private.map_err(system("closing the control socket to others"))?;
         let host = Host {
             pool,
             lanes: descriptions.iter().cloned().map(HostedLane::new).collect(),
@@ -266,7 +276,7 @@ impl Supervisor {
             control: Some(control),
             place: config.place,
             owner: std::process::id(),
-            _lock: lock,
+            _name: name_lock,
         })
     }
 
@@ -305,8 +315,6 @@ impl Drop for Supervisor {
         if let Some(control) = self.control.take() {
             let _ = control.join();
         }
-        let _ = std::fs::remove_file(self.place.socket(&self.name));
-        let _ = std::fs::remove_file(self.place.lock(&self.name));
     }
 }
 
@@ -324,23 +332,34 @@ fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
     Ok(())
 }
 
-/// Locks the pool's name for as long as this process lives.
-fn take_name(place: &Place, name: &str) -> Result<File, StartError> {
-    let path = place.lock(name);
-    loop {
-        let file = File::options().create(true).truncate(false).write(true).open(&path);
-        let file = file.map_err(system("opening the pool's lock"))?;
-        if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-            let pid = crate::status(place, name).ok().map(|status| status.pid);
-            return Err(StartError::NameTaken { pool: name.to_owned(), pid });
+/// The right to a pool's name, for as long as this process lives. Takes the pool's files along when it goes.
+struct NameLock {
+    _file: File,
+    files: [PathBuf; 2],
+    owner: u32,
+}
+
+impl NameLock {
+    fn take(place: &Place, name: &str) -> Result<NameLock, StartError> {
+        let path = place.lock(name);
+        loop {
+            let file = lock_file(&path).map_err(system("opening the pool's lock"))?;
+            if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
+                let pid = crate::status(place, name).ok().map(|status| status.pid);
+                return Err(StartError::NameTaken { pool: name.to_owned(), pid });
+            }
+            if is_file_at(&file, &path) {
+                let files = [place.socket(name), path];
+                return Ok(NameLock { _file: file, files, owner: std::process::id() });
+            }
         }
-        // A pool that ended between our open and our lock has removed the file: lock the one that is there now.
-        use std::os::unix::fs::MetadataExt;
-        let same = |a: std::fs::Metadata, b: std::fs::Metadata| a.ino() == b.ino();
-        if let (Ok(ours), Ok(there)) = (file.metadata(), std::fs::metadata(&path))
-            && same(ours, there)
-        {
-            return Ok(file);
+    }
+}
+
+impl Drop for NameLock {
+    fn drop(&mut self) {
+        if self.owner == std::process::id() {
+            self.files.iter().for_each(|file| drop(std::fs::remove_file(file)));
         }
     }
 }

@@ -7,13 +7,13 @@ use crate::layout::Layout;
 use crate::outbox::{Claim, Outbox};
 use crate::rejection::Rejection;
 use crate::seat::{Autoreset, Seat, Tally, Task};
-use crate::sync::lock;
+use crate::sync::{Mutex, MutexGuard, lock};
 use crate::transport::{Inlet, Message, Request, RequestKind, Round, Transport};
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 
 /// How to build a lane.
 pub struct LaneSpec {
@@ -86,6 +86,8 @@ struct Intake<I> {
     session: Option<u64>,
     round: Round,
     was_reset: bool,
+    /// Number of the session's last request.
+    number: u64,
     /// Counts requests, so that a busy seat tells whether this very request took it.
     ticket: u64,
     /// The entries of the request being accepted.
@@ -126,6 +128,7 @@ impl<T: Transport> Lane<T> {
                 session: None,
                 round: Round::default(),
                 was_reset: false,
+                number: 0,
                 ticket: 0,
                 accepted: Vec::new(),
             }),
@@ -148,6 +151,7 @@ impl<T: Transport> Lane<T> {
         let mut intake = lock(&self.intake);
         intake.session = session;
         intake.was_reset = false;
+        intake.number = 0;
         intake.round = Round { session: session.unwrap_or(0), request: 0 };
         self.begin_round(intake.round);
     }
@@ -189,8 +193,12 @@ impl<T: Transport> Lane<T> {
         }
         intake.accepted.clear();
         intake.ticket += 1;
+        let last = intake.number;
+        intake.number = last.max(request.number);
         let Intake { was_reset, ticket, ref mut round, ref mut accepted, .. } = *intake;
-        match self.check(&mut Checking { request, round, was_reset, ticket, accepted }) {
+        let checked = in_order(last, request.number)
+            .and_then(|()| self.check(&mut Checking { request, round, was_reset, ticket, accepted }));
+        match checked {
             Ok(()) => {
                 intake.was_reset = true;
                 share_out(&intake.accepted);
@@ -244,16 +252,19 @@ impl<T: Transport> Lane<T> {
         }
         // Every session begins with the lane's own seed, whatever an earlier learner did.
         let seed = if checking.was_reset { seed } else { seed.or(Some(self.seed)) };
+        let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
         if whole {
+            self.check_all_named(env_ids)?;
             *checking.round = Round { request: checking.request.number, ..*checking.round };
             self.begin_round(*checking.round);
+            return (0..self.num_envs)
+                .try_for_each(|env| self.take_seat(env, reset(env), checking).map(drop));
         }
         for id in env_ids {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
-            let seed = seed.map(|s| s.wrapping_add(env as u64));
-            drop(self.take_seat(env, Task::Reset { seed }, checking)?);
+            drop(self.take_seat(env, reset(env), checking)?);
         }
-        if self.is_synchronous() && !whole {
+        if self.is_synchronous() {
             for env in 0..self.num_envs {
                 match self.take_seat(env, Task::Observe, checking) {
                     Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // the reset ones have their slot already
@@ -262,6 +273,20 @@ impl<T: Transport> Lane<T> {
             }
         }
         Ok(())
+    }
+
+    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused request would
+    /// have freed seats that are still at work.
+    fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
+        let mut named = vec![false; self.num_envs];
+        env_ids.iter().try_for_each(|id| {
+            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            if std::mem::replace(&mut named[env], true) {
+                Err(Rejection::DuplicateEnv { env })
+            } else {
+                Ok(())
+            }
+        })
     }
 
     /// Marks a seat busy, or says who took it.
@@ -314,6 +339,9 @@ impl<T: Transport> Lane<T> {
 
     /// Steps a worker's run of environments and writes their slots. `run` is in the order it was shared out.
     pub(crate) fn serve(&self, run: &[Entry], scratch: &mut Scratch) {
+        if self.failure().is_some() {
+            return; // what panicked once may be in any state
+        }
         let mut tally = Tally::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
@@ -393,6 +421,14 @@ impl<T: Transport> Lane<T> {
         let text = self.failure.get_or_init(|| text).clone();
         self.reject(0, &Rejection::LaneFailed { text });
     }
+}
+
+/// Rounds are told apart by the number of the request that began them, so numbers must not come twice.
+fn in_order(last: u64, number: u64) -> Result<(), Rejection> {
+    if number > last {
+        return Ok(());
+    }
+    Err(Rejection::Malformed { what: format!("request number {number} came after number {last}") })
 }
 
 fn at_env(env: usize, illegal: IllegalAction) -> Rejection {

@@ -74,9 +74,11 @@ impl ControlClient {
             Err(e) => matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR),
         }
     }
+}
 
+impl Drop for ControlClient {
     /// Says good-bye at once, even if a forked child still holds a copy of the socket.
-    pub(crate) fn hang_up(&self) {
+    fn drop(&mut self) {
         let _ = self.stream.get_ref().shutdown(std::net::Shutdown::Both);
     }
 }

@@ -249,6 +249,8 @@ impl Host {
             Role::None => {}
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
             Role::Learner(index) => {
+                // If it died, its successor shall find the frames that it held.
+                self.guest.node.try_cleanup_dead_nodes();
                 self.pool.set_session(index, None);
                 self.lanes[index].holder = None;
                 tracing::info!(
