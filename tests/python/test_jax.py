@@ -1,0 +1,61 @@
+"""JAX over shared memory: in place, immutable, and keeping its frame."""
+
+from __future__ import annotations
+
+import gc
+import textwrap
+import warnings
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+jax = pytest.importorskip("jax")
+
+import smaclite_pool.jax
+from smaclite_pool.jax import array, arrays
+
+
+def test_every_field_is_read_in_place_and_without_a_warning() -> None:
+    with sp.make("2s3z", 8, autoreset="same_step") as envs, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        batch = envs.reset(seed=1)
+        seen = arrays(batch)
+        assert list(seen) == batch.keys()
+        for name, there in seen.items():
+            here = getattr(batch, name)
+            assert (there.dtype, there.shape) == (here.dtype, here.shape), name
+            assert there.unsafe_buffer_pointer() == here.ctypes.data, name
+        assert list(arrays(batch, ["obs"])) == ["obs"]
+
+
+def test_donated_memory_is_not_written() -> None:
+    with sp.make("2s3z", 8) as envs:
+        batch = envs.reset(seed=1)
+        before = batch.obs.copy()
+        doubled = jax.jit(lambda obs: obs * 2 + 1, donate_argnums=0)(array(batch.obs))
+        assert np.array_equal(doubled, before * 2 + 1) and np.array_equal(batch.obs, before)
+
+
+def test_an_array_keeps_its_frame_and_no_longer() -> None:
+    with sp.make("2s3z", 4, frames_held=3) as envs:
+        batch = envs.reset(seed=1)
+        before, kept = batch.obs.copy(), [array(batch.obs)]
+        for _ in range(8):
+            batch = envs.step(envs.sample_actions())
+        assert np.array_equal(kept[0], before)
+        kept.append(array(batch.obs))
+        batch = envs.step(envs.sample_actions())
+        kept.append(array(batch.obs))
+        del batch
+        with pytest.raises(sp.TooManyFramesHeld):
+            envs.step(envs.sample_actions())
+        kept.clear()
+        gc.collect()
+        envs.recv()
+
+
+def test_the_example_runs() -> None:
+    text = smaclite_pool.jax.__doc__
+    assert text is not None
+    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nJAX's")[0]), {})

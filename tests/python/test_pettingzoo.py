@@ -1,0 +1,103 @@
+"""The PettingZoo face, by PettingZoo's own tests and by what this project promises beyond them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+pytest.importorskip("pettingzoo")
+
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+from smaclite_pool.pettingzoo import ParallelBattle, parallel_env
+
+
+@pytest.fixture
+def env() -> Iterator[ParallelBattle]:
+    made = parallel_env("2s3z", seed=3)
+    yield made
+    made.close()
+
+
+def play(env: ParallelBattle, seed: int) -> list[tuple[float, bytes, list[str]]]:
+    """A battle of first-available attacks until it ends; reward, observation bits and agents of each step."""
+    seen, _ = env.reset(seed=seed)
+    played = []
+    while env.agents:
+        actions = {agent: np.flatnonzero(seen[agent]["action_mask"])[-1].item() for agent in env.agents}
+        seen, rewards, *_ = env.step(actions)
+        [reward] = set(rewards.values())
+        played.append((reward, b"".join(s["observation"].tobytes() for s in seen.values()), env.agents[:]))
+    return played
+
+
+@pytest.mark.parametrize("scenario", ["2s3z", "MMM2"])
+def test_pettingzoo_accepts_it(scenario: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = parallel_env(scenario)
+        parallel_api_test(env, num_cycles=300)
+        env.close()
+        parallel_seed_test(lambda: parallel_env(scenario), num_cycles=100)
+
+
+def test_the_dead_stay_listed_with_the_no_op_alone(env: ParallelBattle) -> None:
+    observations, _ = env.reset(seed=1)
+    died = 0
+    while env.agents:
+        assert env.agents == env.possible_agents == list(observations)
+        seen, _, _, _, infos = env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+        no_op = [agent for agent in seen if seen[agent]["action_mask"].tolist() == [1] + [0] * 10]
+        assert len(no_op) == infos["agent_0"]["dead_allies"]
+        assert all(not seen[agent]["observation"].any() for agent in no_op)
+        assert all(env.observation_space(agent).contains(seen[agent]) for agent in seen)
+        died = max(died, len(no_op))
+        observations = seen
+    assert died > 0, "nobody died: this tested nothing"
+
+
+def test_the_battle_is_the_pools(env: ParallelBattle) -> None:
+    with sp.make("2s3z", 1, autoreset="disabled") as envs:
+        seen, _ = env.reset(seed=5)
+        batch = envs.reset(seed=5)
+        for _ in range(40):
+            assert np.array_equal(env.state(), batch.state[0])
+            assert all(np.array_equal(s["observation"], batch.obs[0, i]) for i, s in enumerate(seen.values()))
+            actions = envs.sample_actions()
+            seen, rewards, *_ = env.step(dict(zip(env.agents, actions[0].tolist(), strict=True)))
+            batch = envs.step(actions)
+            assert rewards["agent_2"] == batch.reward[0]
+            if batch.terminated[0]:
+                break
+
+
+def test_a_seed_gives_the_same_battle_again(env: ParallelBattle) -> None:
+    first = play(env, 7)
+    assert play(env, 7) == first != play(env, 8)
+    assert first[-1][2] == [] and first[0][2] == env.possible_agents
+
+
+def test_a_time_out_truncates_everybody() -> None:
+    env = parallel_env("2s3z", episode_limit=2)
+    env.reset()
+    for _ in range(2):
+        stop = dict.fromkeys(env.agents, 1)
+        _, _, terminations, truncations, _ = env.step(stop)
+    assert not any(terminations.values()) and all(truncations.values()) and env.agents == []
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.step({})
+    env.close()
+
+
+def test_what_cannot_be_done_is_refused(env: ParallelBattle) -> None:
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.state()
+    env.reset()
+    with pytest.raises(sp.InvalidRequest, match="agent_4"):
+        env.step(dict.fromkeys(env.agents[:4], 1))
+    with pytest.raises(sp.IllegalAction) as told:
+        env.step(dict.fromkeys(env.agents, 0))
+    assert told.value.agent == 0 and 1 in told.value.available

@@ -1,0 +1,173 @@
+"""PyTorch over shared memory: in place, guarded against writes, keeping its frame; pinning with a CUDA that notes calls."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import textwrap
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+torch = pytest.importorskip("torch")
+
+import smaclite_pool.torch
+from smaclite_pool.torch import ReadOnly, pinned, tensor, tensors
+
+
+@pytest.fixture
+def envs() -> Iterator[sp.Envs]:
+    with sp.make("2s3z", 8, autoreset="same_step") as made:
+        yield made
+
+
+def test_every_field_is_read_in_place_and_without_a_warning(envs: sp.Envs) -> None:
+    batch = envs.reset(seed=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        seen = tensors(batch)
+    assert list(seen) == batch.keys()
+    for name, there in seen.items():
+        here = getattr(batch, name)
+        assert there.data_ptr() == there.plain.data_ptr() == here.ctypes.data, name
+        assert tuple(there.shape) == here.shape and there.numpy().dtype == here.dtype, name
+        assert np.array_equal(there.numpy(), here), name
+    assert seen["avail_actions"].dtype == torch.bool
+    assert list(tensors(batch, ["obs"])) == ["obs"]
+
+
+def test_before_dlpack_knew_read_only_memory(envs: sp.Envs, monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = envs.reset(seed=1)
+    def refuse(array: Any) -> Any:
+        raise BufferError("Cannot export readonly array")
+
+    monkeypatch.setattr(smaclite_pool.torch.dlpack, "from_dlpack", refuse)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert tensor(batch.obs).data_ptr() == batch.obs.ctypes.data
+
+
+WRITES: dict[str, Callable[[Any], Any]] = {
+    "in place": lambda t: t.add_(1),
+    "operator": lambda t: t.__iadd__(1),
+    "item": lambda t: t.__setitem__(0, 1),
+    "mask": lambda t: t.__setitem__(t > 0, 1),
+    "copy": lambda t: t.copy_(torch.zeros(8, 5, 80)),
+    "out": lambda t: torch.add(t, 1, out=t),
+    "view": lambda t: t.view(-1)[3:].zero_(),
+    "transposed": lambda t: t.transpose(0, 1).reshape(5, 8, 80)[0].mul_(2),
+    "unbound": lambda t: t.unbind()[0].fill_(2),
+    "detached": lambda t: t.detach().zero_(),
+    "data": lambda t: t.data.zero_(),
+    "plain cast": lambda t: t.as_subclass(torch.Tensor).zero_(),
+    "same device": lambda t: t.to("cpu").float().contiguous().zero_(),
+    "foreach": lambda t: torch._foreach_add_([t], 1),
+    "function": lambda t: torch.nn.functional.relu(t, inplace=True),
+    "initialiser": lambda t: torch.nn.init.zeros_(t),
+    "resized": lambda t: t.resize_(1),
+}
+
+
+@pytest.mark.parametrize("write", WRITES.values(), ids=WRITES)
+@pytest.mark.parametrize("mode", [torch.enable_grad, torch.no_grad, torch.inference_mode])
+def test_a_write_is_refused(envs: sp.Envs, write: Callable[[Any], Any], mode: Callable[[], Any]) -> None:
+    batch = envs.reset(seed=1)
+    before = batch.obs.copy()
+    with mode(), pytest.raises(sp.InvalidRequest, match="read-only"):
+        write(tensor(batch.obs))
+    assert np.array_equal(batch.obs, before)
+
+
+def test_what_is_computed_is_ordinary(envs: sp.Envs) -> None:
+    batch = envs.reset(seed=1)
+    seen = tensors(batch)
+    policy = torch.nn.Linear(80, 11)
+    logits = policy(seen["obs"]).masked_fill(~seen["avail_actions"], -torch.inf)
+    logits.logsumexp(-1).sum().backward()
+    for ordinary in (logits, seen["obs"].clone(), torch.stack([seen["state"], seen["state"]]), seen["obs"].double()):
+        assert type(ordinary) is torch.Tensor
+        ordinary.detach().zero_()
+    buffer = torch.zeros(3, 8, 5, 80)
+    buffer[1] = seen["obs"]
+    assert torch.equal(buffer[1], seen["obs"].plain)
+
+
+def test_copies_are_ordinary(envs: sp.Envs) -> None:
+    batch = envs.reset(seed=1)
+    seen = tensor(batch.obs)
+    for mine in (copy.deepcopy(seen), pickle.loads(pickle.dumps(seen)), torch.from_numpy(seen.numpy())):
+        assert type(mine) is torch.Tensor and torch.equal(mine, seen.plain)
+        mine.zero_()
+    assert batch.obs.any() and isinstance(seen, ReadOnly)
+    assert "ReadOnly" in repr(seen) and seen.tolist() == batch.obs.tolist()
+    with pytest.raises(sp.InvalidRequest, match="DLPack"):
+        np.from_dlpack(seen)
+
+
+def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
+    with sp.make("2s3z", 4, frames_held=3) as envs:
+        batch = envs.reset(seed=1)
+        before, kept = batch.obs.copy(), [tensor(batch.obs)[1:]]
+        for _ in range(8):
+            batch = envs.step(envs.sample_actions())
+        assert np.array_equal(kept[0].numpy(), before[1:])
+        kept.append(tensor(batch.obs))
+        batch = envs.step(envs.sample_actions())
+        kept.append(tensor(batch.obs))
+        del batch
+        with pytest.raises(sp.TooManyFramesHeld):
+            envs.step(envs.sample_actions())
+        kept.clear()
+        envs.recv()
+
+
+def test_the_example_runs() -> None:
+    text = smaclite_pool.torch.__doc__
+    assert text is not None
+    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nThe tensors lie")[0]), {"torch": torch})
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="has CUDA")
+def test_pinning_without_cuda_is_refused(envs: sp.Envs) -> None:
+    batch = envs.reset(seed=1)
+    with pytest.raises(sp.InvalidRequest, match="CUDA"), pinned(batch):
+        pass
+
+
+def test_pinning_registers_the_whole_lane_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a CUDA that only notes its calls: every frame of the lane lies in what was registered."""
+    calls: list[tuple[str, tuple[int, ...]]] = []
+
+    class Runtime:
+        def __getattr__(self, name: str) -> Callable[..., int]:
+            return lambda *args: calls.append((name, args)) or 0  # type: ignore[func-returns-value]
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "cudart", Runtime)
+    monkeypatch.setattr(torch.cuda, "synchronize", lambda: None)
+    monkeypatch.setattr(torch.cuda, "check_error", lambda code: None)
+    with sp.make("2s3z", 8, frames_held=4) as envs:
+        batch = envs.reset()
+        with pinned(batch):
+            [(register, (start, size, flags))] = calls
+            assert register == "cudaHostRegister" and flags == 8, "the mapping is read-only"
+            for _ in range(12):
+                batch = envs.step(envs.sample_actions())
+                for name in batch.keys():
+                    field = getattr(batch, name)
+                    assert start <= field.ctypes.data and field.ctypes.data + field.nbytes <= start + size
+    assert calls[1:] == [("cudaHostUnregister", (start,))]
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA")
+def test_pinned_memory_reaches_the_gpu() -> None:
+    with sp.make("2s3z", 8) as envs:
+        batch = envs.reset(seed=1)
+        with pinned(batch):
+            assert tensor(batch.obs).plain.is_pinned()
+            there = tensor(batch.obs).to("cuda", non_blocking=True)
+            assert np.array_equal(there.cpu().numpy(), batch.obs)
