@@ -27,7 +27,7 @@ def play(env: ParallelBattle, seed: int) -> list[tuple[float, bytes, list[str]]]
     seen, _ = env.reset(seed=seed)
     played = []
     while env.agents:
-        actions = {agent: np.flatnonzero(seen[agent]["action_mask"])[-1].item() for agent in env.agents}
+        actions = {agent: max(np.flatnonzero(seen[agent]["action_mask"]).tolist()) for agent in env.agents}
         seen, rewards, *_ = env.step(actions)
         [reward] = set(rewards.values())
         played.append((reward, b"".join(s["observation"].tobytes() for s in seen.values()), env.agents[:]))

@@ -45,7 +45,7 @@ def test_before_dlpack_knew_read_only_memory(envs: sp.Envs, monkeypatch: pytest.
     def refuse(array: Any) -> Any:
         raise BufferError("Cannot export readonly array")
 
-    monkeypatch.setattr(smaclite_pool.torch.dlpack, "from_dlpack", refuse)
+    monkeypatch.setattr("torch.utils.dlpack.from_dlpack", refuse)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert tensor(batch.obs).data_ptr() == batch.obs.ctypes.data

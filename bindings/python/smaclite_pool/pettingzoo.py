@@ -16,6 +16,7 @@ observation and the no-op alone in their mask. One battle is a slow way to play;
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -46,7 +47,7 @@ class LegalActions(Discrete):
         return super().sample(mask, probability)
 
 
-class ParallelBattle(ParallelEnv[str, Observation, int]):
+class ParallelBattle(ParallelEnv[str, Observation, np.int64]):
     """One battle with PettingZoo's parallel interface.
 
     Each agent observes `{"observation": float32 [obs_size], "action_mask": int8 [n_actions]}`, arrays of its own. Every
@@ -91,7 +92,7 @@ class ParallelBattle(ParallelEnv[str, Observation, int]):
         return self._observe(batch), self._infos(batch)
 
     def step(
-        self, actions: dict[str, int]
+        self, actions: Mapping[str, int | np.integer[Any]]
     ) -> tuple[
         dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:

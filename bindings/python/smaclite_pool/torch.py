@@ -49,7 +49,7 @@ class ReadOnly(Tensor):
     plain: Tensor
     """The ordinary tensor over the same memory. A write to it ends the process."""
 
-    __torch_function__ = torch._C._disabled_torch_function_impl
+    __torch_function__ = torch._C._disabled_torch_function_impl  # type: ignore[assignment]
 
     @staticmethod
     def over(plain: Tensor) -> ReadOnly:
@@ -81,7 +81,7 @@ class ReadOnly(Tensor):
         """The elements as Python's."""
         return self.plain.tolist()
 
-    def __repr__(self, *, tensor_contents: Any = None) -> str:
+    def __repr__(self, *, tensor_contents: Any = None) -> str:  # type: ignore[override]
         return f"ReadOnly({self.plain!r})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Tensor:
