@@ -24,6 +24,9 @@ use std::time::{Duration, Instant};
 /// A blocked client looks this often whether its supervisor lives and its caller wants to stop.
 const LOOK_AROUND: Duration = Duration::from_millis(100);
 
+/// Workers take requests between two runs of environments; a supervisor that does not is stopped.
+const ACCEPT_TIME: Duration = Duration::from_secs(5);
+
 /// Why a client could not attach.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
@@ -108,6 +111,7 @@ struct Parts {
     session: u64,
     round: u64,
     requests: u64,
+    /// Number of the last frame of this round, 0 before the first.
     sequence: u64,
     wait: Wait,
 }
@@ -173,8 +177,9 @@ impl Client {
         let parts = self.parts()?;
         let number = parts.requests + 1;
         parts.legal.take_reset(number, env_ids)?;
-        if env_ids.is_none() {
-            parts.round = number;
+        if env_ids.is_none_or(|ids| ids.len() == parts.description.num_envs) {
+            parts.round = number; // however they were named
+            parts.sequence = 0;
         }
         parts.send(RequestKind::Reset { seed }, env_ids, &[])
     }
@@ -293,6 +298,7 @@ impl Parts {
             [] => count * size_of::<i32>(),
             _ => step_bytes(count, self.description.n_agents),
         };
+        let begin = Instant::now();
         loop {
             let mut sample =
                 self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
@@ -314,6 +320,9 @@ impl Parts {
             if !self.control.is_alive() {
                 return Err(self.pool_died());
             }
+            if begin.elapsed() > ACCEPT_TIME {
+                return Err(ClientError::Timeout(ACCEPT_TIME));
+            }
             std::thread::sleep(Duration::from_micros(50));
         }
     }
@@ -321,23 +330,19 @@ impl Parts {
     fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
         let begin = Instant::now();
         let spin_until = self.wait.spin_until();
+        let mut look = begin + LOOK_AROUND;
         loop {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
+            let now = Instant::now();
             if let Some(timeout) = patience.timeout
-                && begin.elapsed() >= timeout
+                && now - begin >= timeout
             {
                 return Err(ClientError::Timeout(timeout));
             }
-            if spin_until.is_none_or(|end| Instant::now() < end) {
-                std::thread::yield_now();
-                continue;
-            }
-            let left =
-                patience.timeout.map_or(LOOK_AROUND, |t| t.saturating_sub(begin.elapsed()).min(LOOK_AROUND));
-            let woken = self.listener.timed_wait(|_| {}, left);
-            if !matches!(woken, Ok(events) if events > 0) {
+            if now >= look {
+                look = now + LOOK_AROUND;
                 if !self.control.is_alive() {
                     // It may have answered before it died.
                     return self.receive()?.ok_or_else(|| self.pool_died());
@@ -346,6 +351,13 @@ impl Parts {
                     return Err(ClientError::Interrupted);
                 }
             }
+            if spin_until.is_none_or(|end| now < end) {
+                std::thread::yield_now();
+                continue;
+            }
+            let end = patience.timeout.map_or(look, |timeout| look.min(begin + timeout));
+            // Whatever ends this wait, the loop looks again.
+            let _ = self.listener.timed_wait(|_| {}, end - now);
         }
     }
 
@@ -366,11 +378,17 @@ impl Parts {
             if !ours || sample.payload().len() != self.layout.bytes() {
                 continue;
             }
-            let expected = self.sequence + 1;
-            let lost = self.sequence != 0 && header.sequence != expected;
-            self.sequence = header.sequence;
-            if lost {
-                return Err(ClientError::FramesLost { first: expected, last: header.sequence - 1 });
+            // What is left of an earlier round may overflow, and nobody misses it.
+            if header.round == self.round {
+                let expected = self.sequence + 1;
+                let lost = self.sequence != 0 && header.sequence != expected;
+                self.sequence = header.sequence;
+                if lost {
+                    return Err(ClientError::FramesLost {
+                        first: expected,
+                        last: header.sequence.saturating_sub(1),
+                    });
+                }
             }
             if header.rejection_len > 0 {
                 self.rejection(header.request, header.rejection_len as usize, sample.payload())?;

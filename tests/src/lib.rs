@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod compare;
+pub mod pools;
 pub mod recording;
 
 pub use recording::Recording;

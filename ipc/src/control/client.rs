@@ -2,7 +2,10 @@
 
 use super::protocol::{Answer, Ask, MAX_LINE};
 use crate::place::Place;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{PidfdFlags, pidfd_open};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
@@ -12,6 +15,8 @@ const ANSWER_TIME: Duration = Duration::from_secs(10);
 /// A connection to a supervisor. While it is open the supervisor knows that its owner lives, and the other way round.
 pub(crate) struct ControlClient {
     stream: BufReader<UnixStream>,
+    /// Readable when the supervisor's process ends, even if a forked child of it keeps the socket open.
+    process: Option<OwnedFd>,
     pool: String,
 }
 
@@ -36,7 +41,11 @@ fn hint(pools: &[String]) -> String {
 impl ControlClient {
     pub(crate) fn connect(place: &Place, pool: &str) -> Result<Self, ControlError> {
         match UnixStream::connect(place.socket(pool)) {
-            Ok(stream) => Ok(ControlClient { stream: BufReader::new(stream), pool: pool.to_owned() }),
+            Ok(stream) => {
+                let peer = rustix::net::sockopt::socket_peercred(&stream).ok();
+                let process = peer.and_then(|p| pidfd_open(p.pid, PidfdFlags::empty()).ok());
+                Ok(ControlClient { stream: BufReader::new(stream), process, pool: pool.to_owned() })
+            }
             Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused) => {
                 let alive = |name: &String| UnixStream::connect(place.socket(name)).is_ok();
                 let running = place.pool_names().into_iter().filter(alive).collect();
@@ -67,6 +76,9 @@ impl ControlClient {
 
     /// Is the supervisor still there? Never blocks.
     pub(crate) fn is_alive(&self) -> bool {
+        if self.process.as_ref().is_some_and(has_ended) {
+            return false;
+        }
         let mut byte = [0u8; 1];
         let flags = rustix::net::RecvFlags::PEEK | rustix::net::RecvFlags::DONTWAIT;
         match rustix::net::recv(self.stream.get_ref(), &mut byte[..], flags) {
@@ -74,6 +86,12 @@ impl ControlClient {
             Err(e) => matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR),
         }
     }
+}
+
+/// Is this process over? Never blocks.
+pub(crate) fn has_ended(process: &OwnedFd) -> bool {
+    let mut fds = [PollFd::new(process, PollFlags::IN)];
+    poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })).is_ok_and(|ready| ready > 0)
 }
 
 impl Drop for ControlClient {

@@ -1,6 +1,7 @@
 //! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when a
 //! learner's process ends, and has iceoryx2 take back what dead processes left.
 
+use super::client::has_ended;
 use super::protocol::{
     Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal,
 };
@@ -132,9 +133,7 @@ impl Connection {
     }
 
     fn process_ended(&self) -> bool {
-        let Some(process) = &self.process else { return false };
-        let mut fds = [PollFd::new(process, PollFlags::IN)];
-        poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })).is_ok_and(|ready| ready > 0)
+        self.process.as_ref().is_some_and(has_ended)
     }
 
     /// Reads what is there; `false` when the peer hung up.

@@ -48,7 +48,9 @@ impl Environment for Odd {
             Oddity::Panics { env, step } if env == self.env && step == self.steps => {
                 panic!("environment {env} broke in step {step}")
             }
-            Oddity::Sleeps { env, millis } if env == self.env => std::thread::sleep(Duration::from_millis(millis)),
+            Oddity::Sleeps { env, millis } if env == self.env => {
+                std::thread::sleep(Duration::from_millis(millis))
+            }
             _ => {}
         }
         self.battle.step(actions, scratch)

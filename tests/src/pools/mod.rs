@@ -6,14 +6,15 @@
 pub mod dice;
 pub mod games;
 pub mod plan;
+pub mod player;
 pub mod process;
 pub mod raw;
 pub mod replay;
 pub mod role;
 pub mod room;
-pub mod torture;
 
 pub use plan::{LanePlan, PoolPlan};
+pub use player::Player;
 pub use process::Child;
 pub use replay::Replay;
 pub use room::Room;

@@ -47,18 +47,29 @@ impl Child {
         child
     }
 
+    /// Starts a supervisor that may not come up; its answer says.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    pub fn supervisor_refused(room: &super::Room, plan: &super::PoolPlan) -> Child {
+        Child::start(room, "supervisor", &serde_json::to_string(plan).expect("plain data"))
+    }
+
     /// Starts a learner, not yet attached.
-    pub fn learner(room: &super::Room) -> Child {
-        Child::start(room, "learner", "")
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    pub fn learner(room: &super::Room, lane: &super::LanePlan) -> Child {
+        Child::start(room, "learner", &serde_json::to_string(lane).expect("plain data"))
     }
 
     /// Starts a learner and attaches it to a lane.
     ///
     /// # Panics
     /// If it cannot attach.
-    pub fn attached(room: &super::Room, lane: &str) -> Child {
-        let mut child = Child::learner(room);
-        child.must(&format!("connect train {lane}"));
+    pub fn attached(room: &super::Room, lane: &super::LanePlan) -> Child {
+        let mut child = Child::learner(room, lane);
+        child.must("connect train");
         child
     }
 
@@ -67,7 +78,8 @@ impl Child {
     /// # Panics
     /// If it cannot be started.
     pub fn of_command(command: &mut Command, role: &str) -> Child {
-        let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a child process");
+        let mut process =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("a child process");
         let output = BufReader::new(process.stdout.take().expect("piped"));
         let (sender, answers) = channel();
         std::thread::spawn(move || {
@@ -106,7 +118,9 @@ impl Child {
                 Some(error) => Err(error.to_owned()),
                 None => Ok(line.strip_prefix("ok ").unwrap_or(&line).to_owned()),
             },
-            Err(RecvTimeoutError::Timeout) => Err(format!("no answer of the {} within {within:?}", self.role)),
+            Err(RecvTimeoutError::Timeout) => {
+                Err(format!("no answer of the {} within {within:?}", self.role))
+            }
             Err(RecvTimeoutError::Disconnected) => Err(format!("the {} is gone", self.role)),
         }
     }

@@ -78,6 +78,11 @@ impl Replay {
         self.expect(env, Outcome::default(), None);
     }
 
+    /// Looks at an environment without stepping it.
+    pub fn observe(&mut self, env: usize) {
+        self.expect(env, Outcome::default(), None);
+    }
+
     /// Is the environment's episode over?
     pub fn is_over(&self, env: usize) -> bool {
         self.envs[env].over
@@ -130,7 +135,8 @@ impl Replay {
             let Some(start) = layout.offset(spec.field) else { continue };
             let found = row(batch.bytes(), layout, spec.field, start, slot);
             if found != expected {
-                let at = found.iter().zip(expected).position(|(a, b)| a != b).unwrap_or(0) / spec.dtype.size();
+                let at =
+                    found.iter().zip(expected).position(|(a, b)| a != b).unwrap_or(0) / spec.dtype.size();
                 return Err(format!(
                     "environment {env}, step {} since its seeding: {}[{at}] differs from the undisturbed run",
                     state.steps, spec.name
@@ -180,7 +186,13 @@ impl Row {
         self.0[field as usize] = Some(bytes.to_vec());
     }
 
-    fn view(&mut self, [obs, state, avail]: [Field; 3], battle: &Battle, sizes: Sizes, scratch: &mut Scratch) {
+    fn view(
+        &mut self,
+        [obs, state, avail]: [Field; 3],
+        battle: &Battle,
+        sizes: Sizes,
+        scratch: &mut Scratch,
+    ) {
         let mut floats = vec![0f32; sizes.n_agents * sizes.obs_size];
         battle.write_obs(&mut floats, scratch);
         self.set(obs, &floats.iter().flat_map(|x| x.to_ne_bytes()).collect::<Vec<_>>());

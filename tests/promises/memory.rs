@@ -1,0 +1,79 @@
+//! Too little shared memory, in a mount namespace with a small `/dev/shm`.
+
+use crate::assert_says;
+use smaclite_tests::pools::process::{ROLE_VARIABLE, SOON};
+use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
+use std::process::Command;
+
+/// A child of the role that sees a `/dev/shm` of so many kilobytes; `None` where mounting is not permitted.
+fn with_small_memory(room: &Room, kilobytes: usize, role: &str) -> Option<Child> {
+    let mount = |script: &str| {
+        let mut command = Command::new("unshare");
+        command.args(["-m", "sh", "-c", script]);
+        command
+    };
+    let small = format!("mount -t tmpfs -o size={kilobytes}k tmpfs /dev/shm");
+    if !mount(&small).status().is_ok_and(|status| status.success()) {
+        println!("skipped: no mount namespace is permitted here");
+        return None;
+    }
+    let program = std::env::current_exe().expect("a path of this program");
+    let run = format!("{small} && exec {} --exact role --ignored --nocapture", program.display());
+    let mut command = mount(&run);
+    command.env(ROLE_VARIABLE, role).env(smaclite_ipc::ROOT_VARIABLE, room.root());
+    Some(Child::of_command(&mut command, "child with little memory"))
+}
+
+fn plan() -> PoolPlan {
+    PoolPlan::new([LanePlan::new("2s3z", 64)])
+}
+
+#[test]
+fn too_little_memory_is_found_at_the_start() {
+    let plan = plan();
+    let role = format!("supervisor {}", serde_json::to_string(&plan).expect("plain data"));
+    let mut started_with = None;
+    // The whole range: by far too little, just too little for what lies beside the frames, enough.
+    let sizes = [64, 2048, 3540, 3560, 3700, 3900, 4100, 4200, 4300, 4500, 8192, 16384];
+    for kilobytes in sizes {
+        let room = Room::new();
+        let Some(mut child) = with_small_memory(&room, kilobytes, &role) else { return };
+        match child.answer(SOON * 4) {
+            Err(error) => {
+                println!("{kilobytes} kB: {error}");
+                assert_says(&error, &["/dev/shm", "bytes", "--shm-size"]);
+                assert!(started_with.is_none(), "{kilobytes} kB: {error}");
+                child.end();
+                room.assert_empty();
+            }
+            Ok(_) => {
+                println!("{kilobytes} kB: starts");
+                started_with.get_or_insert(kilobytes);
+                serve_within(&room, &child, &plan);
+            }
+        }
+    }
+    let enough = started_with.expect("16 MB are enough");
+    assert!(enough > 1024, "{enough} kB cannot be enough");
+}
+
+/// A learner in the same namespace either gets a clear error or steps; nobody dies of SIGBUS.
+fn serve_within(room: &Room, supervisor: &Child, plan: &PoolPlan) {
+    let program = std::env::current_exe().expect("a path of this program");
+    let mut command = Command::new("nsenter");
+    command.args(["-m", "-t", &supervisor.pid().to_string()]).arg(program);
+    command.args(["--exact", "role", "--ignored", "--nocapture"]);
+    let role = format!("learner {}", serde_json::to_string(&plan.lanes[0]).expect("plain data"));
+    command.env(ROLE_VARIABLE, role).env(smaclite_ipc::ROOT_VARIABLE, room.root());
+    let mut learner = Child::of_command(&mut command, "learner with little memory");
+    match learner.ask("connect train") {
+        Err(error) => assert_says(&error, &["/dev/shm", "bytes"]),
+        Ok(_) => {
+            learner.must("reset");
+            learner.must("hold 4");
+            learner.must("check");
+            learner.must("drop");
+            learner.must("step 40");
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Supervisors that die, stop, are restarted or told to end.
+
+use crate::assert_says;
+use rustix::process::Signal;
+use smaclite_tests::pools::process::{SOON, eventually_within};
+use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
+use std::time::{Duration, Instant};
+
+fn two_lanes() -> PoolPlan {
+    PoolPlan::new([LanePlan::new("2s3z", 8), LanePlan::new("3s5z", 8)])
+}
+
+/// Waits for the error that a learner must get, and measures how long it took.
+#[track_caller]
+fn assert_hears_of_death(learner: &Child, since: Instant) {
+    let error = learner.answer(SOON).expect_err("the pool is dead");
+    assert_says(&error, &["supervisor", "`train`", "gone"]);
+    println!("told after {:?}", since.elapsed());
+}
+
+#[test]
+fn learners_hear_of_a_killed_supervisor_and_keep_what_they_hold() {
+    let room = Room::new();
+    let plan = two_lanes();
+    for round in 0..6 {
+        let mut supervisor = Child::supervisor(&room, &plan);
+        let mut running = Child::attached(&room, &plan.lanes[0]);
+        running.must("reset");
+        running.must("hold 3");
+        running.must("run"); // so that the kill comes in the midst of stepping and publishing
+        let mut waiting = Child::attached(&room, &plan.lanes[1]);
+        waiting.must("reset");
+        waiting.must("hold 2");
+        std::thread::sleep(Duration::from_millis(3 * round));
+        supervisor.kill();
+        let killed = Instant::now();
+        assert_hears_of_death(&running, killed);
+        running.must("check");
+        waiting.tell("step");
+        assert_hears_of_death(&waiting, killed);
+        waiting.must("check");
+
+        // The same name serves again at once, also to learners that still hold frames of the dead one.
+        let _restarted = Child::supervisor(&room, &plan);
+        let mut fresh = Child::attached(&room, &plan.lanes[0]);
+        fresh.must("reset");
+        fresh.must("step 5");
+        waiting.must("connect train");
+        waiting.must("reset");
+        waiting.must("step 5");
+        waiting.must("check");
+        running.must("check");
+    }
+}
+
+#[test]
+fn a_restart_meets_learners_of_the_dead_and_leaves_nothing_of_it() {
+    let room = Room::new();
+    let plan = two_lanes();
+    let mut old = Child::supervisor(&room, &plan);
+    let mut learner = Child::attached(&room, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("hold 2");
+    old.kill();
+    let mut new = Child::supervisor(&room, &plan);
+    let mut second = Child::supervisor_refused(&room, &plan);
+    assert_says(
+        &second.answer(SOON * 4).expect_err("the name is taken"),
+        &["`train`", &new.pid().to_string()],
+    );
+    second.end();
+    learner.tell("recv 3000");
+    assert!(learner.answer(SOON).is_err());
+    learner.must("check");
+    learner.end();
+    new.end();
+    room.assert_empty();
+}
+
+#[test]
+fn a_waiting_learner_hears_of_a_supervisor_that_died() {
+    let room = Room::new();
+    let slow = smaclite_tests::pools::games::Oddity::Sleeps { env: 0, millis: 60_000 };
+    let plan = PoolPlan::new([LanePlan { oddity: slow, ..LanePlan::new("2s3z", 2) }]);
+    let mut supervisor = Child::supervisor(&room, &plan);
+    let mut learner = Child::attached(&room, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("send");
+    learner.tell("recv");
+    std::thread::sleep(Duration::from_millis(200)); // now it is blocked
+    supervisor.kill();
+    assert_hears_of_death(&learner, Instant::now());
+}
+
+#[test]
+fn a_stopped_supervisor_is_waited_for_as_long_as_the_learner_likes() {
+    let room = Room::new();
+    let plan = two_lanes();
+    let supervisor = Child::supervisor(&room, &plan);
+    let mut learner = Child::attached(&room, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("step 3");
+    supervisor.signal(Signal::STOP);
+    learner.must("send");
+    let error = learner.ask("recv 300").expect_err("nobody answers");
+    assert_says(&error, &["300ms"]);
+    supervisor.signal(Signal::CONT);
+    learner.must("recv 5000"); // the result that was late
+    learner.must("step 10");
+}
+
+#[test]
+fn sigterm_ends_a_pool_and_leaves_nothing_behind() {
+    let room = Room::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 8)]);
+    let arguments = "smaclite-pool serve 2s3z:8 --name train --seed 7 --episode-limit 30 --threads 2";
+    let mut program = Child::start(&room, "program", arguments);
+    let mut learner = Child::learner(&room, &plan.lanes[0]);
+    let serves = eventually_within(SOON * 4, || learner.ask("connect train").is_ok());
+    assert!(serves, "the program does not serve");
+    learner.must("reset");
+    learner.must("hold 2");
+    learner.must("run");
+    program.signal(Signal::TERM);
+    assert_eq!(program.wait(SOON).and_then(|status| status.code()), Some(0));
+    assert_hears_of_death(&learner, Instant::now());
+    learner.must("check");
+    learner.end();
+    room.assert_empty();
+}

@@ -1,0 +1,117 @@
+//! A program that speaks to a lane by iceoryx2 itself and need not tell the truth.
+
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+use smaclite_ipc::wire::{FrameHeader, RequestHeader};
+use smaclite_ipc::{LaneDescription, Place};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixStream;
+
+/// The variant the pool uses.
+pub type Ipc = ipc_threadsafe::Service;
+
+/// A node at the pool's place.
+pub fn node(place: &Place) -> Node<Ipc> {
+    set_log_level(LogLevel::Fatal);
+    let mut config = Config::default();
+    let root = place.root().as_os_str().as_encoded_bytes();
+    config.global.set_root_path(&Path::new(root).expect("a short path"));
+    config.global.prefix = FileName::new(place.shm_prefix().as_bytes()).expect("a prefix");
+    NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<Ipc>()
+        .expect("a node")
+}
+
+/// A connection to a pool's control socket.
+pub struct Control(BufReader<UnixStream>);
+
+impl Control {
+    /// Connects to pool `train`.
+    ///
+    /// # Panics
+    /// If it is not there.
+    pub fn connect(place: &Place) -> Control {
+        Control(BufReader::new(UnixStream::connect(place.socket("train")).expect("the pool's socket")))
+    }
+
+    /// Writes a line, whatever it is, and returns the answer; empty if the pool hung up.
+    pub fn ask(&mut self, line: &str) -> String {
+        let mut answer = String::new();
+        if self.0.get_mut().write_all(format!("{line}\n").as_bytes()).is_ok() {
+            let _ = self.0.read_line(&mut answer);
+        }
+        answer
+    }
+
+    /// Becomes the learner of a lane: its session and description.
+    ///
+    /// # Panics
+    /// If that is refused.
+    pub fn attach(&mut self, lane: &str) -> (u64, LaneDescription) {
+        let answer = self.ask(&format!(r#"{{"ask":"attach","version":1,"lane":"{lane}"}}"#));
+        let answer: serde_json::Value = serde_json::from_str(&answer).expect("an answer");
+        let session = answer["session"].as_u64().unwrap_or_else(|| panic!("refused: {answer}"));
+        (session, serde_json::from_value(answer["lane"].clone()).expect("a description"))
+    }
+}
+
+/// What a learner's client has to send requests with.
+pub struct Requests {
+    /// Where requests go.
+    pub publisher: Publisher<Ipc, [u8], RequestHeader>,
+    bell: Notifier<Ipc>,
+}
+
+/// A publisher of requests of at most so many bytes.
+///
+/// # Panics
+/// If the service is not there.
+pub fn requests(node: &Node<Ipc>, lane: &LaneDescription, max_bytes: usize) -> Requests {
+    let name = format!("{}//work", lane.instance);
+    let work =
+        node.service_builder(&ServiceName::new(&name).expect("a name")).event().open().expect("a bell");
+    let bell = work.notifier_builder().create().expect("a notifier");
+    let name = format!("{}/{}/requests", lane.instance, lane.lane);
+    let service = node.service_builder(&ServiceName::new(&name).expect("a name"));
+    let service =
+        service.publish_subscribe::<[u8]>().user_header::<RequestHeader>().open().expect("requests");
+    let builder = service.publisher_builder().initial_max_slice_len(max_bytes);
+    let builder = builder.backpressure_strategy(BackpressureStrategy::DiscardData);
+    Requests { publisher: builder.create().expect("a publisher"), bell }
+}
+
+impl Requests {
+    /// Sends a request when there is room for it; returns where its bytes are in shared memory.
+    ///
+    /// # Panics
+    /// If nobody takes it for seconds.
+    pub fn send(&self, header: RequestHeader, payload: &[u8]) -> *mut u8 {
+        let mut bytes = std::ptr::null_mut();
+        let sent = super::process::eventually(|| {
+            let Ok(mut sample) = self.publisher.loan_slice(payload.len()) else { return false };
+            *sample.user_header_mut() = header;
+            sample.payload_mut().copy_from_slice(payload);
+            bytes = sample.payload_mut().as_mut_ptr();
+            let sent = sample.send();
+            let _ = self.bell.notify();
+            matches!(sent, Ok(receivers) if receivers > 0)
+        });
+        assert!(sent, "the supervisor takes no requests any more");
+        bytes
+    }
+}
+
+/// A subscriber to a lane's frames, like a spectator's.
+///
+/// # Panics
+/// If the service is not there.
+pub fn frame_subscriber(node: &Node<Ipc>, lane: &LaneDescription) -> Subscriber<Ipc, [u8], FrameHeader> {
+    let name = format!("{}/{}/frames", lane.instance, lane.lane);
+    let service = node.service_builder(&ServiceName::new(&name).expect("a name"));
+    let service = service.publish_subscribe::<[u8]>().user_header::<FrameHeader>().open().expect("frames");
+    service.subscriber_builder().create().expect("a subscriber")
+}
