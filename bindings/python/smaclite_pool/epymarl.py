@@ -1,0 +1,308 @@
+"""A runner for EPyMARL (and PyMARL) over one pool, in place of a process and a pipe for every environment.
+
+Register it in EPyMARL's `src/runners/__init__.py` with one line, and choose it on the command line:
+
+    from smaclite_pool.epymarl import PoolRunner; REGISTRY["pool"] = PoolRunner
+
+    python src/main.py --config=qmix --env-config=smaclite with env_args.map_name=MMM2 runner=pool batch_size_run=10
+
+What it does is what EPyMARL's parallel runner does with `batch_size_run` environments of the seeds `seed`, `seed + 1`, ...:
+the same episodes for the same actions, the same batches, the same log. Observations go from shared memory into the
+tensors of the batch.
+
+Keys of `env_args` (those of `config/envs/smaclite.yaml` and a few more; a new one is given with `+env_args.pool=...`):
+
+- `map_name`: a standard scenario or the path of a scenario file.
+- `seed`: environment i begins with seed + i.
+- `time_limit` or `episode_limit`: steps of an episode; by default the scenario's own.
+- `continuing_episode`: a time-out is not stored as the end of the episode (SMAC's option of that name), default False.
+- `state_last_action`: the state has the last actions, default True.
+- `pool`, `lane`: attach to a running pool in place of starting one. Serve it with
+  `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset disabled --name train`.
+- `threads`: worker threads of a pool that is started here.
+- `use_cpp_rvo2` and the options of SMAC: only what changes nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._native import Batch, Envs, connect, make
+from .errors import InvalidRequest
+
+__all__ = ["PoolRunner"]
+
+_OWN_KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
+_OWN_KEYS |= {"pool", "lane", "threads"}
+
+# Keys of EPyMARL's and SMAC's own configurations, with the values that are what a pool does anyhow.
+_SAME: dict[str, tuple[object, ...]] = {
+    "step_mul": (8, None),
+    "move_amount": (2,),
+    "difficulty": ("7",),
+    "game_version": (None, "latest"),
+    "obs_all_health": (True,),
+    "obs_own_health": (True, False),  # obs_all_health has it
+    "obs_last_action": (False,),
+    "obs_pathing_grid": (False,),
+    "obs_terrain_height": (False,),
+    "obs_instead_of_state": (False,),
+    "obs_timestep_number": (False,),
+    "state_timestep_number": (False,),
+    "reward_sparse": (False,),
+    "reward_only_positive": (True,),
+    "reward_death_value": (10,),
+    "reward_win": (200,),
+    "reward_defeat": (0,),
+    "reward_scale": (True,),
+    "reward_scale_rate": (20,),
+    "heuristic_ai": (False,),
+}
+_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "replay_prefix", "heuristic_rest", "debug"}
+
+
+class PoolRunner:
+    """EPyMARL's runner interface over the environments of one lane.
+
+    `args` and `logger` are what EPyMARL gives to a runner. Raises InvalidRequest for a key of `env_args` that it does not
+    know or a value that it cannot serve, and for a pool that is served in another way than this runner needs.
+    """
+
+    def __init__(self, args: Any, logger: Any) -> None:
+        if not getattr(args, "common_reward", True):
+            raise InvalidRequest("common_reward=False: the agents of a battle share one reward")
+        if getattr(args, "render", False):
+            raise InvalidRequest("render=True: this runner draws nothing; use runner=episode with smaclite_pool.smac")
+        self.args = args
+        self.logger = logger
+        self.batch_size: int = args.batch_size_run
+        settings = _checked(args.env_args)
+        self._envs = _attached(settings, self.batch_size)
+        self._first_seed: int | None = settings.get("seed")
+        self._marks_timeouts = bool(settings.get("continuing_episode", False))
+        envs = self._envs
+        if envs.episode_limit is None:
+            envs.close()
+            raise InvalidRequest(f"{envs.scenario} has no episode limit; give env_args.time_limit")
+        self.episode_limit = envs.episode_limit
+        keeps_actions = settings.get("state_last_action", True)
+        self._state_size = envs.state_size - (0 if keeps_actions else envs.n_agents * envs.n_actions)
+        self._now = _Rows(envs, self._state_size)
+        self.t = 0
+        self.t_env = 0
+        self.train_returns: list[float] = []
+        self.test_returns: list[float] = []
+        self.train_stats: dict[str, float] = {}
+        self.test_stats: dict[str, float] = {}
+        self.log_train_stats_t = -100000  # EPyMARL's: the first episodes are logged
+
+    def setup(self, scheme: Any, groups: Any, preprocess: Any, mac: Any) -> None:
+        """Take what EPyMARL builds once it knows the sizes."""
+        episode_batch: Callable[..., Any] = importlib.import_module("components.episode_buffer").EpisodeBatch
+        self.new_batch = partial(
+            episode_batch,
+            scheme,
+            groups,
+            self.batch_size,
+            self.episode_limit + 1,
+            preprocess=preprocess,
+            device=self.args.device,
+        )
+        self.mac = mac
+        self._torch = importlib.import_module("torch")
+        self._dtypes = {name: info.get("dtype", self._torch.float32) for name, info in scheme.items()}
+
+    def get_env_info(self) -> dict[str, Any]:
+        """Sizes and the episode limit."""
+        return {
+            "state_shape": self._state_size,
+            "obs_shape": self._envs.obs_size,
+            "n_actions": self._envs.n_actions,
+            "n_agents": self._envs.n_agents,
+            "episode_limit": self.episode_limit,
+        }
+
+    def save_replay(self) -> None:
+        """Not in this runner."""
+        raise InvalidRequest("save_replay: this runner saves none; use runner=episode with smaclite_pool.smac")
+
+    def close_env(self) -> None:
+        """Give the pool back."""
+        self._envs.close()
+
+    def reset(self) -> None:
+        """Begin a new batch of episodes."""
+        self.batch = self.new_batch()
+        self._envs.async_reset(seed=self._first_seed)
+        self._first_seed = None
+        self._now.receive(self._envs, self.batch_size)
+        self.t = 0
+        self._store(self._now.before_action(list(range(self.batch_size))), slice(None))
+
+    def run(self, test_mode: bool = False) -> Any:
+        """Play one episode in every environment and return their batch."""
+        self.reset()
+        self.mac.init_hidden(batch_size=self.batch_size)
+        ends: list[dict[str, float]] = []
+        shown = running = list(range(self.batch_size))
+        while True:
+            # Environments that just ended are asked for an action once more: their last step is part of the batch.
+            actions = self.mac.select_actions(
+                self.batch, t_ep=self.t, t_env=self.t_env, bs=shown, test_mode=test_mode
+            )
+            self.batch.update({"actions": actions.unsqueeze(1)}, bs=shown, ts=self.t, mark_filled=False)
+            if not running:
+                break
+            chosen = actions.to("cpu").numpy()[np.isin(shown, running)]
+            self._envs.send(chosen, env_id=running)
+            self._now.receive(self._envs, len(running))
+            self._store(self._now.after_action(running, self._marks_timeouts), running, mark_filled=False)
+            self.t += 1
+            self._store(self._now.before_action(running), running)
+            ended = [env for env in running if self._now.has_ended(env)]
+            ends += [self._now.info(env, self._marks_timeouts) for env in ended]
+            shown, running = running, [env for env in running if env not in ended]
+        if not test_mode:
+            self.t_env += int(self._now.length.sum())
+        self._record(ends, test_mode)
+        return self.batch
+
+    def _store(self, rows: Mapping[str, NDArray[Any]], envs: Any, mark_filled: bool = True) -> None:
+        """Put arrays [rows, ...] into the batch at the present step."""
+        tensors = {
+            name: self._torch.from_numpy(array).to(self.args.device, self._dtypes[name]).unsqueeze(1)
+            for name, array in rows.items()
+        }
+        self.batch.update(tensors, bs=envs, ts=self.t, mark_filled=mark_filled)
+
+    def _record(self, ends: list[dict[str, float]], test_mode: bool) -> None:
+        """Add to the figures of the log, and write them when it is time to."""
+        stats, returns = (
+            (self.test_stats, self.test_returns) if test_mode else (self.train_stats, self.train_returns)
+        )
+        totals = {"n_episodes": float(self.batch_size), "ep_length": float(self._now.length.sum())}
+        for figures in [*ends, totals]:
+            for name, value in figures.items():
+                stats[name] = stats.get(name, 0) + value
+        returns.extend(self._now.total.tolist())
+        n_test = max(1, self.args.test_nepisode // self.batch_size) * self.batch_size
+        if test_mode and len(self.test_returns) == n_test:
+            self._log(returns, stats, "test_")
+        elif self.t_env - self.log_train_stats_t >= self.args.runner_log_interval:
+            self._log(returns, stats, "test_" if test_mode else "")
+            selector = self.mac.action_selector
+            if hasattr(selector, "epsilon"):
+                self.logger.log_stat("epsilon", selector.epsilon, self.t_env)
+            self.log_train_stats_t = self.t_env
+
+    def _log(self, returns: list[float], stats: dict[str, float], prefix: str) -> None:
+        self.logger.log_stat(prefix + "return_mean", np.mean(returns), self.t_env)
+        self.logger.log_stat(prefix + "return_std", np.std(returns), self.t_env)
+        returns.clear()
+        episodes = stats.pop("n_episodes")
+        for name, value in stats.items():
+            self.logger.log_stat(prefix + name + "_mean", value / episodes, self.t_env)
+        stats.clear()
+
+
+class _Rows:
+    """What was last received of every environment, a row each."""
+
+    def __init__(self, envs: Envs, state_size: int) -> None:
+        n, agents = envs.num_envs, envs.n_agents
+        self._state_size = state_size
+        self._obs = np.zeros((n, agents, envs.obs_size), np.float32)
+        self._state = np.zeros((n, state_size), np.float32)
+        self._avail = np.zeros((n, agents, envs.n_actions), np.bool_)
+        self._reward = np.zeros(n, np.float32)
+        self._flags = np.zeros((n, 3), np.bool_)  # terminated, truncated, won
+        self._dead = np.zeros((n, 2), np.int32)  # allies, enemies
+        self.total: NDArray[np.float64] = np.zeros(n)
+        self.length: NDArray[np.int64] = np.zeros(n, np.int64)
+
+    def receive(self, envs: Envs, count: int) -> None:
+        """Take in the next `count` environments that are done."""
+        while count > 0:
+            batch = envs.recv()
+            count -= len(batch)
+            self._take(batch)
+
+    def _take(self, batch: Batch) -> None:
+        rows = batch.env_id
+        self._obs[rows] = batch.obs
+        self._state[rows] = batch.state[:, : self._state_size]
+        self._avail[rows] = batch.avail_actions
+        self._reward[rows] = batch.reward
+        self._flags[rows] = np.stack((batch.terminated, batch.truncated, batch.battle_won), axis=1)
+        self._dead[rows] = np.stack((batch.dead_allies, batch.dead_enemies), axis=1)
+        self.total[rows] = batch.episode_return
+        self.length[rows] = batch.episode_length
+
+    def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
+        """What EPyMARL stores before an action: [rows, ...], copies."""
+        return {"state": self._state[rows], "avail_actions": self._avail[rows], "obs": self._obs[rows]}
+
+    def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:
+        """What it stores after one: [rows, 1]."""
+        ended = self._flags[rows, :1]
+        if not marks_timeouts:
+            ended = ended | self._flags[rows, 1:2]
+        return {"reward": self._reward[rows, None], "terminated": ended}
+
+    def has_ended(self, row: int) -> bool:
+        """Was its last step the end of an episode?"""
+        return bool(self._flags[row, :2].any())
+
+    def info(self, row: int, marks_timeouts: bool) -> dict[str, float]:
+        """The last step's `info` of an environment that ended."""
+        won, (allies, enemies) = self._flags[row, 2], self._dead[row]
+        info = {"battle_won": float(won), "dead_allies": float(allies), "dead_enemies": float(enemies)}
+        if marks_timeouts and self._flags[row, 1]:
+            info["episode_limit"] = 1.0
+        return info
+
+
+def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:
+    for name, value in env_args.items():
+        if name in _SAME and value not in _SAME[name]:
+            raise InvalidRequest(
+                f"env_args.{name}={value!r}: this runner serves only {_SAME[name][0]!r}; use smaclite_pool.smac "
+                "with runner=parallel"
+            )
+        if name not in _OWN_KEYS | _SAME.keys() | _WITHOUT_EFFECT:
+            known = ", ".join(sorted(_OWN_KEYS))
+            raise InvalidRequest(f"env_args.{name}={value!r} is not known; known are {known} and SMAC's options")
+    if env_args.get("map_name") is None and env_args.get("pool") is None:
+        raise InvalidRequest("env_args.map_name or env_args.pool says which environments to run")
+    return env_args
+
+
+def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
+    """Environments that are stepped and received one by one, since a batch's episodes end at different times."""
+    limit: int | Literal["default"] = settings.get("time_limit") or settings.get("episode_limit") or "default"
+    if settings.get("pool") is None:
+        return make(
+            settings["map_name"],
+            num_envs,
+            batch_size=1,
+            seed=settings.get("seed") or 0,
+            threads=settings.get("threads"),
+            autoreset="disabled",
+            episode_limit=limit,
+        )
+    envs = connect(settings["pool"], settings.get("lane"), timeout=10)
+    served = (envs.num_envs, envs.batch_size, envs.autoreset)
+    if served != (num_envs, 1, "disabled"):
+        pool, scenario = envs.name, envs.scenario
+        envs.close()
+        raise InvalidRequest(
+            f"pool `{pool}` serves (environments, batch size, autoreset) = {served}; this runner needs "
+            f"`smaclite-pool serve {scenario}:{num_envs} --batch-size 1 --autoreset disabled --name {pool}`"
+        )
+    return envs
