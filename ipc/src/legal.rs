@@ -72,6 +72,7 @@ impl Legal {
             return Err(Rejection::NotReset);
         }
         let given = env_ids.map_or(self.envs.len(), <[i32]>::len);
+        some_chosen(given)?;
         if self.synchronous && given != self.envs.len() {
             return Err(Rejection::IncompleteBatch { given, expected: self.envs.len() });
         }
@@ -142,6 +143,7 @@ impl Legal {
         if !self.was_reset {
             return Err(Rejection::NotReset);
         }
+        some_chosen(ids.len())?;
         let taken = ids.iter().try_for_each(|id| {
             let env = self.env_of(*id)?;
             self.take_env(number, env)
@@ -228,6 +230,15 @@ fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
         left if left < 64 => (1 << left) - 1,
         _ => u64::MAX,
     })
+}
+
+/// A request to no environment would never be answered.
+fn some_chosen(given: usize) -> Result<(), Rejection> {
+    if given > 0 {
+        Ok(())
+    } else {
+        Err(Rejection::Malformed { what: "no environment was chosen".to_owned() })
+    }
 }
 
 /// Eight mask bytes as eight bits: the multiplication gathers the low bit of every byte in the top byte.

@@ -82,7 +82,7 @@ impl LaneConfig {
             autoreset: Autoreset::default(),
             fields: FieldSet::ALL,
             frames_held: 4,
-            spectators: 2,
+            spectators: 1,
         }
     }
 

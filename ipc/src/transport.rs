@@ -52,6 +52,10 @@ impl Message for RequestMessage {
     fn request(&self) -> Result<Request<'_>, Rejection> {
         read_request(*self.sample.user_header(), self.sample.payload(), &self.layout)
     }
+
+    fn waited(&self) -> Duration {
+        self.sample.user_header().waited()
+    }
 }
 
 /// A lane's frames.

@@ -8,6 +8,7 @@ use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Request, RequestKind};
 use std::sync::atomic::AtomicI32;
+use std::time::Duration;
 
 /// First word of every header: "SMAC" in ASCII.
 pub const MAGIC: u32 = 0x534d_4143;
@@ -64,6 +65,8 @@ pub struct RequestHeader {
     pub count: u32,
     /// Seed of environment 0 for kind 3; environment i gets this + i.
     pub seed: u64,
+    /// When it was sent, by [`now_ns`]. Only the figures of `status` depend on it.
+    pub sent_ns: u64,
 }
 
 impl RequestHeader {
@@ -75,8 +78,30 @@ impl RequestHeader {
             RequestKind::Reset { seed: Some(seed) } => (RESET_WITH_SEED, seed),
         };
         let (magic, version, layout_hash) = (MAGIC, FORMAT_VERSION, layout.hash());
-        RequestHeader { magic, version, layout_hash, session, number, kind, count: count as u32, seed }
+        let sent_ns = now_ns();
+        RequestHeader {
+            magic,
+            version,
+            layout_hash,
+            session,
+            number,
+            kind,
+            count: count as u32,
+            seed,
+            sent_ns,
+        }
     }
+
+    /// How long ago it was sent; a sender that lies gets a nonsensical figure, at most a minute.
+    pub(crate) fn waited(&self) -> Duration {
+        Duration::from_nanos(now_ns().saturating_sub(self.sent_ns)).min(Duration::from_secs(60))
+    }
+}
+
+/// Nanoseconds on the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
+pub fn now_ns() -> u64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
 /// First byte of the actions in a request about `count` environments: `env_id` i32 `[count]` comes first, then the

@@ -59,6 +59,10 @@ pub struct LaneFigures {
     pub frames: u64,
     /// Requests refused.
     pub rejected: u64,
+    /// Requests accepted.
+    pub accepted: u64,
+    /// Nanoseconds that the accepted requests waited for a worker, summed.
+    pub waited_ns: u64,
 }
 
 #[derive(Default)]
@@ -68,6 +72,8 @@ struct Counters {
     wins: AtomicU64,
     frames: AtomicU64,
     rejected: AtomicU64,
+    accepted: AtomicU64,
+    waited_ns: AtomicU64,
 }
 
 /// One environment's share of an accepted request.
@@ -165,6 +171,8 @@ impl<T: Transport> Lane<T> {
             wins: read(&c.wins),
             frames: read(&c.frames),
             rejected: read(&c.rejected),
+            accepted: read(&c.accepted),
+            waited_ns: read(&c.waited_ns),
         }
     }
 
@@ -201,6 +209,8 @@ impl<T: Transport> Lane<T> {
         match checked {
             Ok(()) => {
                 intake.was_reset = true;
+                self.counters.accepted.fetch_add(1, Ordering::Relaxed);
+                self.counters.waited_ns.fetch_add(message.waited().as_nanos() as u64, Ordering::Relaxed);
                 share_out(&intake.accepted);
             }
             Err(rejection) => {

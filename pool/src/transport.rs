@@ -26,6 +26,11 @@ pub trait Inlet: Send + 'static {
 pub trait Message {
     /// The request in it, if its form is right for the lane.
     fn request(&self) -> Result<Request<'_>, Rejection>;
+
+    /// How long ago it was sent, as far as the sender tells; only figures depend on it.
+    fn waited(&self) -> Duration {
+        Duration::ZERO
+    }
 }
 
 /// A request as it lies in shared memory. The sender can still write to it, so every value is read once and checked

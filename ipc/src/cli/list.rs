@@ -60,7 +60,7 @@ impl Status {
             return Ok(());
         }
         println!(
-            "pool `{}`: process {}, up {:.0} s, {} worker threads, {} of shared memory",
+            "pool `{}`: process {}, up {:.0} s, worker threads: {}, {} of shared memory",
             pool.pool,
             pool.pid,
             pool.uptime_s,
@@ -72,6 +72,7 @@ impl Status {
             "environments",
             "learner",
             "steps/s",
+            "queue wait",
             "steps",
             "episodes",
             "won",
@@ -100,6 +101,7 @@ fn lane_row(lane: &LaneStatus) -> Vec<String> {
         format!("{} x {}", d.num_envs, d.scenario),
         learner(lane),
         format!("{:.0}", lane.steps_per_s),
+        format!("{:.0} us", lane.queue_wait_us),
         f.steps.to_string(),
         f.episodes.to_string(),
         won,

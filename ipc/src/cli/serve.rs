@@ -49,7 +49,7 @@ pub(super) struct Serve {
     #[arg(long, default_value_t = 4, value_name = "K")]
     frames_held: usize,
     /// Spectators at once, a lane
-    #[arg(long, default_value_t = 2, value_name = "K")]
+    #[arg(long, default_value_t = 1, value_name = "K")]
     spectators: usize,
     /// How idle workers wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "HOW")]

@@ -109,6 +109,8 @@ pub struct LaneStatus {
     pub figures: LaneFigures,
     /// Steps of single environments in the last second.
     pub steps_per_s: f64,
+    /// Microseconds that a request waited for a worker, on average over the last second.
+    pub queue_wait_us: f64,
     /// Why it is out of service, if it is.
     pub failure: Option<String>,
 }

@@ -8,7 +8,7 @@ use super::protocol::{
 use crate::services::{Guest, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use smaclite_pool::Pool;
+use smaclite_pool::{LaneFigures, Pool};
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -36,14 +36,22 @@ pub(crate) struct HostedLane {
     pub(crate) description: LaneDescription,
     holder: Option<u32>,
     spectators: usize,
-    /// Steps and time at the last look, for the rate.
-    seen: (u64, Instant),
+    /// Figures and time at the last look, for the rates.
+    seen: (LaneFigures, Instant),
     steps_per_s: f64,
+    queue_wait_us: f64,
 }
 
 impl HostedLane {
     pub(crate) fn new(description: LaneDescription) -> Self {
-        HostedLane { description, holder: None, spectators: 0, seen: (0, Instant::now()), steps_per_s: 0.0 }
+        HostedLane {
+            description,
+            holder: None,
+            spectators: 0,
+            seen: (LaneFigures::default(), Instant::now()),
+            steps_per_s: 0.0,
+            queue_wait_us: 0.0,
+        }
     }
 }
 
@@ -268,6 +276,7 @@ impl Host {
             spectators: lane.spectators,
             figures: self.pool.figures(index),
             steps_per_s: lane.steps_per_s,
+            queue_wait_us: lane.queue_wait_us,
             failure: self.pool.failure(index).map(str::to_owned),
         };
         PoolStatus {
@@ -283,11 +292,13 @@ impl Host {
     /// Refreshes the rates once a second.
     fn measure(&mut self) {
         for (index, lane) in self.lanes.iter_mut().enumerate() {
-            let (steps, since) = lane.seen;
+            let (before, since) = lane.seen;
             let seconds = since.elapsed().as_secs_f64();
             if seconds >= 1.0 {
-                let now = self.pool.figures(index).steps;
-                lane.steps_per_s = (now - steps) as f64 / seconds;
+                let now = self.pool.figures(index);
+                lane.steps_per_s = (now.steps - before.steps) as f64 / seconds;
+                let requests = (now.accepted - before.accepted).max(1);
+                lane.queue_wait_us = (now.waited_ns - before.waited_ns) as f64 / 1e3 / requests as f64;
                 lane.seen = (now, Instant::now());
             }
         }
