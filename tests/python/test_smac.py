@@ -1,0 +1,362 @@
+"""SMAC's interface: sizes, options, rewards, questions and failures, against the pool's own arrays."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import run_script
+from numpy.typing import NDArray
+from smaclite_pool._layout import ScenarioLayout
+from smaclite_pool._smac_reward import Reward, RewardOptions, Toll
+from smaclite_pool.smac import MultiAgentEnv, Unavailable, get_map_params
+
+# Every option of SMAC with its default.
+SMAC_DEFAULTS: dict[str, object] = {
+    "map_name": "8m", "step_mul": 8, "move_amount": 2, "difficulty": "7", "game_version": None, "seed": None,
+    "continuing_episode": False, "obs_all_health": True, "obs_last_action": False, "obs_pathing_grid": False,
+    "obs_own_health": True, "obs_terrain_height": False, "obs_instead_of_state": False, "obs_timestep_number": False,
+    "state_last_action": True, "state_timestep_number": False, "reward_sparse": False, "reward_only_positive": True,
+    "reward_death_value": 10, "reward_win": 200, "reward_defeat": 0, "reward_negative_scale": 0.5,
+    "reward_scale": True, "reward_scale_rate": 20, "replay_dir": "", "replay_prefix": "", "window_size_x": 1920,
+    "window_size_y": 1200, "heuristic_ai": False, "heuristic_rest": False, "debug": False,
+}  # fmt: skip
+
+
+def legal(env: MultiAgentEnv, dice: np.random.Generator) -> list[int]:
+    return [int(dice.choice(np.flatnonzero(row))) for row in env.get_avail_actions()]
+
+
+def play(envs: list[MultiAgentEnv], steps: int, seed: int = 0) -> list[list[float]]:
+    """The same random legal actions in all of them, for an episode or that many steps; the rewards of each."""
+    dice = np.random.default_rng(seed)
+    for env in envs:
+        env.reset()
+    rewards: list[list[float]] = [[] for _ in envs]
+    for _ in range(steps):
+        actions = legal(envs[0], dice)
+        results = [env.step(actions) for env in envs]
+        for own, (reward, _, _) in zip(rewards, results, strict=True):
+            own.append(reward)
+        assert len({ended for _, ended, _ in results}) == 1
+        if results[0][1]:
+            break
+    return rewards
+
+
+def test_takes_every_option_of_smac_with_its_default() -> None:
+    parameters = inspect.signature(MultiAgentEnv).parameters.values()
+    ours = {p.name: p.default for p in parameters if p.kind is not p.KEYWORD_ONLY}
+    assert ours == SMAC_DEFAULTS
+
+
+@pytest.mark.parametrize("scenario", sp.scenarios())
+def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
+    env = MultiAgentEnv(scenario, seed=3)
+    envs = sp.make(scenario, 1, seed=3, threads=1, autoreset="disabled")
+    obs, state = env.reset()
+    batch = envs.reset()
+    info = env.get_env_info()
+    sizes = (info["n_agents"], info["obs_shape"], info["state_shape"], info["n_actions"], info["episode_limit"])
+    assert sizes == (envs.n_agents, envs.obs_size, envs.state_size, envs.n_actions, envs.episode_limit)
+    dice = np.random.default_rng(1)
+    for _ in range(30):
+        np.testing.assert_array_equal(np.stack(obs), batch.obs[0])
+        np.testing.assert_array_equal(state, batch.state[0])
+        np.testing.assert_array_equal(env.get_avail_actions(), batch.avail_actions[0])
+        assert state.dtype == np.float32 and all(row.shape == (envs.obs_size,) for row in obs)
+        actions = legal(env, dice)
+        reward, ended, _ = env.step(np.array(actions))  # numpy's integers are legal
+        batch = envs.step([actions])
+        assert reward == batch.reward[0] and ended == (batch.terminated[0] or batch.truncated[0])
+        if ended:
+            break
+        obs, state = env.get_obs(), env.get_state()
+    env.close()
+    envs.close()
+
+
+OPTIONS: list[dict[str, Any]] = [
+    {"obs_last_action": True},
+    {"obs_all_health": False},
+    {"obs_all_health": False, "obs_own_health": False},
+    {"obs_pathing_grid": True, "obs_terrain_height": True},
+    {"obs_timestep_number": True, "state_timestep_number": True, "state_last_action": False},
+    {"obs_instead_of_state": True, "obs_last_action": True, "obs_timestep_number": True, "obs_pathing_grid": True},
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=lambda options: "-".join(options))
+@pytest.mark.parametrize("scenario", ["MMM2", "2s3z", "2c_vs_64zg", "corridor"])
+def test_sizes_agree_with_what_comes(scenario: str, options: dict[str, Any]) -> None:
+    env = MultiAgentEnv(scenario, seed=1, **options)
+    play([env], 8)
+    assert [len(row) for row in env.get_obs()] == [env.get_obs_size()] * env.n_agents
+    assert env.get_state().shape == (env.get_state_size(),)
+    assert env.get_obs_agent(1).tolist() == env.get_obs()[1].tolist()
+    env.close()
+
+
+def test_options_cut_and_add_where_smac_does() -> None:
+    options: dict[str, Any] = dict.fromkeys(
+        ["obs_last_action", "obs_pathing_grid", "obs_terrain_height", "obs_timestep_number"], True
+    )
+    plain, rich = MultiAgentEnv("2s3z", seed=1), MultiAgentEnv("2s3z", seed=1, **options)
+    bare = MultiAgentEnv("2s3z", seed=1, obs_all_health=False, obs_own_health=False)
+    play([plain, rich, bare], 5)
+    enemies, allies, own = 5 * 8, 4 * 8, 4
+    for agent in range(5):
+        base, more, less = plain.get_obs_agent(agent), rich.get_obs_agent(agent), bare.get_obs_agent(agent)
+        moves, rest = more[: 4 + 8 + 9], more[4 + 8 + 9 :]
+        np.testing.assert_array_equal(moves[:4], base[:4])
+        np.testing.assert_array_equal(moves[12:], np.zeros(9))  # nobody is near the map's edge
+        np.testing.assert_array_equal(rest[:enemies], base[4 : 4 + enemies])
+        others = rest[enemies : enemies + 4 * (8 + 11)].reshape(4, 19)
+        np.testing.assert_array_equal(others[:, :8].ravel(), base[4 + enemies : 4 + enemies + allies])
+        last = np.delete(rich.get_state_dict()["last_action"], agent, axis=0)
+        np.testing.assert_array_equal(others[:, 8:], last * others[:, :1])
+        np.testing.assert_array_equal(rest[-own - 1 : -1], base[-own:])
+        assert rest[-1] == np.float32(5 / 120)
+        cut = np.delete(base[4 : 4 + enemies].reshape(5, 8), [4, 5], axis=1)
+        np.testing.assert_array_equal(less[4 : 4 + 5 * 6], cut.ravel())
+        np.testing.assert_array_equal(less[-2:], base[-2:])
+    for env in (plain, rich, bare):
+        env.close()
+
+
+def test_pathing_grid_is_the_map_around() -> None:
+    env = MultiAgentEnv("2s_vs_1sc", seed=1, obs_pathing_grid=True)
+    play([env], 20, seed=2)
+    walkable = np.array(sp.scenario("2s_vs_1sc")["walkable"])
+    around = [(0, 4), (0, -4), (4, 0), (-4, 0), (2, 2), (-2, -2), (2, -2), (-2, 2)]
+    seen = set()
+    for agent, unit in env.agents.items():
+        x, y = int(unit.pos.x), int(unit.pos.y)
+        points = [(x + east, y + north) for east, north in around]
+        expected = [not (0 <= x < 32 and 0 <= y < 32) or bool(walkable[y, x]) for x, y in points]
+        assert env.get_obs_agent(agent)[4:12].tolist() == expected == env.get_surrounding_pathing(unit)
+        seen |= set(expected)
+    assert seen == {True, False}
+    env.close()
+
+
+@pytest.mark.parametrize("scenario", ["MMM2", "2s3z", "bane_vs_bane"])
+def test_who_sees_whom_and_where_units_stand(scenario: str) -> None:
+    env = MultiAgentEnv(scenario, seed=1)
+    figures = sp.scenario(scenario)
+    env.reset()
+    for unit, start in zip(env.agents.values(), figures["allies"], strict=True):
+        assert np.allclose(unit.pos, start["position"], atol=1e-5) and unit.health == unit.health_max == start["hp"]
+    assert env.get_unit_types() == [unit["type_id"] for unit in figures["allies"] + figures["enemies"]]
+    play([env], 25)
+    units = [*env.agents.values(), *env.enemies.values()]
+    seen = env.get_visibility_matrix()
+    for agent, own in env.agents.items():
+        for index, other in enumerate(units):
+            near = env.distance(*own.pos, *other.pos) < env.unit_sight_range(agent)
+            assert seen[agent, index] == (near and own.health > 0 and other.health > 0 and index != agent)
+    assert seen.any()
+    env.close()
+
+
+def test_rewards_by_every_option() -> None:
+    common: dict[str, Any] = {"map_name": "2s3z", "seed": 5, "heuristic_ai": True, "heuristic_rest": True}
+    changed: list[dict[str, Any]] = [
+        {},
+        {"reward_scale": False},
+        {"reward_scale_rate": 40},
+        {"reward_sparse": True, "reward_scale": False},
+        {"reward_death_value": 30, "reward_scale": False},
+        {"reward_only_positive": False, "reward_scale": False},
+        {"reward_defeat": -50, "reward_scale": False},
+    ]
+    envs = [MultiAgentEnv(**common, **options) for options in changed]
+    default, raw, doubled, sparse, deadly, negative, punished = play(envs, 200)
+    info = sp.scenario("2s3z")
+    most = 10 * 5 + 200 + sum(unit["hp"] + unit["shield"] for unit in info["enemies"])
+    assert envs[0].max_reward == most
+    np.testing.assert_allclose(np.array(raw) * 20 / most, default, rtol=1e-5)
+    np.testing.assert_allclose(np.array(doubled), 2 * np.array(default), rtol=1e-5)
+    dead_enemies = sum(unit.health == 0 for unit in envs[0].enemies.values())
+    dead_allies = sum(unit.health == 0 for unit in envs[0].agents.values())
+    assert dead_enemies > 0 and dead_allies == 5 and envs[0].battles_won == 0
+    assert sparse == [0] * (len(sparse) - 1) + [-1]
+    assert np.isclose(sum(deadly) - sum(raw), 20 * dead_enemies, atol=1e-2)
+    lost = sum(unit["hp"] + unit["shield"] for unit in info["allies"])
+    assert np.isclose(sum(raw) - sum(negative), 0.5 * (lost + 10 * 5), atol=1e-2)
+    assert np.isclose(punished[-1] - raw[-1], -50, atol=1e-3)
+    for env in envs:
+        env.close()
+
+
+def test_a_victory_pays_what_it_should() -> None:
+    winning: dict[str, Any] = {"map_name": "2c_vs_64zg", "seed": 1, "heuristic_ai": True, "heuristic_rest": True}
+    changed: list[dict[str, Any]] = [{"reward_scale": False}, {"reward_win": 500, "reward_scale": False}]
+    sparse: dict[str, Any] = {"reward_sparse": True, "reward_scale": False}
+    envs = [MultiAgentEnv(**winning, **options) for options in [*changed, sparse]]
+    plain, rich, rare = play(envs, 400)
+    assert envs[0].battles_won == 1 and envs[0].get_stats()["win_rate"] == 1
+    assert np.isclose(rich[-1] - plain[-1], 300, atol=1e-2)
+    assert rare[-1] == 1 and sum(rare) == 1
+    for env in envs:
+        env.close()
+
+
+def test_kills_are_told_from_banelings_that_blow_themselves_up() -> None:
+    layout = ScenarioLayout("bane_vs_bane")  # enemies 0 to 3 are banelings of 30 health, the rest zerglings of 35
+    reward = Reward(layout, RewardOptions(death_value=20, scale=False))
+    unit = (10 * 24 + 200 + 4 * 30 + 20 * 35) / 20
+    full = np.array([30.0] * 4 + [35.0] * 20, np.float32)
+    allies = np.ones(24, np.float32)
+
+    def paid(enemies: NDArray[np.float32], earned: float) -> float:
+        return reward(earned / unit, False, False, Toll(allies, full), Toll(allies, enemies))
+
+    after = full.copy()
+    after[:2] = 0  # one blew itself up, one was killed
+    after[4:6] = 0  # two zerglings killed
+    earned = 30 + 30 + 35 + 35 + 3 * 10
+    assert np.isclose(paid(after, earned), earned + 3 * 10, atol=1e-3)
+    after[6] = 34.5  # hit for 2, of which it regained 1.5 in the same step
+    assert np.isclose(paid(after, earned + 2), earned + 2 + 3 * 10, atol=1e-3)
+
+
+def test_time_out_is_terminated_and_marked_only_if_asked() -> None:
+    for continuing in (False, True):
+        env = MultiAgentEnv("3s_vs_5z", seed=1, episode_limit=3, continuing_episode=continuing)
+        env.reset()
+        for step in range(3):
+            _, terminated, info = env.step([1, 1, 1])
+            assert terminated == (step == 2)
+        assert info.get("episode_limit", False) is continuing
+        assert not info["battle_won"] and info["dead_allies"] == info["dead_enemies"] == 0
+        stats = env.get_stats()
+        assert (stats["battles_game"], stats["battles_draw"], stats["timeouts"]) == (1, 1, 1)
+        env.reset()
+        assert not env.step([1, 1, 1])[1]
+        env.close()
+
+
+def test_what_cannot_be_is_refused_with_the_reason() -> None:
+    refused: dict[str, tuple[object, str]] = {
+        "step_mul": (4, "8 ticks"),
+        "move_amount": (3, "2 squares"),
+        "difficulty": ("A", "difficulties"),
+        "game_version": ("4.10", "StarCraft"),
+        "heuristic_ai": (True, "heuristic_rest"),
+    }
+    for name, (value, reason) in refused.items():
+        options: dict[str, Any] = {name: value}
+        with pytest.raises(Unavailable, match=reason) as caught:
+            MultiAgentEnv("2s3z", **options)
+        assert isinstance(caught.value, sp.PoolError | NotImplementedError)
+    with pytest.raises(sp.ScenarioError, match="2s3z"):
+        MultiAgentEnv("no_such_map")
+    with pytest.raises(sp.InvalidRequest, match="episode limit"):
+        MultiAgentEnv("2s3z", obs_timestep_number=True, episode_limit=None)
+    with pytest.raises(sp.InvalidRequest, match="reward_scale"):
+        MultiAgentEnv("2s3z", reward_scale_rate=0)
+
+
+def test_an_illegal_action_steps_nothing() -> None:
+    env = MultiAgentEnv("2s3z", seed=1)
+    env.reset()
+    before = env.get_state()
+    with pytest.raises(sp.IllegalAction) as caught:
+        env.step([1, 1, 0, 1, 1])  # no-op is for the dead
+    assert (caught.value.agent, caught.value.action) == (2, 0)
+    for wrong in ([1, 1, 1.5, 1, 1], [1, 1, 1, 1]):
+        with pytest.raises(sp.InvalidRequest):
+            env.step(wrong)
+    np.testing.assert_array_equal(env.get_state(), before)
+    env.step([1.0, np.int64(1), np.float32(1), True, 1])
+    env.close()
+
+
+def test_stats_before_the_first_battle_and_close_twice() -> None:
+    env = MultiAgentEnv("MMM")
+    assert env.get_stats()["win_rate"] == 0 and env.get_total_actions() == env.n_actions == 16
+    assert get_map_params("MMM") == {"n_agents": 10, "n_enemies": 10, "limit": 150, "unit_type_bits": 3}
+    assert env.get_env_info()["agent_features"][-3:] == ["type_0", "type_1", "type_2"]
+    assert len(env.get_env_info()["enemy_features"]) == env.get_enemy_num_attributes() == 6
+    env.close()
+    env.close()
+
+
+def test_seed_says_which_episodes_are_played() -> None:
+    envs = [MultiAgentEnv("3s5z", seed=seed, heuristic_ai=True, heuristic_rest=True) for seed in (7, 7, 8)]
+    first, second, other = play(envs, 40)
+    assert first == second != other and envs[0].seed() == 7
+    assert play([envs[0]], 40)[0] != first  # the generator goes on
+    assert envs[0].seed(7) == 7
+    assert play([envs[0]], 40)[0] == first
+    assert MultiAgentEnv("3s5z").seed() != MultiAgentEnv("3s5z").seed()
+    for env in envs:
+        env.close()
+
+
+@pytest.mark.parametrize("scenario", ["MMM2", "corridor", "2s_vs_1sc", "bane_vs_bane"])
+def test_the_heuristic_plays_legally_and_writes_what_it_did(scenario: str) -> None:
+    env = MultiAgentEnv(scenario, seed=1, heuristic_ai=True, heuristic_rest=True)
+    env.reset()
+    ended, attacks = False, 0
+    while not ended:
+        actions = [0] * env.n_agents
+        _, ended, info = env.step(actions)
+        np.testing.assert_array_equal(env.get_state_dict()["last_action"].argmax(axis=1), actions)
+        attacks += sum(action >= 6 for action in actions)
+    assert attacks > 0 and info["dead_allies"] + info["dead_enemies"] > 0
+    env.close()
+
+
+def test_a_saved_replay_plays_again(tmp_path: Path) -> None:
+    env = MultiAgentEnv("2s3z", seed=4, replay_dir=str(tmp_path / "new"), replay_prefix="mine")
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.save_replay()
+    play([env], 12)
+    path = env.save_replay()
+    assert path.name.startswith("mine_")
+    with np.load(path) as replay:
+        envs = sp.make(str(replay["scenario"]), 1, seed=int(replay["seed"]), autoreset="disabled")
+        states = [envs.reset().state[0].copy()]
+        states += [envs.step([actions]).state[0].copy() for actions in replay["actions"]]
+        np.testing.assert_array_equal(states, replay["states"])
+        assert len(replay["rewards"]) == 12
+    env.close()
+    envs.close()
+
+
+def test_a_picture_shows_units_where_they_stand() -> None:
+    env = MultiAgentEnv("2s_vs_1sc", seed=1, window_size_x=640, window_size_y=320)
+    env.reset()
+    picture = env.render(mode="rgb_array")
+    assert isinstance(picture, np.ndarray) and picture.shape == (320, 640, 3) and picture.dtype == np.uint8
+
+    def at(x: float, y: float) -> list[int]:
+        colour: list[int] = picture[int(320 - 10 * y), int(160 + 10 * x)].tolist()
+        return colour
+
+    green, red = env.agents[0].pos, env.enemies[0].pos
+    assert at(*green)[1] == max(at(*green)) and at(*red)[0] == max(at(*red))
+    assert picture[:, :160].max() == 0  # beside the map
+    env.close()
+
+
+def test_code_that_imports_smac_finds_this() -> None:
+    script = """
+import smaclite_pool.smac as face
+face.install()
+from smac.env import MultiAgentEnv, StarCraft2Env
+from smac.env.starcraft2.maps import get_map_params
+import smac.env
+env = StarCraft2Env(map_name="3s_vs_5z", difficulty="7", step_mul=8, seed=1)
+assert isinstance(env, MultiAgentEnv) and smac.env.StarCraft2Env is StarCraft2Env is face.MultiAgentEnv
+assert get_map_params("3s_vs_5z")["limit"] == env.episode_limit == 250
+env.reset(); env.close()
+"""
+    done = run_script(script)
+    assert done.returncode == 0, done.stderr
