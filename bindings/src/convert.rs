@@ -2,8 +2,8 @@
 
 use crate::errors::invalid;
 use numpy::{
-    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -65,6 +65,14 @@ pub fn actions<'py>(given: &Bound<'py, PyAny>, count: usize, n_agents: usize) ->
 /// Environment ids: any integer array-like of one axis.
 pub fn env_ids<'py>(given: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Ints<'py>>> {
     given.map(|given| ints("env_id", given, &[None])).transpose()
+}
+
+/// The array that actions are written to, if it is fit for that.
+pub fn actions_out<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let wanted = format!("out: a C-contiguous, writeable int32 array of shape {} is taken", tuple(&shape));
+    let Ok(array) = out.cast_into::<PyArray2<i32>>() else { return Err(PyTypeError::new_err(wanted)) };
+    let fits = array.shape() == shape && array.is_c_contiguous() && array.try_readwrite().is_ok();
+    if fits { Ok(array) } else { Err(invalid(wanted)) }
 }
 
 /// `None` in `shape` is any length.

@@ -5,7 +5,7 @@ use crate::convert::{self, Ints, dict_of, env_ids, masked, seconds, whole};
 use crate::errors::{class, invalid, of_client};
 use crate::exit;
 use crate::wait::waiting;
-use numpy::{PyArray2, PyArrayDescr, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_ipc::{Client, LaneDescription, Supervisor};
@@ -184,17 +184,14 @@ impl Envs {
         &self,
         py: Python<'py>,
         env_id: Given<'_, 'py>,
-        out: Option<Bound<'py, PyArray2<i32>>>,
+        out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let ids = env_ids(env_id)?;
         let shape = [self.count(ids.as_ref()), self.description.n_agents];
-        let out = out.unwrap_or_else(|| PyArray2::zeros(py, shape, false));
-        if out.shape() != shape || !out.is_c_contiguous() {
-            let (rows, columns) = (shape[0], shape[1]);
-            return Err(invalid(format!(
-                "out: a C-contiguous int32 array of shape ({rows}, {columns}) is taken"
-            )));
-        }
+        let out = match out {
+            Some(out) => convert::actions_out(out, shape)?,
+            None => PyArray2::zeros(py, shape, false),
+        };
         let ids = ids.as_ref().map(Ints::as_slice).transpose()?;
         let mut turn = self.shared.turn()?;
         let mut drawn = out.try_readwrite()?;

@@ -39,6 +39,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        super::views::ready_numpy(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         super::batch::add_fields(module.py())?;
         super::exit::close_at_exit(module)

@@ -16,6 +16,13 @@ pub fn array<'py>(frame: &Bound<'py, Frame>, field: Field) -> PyResult<Option<Bo
     Ok(array)
 }
 
+/// Has numpy loaded now: `numpy` would load it at its first use and panic if Ctrl-C came in between.
+pub fn ready_numpy(py: Python<'_>) -> PyResult<()> {
+    py.import("numpy")?;
+    PyArray::<i32, _>::zeros(py, [0], false).try_readonly()?;
+    Ok(())
+}
+
 /// `T` must be the field's element type.
 fn typed<'py, T: Element>(
     frame: &Bound<'py, Frame>,

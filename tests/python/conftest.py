@@ -1,0 +1,77 @@
+"""A place of its own for every test, which must be empty after it, and pools in processes of their own."""
+
+from __future__ import annotations
+
+import gc
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+
+def shm_prefix(root: Path) -> str:
+    """What names in /dev/shm begin with: user and FNV-1a of the folder, as ipc/src/place.rs has it."""
+    mark = 0xCBF29CE484222325
+    for byte in str(root).encode():
+        mark = ((mark ^ byte) * 0x100000001B3) % 2**64
+    return f"smaclite{os.getuid()}_{mark % 2**32:08x}_"
+
+
+def left_over(root: Path) -> list[str]:
+    """Files of this place in its folder and in /dev/shm."""
+    files = [str(path) for path in root.rglob("*") if not path.is_dir()]
+    return files + [str(path) for path in Path("/dev/shm").glob(shm_prefix(root) + "*")]
+
+
+@pytest.fixture(autouse=True)
+def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder of this test's pools; short, because sockets live in it."""
+    root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
+    monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
+    yield root
+    gc.collect()  # a failed test's traceback may be in a cycle with its environments
+    left = left_over(root)
+    shutil.rmtree(root)
+    for path in left:
+        Path(path).unlink(missing_ok=True)
+    assert not left
+
+
+Serve = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def serve(place: Path) -> Iterator[Serve]:
+    """Starts `smaclite-pool serve` with the given arguments and returns it once it serves."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*args: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "smaclite_pool", "serve", *args]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith("attach with"):
+                return process
+        raise AssertionError(f"serve ended with {process.wait()}")
+
+    yield start
+    for process in started:
+        if process.poll() is None:
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+            process.wait(30)
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:
+    """Runs Python code in a process of its own."""
+    command = [sys.executable, "-c", text, *args]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)

@@ -1,0 +1,157 @@
+"""A pool within the process: what is made, how it steps, and what happens at an episode's end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
+    with sp.make("2s3z", num_envs=3, seed=5) as envs:
+        batch = envs.reset()
+        assert batch.keys() == list(envs.fields)
+        sizes = (3, envs.n_agents, envs.obs_size)
+        assert envs.fields["obs"] == (np.dtype("float32"), sizes) and sizes == (3, 5, 80)
+        for name, (dtype, shape) in envs.fields.items():
+            view = getattr(batch, name)
+            assert (view.dtype, view.shape) == (dtype, shape), name
+            assert view.flags.c_contiguous and view.ctypes.data % 64 == 0, name
+            assert getattr(batch, name) is view, "built once"
+        assert len(batch) == 3 and batch.env_id.tolist() == [0, 1, 2]
+        assert batch.alive.all() and batch.avail_actions.any(axis=2).all()
+
+
+def test_properties_and_description_agree() -> None:
+    with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
+        described = envs.description
+        for name in ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size"):
+            assert getattr(envs, name) == described[name], name
+        assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
+        assert (envs.rules, envs.autoreset, envs.episode_limit) == ("smaclite", "next_step", 180)
+        assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["holder"] == envs.pid
+        assert "MMM2" in repr(envs) and "mine" in repr(envs)
+    assert sp.pools() == []
+
+
+def test_every_standard_scenario_plays() -> None:
+    assert len(sp.scenarios()) == 12
+    for name in sp.scenarios():
+        with sp.make(name, num_envs=1) as envs:
+            batch = envs.reset(seed=1)
+            for _ in range(3):
+                batch = envs.step(envs.sample_actions())
+            assert np.isfinite(batch.obs).all() and batch.episode_length.tolist() == [3]
+
+
+def test_a_scenario_file_plays_as_the_scenario() -> None:
+    path = REPOSITORY / "scenarios" / "data" / "2s3z.json"
+    with sp.make(path, num_envs=2) as ours, sp.make("2s3z", num_envs=2) as standard:
+        assert np.array_equal(ours.reset(seed=1).obs, standard.reset(seed=1).obs)
+
+
+def test_actions_of_any_integer_type_are_the_same_actions() -> None:
+    with sp.make("2s3z", num_envs=2) as envs:
+        legal = [[1] * 5] * 2
+        seen = []
+        for actions in (legal, np.array(legal, np.int32), np.array(legal, np.uint8), np.array(legal, ">i4"),
+                        np.asfortranarray(np.array(legal, np.int32)), np.array(legal, np.uint64)):
+            envs.reset(seed=3)
+            seen.append(envs.step(actions).obs.copy())
+        assert all(np.array_equal(seen[0], obs) for obs in seen)
+
+
+def test_the_sampler_draws_every_legal_action_and_no_other() -> None:
+    with sp.make("2s3z", num_envs=4) as envs:
+        mask = envs.reset(seed=1).avail_actions
+        drawn = np.zeros_like(mask)
+        out = np.empty((4, 5), np.int32)
+        for _ in range(300):
+            assert envs.sample_actions(out=out) is out
+            np.put_along_axis(drawn, out[:, :, None], True, axis=2)
+        assert np.array_equal(drawn, mask)
+        envs.seed_sampler(7)
+        first = envs.sample_actions()
+        envs.seed_sampler(7)
+        assert np.array_equal(first, envs.sample_actions())
+        assert envs.sample_actions(env_id=[2]).shape == (1, 5)
+
+
+def stop(batch: sp.Batch) -> Any:
+    """Stop, or nothing for the dead."""
+    return np.where(batch.alive, 1, 0)
+
+
+def test_next_step_autoreset_returns_the_first_observation_a_step_later() -> None:
+    with sp.make("2s3z", num_envs=2, episode_limit=3) as envs:
+        batch = envs.reset(seed=1)
+        for step in range(1, 4):
+            batch = envs.step(stop(batch))
+            assert batch.truncated.tolist() == [step == 3] * 2
+        assert batch.episode_length.tolist() == [3, 3]
+        batch = envs.step(np.full((2, 5), 99))  # ignored
+        assert not batch.truncated.any() and not batch.reward.any()
+        assert batch.episode_length.tolist() == [0, 0] and batch.alive.all()
+
+
+def test_same_step_autoreset_keeps_the_last_observation() -> None:
+    settings: dict[str, Any] = {"num_envs": 2, "episode_limit": 3}
+    with sp.make("2s3z", **settings) as later, sp.make("2s3z", autoreset="same_step", **settings) as same:
+        a, b = later.reset(seed=1), same.reset(seed=1)
+        for _ in range(3):
+            a, b = later.step(stop(a)), same.step(stop(b))
+        assert b.truncated.all() and b.episode_length.tolist() == [3, 3]
+        assert np.array_equal(a.obs, b.final_obs) and np.array_equal(a.state, b.final_state)
+        assert np.array_equal(a.avail_actions, b.final_avail_actions)
+        assert np.array_equal(later.step(stop(a)).obs, b.obs)
+        with pytest.raises(AttributeError, match='autoreset="same_step"'):
+            _ = a.final_obs
+
+
+def test_disabled_autoreset_asks_for_a_masked_reset() -> None:
+    with sp.make("2s3z", num_envs=3, episode_limit=2, autoreset="disabled") as envs:
+        batch = envs.reset(seed=1)
+        batch = envs.step(stop(batch))
+        batch = envs.step(stop(batch))
+        assert batch.truncated.all()
+        with pytest.raises(sp.InvalidRequest, match="reset it first"):
+            envs.step(stop(batch))
+        batch = envs.reset(mask=np.array([True, False, True]))
+        assert batch.episode_length.tolist() == [0, 2, 0]
+        batch = envs.reset(env_id=[1])
+        assert batch.episode_length.tolist() == [0, 0, 0]
+        batch = envs.reset(mask=[True, True, True])
+        envs.step(stop(batch))
+
+
+def test_no_episode_limit_and_one_of_ones_own() -> None:
+    with sp.make("2s3z", 1, episode_limit=None) as envs:
+        assert envs.episode_limit is None
+    with sp.make("2s3z", 1, episode_limit=7) as envs:
+        assert envs.episode_limit == 7
+
+
+def test_a_lane_may_leave_fields_out() -> None:
+    with sp.make("2s3z", num_envs=2, fields=["obs"]) as envs:
+        batch = envs.reset()
+        assert batch.keys() == ["env_id", "obs", "reward", "terminated", "truncated"]
+        with pytest.raises(AttributeError, match="no `state`: name it in `fields`"):
+            _ = batch.state
+        assert not hasattr(batch, "nonsense")
+
+
+def test_asynchronous_stepping_serves_every_environment() -> None:
+    with sp.make("2s3z", num_envs=6, batch_size=2, threads=2) as envs:
+        envs.async_reset(seed=1)
+        counts = np.zeros(6, int)
+        for _ in range(60):
+            batch = envs.recv(timeout=60)
+            assert len(batch) == 2
+            counts[batch.env_id] += 1
+            envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
+        assert counts.sum() == 120 and counts.min() > 0

@@ -1,0 +1,147 @@
+"""Batches in place: no copy between the worker that writes and the array that is read, and memory that stays."""
+
+from __future__ import annotations
+
+import gc
+import os
+import weakref
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+from conftest import Serve, run_script, shm_prefix
+
+
+class Mapping(NamedTuple):
+    start: int
+    end: int
+    permissions: str
+    offset: int
+    file: tuple[str, int]  # device and inode
+    path: str
+
+
+def mappings(pid: int) -> list[Mapping]:
+    found = []
+    for line in Path(f"/proc/{pid}/maps").read_text().splitlines():
+        addresses, permissions, offset, device, inode, *path = line.split(maxsplit=5)
+        start, end = (int(address, 16) for address in addresses.split("-"))
+        file = (device, int(inode))
+        found.append(Mapping(start, end, permissions, int(offset, 16), file, path[0] if path else ""))
+    return found
+
+
+def mapping_of(array: Any) -> Mapping:
+    address = array.ctypes.data
+    [mapping] = [m for m in mappings(os.getpid()) if m.start <= address and address + array.nbytes <= m.end]
+    return mapping
+
+
+@pytest.mark.parametrize("attached", [False, True])
+def test_zero_copy(attached: bool, serve: Serve, place: Path) -> None:
+    """An observation lies in the iceoryx2 data segment, mapped read-only, that the supervisor's workers write to; what
+    is written into that file afterwards shows in the array, so nothing was copied on the way."""
+    if attached:
+        serve("2s3z:8", "--name", "train")
+    with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
+        batch = envs.reset(seed=1)
+        mapping = mapping_of(batch.obs)
+        name = os.path.basename(mapping.path)
+        assert name.startswith(shm_prefix(place)) and name.endswith(".data"), mapping
+        assert mapping.permissions == "r--s"
+        writers = [m for m in mappings(envs.pid) if m.file == mapping.file and "w" in m.permissions]
+        assert len(writers) == 1, "the supervisor maps the same file for writing"
+        for field in batch.keys():
+            assert mapping_of(getattr(batch, field)).file == mapping.file, field
+
+        with open(mapping.path, "r+b") as segment:
+            segment.seek(batch.obs.ctypes.data - mapping.start + mapping.offset)
+            segment.write(np.float32(123.25).tobytes())
+        assert batch.obs[0, 0, 0] == 123.25
+
+
+def test_arrays_are_read_only_and_stay_so() -> None:
+    with sp.make("2s3z", num_envs=2) as envs:
+        batch = envs.reset()
+        for name in batch.keys():
+            view = getattr(batch, name)
+            assert isinstance(view.base, sp.Frame)
+            with pytest.raises(ValueError, match="read-only"):
+                view[...] = 0
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                view.flags.writeable = True
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                view[:1].flags.writeable = True
+        own = batch.copy()
+        assert all(array.flags.owndata and array.flags.writeable for array in own.values())
+
+
+def test_a_held_batch_does_not_change_while_others_come() -> None:
+    with sp.make("2s3z", num_envs=4, frames_held=3) as envs:
+        first = envs.reset(seed=1)
+        own = first.copy()
+        for _ in range(50):
+            envs.step(envs.sample_actions())
+        assert all(np.array_equal(getattr(first, name), array) for name, array in own.items())
+
+
+def test_a_slice_outlives_batch_environments_and_pool() -> None:
+    for _ in range(10):
+        envs = sp.make("2s3z", num_envs=4)
+        batch = envs.reset(seed=1)
+        part, expected = batch.obs[1:3, ::2], batch.obs[1:3, ::2].copy()
+        envs.step(envs.sample_actions())
+        envs.close()
+        del envs, batch
+        gc.collect()
+        with sp.make("2s3z", num_envs=4) as other:
+            other.reset(seed=2)
+        assert np.array_equal(part, expected)
+
+
+def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
+    """A cycle between a batch and its cached arrays once would have kept frames until the garbage collector ran."""
+    gc.disable()
+    try:
+        with sp.make("2s3z", num_envs=2, frames_held=2) as envs:
+            batch = envs.reset()
+            views = [getattr(batch, name) for name in batch.keys()]
+            gone = weakref.ref(batch)
+            del batch, views
+            assert gone() is None
+            for _ in range(20):
+                assert envs.step(envs.sample_actions()).obs.size
+    finally:
+        gc.enable()
+
+
+def test_holding_too_many_frames_is_an_error_and_ends_with_letting_go() -> None:
+    with sp.make("2s3z", num_envs=2, frames_held=2) as envs:
+        held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
+        held.append(envs.step(envs.sample_actions()))
+        first = held[0].copy()
+        with pytest.raises(sp.TooManyFramesHeld, match="all 2 frames"):
+            envs.step(envs.sample_actions())
+        assert np.array_equal(held[0], first), "never an overwrite"
+        held.clear()
+        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still under way"
+
+
+def test_nothing_is_left_by_a_process_that_closes_nothing() -> None:
+    """Objects that outlive the interpreter are not freed by it; the fixture looks for what they left."""
+    done = run_script(
+        """
+import smaclite_pool as sp
+envs = sp.make("2s3z", num_envs=2)
+batch = envs.reset()
+cycle = [envs, batch.obs]
+cycle.append(cycle)
+class Holder:
+    kept = cycle
+import sys; sys.kept = (cycle, batch)
+"""
+    )
+    assert done.returncode == 0, done.stderr

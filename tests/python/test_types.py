@@ -1,0 +1,49 @@
+"""Types: the package is strictly typed, and the stub of the native module is the module."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import smaclite_pool as sp
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def check(*command: str) -> None:
+    done = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=REPOSITORY, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_mypy_strict() -> None:
+    pytest.importorskip("mypy")
+    check("mypy")
+
+
+def test_the_stub_matches_the_module() -> None:
+    pytest.importorskip("mypy")
+    check("mypy.stubtest", "smaclite_pool._native")
+
+
+def test_the_stub_declares_every_field_with_its_type() -> None:
+    """stubtest sees names only; types and texts come from the table of fields."""
+    stub = (Path(sp.__file__).parent / "_native.pyi").read_text()
+    fields = [name for name, value in vars(sp.Batch).items() if isinstance(value, property) and " [M" in str(value.__doc__)]
+    assert len(fields) == 16
+    for name in fields:
+        text = getattr(sp.Batch, name).__doc__
+        dtype, described = text.split(" ", 1)
+        scalar = {"bool": "bool_"}.get(dtype, dtype)
+        shape = described.split("]")[0]
+        assert f"def {name}(self) -> NDArray[np.{scalar}]:\n        \"\"\"{dtype} {shape}]: " in stub, text
+
+
+def test_everything_public_is_documented() -> None:
+    for name in sp.__all__:
+        if name != "__version__":
+            assert getattr(sp, name).__doc__, name
+    for public in (sp.Envs, sp.Batch, sp.Frame):
+        for name in dir(public):
+            assert name.startswith("_") or getattr(public, name).__doc__, f"{public.__name__}.{name}"
