@@ -1,0 +1,129 @@
+"""EnvPool's names, used as EnvPool's own examples use them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+from smaclite_pool import envpool
+
+
+def first_legal(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:
+    """Each agent's last legal action: an attack, where there is one."""
+    mask = obs["action_mask"]
+    actions: np.ndarray[Any, np.dtype[np.int32]] = mask.shape[-1] - 1 - mask[..., ::-1].argmax(-1).astype(np.int32)
+    return actions
+
+
+def test_synchronous_stepping_is_that_of_the_pool() -> None:
+    with envpool.make("2s3z", env_type="gymnasium", num_envs=4, seed=3) as envs, sp.make("2s3z", 4, seed=3) as plain:
+        obs, info = envs.reset()
+        batch = plain.reset()
+        assert not envs.is_async and len(envs) == envs.num_envs == 4
+        assert info["env_id"].tolist() == envs.all_env_ids.tolist() == [0, 1, 2, 3]
+        for _ in range(100):
+            actions = first_legal(obs)
+            obs, reward, terminated, truncated, info = envs.step(actions, info["env_id"])
+            batch = plain.step(actions)
+            np.testing.assert_array_equal(obs["obs"], batch.obs)
+            np.testing.assert_array_equal(obs["state"], batch.state)
+            np.testing.assert_array_equal(obs["action_mask"], batch.avail_actions)
+            np.testing.assert_array_equal(reward, batch.reward)
+            np.testing.assert_array_equal(terminated, batch.terminated)
+            np.testing.assert_array_equal(truncated, batch.truncated)
+            np.testing.assert_array_equal(info["battle_won"], batch.battle_won)
+            np.testing.assert_array_equal(info["elapsed_step"], batch.episode_length)
+            assert info["env_id"].dtype == np.int32
+
+
+def test_asynchronous_stepping_serves_everyone() -> None:
+    with envpool.make_gymnasium("2s3z", num_envs=6, batch_size=2, num_threads=2) as envs:
+        assert envs.is_async
+        envs.async_reset()
+        steps = np.zeros(6, int)
+        while steps.min() < 20:
+            obs, reward, _, _, info = envs.recv(timeout=60)
+            assert obs["obs"].shape == (2, 5, 80) and reward.shape == (2,)
+            steps[info["env_id"]] += 1
+            envs.send(first_legal(obs), info["env_id"])
+
+
+def test_a_reset_of_some_returns_those_in_their_order() -> None:
+    with envpool.make("2s3z", num_envs=4, autoreset="disabled") as envs:
+        obs, _ = envs.reset(seed=1)
+        for _ in range(5):
+            obs, *_ = envs.step(first_legal(obs))
+        some, info = envs.reset(np.array([2, 0]), seed=7)
+        assert info["env_id"].tolist() == [2, 0] and some["obs"].shape == (2, 5, 80)
+        assert info["elapsed_step"].tolist() == [0, 0]
+        _, info = envs.reset(options={"reset_mask": np.array([False, True, False, False])})
+        assert info["env_id"].tolist() == [1]
+        _, info = envs.reset(3)
+        assert info["env_id"].tolist() == [3]
+        for wrong in ({"env_id": np.zeros(0, int)}, {"env_id": [1], "options": {"reset_mask": np.ones(4, bool)}}):
+            with pytest.raises(sp.InvalidRequest):
+                envs.reset(**wrong)
+
+
+def test_arrays_are_ones_own_unless_asked_otherwise() -> None:
+    for copy in (True, False):
+        with envpool.make("2s3z", num_envs=2, copy=copy) as envs:
+            obs, info = envs.reset()
+            _, reward, *_ = envs.step(first_legal(obs))
+            every = [*obs.values(), *info.values(), reward]
+            assert {array.flags.writeable for array in every} == {copy}
+
+
+def test_spec_and_config_say_what_is_served() -> None:
+    settings: dict[str, Any] = {"num_envs": 3, "num_threads": 1, "seed": 5, "max_episode_steps": 20}
+    with envpool.make("MMM2", **settings) as envs:
+        assert envs.config.items() >= settings.items() and envs.config["batch_size"] == 3
+        assert f"num_envs={3}" in repr(envs) and envs.spec.config == envs.config
+        obs, info = envs.reset()
+        sent = {f"obs:{name}": array for name, array in obs.items()}
+        sent |= {f"info:{name}": array for name, array in info.items()}
+        _, sent["reward"], sent["terminated"], sent["trunc"], _ = envs.step(first_legal(obs))
+        told = {name: (spec.dtype, (3, *spec.shape)) for name, spec in envs.spec.state_array_spec.items()}
+        assert told == {name: (array.dtype, array.shape) for name, array in sent.items()}
+        assert envs.spec.action_array_spec["action"].shape == (10,)
+        for _ in range(19):
+            obs, _, _, truncated, _ = envs.step(first_legal(obs))
+        assert truncated.any()
+
+
+def test_spaces_are_of_one_environment() -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+    spec = envpool.make_spec("2s3z")
+    assert spec.action_space == gymnasium.spaces.MultiDiscrete([11] * 5)
+    with envpool.make("2s3z", num_envs=2) as envs:
+        obs, _ = envs.reset()
+        space: Any = envs.observation_space
+        assert space == spec.observation_space and {name: array[1] for name, array in obs.items()} in space
+        assert envs.action_space == spec.action_space
+
+
+def test_what_cannot_be_is_told() -> None:
+    assert envpool.list_all_envs() == sp.scenarios()
+    mistakes: list[tuple[dict[str, Any], str]] = [
+        ({"env_type": "dm"}, "dm"),
+        ({"thread_affinity_offset": 0}, "pinned"),
+        ({"num_envs": 2, "batch_size": 3}, "batch size 3"),
+    ]
+    for wrong, words in mistakes:
+        with pytest.raises(sp.PoolError, match=words):
+            envpool.make("2s3z", **wrong)
+    with envpool.make("2s3z", num_envs=2) as envs:
+        envs.reset()
+        with pytest.raises(sp.IllegalAction):
+            envs.step(np.full((2, 5), 6))
+
+
+def test_an_attached_lane_has_them_too(serve: Serve) -> None:
+    serve("2s3z:4", "--name", "names", "--batch-size", "2")
+    with envpool.EnvPool(sp.connect("names")) as envs:
+        envs.async_reset()
+        assert envs.recv()[-1]["env_id"].shape == (2,)
+        assert envs.config == {"num_envs": 4, "batch_size": 2}

@@ -1,0 +1,331 @@
+"""The Gymnasium face, by Gymnasium's own checkers, wrappers and vector environments."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import json
+import pickle
+import textwrap
+import warnings
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+pytest.importorskip("gymnasium")
+
+import gymnasium
+from conftest import Serve, run_script
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from smaclite_pool.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+
+SCENARIO = {
+    "name": "duel",
+    "num_allied_units": 2,
+    "num_enemy_units": 1,
+    "groups": [
+        {"faction": "ALLY", "x": 9, "y": 16, "units": {"ZEALOT": 2}},
+        {"faction": "ENEMY", "x": 12, "y": 16, "units": {"ZEALOT": 1}},
+    ],
+    "attack_point": [9, 16],
+    "terrain_preset": "SIMPLE",
+    "num_unit_types": 0,
+    "ally_has_shields": True,
+    "enemy_has_shields": True,
+}
+
+
+@pytest.fixture(autouse=True)
+def no_warnings() -> Iterator[None]:
+    """Gymnasium's checkers speak by warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.mark.parametrize("scenario", sp.scenarios())
+def test_gymnasium_accepts_one_environment(scenario: str) -> None:
+    # The checker takes an action of one state in another, where it need not be available.
+    env = gymnasium.make(f"smaclite_pool/{scenario}-v0", render_mode="rgb_array", illegal_actions="stop")
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("mode", [None, "sync", "async"])
+def test_gymnasium_makes_a_vector(mode: str | None) -> None:
+    envs = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=3, vectorization_mode=mode)
+    expected = {None: BattleVectorEnv, "sync": SyncVectorEnv, "async": AsyncVectorEnv}[mode]
+    assert isinstance(envs, expected) and isinstance(envs, gymnasium.vector.VectorEnv)
+    observations, _ = envs.reset(seed=1)
+    assert observations in envs.observation_space
+    assert envs.observation_space == batch_space(envs.single_observation_space, 3)
+    assert envs.action_space == batch_space(envs.single_action_space, 3)
+    stop: Any = np.ones((3, 5), np.int64) if mode is None else (np.ones(3, np.int64),) * 5
+    observations, rewards, terminated, truncated, _ = envs.step(stop)
+    assert observations in envs.observation_space
+    assert [array.shape for array in (rewards, terminated, truncated)] == [(3,)] * 3
+    assert [array.dtype for array in (rewards, terminated, truncated)] == [np.float64, np.bool_, np.bool_]
+    envs.close()
+
+
+def test_spaces_are_those_learners_expect() -> None:
+    with closing(make_vector("MMM2", 2)) as envs:
+        assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)
+        assert list(envs.single_observation_space) == ["action_mask", "obs", "state"]
+    env = BattleEnv("MMM2")
+    # The healer's targets are the other allies, everyone else's the enemies.
+    assert [space.n for space in env.action_space] == [6 + 9] + [6 + 12] * 9
+    assert env.observation_space[0] == gymnasium.spaces.Box(-1, 1, (env.obs_size,), np.float32)
+    env.close()
+
+
+def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
+    """Legal actions by a generator of one's own."""
+    actions: np.ndarray[Any, Any] = (rng.random(masks.shape) * masks).argmax(-1)
+    return actions
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
+    """Three battles of the pool beside three single ones that Gymnasium strings together: the same bits."""
+    n_envs, rng = 3, np.random.default_rng(7)
+    ours = make_vector("2s3z", n_envs, autoreset_mode=mode, max_episode_steps=40)
+    theirs: Any = SyncVectorEnv([lambda: BattleEnv("2s3z", episode_limit=40)] * n_envs, autoreset_mode=mode)
+    assert ours.metadata["autoreset_mode"] is mode
+    seen, _ = ours.reset(seed=11)
+    expected, _ = theirs.reset(seed=11)
+    episodes = 0
+    for _ in range(130):
+        np.testing.assert_array_equal(seen["obs"], np.stack(expected, axis=1))
+        for env, single in enumerate(theirs.envs):
+            np.testing.assert_array_equal(seen["state"][env], single.get_state())
+            np.testing.assert_array_equal(seen["action_mask"][env], single.get_avail_actions())
+        actions = first_legal(seen["action_mask"], rng)
+        seen, rewards, terminated, truncated, infos = ours.step(actions)
+        expected, *rest, expected_infos = theirs.step(tuple(actions.T))
+        for name, got, wanted in zip(("reward", "terminated", "truncated"), (rewards, terminated, truncated), rest):
+            np.testing.assert_array_equal(got, wanted, err_msg=name)
+        ended = terminated | truncated
+        episodes += ended.sum()
+        if mode is AutoresetMode.SAME_STEP:
+            compare_final(infos, expected_infos)
+        if mode is AutoresetMode.DISABLED and ended.any():
+            seen, _ = ours.reset(options={"reset_mask": ended})
+            expected, _ = theirs.reset(options={"reset_mask": ended.copy()})
+    assert episodes >= 6
+    ours.close()
+    theirs.close()
+
+
+def compare_final(infos: dict[str, Any], expected: dict[str, Any]) -> None:
+    assert ("final_obs" in infos) == ("final_obs" in expected)
+    if "final_obs" not in infos:
+        return
+    for key in ("_final_obs", "_final_info"):
+        np.testing.assert_array_equal(infos[key], expected[key])
+    assert infos["final_obs"].dtype == object
+    for env in np.flatnonzero(infos["_final_obs"]):
+        np.testing.assert_array_equal(infos["final_obs"][env]["obs"], np.stack(expected["final_obs"][env]))
+    for env in np.flatnonzero(~infos["_final_obs"]):
+        assert infos["final_obs"][env] is None
+    for name in ("battle_won", "dead_allies", "dead_enemies"):
+        np.testing.assert_array_equal(infos["final_info"][name], expected["final_info"][name])
+        np.testing.assert_array_equal(infos["final_info"][f"_{name}"], expected["final_info"][f"_{name}"])
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_record_episode_statistics_agrees(mode: AutoresetMode) -> None:
+    made = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=4, autoreset_mode=mode.value)
+    envs: Any = RecordEpisodeStatistics(made)
+    envs.action_space.seed(3)
+    envs.reset(seed=2)
+    episodes = 0
+    for _ in range(200):
+        _, _, terminated, truncated, infos = envs.step(envs.action_space.sample())
+        ended = terminated | truncated
+        if ended.any():
+            episodes += ended.sum()
+            np.testing.assert_array_equal(infos["_episode"], ended)
+            np.testing.assert_allclose(infos["episode"]["r"][ended], infos["episode_return"][ended], rtol=1e-5)
+            np.testing.assert_array_equal(infos["episode"]["l"][ended], infos["episode_length"][ended])
+            if mode is AutoresetMode.DISABLED:
+                envs.reset(options={"reset_mask": ended})
+    assert episodes >= 8
+    envs.close()
+
+
+def test_a_masked_reset_leaves_the_others_alone() -> None:
+    with closing(make_vector("2s3z", 3, autoreset_mode="disabled")) as envs:
+        envs.reset(seed=1)
+        for _ in range(5):
+            before, *_ = envs.step(envs.action_space.sample())
+        mask = np.array([False, True, False])
+        after, infos = envs.reset(seed=1, options={"reset_mask": mask})
+        np.testing.assert_array_equal(after["obs"][~mask], before["obs"][~mask])
+        assert infos["_battle_won"].tolist() == mask.tolist()
+        assert (after["state"][1] != before["state"][1]).any()
+        with pytest.raises(sp.InvalidRequest, match="no environment"):
+            envs.reset(options={"reset_mask": ~mask & mask})
+        with pytest.raises(sp.InvalidRequest, match="shape"):
+            envs.reset(options={"reset_mask": mask[:2]})
+
+
+def test_arrays_are_ones_own_unless_asked_otherwise() -> None:
+    with closing(make_vector("2s3z", 2)) as envs:
+        first, _ = envs.reset(seed=1)
+        kept = copy.deepcopy(first)
+        held = [envs.step(np.ones((2, 5), int))[0] for _ in range(10)]
+        assert all(array.flags.writeable for array in first.values())
+        np.testing.assert_equal(first, kept)
+        assert len(held) == 10
+    with closing(make_vector("2s3z", 2, copy=False, frames_held=3)) as envs:
+        views, _ = envs.reset(seed=1)
+        assert not any(array.flags.writeable for array in views.values())
+        held = [views]
+        with pytest.raises(sp.TooManyFramesHeld):
+            held.extend(envs.step(np.ones((2, 5), int))[0] for _ in range(5))
+        assert len(held) == 3
+
+
+def test_samples_are_legal_and_seeded() -> None:
+    with closing(make_vector("2s3z", 4)) as envs:
+        played = []
+        for _ in range(2):
+            observations, _ = envs.reset(seed=5)
+            envs.action_space.seed(9)
+            actions = []
+            for _ in range(60):
+                actions.append(envs.action_space.sample())
+                assert actions[-1] in envs.action_space
+                envs.step(actions[-1])
+            played.append(actions)
+        np.testing.assert_array_equal(played[0], played[1])
+        for duplicate in (copy.deepcopy(envs.action_space), pickle.loads(pickle.dumps(envs.action_space))):
+            assert duplicate == envs.action_space and type(duplicate) is gymnasium.spaces.Box
+    assert envs.action_space.sample() in envs.action_space, "closed environments still have a space"
+    env = BattleEnv("2s3z")
+    assert type(copy.deepcopy(env.action_space)) is gymnasium.spaces.Tuple
+    env.close()
+    assert env.action_space.sample() in env.action_space
+
+
+def test_an_illegal_action_is_an_error_or_a_stop() -> None:
+    everyone_attacks = np.full((2, 5), 6)
+    with closing(make_vector("2s3z", 2)) as envs:
+        envs.reset(seed=1)
+        with pytest.raises(sp.IllegalAction, match="environment 0, agent 0: action 6"):
+            envs.step(everyone_attacks)
+    with closing(make_vector("2s3z", 2, illegal_actions="stop")) as lenient, closing(make_vector("2s3z", 2)) as strict:
+        lenient.reset(seed=1)
+        strict.reset(seed=1)
+        given = np.array([[6, 2, -1, 99, 0]] * 2)
+        seen, *_ = lenient.step(given)
+        expected, *_ = strict.step(np.where(given == 2, 2, 1))
+        np.testing.assert_equal(seen, expected)
+        for _ in range(150):  # agents die meanwhile
+            lenient.step(everyone_attacks)
+    with pytest.raises(sp.InvalidRequest, match="'ignore'"):
+        make_vector("2s3z", 2, illegal_actions="ignore")  # type: ignore[arg-type]
+
+
+def test_seeds() -> None:
+    """Without a seed NumPy's global generator decides; the first reset uses the constructor's."""
+
+    def play(env: gymnasium.Env[Any, Any], **kwargs: Any) -> float:
+        env.reset(**kwargs)
+        env.action_space.seed(1)
+        total = 0.0
+        for _ in range(30):
+            _, reward, terminated, *_ = env.step(env.action_space.sample())
+            total += float(reward)
+            if terminated:
+                break
+        env.close()
+        return total
+
+    assert play(BattleEnv("2s3z", seed=4)) == play(BattleEnv("2s3z", seed=5), seed=4)
+    drawn = []
+    for _ in range(2):
+        np.random.seed(17)
+        drawn.append(play(BattleEnv("2s3z")))
+    assert drawn[0] == drawn[1]
+    assert BattleEnv("2s3z", seed=4).np_random_seed == 4
+
+
+def test_a_scenario_of_ones_own(tmp_path: Path) -> None:
+    file = tmp_path / "duel.json"
+    file.write_text(json.dumps(SCENARIO))
+    for make in (gymnasium.make, gymnasium.make_vec):
+        env: Any = make("smaclite_pool/custom-v0", map_file=str(file))
+        env.reset(seed=1)
+        env.close()
+        with pytest.raises(sp.InvalidRequest, match="map_file"):
+            make("smaclite_pool/custom-v0")
+
+
+def test_an_episode_that_runs_out_of_time_is_truncated() -> None:
+    env = BattleEnv("3s_vs_5z", episode_limit=2, seed=1)
+    env.reset()
+    stop = [1] * 3
+    assert env.step(stop)[2:4] == (False, False)
+    *_, terminated, truncated, info = env.step(stop)
+    assert (terminated, truncated, info["episode_limit"]) == (False, True, True)
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.step(stop)
+    env.close()
+    with closing(make_vector("3s_vs_5z", 2, max_episode_steps=1)) as envs:
+        envs.reset(seed=1)
+        assert envs.step(np.ones((2, 3), int))[3].all()
+
+
+def test_who_lives_is_told() -> None:
+    env = BattleEnv("2s3z", seed=1)
+    assert env.agents == {} and env.enemies == {}
+    env.reset()
+    assert sorted(env.agents) == list(range(5)) and sorted(env.enemies) == list(range(5))
+    env.action_space.seed(0)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        *_, terminated, truncated, info = env.step(env.action_space.sample())
+        living = [agent for agent, mask in enumerate(env.get_avail_actions()) if not mask[0]]
+        assert sorted(env.agents) == living and len(living) == 5 - info["dead_allies"]
+        assert len(env.enemies) == 5 - info["dead_enemies"]
+    assert info["dead_allies"] > 0
+    env.close()
+
+
+def test_an_attached_lane_is_a_vector_too(serve: Serve) -> None:
+    serve("2s3z:2", "--name", "gym")
+    with pytest.raises(sp.InvalidRequest, match="asynchronous"):
+        BattleVectorEnv(sp.make("2s3z", 4, batch_size=2))
+    envs = BattleVectorEnv(sp.connect("gym"))
+    envs.reset(seed=3)
+    seen, *_ = envs.step(envs.action_space.sample())
+    assert seen["obs"].shape == (2, 5, 80)
+    envs.close()
+
+
+@pytest.mark.parametrize("module", ["gymnasium", "drop_in", "envpool"])
+def test_the_example_of_the_documentation_runs(module: str) -> None:
+    text = importlib.import_module(f"smaclite_pool.{module}").__doc__ or ""
+    lines = [line for line in text.splitlines() if line.startswith("    ") or not line]
+    code = "\n".join(line for line in textwrap.dedent("\n".join(lines)).splitlines() if not line.startswith("python "))
+    done = run_script("import warnings; warnings.simplefilter('error')\n" + code)
+    assert "close()" in code and done.returncode == 0, done.stderr
+
+
+def test_a_name_that_imports_the_module() -> None:
+    done = run_script(
+        "import gymnasium\n"
+        "gymnasium.make('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0').close()\n"
+        "gymnasium.make_vec('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0', num_envs=2).close()\n"
+    )
+    assert done.returncode == 0, done.stderr
