@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import run_script
 from numpy.typing import NDArray
 from smaclite_pool._layout import ScenarioLayout
 from smaclite_pool._smac_reward import Reward, RewardOptions, Toll
@@ -346,17 +347,37 @@ def test_a_picture_shows_units_where_they_stand() -> None:
     env.close()
 
 
-def test_code_that_imports_smac_finds_this() -> None:
-    script = """
-import smaclite_pool.smac as face
-face.install()
+IMPORTS_SMAC = """
 from smac.env import MultiAgentEnv, StarCraft2Env
 from smac.env.starcraft2.maps import get_map_params
 import smac.env
 env = StarCraft2Env(map_name="3s_vs_5z", difficulty="7", step_mul=8, seed=1)
-assert isinstance(env, MultiAgentEnv) and smac.env.StarCraft2Env is StarCraft2Env is face.MultiAgentEnv
+assert isinstance(env, MultiAgentEnv) and smac.env.StarCraft2Env is StarCraft2Env
 assert get_map_params("3s_vs_5z")["limit"] == env.episode_limit == 250
-env.reset(); env.close()
+env.reset()
+env.close()
 """
-    done = run_script(script)
-    assert done.returncode == 0, done.stderr
+
+
+def test_code_that_imports_smac_finds_this(tmp_path: Path) -> None:
+    in_a_child = """
+import multiprocessing
+def play():
+    exec(SCRIPT)
+if __name__ == "__main__":
+    import smaclite_pool.smac
+    smaclite_pool.smac.install()
+    play()
+    for method in ("spawn", "fork"):
+        child = multiprocessing.get_context(method).Process(target=play)
+        child.start()
+        child.join()
+        assert child.exitcode == 0, method
+"""
+    script = tmp_path / "script.py"
+    script.write_text(in_a_child.replace("SCRIPT", repr(IMPORTS_SMAC)))
+    unchanged = tmp_path / "unchanged.py"
+    unchanged.write_text(IMPORTS_SMAC)
+    for command in ([str(script)], ["-m", "smaclite_pool.smac", str(unchanged)]):
+        done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=100, check=False)
+        assert done.returncode == 0, done.stderr

@@ -11,7 +11,11 @@
     print(info["battle_won"], env.get_stats())
     env.close()
 
-Code that imports SMAC itself needs one line before its first import: `import smaclite_pool.smac; smaclite_pool.smac.install()`.
+Code that imports SMAC itself stays as it is when it is run by
+
+    python -m smaclite_pool.smac src/main.py --config=qmix --env-config=sc2 with env_args.map_name=MMM2
+
+or needs one line before its first import of SMAC: `import smaclite_pool.smac; smaclite_pool.smac.install()`.
 
 One environment is a pool of its own; arrays that come from it are the caller's. For many at once use a batch:
 `smaclite_pool.make`, or `smaclite_pool.epymarl` for EPyMARL and PyMARL.
@@ -20,6 +24,7 @@ One environment is a pool of its own; arrays that come from it are the caller's.
 from __future__ import annotations
 
 import logging
+import os
 import secrets
 import sys
 from collections.abc import Sequence
@@ -44,6 +49,8 @@ from .errors import InvalidRequest
 __all__ = ["MultiAgentEnv", "StarCraft2Env", "Unavailable", "Unit", "get_map_params", "install"]
 
 _log = logging.getLogger(__name__)
+
+_FOLDER = Path(__file__).parent / "_stand_in"  # put first in PYTHONPATH, it makes `import smac` get this module
 
 # Options of SMAC that speak of StarCraft II: the values that change nothing, and why others cannot be meant.
 _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
@@ -307,17 +314,33 @@ def get_map_params(map_name: str) -> dict[str, Any]:
 
 
 def install() -> None:
-    """Let `smac`, `smac.env`, `smac.env.starcraft2` and its `maps` be this module, for code that imports SMAC itself.
-
-    Call it before that code is imported. An installed SMAC is then out of reach in this process.
+    """Let `smac`, `smac.env`, `smac.env.starcraft2` and its `maps` be this module, in this process and its children, for
+    code that imports SMAC itself. Raises InvalidRequest if the published package is imported already.
     """
     this = sys.modules[__name__]
+    loaded = sys.modules.get("smac.env")
+    if loaded not in (None, this):
+        raise InvalidRequest(f"`smac` of {loaded.__file__} is imported already; install this before that")
+    if str(_FOLDER) not in sys.path:
+        sys.path.insert(0, str(_FOLDER))  # processes that start anew get it from here
     package = ModuleType("smac", install.__doc__)
-    names = ["smac.env", "smac.env.starcraft2", "smac.env.starcraft2.starcraft2", "smac.env.starcraft2.maps"]
+    package.__path__ = [str(_FOLDER)]
     sys.modules["smac"] = package
-    for name in [*names, "smac.env.starcraft2.maps.smac_maps", "smac.env.multiagentenv"]:
-        sys.modules[name] = this
-    package.env = this  # type: ignore[attr-defined]
+    for name in ("env", "env.multiagentenv", "env.starcraft2", "env.starcraft2.starcraft2"):
+        sys.modules[f"smac.{name}"] = this
+    for name in ("env.starcraft2.maps", "env.starcraft2.maps.smac_maps"):
+        sys.modules[f"smac.{name}"] = this
+    package.__dict__["env"] = this
+
+
+def main() -> None:
+    """Become Python with `smac` as this module, running the script that is given; alone, print the folder that does it."""
+    if not sys.argv[1:]:
+        print(_FOLDER)
+        return
+    paths = [str(_FOLDER), *filter(None, [os.environ.get("PYTHONPATH")])]
+    os.environ["PYTHONPATH"] = os.pathsep.join(paths)
+    os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 
 
 def _only_default(**options: object) -> None:
@@ -325,3 +348,7 @@ def _only_default(**options: object) -> None:
         values, reason = _FIXED[name]
         if value not in values:
             raise Unavailable(f"{name}={value!r}: only {values[0]!r} is possible here, as {reason}")
+
+
+if __name__ == "__main__":
+    main()
