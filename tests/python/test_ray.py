@@ -1,0 +1,169 @@
+"""A fleet of pools on a Ray cluster of two nodes, both on this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import left_over
+
+ray = pytest.importorskip("ray")
+
+from ray.cluster_utils import Cluster
+from smaclite_pool.ray import Fleet, actor_name, attach, start
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    """Two nodes of two cores; their pools are in a place of their own, which must be empty in the end."""
+    root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SMACLITE_POOL_ROOT", str(root))
+        patch.setenv("PYTHONPATH", str(Path(__file__).parent))  # actors find this module
+        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "object_store_memory": 100 << 20})
+        cluster.add_node(num_cpus=2, object_store_memory=100 << 20)
+        ray.init(cluster.address, log_to_driver=False)
+        yield cluster
+        ray.shutdown()
+        cluster.shutdown()
+        subprocess.run([sys.executable, "-m", "smaclite_pool", "clean"], check=True)  # Ray kills actors
+    left = left_over(root)
+    shutil.rmtree(root)
+    assert not left
+
+
+@pytest.fixture
+def fleet(cluster: Cluster) -> Iterator[Fleet]:
+    with start("2s3z", 4, lanes=2, threads=1, seed=100, serve=("--frames-held", "8")) as started:
+        yield started
+
+
+@ray.remote(num_cpus=0.1)
+class Player:
+    """A rollout actor."""
+
+    def __init__(self, timeout: float = 60.0) -> None:
+        self.lane = attach(timeout=timeout)
+        self.reset()
+
+    def reset(self) -> None:
+        self.batch = self.lane.envs.reset(seed=self.lane.seed)
+
+    def where(self) -> dict[str, Any]:
+        envs, lane = self.lane.envs, self.lane
+        told = {"node": ray.get_runtime_context().get_node_id(), "pool": envs.name, "pid": envs.pid, "lane": lane.name}
+        return told | {"seed": lane.seed, "generation": lane.generation, "process": os.getpid()}
+
+    def play(self, steps: int) -> dict[str, np.ndarray[Any, Any]]:
+        rewards = []
+        for _ in range(steps):
+            self.batch = self.lane.envs.step(self.lane.envs.sample_actions(), timeout=60)
+            rewards.append(self.batch.reward.copy())
+        return {"reward": np.stack(rewards), "obs": self.batch.obs.copy()}
+
+    def play_on(self, steps: int) -> tuple[bool, int]:
+        """Whether the pool died on the way, and the generation in the end."""
+        try:
+            self.play(steps)
+        except sp.PoolDied:
+            self.lane.reattach()
+            self.reset()
+            self.play(3)
+            return True, self.lane.generation
+        return False, self.lane.generation
+
+
+def ends(process: int) -> bool:
+    """Whether a process ends within ten seconds; one that nobody waits for has."""
+    status = Path(f"/proc/{process}/status")
+    for _ in range(100):
+        if not status.exists() or "State:\tZ" in status.read_text():
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def test_each_node_plays_in_its_own_pool(fleet: Fleet) -> None:
+    players = fleet.spawn(Player)
+    seen = ray.get([player.where.remote() for player in players])
+    running = fleet.running()
+    assert len(running) == 2 and len(players) == 4
+    for told in seen:
+        here = running[told["node"]]
+        assert (told["pool"], told["pid"], told["generation"]) == (here.pool, here.pid, 1)
+        assert told["node"].startswith(here.pool.removeprefix("smaclite-"))
+        assert ray.get_actor(actor_name("smaclite", told["node"])) == fleet.supervisors[told["node"]]
+    assert len({(told["node"], told["lane"]) for told in seen}) == 4, "one actor a lane"
+    assert sorted(told["seed"] for told in seen) == [100, 104, 108, 112], "no two environments are seeded alike"
+    holders = [lane["holder"] for node in fleet.status().values() for lane in node["lanes"]]
+    assert sorted(holders) == sorted(told["process"] for told in seen), "attached themselves, not through an actor"
+    played = ray.get([player.play.remote(5) for player in players])
+    assert all(part["reward"].shape == (5, 4) and part["obs"].shape == (4, 5, 80) for part in played)
+
+
+def test_a_taken_lane_is_waited_for_and_then_refused(fleet: Fleet) -> None:
+    players = fleet.spawn(Player)
+    ray.get([player.where.remote() for player in players])
+    extra = fleet.spawn(Player, timeout=0.5)[0]
+    with pytest.raises(ray.exceptions.RayActorError, match="LaneTaken"):
+        ray.get(extra.where.remote())
+    waiting = fleet.spawn(Player)[0]
+    ray.kill(players[0])
+    assert ray.get(waiting.where.remote())["lane"] in ("lane-0", "lane-1")
+
+
+def test_players_attach_again_when_a_pool_was_killed(fleet: Fleet) -> None:
+    players = fleet.spawn(Player)
+    seen = ray.get([player.where.remote() for player in players])
+    hit = seen[0]["node"]
+    playing = [player.play_on.remote(20_000) for player in players if player is players[0]]
+    time.sleep(0.3)
+    os.kill(fleet.running()[hit].pid, signal.SIGKILL)
+    assert ray.get(playing) == [(True, 2)]
+    after = ray.get([player.where.remote() for player in players])
+    assert {told["generation"] for told in after if told["node"] != hit} == {1}, "the other node does not notice"
+    assert fleet.running()[hit].generation == 2
+
+
+def test_a_killed_actor_is_restarted_and_leaves_no_second_pool(fleet: Fleet) -> None:
+    players = fleet.spawn(Player)
+    told = ray.get(players[0].where.remote())
+    ray.kill(fleet.supervisors[told["node"]], no_restart=False)
+    assert ray.get(players[0].play_on.remote(100_000))[0], "the pool ends with its actor"
+    again = ray.get(players[0].where.remote())
+    assert again["pool"] == told["pool"] and again["pid"] == fleet.running()[told["node"]].pid != told["pid"]
+    assert ends(told["pid"])
+
+
+def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
+    with pytest.raises(sp.StartError, match="2s3zz.* is neither a standard scenario"):
+        start("2s3zz", name="wrong")
+    start("2s3z", 2, name="wrong").stop()  # nothing is in the way
+
+
+def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:
+    before = {node: running.pid for node, running in fleet.running().items()}
+    again = start("2s3z", 4, lanes=2)
+    assert {node: running.pid for node, running in again.running().items()} == before
+
+
+def test_the_example_trains_on_both_nodes(cluster: Cluster) -> None:
+    command = [sys.executable, str(EXAMPLE), "2s_vs_1sc", "--num-envs=4", "--threads=1", "--updates=2", "--steps=70"]
+    done = subprocess.run(
+        command, env={**os.environ, "RAY_ADDRESS": cluster.address}, capture_output=True, text=True, timeout=240
+    )
+    assert done.returncode == 0, done.stderr
+    assert "2 nodes, 2 rollout actors" in done.stdout and "update 1: 560 steps" in done.stdout, done.stdout
