@@ -1,0 +1,257 @@
+"""The runner for EPyMARL: what it puts into the batch is what the environments played, by a small stand-in of EPyMARL's
+batch, and by EPyMARL itself where SMACLITE_EPYMARL names its `src` folder.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+from smaclite_pool.epymarl import PoolRunner
+from smaclite_pool.smac import MultiAgentEnv
+
+torch = pytest.importorskip("torch")
+
+EPYMARL = os.environ.get("SMACLITE_EPYMARL")
+
+
+class EpisodeBatch:
+    """As much of EPyMARL's as a runner uses: tensors [batch, steps, ...] by name."""
+
+    def __init__(
+        self, scheme: Any, groups: Any, batch_size: int, max_seq_length: int, preprocess: Any = None, device: Any = None
+    ) -> None:
+        scheme = {**scheme, "filled": {"vshape": (1,), "dtype": torch.long}}
+        self.data: dict[str, Any] = {}
+        for name, about in scheme.items():
+            shape = about["vshape"] if isinstance(about["vshape"], tuple) else (about["vshape"],)
+            members = (groups[about["group"]],) if "group" in about else ()
+            dtype = about.get("dtype", torch.float32)
+            self.data[name] = torch.zeros((batch_size, max_seq_length, *members, *shape), dtype=dtype)
+
+    def update(self, data: Any, bs: Any = slice(None), ts: Any = slice(None), mark_filled: bool = True) -> None:
+        if mark_filled:
+            self.data["filled"][bs, ts] = 1
+        for name, value in data.items():
+            target = self.data[name]
+            assert value.dtype == target.dtype or name == "actions", name
+            target[bs, ts] = value.view(target[bs, ts].shape)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.data[name]
+
+
+class Dice:
+    """A controller that plays legally by chance; for the same environment, step and mask it does the same."""
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self.action_selector = SimpleNamespace(epsilon=0.5)
+        self.calls: list[tuple[int, list[int]]] = []
+
+    def init_hidden(self, batch_size: int) -> None:
+        self.batch_size = batch_size
+
+    def select_actions(self, batch: Any, t_ep: int, t_env: int, bs: list[int], test_mode: bool) -> Any:
+        self.calls.append((t_ep, list(bs)))
+        available = batch["avail_actions"][bs, t_ep].numpy()
+        rows = []
+        for env, masks in zip(bs, available, strict=True):
+            dice = np.random.default_rng((self.seed, env, t_ep))
+            rows.append([int(dice.choice(np.flatnonzero(mask))) for mask in masks])
+        return torch.tensor(rows)
+
+
+class Log:
+    """A logger that remembers."""
+
+    def __init__(self) -> None:
+        self.figures: list[tuple[str, float, int]] = []
+
+    def log_stat(self, name: str, value: float, t_env: int) -> None:
+        self.figures.append((name, float(value), t_env))
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    components, buffer = ModuleType("components"), ModuleType("components.episode_buffer")
+    buffer.__dict__["EpisodeBatch"] = EpisodeBatch
+    monkeypatch.setitem(sys.modules, "components", components)
+    monkeypatch.setitem(sys.modules, "components.episode_buffer", buffer)
+    yield
+
+
+def args_of(num_envs: int, **env_args: Any) -> SimpleNamespace:
+    given = {"map_name": "3s_vs_5z", "seed": 11, **env_args}
+    return SimpleNamespace(
+        batch_size_run=num_envs,
+        env_args=given,
+        common_reward=True,
+        device="cpu",
+        test_nepisode=2 * num_envs,
+        runner_log_interval=10**5,
+        render=False,
+    )
+
+
+def set_up(runner: Any, dice: Dice) -> None:
+    """As EPyMARL's `run.py` does."""
+    info = runner.get_env_info()
+    scheme = {
+        "state": {"vshape": info["state_shape"]},
+        "obs": {"vshape": info["obs_shape"], "group": "agents"},
+        "actions": {"vshape": (1,), "group": "agents", "dtype": torch.long},
+        "avail_actions": {"vshape": (info["n_actions"],), "group": "agents", "dtype": torch.int},
+        "terminated": {"vshape": (1,), "dtype": torch.uint8},
+        "reward": {"vshape": (1,)},
+    }
+    runner.setup(scheme, {"agents": info["n_agents"]}, {}, dice)
+
+
+def begun(num_envs: int, seed: int = 0, **env_args: Any) -> tuple[PoolRunner, Dice, Log]:
+    log, dice = Log(), Dice(seed)
+    runner = PoolRunner(args_of(num_envs, **env_args), log)
+    set_up(runner, dice)
+    return runner, dice, log
+
+
+@pytest.mark.usefixtures("stand_in")
+@pytest.mark.parametrize("num_envs", [1, 5])
+def test_the_batch_is_what_the_environments_played(num_envs: int) -> None:
+    runner, dice, _ = begun(num_envs, map_name="MMM2", episode_limit=40)
+    envs = [MultiAgentEnv("MMM2", seed=11 + i, episode_limit=40) for i in range(num_envs)]
+    for _ in range(2):
+        batch = runner.run()
+        lengths = [check_episode(batch, env, row) for row, env in enumerate(envs)]
+    assert len(set(lengths)) == 1 or num_envs > 1
+    assert runner.t == max(lengths)
+    assert dice.calls[-1] == (max(lengths), [row for row, n in enumerate(lengths) if n == max(lengths)])
+    runner.close_env()
+    for env in envs:
+        env.close()
+
+
+def check_episode(batch: Any, env: MultiAgentEnv, row: int) -> int:
+    """Plays a row's actions again and compares; returns the episode's length."""
+    env.reset()
+    length = int(batch["filled"][row].sum()) - 1
+    assert batch["filled"][row, : length + 1].all()
+    for t in range(length + 1):
+        np.testing.assert_array_equal(batch["obs"][row, t], np.stack(env.get_obs()))
+        np.testing.assert_array_equal(batch["state"][row, t], env.get_state())
+        np.testing.assert_array_equal(batch["avail_actions"][row, t], env.get_avail_actions())
+        actions = batch["actions"][row, t, :, 0].tolist()
+        if t == length:
+            assert all(env.get_avail_agent_actions(i)[action] for i, action in enumerate(actions))
+            break
+        reward, ended, _ = env.step(actions)
+        assert np.float32(reward) == batch["reward"][row, t] and ended == (t == length - 1)
+        assert bool(batch["terminated"][row, t]) == ended
+    assert not batch["reward"][row, length:].any()
+    return length
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_a_time_out_is_no_end_if_episodes_continue() -> None:
+    for continuing in (False, True):
+        runner, _, log = begun(3, time_limit=4, continuing_episode=continuing)
+        runner.args.runner_log_interval = 0
+        terminated = runner.run()["terminated"][:, :, 0]
+        assert terminated.tolist() == [[0, 0, 0, int(not continuing), 0]] * 3
+        assert ("episode_limit_mean", 1.0, 12) in log.figures or not continuing
+        runner.close_env()
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_log_is_epymarls() -> None:
+    runner, _, log = begun(4)
+    batch = runner.run()
+    lengths = batch["filled"].sum(dim=(1, 2)) - 1
+    returns = batch["reward"].sum(dim=(1, 2)).double()
+    assert runner.t_env == lengths.sum()
+    figures = {name: value for name, value, t_env in log.figures if t_env == runner.t_env}
+    assert np.isclose(figures["return_mean"], returns.mean(), atol=1e-5)
+    assert np.isclose(figures["return_std"], returns.std(correction=0), atol=1e-5)
+    assert figures["ep_length_mean"] == lengths.double().mean()
+    assert figures["dead_allies_mean"] == 3 and figures["battle_won_mean"] == 0 and figures["epsilon"] == 0.5
+    log.figures.clear()
+    t_env = runner.t_env
+    runner.run(test_mode=True)
+    assert runner.t_env == t_env and not log.figures  # two test runs make up `test_nepisode`
+    runner.run(test_mode=True)
+    assert {name for name, _, _ in log.figures} >= {"test_return_mean", "test_battle_won_mean", "test_ep_length_mean"}
+    assert not runner.test_returns and not runner.test_stats
+    runner.close_env()
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_state_without_last_actions() -> None:
+    full, _, _ = begun(2)
+    short, _, _ = begun(2, state_last_action=False)
+    states = full.run()["state"], short.run()["state"]
+    assert states[0].shape[2] - states[1].shape[2] == 3 * 11
+    assert torch.equal(states[0][:, :, : states[1].shape[2]], states[1])
+    full.close_env()
+    short.close_env()
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
+    serve("3s_vs_5z:3", "--batch-size", "1", "--autoreset", "disabled", "--name", "train")
+    serve("3s_vs_5z:3", "--name", "other")
+    embedded, _, _ = begun(3)
+    attached, _, _ = begun(3, map_name=None, pool="train")
+    assert torch.equal(embedded.run()["state"], attached.run()["state"])
+    with pytest.raises(sp.InvalidRequest, match="--batch-size 1 --autoreset disabled"):
+        PoolRunner(args_of(3, pool="other"), Log())
+    embedded.close_env()
+    attached.close_env()
+
+
+def test_settings_that_cannot_be_served_are_refused() -> None:
+    refused: dict[str, tuple[Any, str]] = {
+        "obs_last_action": (True, "smaclite_pool.smac"),
+        "obs_all_heath": (True, "not known"),
+        "map_name": (None, "map_name or"),
+    }
+    for name, (value, reason) in refused.items():
+        with pytest.raises(sp.InvalidRequest, match=reason):
+            PoolRunner(args_of(2, **{name: value}), Log())
+    unshared = args_of(2)
+    unshared.common_reward = False
+    with pytest.raises(sp.InvalidRequest, match="common_reward"):
+        PoolRunner(unshared, Log())
+
+
+@pytest.mark.skipif(EPYMARL is None, reason="SMACLITE_EPYMARL does not name EPyMARL's src folder")
+def test_epymarls_own_runner_plays_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert EPYMARL is not None
+    monkeypatch.syspath_prepend(EPYMARL)
+    from smaclite_pool import drop_in, smac
+
+    drop_in.install()
+    smac.install()
+    import importlib
+
+    parallel = importlib.import_module("runners.parallel_runner").ParallelRunner
+    args = args_of(4, map_name="MMM2")
+    args.env, args.reward_scalarisation, args.n_agents = "sc2", "sum", 10
+    log, dice = Log(), Dice(3)
+    theirs = parallel(args, log)
+    set_up(theirs, dice)
+    ours, _, own_log = begun(4, seed=3, map_name="MMM2")
+    for _ in range(2):
+        mine, other = ours.run(), theirs.run()
+        for name in ("obs", "state", "avail_actions", "actions", "reward", "terminated", "filled"):
+            assert torch.equal(mine[name], other[name]), name
+    assert [figure[0] for figure in own_log.figures] and {f[0] for f in own_log.figures} == {f[0] for f in log.figures}
+    assert (ours.t, ours.t_env) == (theirs.t, theirs.t_env)
+    ours.close_env()
+    theirs.close_env()
