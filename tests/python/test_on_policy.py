@@ -1,0 +1,87 @@
+"""on-policy's ShareVecEnv: shapes, what is shared, ends of episodes, counts; against the pool's own arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+from smaclite_pool.on_policy import ShareVecEnv
+
+
+def legal(available: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], dice: np.random.Generator) -> list[list[int]]:
+    return [[int(dice.choice(np.flatnonzero(mask))) for mask in env] for env in available]
+
+
+def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
+    faced = ShareVecEnv("2s3z", 4, seed=2)
+    envs = sp.make("2s3z", 4, seed=2, autoreset="same_step")
+    obs, share_obs, available = faced.reset()
+    batch = envs.reset()
+    assert obs.shape == (4, 5, 80) and share_obs.shape == (4, 5, 120) and available.shape == (4, 5, 11)
+    sizes = (faced.observation_space, faced.share_observation_space, faced.action_space[0].n)
+    assert sizes == ([[80]] * 5, [[120]] * 5, 11) and len(faced.action_space) == 5
+    dice = np.random.default_rng(0)
+    kept, games = [], np.zeros((4, 3), int)
+    for _ in range(130):  # a first episode ends within 120 steps
+        actions = legal(available, dice)
+        obs, share_obs, rewards, dones, infos, available = faced.step(np.array(actions)[..., None].astype(np.float32))
+        batch = envs.step(actions)
+        np.testing.assert_array_equal(obs, batch.obs)
+        np.testing.assert_array_equal(available, batch.avail_actions)
+        for agent in range(5):
+            np.testing.assert_array_equal(share_obs[:, agent], batch.state)
+            np.testing.assert_array_equal(rewards[:, agent, 0], batch.reward)
+        ended = batch.terminated | batch.truncated
+        np.testing.assert_array_equal(dones.all(axis=1), ended)
+        np.testing.assert_array_equal(dones[~ended], ~batch.alive[~ended])
+        games += np.stack((batch.battle_won, ended, batch.truncated), axis=1)
+        for env in range(4):
+            info = infos[env][4]
+            counts = [info["battles_won"], info["battles_game"], info["battles_draw"]]
+            assert counts == games[env].tolist() and info["restarts"] == 0
+            assert (info["won"], info["bad_transition"]) == (batch.battle_won[env], batch.truncated[env])
+        kept.append(rewards)  # on-policy's evaluation keeps an episode's rewards
+    assert games[:, 1].min() >= 1
+    del obs, share_obs, available, batch
+    faced.close()
+    faced.close()
+    envs.close()
+    assert faced.closed and np.sum(kept) > 0
+
+
+def test_a_time_out_is_a_bad_transition() -> None:
+    envs = ShareVecEnv("3s_vs_5z", 2, episode_limit=2)
+    envs.reset()
+    stop = np.ones((2, 3, 1), np.int64)
+    assert not envs.step(stop).infos[0][0]["bad_transition"]
+    step = envs.step(stop)
+    assert step.dones.all() and step.infos[1][2]["bad_transition"] and step.infos[0][0]["battles_draw"] == 1
+    assert not envs.step(stop).dones.any()
+    envs.close()
+
+
+def test_wrong_actions_step_nothing() -> None:
+    envs = ShareVecEnv("3s_vs_5z", 2)
+    before = envs.reset().obs.copy()
+    wrong = np.ones((2, 3, 1))
+    wrong[1, 2] = 0
+    with pytest.raises(sp.IllegalAction) as caught:
+        envs.step(wrong)
+    assert (caught.value.env, caught.value.agent, caught.value.action) == (1, 2, 0)
+    wrong[1, 2] = 1.5
+    with pytest.raises(sp.InvalidRequest, match="whole"):
+        envs.step(wrong)
+    np.testing.assert_array_equal(envs.reset().obs, before)
+    envs.close()
+
+
+def test_attaches_to_a_pool_that_resets_in_the_same_step(serve: Serve) -> None:
+    serve("2s3z:2", "--autoreset", "same_step", "--name", "train")
+    serve("2s3z:2", "--name", "other")
+    attached, embedded = ShareVecEnv.connect("train"), ShareVecEnv("2s3z", 2)
+    np.testing.assert_array_equal(attached.reset().share_obs, embedded.reset().share_obs)
+    with pytest.raises(sp.InvalidRequest, match="--autoreset same_step"):
+        ShareVecEnv.connect("other")
+    attached.close()
+    embedded.close()
