@@ -1,0 +1,92 @@
+"""Every Python block of the documentation and of the faces' docstrings, run as a reader would.
+
+A block whose framework is not installed is skipped: the frameworks cannot share one environment.
+"""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "bindings/python/smaclite_pool"
+PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+
+
+def fenced(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def indented(docstring: str) -> Iterator[str]:
+    """The indented blocks of a docstring that are Python code of their own."""
+    for block in re.findall(r"\n\n((?: {4}.*\n|\n(?= {4}))+)", docstring + "\n"):
+        code = "".join(line[4:] if line.strip() else "\n" for line in block.splitlines(keepends=True))
+        try:
+            tree = ast.parse(code)
+        except SyntaxError:
+            continue  # a command line
+        names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+        names |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
+        if any((name or "").startswith("smaclite_pool") for name in names) and "REGISTRY" not in code:
+            yield code
+
+
+def examples() -> Iterator[object]:
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        for number, code in enumerate(fenced(page.read_text(), "python")):
+            yield pytest.param(page, code, id=f"{page.relative_to(ROOT)}-{number}")
+    for module in sorted([*PACKAGE.glob("*.py"), *PACKAGE.glob("*/__init__.py")]):
+        docstring = ast.get_docstring(ast.parse(module.read_text())) or ""
+        for number, code in enumerate(indented(docstring)):
+            yield pytest.param(module, code, id=f"{module.relative_to(PACKAGE)}-{number}")
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """Where a page's files are, and a place for its pools; short, because sockets lie in it."""
+    with tempfile.TemporaryDirectory(prefix="docs-") as folder:
+        for page in (ROOT / "docs").rglob("*.md"):
+            for name, text in re.findall(r"^`(\w+\.json)`[^\n]*\n\n```json\n(.*?)^```", page.read_text(), re.M | re.S):
+                (Path(folder) / name).write_text(text)
+        yield Path(folder)
+
+
+@pytest.mark.parametrize(("source", "code"), list(examples()))
+def test_example(source: Path, code: str, folder: Path) -> None:
+    environment = {**os.environ, "SMACLITE_POOL_ROOT": str(folder / "pools")}
+    pool = None
+    try:
+        if "sp.connect(" in code:
+            arguments = ["serve", "2s3z:4", "MMM2:4", "--name", "train"]
+            pool = subprocess.Popen([*PROGRAM, *arguments], env=environment, stdout=subprocess.PIPE, text=True)
+            assert pool.stdout is not None
+            assert any("smaclite_pool.connect" in line for line in pool.stdout), "the pool did not start"
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, timeout=180)
+    finally:
+        if pool is not None:
+            pool.terminate()
+            pool.wait(timeout=10)
+    missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", done.stderr)
+    if missing and not missing[1].startswith("smaclite"):
+        pytest.skip(f"{missing[1]} is not installed")
+    assert done.returncode == 0, f"{source}:\n{code}\n{done.stderr}"
+
+
+def test_the_files_of_the_tutorial_are_correct(folder: Path) -> None:
+    files = sorted(str(file) for file in folder.glob("*.json"))
+    assert len(files) == 2
+    done = subprocess.run([*PROGRAM, "check", *files], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_site_names_every_page() -> None:
+    named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    assert named == pages
