@@ -12,6 +12,7 @@ pub mod raw;
 pub mod replay;
 pub mod role;
 pub mod room;
+pub mod torture;
 
 pub use plan::{LanePlan, PoolPlan};
 pub use player::Player;

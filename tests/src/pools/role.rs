@@ -2,6 +2,7 @@
 
 use super::player::Player;
 use super::process::{ANSWER, ROLE_VARIABLE, SOON};
+use super::torture::actors;
 use super::{LanePlan, PoolPlan};
 use smaclite_ipc::{Batch, ConnectError, Place, Spectator, Supervisor};
 use std::io::Write;
@@ -16,13 +17,19 @@ pub fn play_if_asked() {
         "program" => smaclite_ipc::cli::run(argument.split(' ').map(Into::into)),
         "learner" => learner(argument),
         "spectator" => spectator(argument),
+        "tortured" => match argument.split_once(' ') {
+            Some(("learner", rest)) => actors::learner(rest),
+            Some(("spectator", rest)) => actors::spectator(rest),
+            Some(("liar", rest)) => actors::liar(rest),
+            _ => panic!("there is no such victim: {argument}"),
+        },
         other => panic!("there is no role {other}"),
     };
     std::process::exit(status);
 }
 
 /// Answers the parent. A child whose parent is gone goes too.
-fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<T, E>) {
+pub(super) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<T, E>) {
     let line = match result {
         Ok(said) => format!("ok {said}"),
         Err(error) => format!("error {error}"),
