@@ -169,6 +169,24 @@ def test_by_python_path(tmp_path: Path) -> None:
     assert done.stdout.startswith(folder), done.stderr
 
 
+def test_the_limit_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For callers who cannot pass arguments on, as EPyMARL's on the command line."""
+    show = "import os; print(os.environ['SMACLITE_POOL_EPISODE_LIMIT'])"
+    command = [sys.executable, "-m", "smaclite_pool.drop_in", "--episode-limit"]
+    done = subprocess.run([*command, "4", "-c", show], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "4"
+    done = subprocess.run([*command, "-c", show], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "number of steps" in done.stderr
+    monkeypatch.setenv(drop_in.LIMIT, "4")
+    env: Any = gymnasium.make("smaclite/2s_vs_1sc-v0", seed=1)
+    length, info = episode(env, np.random.default_rng(1))
+    assert (length, info["episode_limit"]) == (4, True)
+    env.close()
+    monkeypatch.setenv(drop_in.LIMIT, "four")
+    with pytest.raises(sp.InvalidRequest, match="=four"):
+        gymnasium.make("smaclite/2s_vs_1sc-v0")
+
+
 def test_by_install_and_in_child_processes(tmp_path: Path) -> None:
     script = tmp_path / "children.py"
     script.write_text(IN_CHILDREN)

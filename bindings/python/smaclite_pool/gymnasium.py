@@ -87,8 +87,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
 
     Args:
         envs: a synchronous lane, from `smaclite_pool.make` or `smaclite_pool.connect`; closed with this object.
-        illegal_actions: "error": a step with an action that is not available raises. "stop": who is given one stops, for
-            learners that know no masks.
+        illegal_actions: "error": a step with an action that is not available raises. "stop": who is given one stops,
+            for learners that know no masks.
         copy: True: arrays are yours to keep and change. False: observations are read-only views of shared memory,
             and as many may be held as the lane's `frames_held`.
     """
@@ -248,7 +248,8 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         self._layout = ScenarioLayout(name)
         self._next_seed: int | None = _seed_or_random(seed)
         self._np_random, self._np_random_seed = seeding.np_random(self._next_seed)
-        settings = {"threads": 1, **settings}
+        # One battle a process and many processes is how this is used: who spins takes time from the others.
+        settings = {"threads": 1, "wait": "block", **settings}
         self._envs = make(name, 1, autoreset="disabled", episode_limit=episode_limit, **settings)
         self._batch: Batch | None = None
         self.render_mode = render_mode

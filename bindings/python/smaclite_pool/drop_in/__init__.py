@@ -20,15 +20,19 @@ Without touching any code, from the command line, as for EPyMARL:
 That runs Python with the stand-in's folder first in PYTHONPATH; `python -m smaclite_pool.drop_in` alone prints the
 folder. Whoever does neither gets the published package, if it is installed: the two live side by side.
 
-Like the published environment this one has no time limit, callers wrap it in Gymnasium's `TimeLimit`, and nothing tells
-a time-out from a defeat but `truncated`. With `episode_limit=150` the environment truncates by itself and marks it,
-`info["episode_limit"]`, by which EPyMARL's runners know that an episode goes on: add `env_args.episode_limit=150` beside
-`env_args.time_limit=150`.
+Like the published environment this one has no time limit: callers wrap it in Gymnasium's `TimeLimit`, and only
+`truncated` tells a time-out from a defeat. EPyMARL looks for `info["episode_limit"]` instead and so takes every
+time-out for a defeat. With `episode_limit=150` the environment truncates by itself and marks it. Where the
+constructor's arguments are not in one's hands, the variable SMACLITE_POOL_EPISODE_LIMIT is the default, or for EPyMARL,
+with the same number as its time limit:
+
+    python -m smaclite_pool.drop_in --episode-limit 150 src/main.py ... with env_args.time_limit=150 ...
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from os import PathLike
 from pathlib import Path
@@ -41,10 +45,14 @@ from .._native import scenarios
 from ..errors import InvalidRequest
 from ..gymnasium import BattleEnv
 
-__all__ = ["FOLDER", "SMACliteEnv", "install", "register"]
+__all__ = ["FOLDER", "LIMIT", "SMACliteEnv", "install", "register"]
 
 FOLDER = Path(__file__).parent
 """Put first in PYTHONPATH, it makes `import smaclite` get the stand-in."""
+
+
+LIMIT = "SMACLITE_POOL_EPISODE_LIMIT"
+"""The variable that is the default of `episode_limit`."""
 
 
 class SMACliteEnv(BattleEnv):
@@ -56,7 +64,8 @@ class SMACliteEnv(BattleEnv):
             generator.
         use_cpp_rvo2: has no effect; battles are those of the published environment with it.
         render_mode: of `render()`: "human" shows a window (needs pygame), "rgb_array" returns a picture.
-        episode_limit: steps after which an episode is truncated and marked in `info`; None for no limit.
+        episode_limit: steps after which an episode is truncated and marked in `info`; None for what the environment
+            variable SMACLITE_POOL_EPISODE_LIMIT says, or no limit.
         settings: `illegal_actions`, `rules`, `wait` and the like, as `BattleEnv` takes them.
     """
 
@@ -76,8 +85,9 @@ class SMACliteEnv(BattleEnv):
     ) -> None:
         if map_info is not None:
             raise InvalidRequest("map_info: objects of the published package are not known here; give map_file")
+        limit = limit_from_environment() if episode_limit is None else episode_limit
         super().__init__(
-            scenario, map_file=map_file, seed=seed, episode_limit=episode_limit, render_mode=render_mode, **settings
+            scenario, map_file=map_file, seed=seed, episode_limit=limit, render_mode=render_mode, **settings
         )
         self._window: Window | None = None
 
@@ -102,6 +112,16 @@ class SMACliteEnv(BattleEnv):
             self._window.close()
             self._window = None
         super().close()
+
+
+def limit_from_environment() -> int | None:
+    """What SMACLITE_POOL_EPISODE_LIMIT says; None if it is not there."""
+    text = os.environ.get(LIMIT)
+    if not text:
+        return None
+    if not text.isdecimal():
+        raise InvalidRequest(f"{LIMIT}={text}: a number of steps is wanted")
+    return int(text)
 
 
 def register() -> None:
