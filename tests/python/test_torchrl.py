@@ -1,0 +1,155 @@
+"""The TorchRL face, by TorchRL's own check, its rollouts and its collector; and TorchRL over the PettingZoo face."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("torchrl")
+
+import smaclite_pool.torchrl
+from smaclite_pool.torchrl import PoolEnv
+from tensordict.nn import TensorDictModule
+from torchrl.collectors import Collector
+from torchrl.envs.utils import check_env_specs
+from torchrl.modules import MaskedCategorical, ProbabilisticActor
+
+
+@pytest.fixture
+def env() -> Iterator[PoolEnv]:
+    made = PoolEnv("2s3z", 4)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("scenario", ["2s3z", "MMM2"])
+def test_torchrl_accepts_it(scenario: str) -> None:
+    env = PoolEnv(scenario, 3)
+    check_env_specs(env, seed=1, break_when_any_done="both")
+    env.close()
+
+
+def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
+    played = env.rollout(2)
+    shapes = {key: tuple(played[key].shape) for key in played.keys(True, True) if key[0] != "next"}
+    expected: dict[Any, tuple[int, ...]] = {
+        ("agents", "observation"): (4, 2, 5, 80),
+        ("agents", "action_mask"): (4, 2, 5, 11),
+        ("agents", "action"): (4, 2, 5),
+        "state": (4, 2, 120),
+        **{("info", name): (4, 2) for name in smaclite_pool.torchrl.INFO},
+        **{name: (4, 2, 1) for name in ("done", "terminated", "truncated")},
+    }
+    assert shapes == expected
+    assert played["next", "reward"].shape == (4, 2, 1)
+    assert env.group_map == {"agents": [f"agent_{i}" for i in range(5)]}
+
+
+def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
+    """Episodes that end on the way are reset each by itself, and go on."""
+    env.set_seed(7)
+    torch.manual_seed(1)
+    played = env.rollout(150, break_when_any_done=False)
+    ended = played["next", "done"].squeeze(-1)
+    assert ended.any(1).all() and not ended.any(0).all(), "resets were not of some environments only"
+    with sp.make("2s3z", 4, autoreset="disabled") as envs:
+        batch = envs.reset(seed=7)
+        for step in range(150):
+            now, then = played[:, step], played[:, step]["next"]
+            assert np.array_equal(now["agents", "observation"].numpy(), batch.obs), step
+            assert np.array_equal(now["agents", "action_mask"].numpy(), batch.avail_actions), step
+            assert np.array_equal(now["state"].numpy(), batch.state), step
+            batch = envs.step(now["agents", "action"].numpy())
+            assert np.array_equal(then["reward"].squeeze(-1).numpy(), batch.reward), step
+            assert np.array_equal(then["agents", "observation"].numpy(), batch.obs), step
+            assert np.array_equal(then["info", "episode_return"].numpy(), batch.episode_return), step
+            over = batch.terminated | batch.truncated
+            assert np.array_equal(then["done"].squeeze(-1).numpy(), over), step
+            if over.any():
+                batch = envs.reset(mask=over)
+
+
+def test_a_mask_resets_some_environments_and_leaves_the_others(env: PoolEnv) -> None:
+    data = env.rollout(5)[:, -1]["next"].clone()
+    mask = torch.tensor([[True], [False], [True], [False]])
+    after = env.reset(data.set("_reset", mask))
+    assert after["info", "episode_length"].tolist() == [0, 5, 0, 5]
+    assert torch.equal(after["state"][1::2], data["state"][1::2])
+    env.step(env.rand_action(after))
+
+
+def test_a_seed_gives_the_same_rollout_again(env: PoolEnv) -> None:
+    def play(seed: int) -> Any:
+        env.set_seed(seed)
+        torch.manual_seed(0)
+        return env.rollout(10)["next", "state"]
+
+    first = play(3)
+    assert torch.equal(play(3), first) and not torch.equal(play(4), first)
+
+
+def test_a_time_out_is_truncation() -> None:
+    env = PoolEnv("2s3z", 2, episode_limit=3)
+    last = env.rollout(10)[:, -1]["next"]
+    assert last["truncated"].all() and last["done"].all() and not last["terminated"].any()
+    assert last["info", "episode_length"].tolist() == [3, 3]
+    env.close()
+
+
+def test_an_unavailable_action_is_refused(env: PoolEnv) -> None:
+    data = env.reset()
+    data["agents", "action"] = torch.zeros(4, 5, dtype=torch.int64)
+    with pytest.raises(sp.IllegalAction):
+        env.step(data)
+
+
+def test_a_collector_gathers_more_than_a_lane_lets_hold() -> None:
+    env = PoolEnv("2s3z", 4)
+    logits = TensorDictModule(torch.nn.Linear(80, 11), [("agents", "observation")], [("agents", "logits")])
+    policy = ProbabilisticActor(
+        logits,
+        in_keys={"logits": ("agents", "logits"), "mask": ("agents", "action_mask")},
+        out_keys=[("agents", "action")],
+        distribution_class=MaskedCategorical,
+    )
+    collector = Collector(env, policy, frames_per_batch=400, total_frames=800)
+    gathered = list(collector)
+    assert [data.numel() for data in gathered] == [400, 400]
+    assert any(data["next", "done"].any() for data in gathered)
+    collector.shutdown()
+    assert sp.pools() == []
+
+
+def test_a_running_pool_is_attached_to(serve: Serve) -> None:
+    serve("2s3z:3", "--name", "train", "--autoreset", "disabled", "--threads", "1")
+    env = PoolEnv(sp.connect("train"))
+    check_env_specs(env)
+    env.close()
+    serve("2s3z:3", "--name", "other", "--threads", "1")
+    with sp.connect("other") as envs, pytest.raises(sp.InvalidRequest, match="next_step"):
+        PoolEnv(envs)
+
+
+def test_the_example_runs() -> None:
+    text = smaclite_pool.torchrl.__doc__
+    assert text is not None
+    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nKeys are")[0]), {})
+
+
+def test_torchrl_wraps_the_pettingzoo_face() -> None:
+    pytest.importorskip("pettingzoo")
+    from smaclite_pool.pettingzoo import parallel_env
+    from torchrl.envs import PettingZooWrapper
+
+    env = PettingZooWrapper(parallel_env("2s3z"), use_mask=True, return_state=True, categorical_actions=True)
+    check_env_specs(env)
+    played = env.rollout(200)
+    assert played["next", "done"][-1].all() and played["agent", "action_mask"].shape[1:] == (5, 11)
+    env.close()
