@@ -99,6 +99,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     single_action_space: spaces.MultiDiscrete
 
     def __init__(self, envs: Envs, *, illegal_actions: Illegal = "error", copy: bool = True) -> None:
+        self.closed = True  # should this fail, the lane is still its owner's
         if envs.batch_size != envs.num_envs:
             raise InvalidRequest(
                 f"a lane with batch_size={envs.batch_size} of {envs.num_envs} is asynchronous; a VectorEnv steps all "
@@ -116,6 +117,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         fields = envs.fields
         self._sights = {name: field for name, field in SIGHTS.items() if field in fields}
         self._statistics = [name for name in STATISTICS if name in fields]
+        self.closed = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Arrays, dict[str, Any]]:
         """Begin new episodes: in all environments, or where `options["reset_mask"]`, bool [num_envs], says so.
