@@ -17,6 +17,7 @@ fn in_a_fork(child: impl FnOnce() -> i32) -> i32 {
     unsafe {
         match libc::fork() {
             0 => {
+                libc::alarm(20); // a deadlock is to fail, not to hang
                 let status = std::panic::catch_unwind(std::panic::AssertUnwindSafe(child)).unwrap_or(101);
                 libc::_exit(status)
             }

@@ -82,14 +82,17 @@ fn a_waiting_learner_hears_of_a_supervisor_that_died() {
     let room = Room::new();
     let slow = smaclite_tests::pools::games::Oddity::Sleeps { env: 0, millis: 60_000 };
     let plan = PoolPlan::new([LanePlan { oddity: slow, ..LanePlan::new("2s3z", 2) }]);
-    let mut supervisor = Child::supervisor(&room, &plan);
-    let mut learner = Child::attached(&room, &plan.lanes[0]);
-    learner.must("reset");
-    learner.must("send");
-    learner.tell("recv");
-    std::thread::sleep(Duration::from_millis(200)); // now it is blocked
-    supervisor.kill();
-    assert_hears_of_death(&learner, Instant::now());
+    for wait in ["adaptive", "block", "spin"] {
+        let mut supervisor = Child::supervisor(&room, &plan);
+        let mut learner = Child::learner(&room, &plan.lanes[0]);
+        learner.must(&format!("connect train {wait}"));
+        learner.must("reset");
+        learner.must("send");
+        learner.tell("recv");
+        std::thread::sleep(Duration::from_millis(200)); // now it waits
+        supervisor.kill();
+        assert_hears_of_death(&learner, Instant::now());
+    }
 }
 
 #[test]

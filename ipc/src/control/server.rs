@@ -17,6 +17,9 @@ use std::time::{Duration, Instant};
 /// How often dead processes are looked for; nothing else does it for us.
 const LOOK_AROUND: Duration = Duration::from_millis(100);
 
+/// Connections at once: enough for any pool, too few to use up the process's file descriptors.
+const MAX_CONNECTIONS: usize = 512;
+
 /// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use go, and
 /// the node goes last.
 pub(crate) struct Host {
@@ -90,7 +93,7 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
         if ready.listener
             && let Ok((stream, _)) = listener.accept()
         {
-            connections.extend(Connection::new(stream));
+            connections.extend(Connection::new(stream).filter(|_| connections.len() < MAX_CONNECTIONS));
         }
         if last_look.elapsed() >= LOOK_AROUND {
             last_look = Instant::now();

@@ -32,7 +32,20 @@ impl Player {
     /// # Errors
     /// The client's.
     pub fn connect(place: &Place, pool: &str, plan: &LanePlan) -> Result<Player, ConnectError> {
-        let client = Client::connect(place, pool, Some(&plan.name), Wait::default())?;
+        Player::connect_waiting(place, pool, plan, Wait::default())
+    }
+
+    /// The same with a way of waiting.
+    ///
+    /// # Errors
+    /// The client's.
+    pub fn connect_waiting(
+        place: &Place,
+        pool: &str,
+        plan: &LanePlan,
+        wait: Wait,
+    ) -> Result<Player, ConnectError> {
+        let client = Client::connect(place, pool, Some(&plan.name), wait)?;
         let (synchronous, n_agents) = (client.description().is_synchronous(), client.description().n_agents);
         Ok(Player {
             client,

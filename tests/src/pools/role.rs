@@ -140,9 +140,13 @@ impl Learner {
         self.player.as_mut().ok_or_else(|| "not attached".to_owned())
     }
 
-    fn connect(&mut self, pool: &str) -> Said {
-        let player =
-            place().and_then(|place| Player::connect(&place, pool, &self.plan)).map_err(|e| e.to_string())?;
+    /// `POOL`, or `POOL WAIT` for a way of waiting.
+    fn connect(&mut self, argument: &str) -> Said {
+        let (pool, wait) = argument.split_once(' ').unwrap_or((argument, "adaptive"));
+        let wait = wait.parse()?;
+        let player = place()
+            .and_then(|place| Player::connect_waiting(&place, pool, &self.plan, wait))
+            .map_err(|e| e.to_string())?;
         self.player = Some(player);
         said("")
     }
