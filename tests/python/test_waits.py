@@ -70,10 +70,14 @@ def test_other_threads_run_during_a_wait_and_may_not_join_it(slow: sp.Envs) -> N
 
 STOPPED = """
 import os, signal, sys
+from pathlib import Path
 import smaclite_pool as sp
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
 os.kill(envs.pid, signal.SIGSTOP)
+threads = Path(f"/proc/{envs.pid}/task")
+while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
+    pass  # a thread may go on for a moment
 envs.send(envs.sample_actions())
 try:
     print("waiting", flush=True)
