@@ -33,7 +33,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import Batch, Envs, connect, make
+from ._native import Envs, connect, make
 from .errors import InvalidRequest
 
 __all__ = ["PoolRunner"]
@@ -159,17 +159,19 @@ class PoolRunner:
             self.batch.update({"actions": actions.unsqueeze(1)}, bs=shown, ts=self.t, mark_filled=False)
             if not running:
                 break
-            chosen = actions.to("cpu").numpy()[np.isin(shown, running)]
+            chosen = actions.to("cpu").numpy()
+            if len(running) < len(shown):
+                chosen = chosen[[env in running for env in shown]]
             self._envs.send(chosen, env_id=running)
             self._now.receive(self._envs, len(running))
             self._store(self._now.after_action(running, self._marks_timeouts), running, mark_filled=False)
             self.t += 1
             self._store(self._now.before_action(running), running)
-            ended = [env for env in running if self._now.has_ended(env)]
+            ended = self._now.ended(running)
             ends += [self._now.info(env, self._marks_timeouts) for env in ended]
             shown, running = running, [env for env in running if env not in ended]
         if not test_mode:
-            self.t_env += int(self._now.length.sum())
+            self.t_env += self._now.steps()
         self._record(ends, test_mode)
         return self.batch
 
@@ -186,11 +188,11 @@ class PoolRunner:
         stats, returns = (
             (self.test_stats, self.test_returns) if test_mode else (self.train_stats, self.train_returns)
         )
-        totals = {"n_episodes": float(self.batch_size), "ep_length": float(self._now.length.sum())}
+        totals = {"n_episodes": float(self.batch_size), "ep_length": float(self._now.steps())}
         for figures in [*ends, totals]:
             for name, value in figures.items():
                 stats[name] = stats.get(name, 0) + value
-        returns.extend(self._now.total.tolist())
+        returns.extend(self._now.returns())
         n_test = max(1, self.args.test_nepisode // self.batch_size) * self.batch_size
         if test_mode and len(self.test_returns) == n_test:
             self._log(returns, stats, "test_")
@@ -214,58 +216,62 @@ class PoolRunner:
 class _Rows:
     """What was last received of every environment, a row each."""
 
+    FIELDS = (
+        *("obs", "state", "avail_actions", "reward", "terminated", "truncated", "battle_won"),
+        *("dead_allies", "dead_enemies", "episode_return", "episode_length"),
+    )
+
     def __init__(self, envs: Envs, state_size: int) -> None:
-        n, agents = envs.num_envs, envs.n_agents
         self._state_size = state_size
-        self._obs = np.zeros((n, agents, envs.obs_size), np.float32)
-        self._state = np.zeros((n, state_size), np.float32)
-        self._avail = np.zeros((n, agents, envs.n_actions), np.bool_)
-        self._reward = np.zeros(n, np.float32)
-        self._flags = np.zeros((n, 3), np.bool_)  # terminated, truncated, won
-        self._dead = np.zeros((n, 2), np.int32)  # allies, enemies
-        self.total: NDArray[np.float64] = np.zeros(n)
-        self.length: NDArray[np.int64] = np.zeros(n, np.int64)
+        known = envs.fields
+        self._fields: dict[str, NDArray[Any]] = {}
+        for name in self.FIELDS:
+            dtype, (_, *shape) = known[name]
+            self._fields[name] = np.zeros((envs.num_envs, *shape), dtype)
 
     def receive(self, envs: Envs, count: int) -> None:
         """Take in the next `count` environments that are done."""
         while count > 0:
             batch = envs.recv()
-            count -= len(batch)
-            self._take(batch)
-
-    def _take(self, batch: Batch) -> None:
-        rows = batch.env_id
-        self._obs[rows] = batch.obs
-        self._state[rows] = batch.state[:, : self._state_size]
-        self._avail[rows] = batch.avail_actions
-        self._reward[rows] = batch.reward
-        self._flags[rows] = np.stack((batch.terminated, batch.truncated, batch.battle_won), axis=1)
-        self._dead[rows] = np.stack((batch.dead_allies, batch.dead_enemies), axis=1)
-        self.total[rows] = batch.episode_return
-        self.length[rows] = batch.episode_length
+            rows = batch.env_id
+            for name, own in self._fields.items():
+                own[rows] = getattr(batch, name)
+            count -= len(rows)
 
     def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
         """What EPyMARL stores before an action: [rows, ...], copies."""
-        return {"state": self._state[rows], "avail_actions": self._avail[rows], "obs": self._obs[rows]}
+        own = self._fields
+        state = own["state"][rows, : self._state_size]
+        return {"state": state, "avail_actions": own["avail_actions"][rows], "obs": own["obs"][rows]}
 
     def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:
         """What it stores after one: [rows, 1]."""
-        ended = self._flags[rows, :1]
+        own = self._fields
+        ended = own["terminated"][rows, None]
         if not marks_timeouts:
-            ended = ended | self._flags[rows, 1:2]
-        return {"reward": self._reward[rows, None], "terminated": ended}
+            ended = ended | own["truncated"][rows, None]
+        return {"reward": own["reward"][rows, None], "terminated": ended}
 
-    def has_ended(self, row: int) -> bool:
-        """Was its last step the end of an episode?"""
-        return bool(self._flags[row, :2].any())
+    def ended(self, rows: list[int]) -> list[int]:
+        """For which of these was the last step the end of an episode?"""
+        over = (self._fields["terminated"] | self._fields["truncated"]).tolist()
+        return [row for row in rows if over[row]]
 
     def info(self, row: int, marks_timeouts: bool) -> dict[str, float]:
         """The last step's `info` of an environment that ended."""
-        won, (allies, enemies) = self._flags[row, 2], self._dead[row]
-        info = {"battle_won": float(won), "dead_allies": float(allies), "dead_enemies": float(enemies)}
-        if marks_timeouts and self._flags[row, 1]:
+        info = {name: float(self._fields[name][row]) for name in ("battle_won", "dead_allies", "dead_enemies")}
+        if marks_timeouts and self._fields["truncated"][row]:
             info["episode_limit"] = 1.0
         return info
+
+    def returns(self) -> list[float]:
+        """The sum of rewards so far of every environment's episode."""
+        returns: list[float] = self._fields["episode_return"].tolist()
+        return returns
+
+    def steps(self) -> int:
+        """The steps so far of all environments' episodes."""
+        return int(self._fields["episode_length"].sum())
 
 
 def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:

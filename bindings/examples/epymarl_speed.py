@@ -1,0 +1,96 @@
+"""Environment steps per second of EPyMARL's runners, without training.
+
+    python bindings/examples/epymarl_speed.py EPYMARL/src --map MMM2 --envs 10 --runs 7
+
+For each runner: the median over runs of one batch of episodes with QMIX's controller, untrained, acting by chance. The runners take turns, so that
+other work on the machine hits all alike. `parallel (smaclite)` is EPyMARL's own over the drop-in for the published
+package, `parallel (smac)` its own over the SMAC face, `pool` is `smaclite_pool.epymarl.PoolRunner`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import statistics
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import smaclite_pool as sp
+import torch
+import yaml
+from smaclite_pool import drop_in, smac
+from smaclite_pool.epymarl import PoolRunner
+
+
+def arguments(src: Path, scenario: str, envs: int, env: str, env_args: dict[str, Any]) -> Any:
+    """EPyMARL's settings for QMIX."""
+    settings = yaml.safe_load((src / "config" / "default.yaml").read_text())
+    settings |= yaml.safe_load((src / "config" / "algs" / "qmix.yaml").read_text())
+    settings |= {"env": env, "batch_size_run": envs, "use_cuda": False, "device": "cpu", "test_nepisode": envs}
+    settings["env_args"] = {"map_name": scenario, "seed": 1, **env_args}
+    return SimpleNamespace(**settings)
+
+
+def set_up(runner: Any, args: Any) -> None:
+    """What EPyMARL's `run.py` does before it trains."""
+    info = runner.get_env_info()
+    args.n_agents, args.n_actions, args.state_shape = info["n_agents"], info["n_actions"], info["state_shape"]
+    groups = {"agents": args.n_agents}
+    scheme = {
+        "state": {"vshape": info["state_shape"]},
+        "obs": {"vshape": info["obs_shape"], "group": "agents"},
+        "actions": {"vshape": (1,), "group": "agents", "dtype": torch.long},
+        "avail_actions": {"vshape": (info["n_actions"],), "group": "agents", "dtype": torch.int},
+        "terminated": {"vshape": (1,), "dtype": torch.uint8},
+        "reward": {"vshape": (1,)},
+    }
+    one_hot = importlib.import_module("components.transforms").OneHot(out_dim=args.n_actions)
+    preprocess = {"actions": ("actions_onehot", [one_hot])}
+    replay_buffer = importlib.import_module("components.episode_buffer").ReplayBuffer
+    buffer = replay_buffer(scheme, groups, 1, info["episode_limit"] + 1, preprocess=preprocess, device="cpu")
+    controller = importlib.import_module("controllers").REGISTRY[args.mac](buffer.scheme, groups, args)
+    runner.setup(scheme=scheme, groups=groups, preprocess=preprocess, mac=controller)
+
+
+def main() -> None:
+    """Measure, and print a line a runner."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("src", type=Path, help="EPyMARL's folder src")
+    parser.add_argument("--map", default="MMM2")
+    parser.add_argument("--envs", type=int, default=10)
+    parser.add_argument("--runs", type=int, default=7)
+    options = parser.parse_args()
+    torch.set_num_threads(1)  # as EPyMARL's main.py does
+    sys.path.insert(0, str(options.src))
+    drop_in.install()
+    smac.install()
+    parallel = importlib.import_module("runners.parallel_runner").ParallelRunner
+    limit = sp.scenario(options.map)["episode_limit"]
+    logger = SimpleNamespace(log_stat=lambda *_: None)
+    runners: dict[str, Any] = {}
+    for name, runner, env, env_args in [
+        ("parallel (smaclite)", parallel, "smaclite", {"time_limit": limit}),
+        ("parallel (smac)", parallel, "sc2", {}),
+        ("pool", PoolRunner, "smaclite", {"time_limit": limit}),
+    ]:
+        args = arguments(options.src, options.map, options.envs, env, env_args)
+        runners[name] = runner(args, logger)
+        set_up(runners[name], args)
+    speeds: dict[str, list[float]] = {name: [] for name in runners}
+    for run in range(options.runs + 1):
+        for name, runner in runners.items():
+            before, begin = runner.t_env, time.perf_counter()
+            runner.run()
+            if run > 0:  # the first run warms up
+                speeds[name].append((runner.t_env - before) / (time.perf_counter() - begin))
+    for name, runner in runners.items():
+        own = sorted(speeds[name])
+        print(f"{name:20} {statistics.median(own):8.0f} steps/s (of {len(own)} runs: {own[0]:.0f} to {own[-1]:.0f})")
+        runner.close_env()
+
+
+if __name__ == "__main__":
+    main()
