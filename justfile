@@ -29,6 +29,12 @@ test-rust *args:
 test-python *args: install
     {{ python }} -m pytest tests/python {{ args }}
 
+# Python tests of a framework's face with the framework itself, in an environment of its own (`just test-face torch`)
+test-face name *args:
+    python3 -m venv .venv/faces/{{ name }}
+    .venv/faces/{{ name }}/bin/pip install '.[test,{{ name }}]'
+    .venv/faces/{{ name }}/bin/python -m pytest tests/python {{ args }}
+
 # Recorded battles of the published environment, one line a file (SMACLITE_TRACES=folder for others)
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
@@ -45,6 +51,10 @@ bench *args:
 figures *args:
     cargo build --release --quiet -p smaclite-ipc
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
+
+# Kill, stop and restart the processes of pools at random for so long; exit status 0 if every invariant held
+torture minutes seed:
+    cargo run --release --quiet -p smaclite-tests --bin torture -- {{ minutes }} {{ seed }}
 
 # Every interleaving of the hand-off between threads, by loom
 loom $RUSTFLAGS="--cfg loom":
@@ -63,6 +73,11 @@ lint: _venv
     cargo fmt --all --check
     cargo clippy --workspace --all-targets -- -D warnings
 
-# API documentation of all crates, in target/doc
+# API documentation of all Rust crates, in target/doc
 docs $RUSTDOCFLAGS="-D warnings":
     cargo doc --no-deps
+
+# The documentation site, in site/
+site: install
+    {{ python }} -m pip install mkdocs-material 'mkdocstrings[python]'
+    {{ python }} -m mkdocs build
