@@ -2,17 +2,19 @@
 
 use std::error::Error;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
 use npyz::TypeChar;
-use npyz::npz::NpzArchive;
+use npyz::NpyFile;
 use serde_json::Value;
 use smaclite_engine::{Generator, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;
+use zip::ZipArchive;
 
-type Archive = NpzArchive<BufReader<File>>;
+/// A zip file with an array a member.
+type Archive = ZipArchive<BufReader<File>>;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// One recorded battle: T steps of U units, A of them agents'.
@@ -97,7 +99,7 @@ impl Recording {
     /// # Errors
     /// What of it could not be read.
     pub fn read(path: &Path) -> Result<Recording> {
-        let mut archive = NpzArchive::open(path)?;
+        let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
         let meta: Vec<u8> = integers(&mut archive, "meta")?.into_iter().map(|x| x as u8).collect();
         let meta: Value = serde_json::from_slice(&meta)?;
         let size = |key: &str| meta[key].as_u64().map(|x| x as usize).ok_or(format!("no {key} in meta"));
@@ -110,7 +112,7 @@ impl Recording {
         ];
         let [n_agents, n_enemies, n_actions, obs_size, state_size] = sizes;
         let n_units = n_agents + n_enemies;
-        let has_ticks = archive.by_name("tick_pos")?.is_some();
+        let has_ticks = archive.index_for_name("tick_pos.npy").is_some();
         let ticks = match has_ticks {
             true => Some(Ticks {
                 frames: frames(&mut archive, "tick_", n_units)?,
@@ -229,12 +231,17 @@ fn vectors(archive: &mut Archive, name: &str) -> Result<Vec<Vec2>> {
     Ok(singles(archive, name)?.chunks_exact(2).map(Vec2::from_slice).collect())
 }
 
+fn array<'a>(archive: &'a mut Archive, name: &str) -> Result<NpyFile<impl Read + 'a>> {
+    let member = archive.by_name(&format!("{name}.npy")).map_err(|e| format!("{name}: {e}"))?;
+    Ok(NpyFile::new(member)?)
+}
+
 fn singles(archive: &mut Archive, name: &str) -> Result<Vec<f32>> {
-    Ok(archive.by_name(name)?.ok_or(format!("no {name}"))?.into_vec()?)
+    Ok(array(archive, name)?.into_vec()?)
 }
 
 fn floats(archive: &mut Archive, name: &str) -> Result<Vec<f64>> {
-    Ok(archive.by_name(name)?.ok_or(format!("no {name}"))?.into_vec()?)
+    Ok(array(archive, name)?.into_vec()?)
 }
 
 fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
@@ -243,7 +250,7 @@ fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
 
 /// Integers of whatever width.
 fn integers(archive: &mut Archive, name: &str) -> Result<Vec<i64>> {
-    let array = archive.by_name(name)?.ok_or(format!("no {name}"))?;
+    let array = array(archive, name)?;
     let npyz::DType::Plain(dtype) = array.dtype() else { return Err(format!("{name} is a record").into()) };
     Ok(match (dtype.type_char(), dtype.size_field()) {
         (TypeChar::Bool, _) => array.into_vec::<bool>()?.into_iter().map(i64::from).collect(),
