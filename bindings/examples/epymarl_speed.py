@@ -2,9 +2,9 @@
 
     python bindings/examples/epymarl_speed.py EPYMARL/src --map MMM2 --envs 10 --runs 7
 
-For each runner: the median over runs of one batch of episodes with QMIX's controller, untrained, acting by chance. The runners take turns, so that
-other work on the machine hits all alike. `parallel (smaclite)` is EPyMARL's own over the drop-in for the published
-package, `parallel (smac)` its own over the SMAC face, `pool` is `smaclite_pool.epymarl.PoolRunner`.
+For each runner: the median over runs of one batch of episodes with QMIX's controller, untrained, acting by chance. The
+runners take turns, so that other work on the machine hits all alike. `parallel (smaclite)` is EPyMARL's own over the
+drop-in for the published package, `parallel (smac)` its own over the SMAC face, `pool` is our `PoolRunner`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import smaclite_pool as sp
-import torch
-import yaml
 from smaclite_pool import drop_in, smac
 from smaclite_pool.epymarl import PoolRunner
+
+torch: Any = importlib.import_module("torch")  # this way, so that types can be checked where EPyMARL's needs are not
+yaml: Any = importlib.import_module("yaml")
 
 
 def arguments(src: Path, scenario: str, envs: int, env: str, env_args: dict[str, Any]) -> Any:

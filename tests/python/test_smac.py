@@ -280,6 +280,7 @@ def test_an_illegal_action_steps_nothing() -> None:
 
 def test_stats_before_the_first_battle_and_close_twice() -> None:
     env = MultiAgentEnv("MMM")
+    assert not np.any(env.get_obs()) and not np.any(env.get_state()) and not env.get_visibility_matrix().any()
     assert env.get_stats()["win_rate"] == 0 and env.get_total_actions() == env.n_actions == 16
     assert get_map_params("MMM") == {"n_agents": 10, "n_enemies": 10, "limit": 150, "unit_type_bits": 3}
     assert env.get_env_info()["agent_features"][-3:] == ["type_0", "type_1", "type_2"]

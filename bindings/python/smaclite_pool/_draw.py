@@ -20,8 +20,8 @@ SHIELD = (92, 140, 214)
 
 
 def draw(layout: ScenarioLayout, field: Field, width: int, height: int) -> Picture:
-    """uint8 [height, width, 3], north at the top. Allies are green, enemies red, paler the more they are hurt; who has a
-    shield left has a blue rim. The dead are not drawn.
+    """uint8 [height, width, 3], north at the top. Allies are green, enemies red, paler the more they are hurt; who has
+    a shield left has a blue rim. The dead are not drawn.
     """
     squares_wide, squares_high = layout.map_size.tolist()
     scale = min(width / squares_wide, height / squares_high)

@@ -82,8 +82,8 @@ class Reward:
             )
         if not options.sparse and options.death_value != POOL_KILL and enemies_hidden and not self._kills_are_deaths:
             raise Unavailable(
-                f"reward_death_value={options.death_value}: with enemies that heal or blow themselves up kills are told "
-                "from deaths by the enemies' shields, and the scenario hides them (enemy_has_shields is false)"
+                f"reward_death_value={options.death_value}: with enemies that heal or blow themselves up, kills are "
+                "told from deaths by the enemies' shields, and the scenario hides them (enemy_has_shields is false)"
             )
 
     def __call__(self, pool_reward: float, over: bool, won: bool, before: Toll, after: Toll) -> float:
@@ -107,9 +107,11 @@ class Reward:
         return reward * options.scale_rate / self.max_reward if options.scale else reward
 
     def _kills(self, excess: float, dead: Floats) -> float:
-        """How many kills were paid for. Who blows itself up dies unpaid, and a heal in the tick of the kill leaves a paid
-        kill alive; so where there are such enemies, it is seen from what was earned beyond the health that was lost. Of
-        that a kill is 10; the rest is what enemies regained, which in a step is less.
+        """How many kills were paid for.
+
+        Who blows itself up dies unpaid, and a heal in the tick of the kill leaves a paid kill alive; so where there are
+        such enemies, it is seen from what was earned beyond the health that was lost. Of that a kill is 10; the rest is
+        what enemies regained, which in a step is less.
         """
         if self._kills_are_deaths:
             return float(dead.sum())

@@ -101,7 +101,8 @@ class Field:
 
 
 class Heuristic:
-    """SMAC's non-learning player: attack the nearest enemy, heal the nearest hurt ally, and walk there if it is too far.
+    """SMAC's non-learning player: attack the nearest enemy, heal the nearest hurt ally, walk there if it is too far.
+
     A target is kept until it is dead, or healed.
     """
 

@@ -40,7 +40,9 @@ class Views:
         self.layout = ScenarioLayout(scenario)
         self.field = Field(self.layout)
         self.options = options
-        others = [[ally for ally in range(self.layout.n_agents) if ally != agent] for agent in range(self.layout.n_agents)]
+        others = [
+            [ally for ally in range(self.layout.n_agents) if ally != agent] for agent in range(self.layout.n_agents)
+        ]
         self._others = np.array(others, np.intp).reshape(self.layout.n_agents, -1)
         self._limit = 0
         self._steps = 0
@@ -50,7 +52,9 @@ class Views:
     def count_steps_to(self, limit: int | None) -> None:
         """What timestep numbers are fractions of."""
         if limit is None and (self.options.timestep_number or self.options.state_timestep_number):
-            raise InvalidRequest("obs_timestep_number and state_timestep_number are fractions of the episode limit; set one")
+            raise InvalidRequest(
+                "obs_timestep_number and state_timestep_number are fractions of the episode limit; set one"
+            )
         self._limit = limit or 0
 
     def see(self, obs: Floats, state: Floats, steps: int) -> None:

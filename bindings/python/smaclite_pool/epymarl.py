@@ -6,11 +6,11 @@ Register it in EPyMARL's `src/runners/__init__.py` with one line, and choose it 
 
     python src/main.py --config=qmix --env-config=smaclite with env_args.map_name=MMM2 runner=pool batch_size_run=10
 
-What it does is what EPyMARL's parallel runner does with `batch_size_run` environments of the seeds `seed`, `seed + 1`, ...:
-the same episodes for the same actions, the same batches, the same log. Observations go from shared memory into the
-tensors of the batch.
+What it does is what EPyMARL's parallel runner does with `batch_size_run` environments of the seeds `seed`, `seed + 1`
+and so on: the same episodes for the same actions, the same batches, the same log. Observations go from shared memory
+into the tensors of the batch.
 
-Keys of `env_args` (those of `config/envs/smaclite.yaml` and a few more; a new one is given with `+env_args.pool=...`):
+Keys of `env_args`, those of `config/envs/smaclite.yaml` and a few more:
 
 - `map_name`: a standard scenario or the path of a scenario file.
 - `seed`: environment i begins with seed + i.
@@ -70,8 +70,8 @@ _WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "repla
 class PoolRunner:
     """EPyMARL's runner interface over the environments of one lane.
 
-    `args` and `logger` are what EPyMARL gives to a runner. Raises InvalidRequest for a key of `env_args` that it does not
-    know or a value that it cannot serve, and for a pool that is served in another way than this runner needs.
+    `args` and `logger` are what EPyMARL gives to a runner. Raises InvalidRequest for a key of `env_args` that it does
+    not know or a value that it cannot serve, and for a pool that is served in another way than this runner needs.
     """
 
     def __init__(self, args: Any, logger: Any) -> None:
@@ -153,9 +153,7 @@ class PoolRunner:
         shown = running = list(range(self.batch_size))
         while True:
             # Environments that just ended are asked for an action once more: their last step is part of the batch.
-            actions = self.mac.select_actions(
-                self.batch, t_ep=self.t, t_env=self.t_env, bs=shown, test_mode=test_mode
-            )
+            actions = self.mac.select_actions(self.batch, t_ep=self.t, t_env=self.t_env, bs=shown, test_mode=test_mode)
             self.batch.update({"actions": actions.unsqueeze(1)}, bs=shown, ts=self.t, mark_filled=False)
             if not running:
                 break
@@ -185,9 +183,7 @@ class PoolRunner:
 
     def _record(self, ends: list[dict[str, float]], test_mode: bool) -> None:
         """Add to the figures of the log, and write them when it is time to."""
-        stats, returns = (
-            (self.test_stats, self.test_returns) if test_mode else (self.train_stats, self.train_returns)
-        )
+        stats, returns = (self.test_stats, self.test_returns) if test_mode else (self.train_stats, self.train_returns)
         totals = {"n_episodes": float(self.batch_size), "ep_length": float(self._now.steps())}
         for figures in [*ends, totals]:
             for name, value in figures.items():

@@ -10,7 +10,7 @@
     envs.close()
 
 In `onpolicy/scripts/train/train_smac.py` it takes the place of what `make_train_env` returns:
-`return ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is `envs.n_agents`.
+`ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is `envs.n_agents`.
 
 `obs`, `share_obs` and `available_actions` are read-only views of shared memory, the state the same one for every agent.
 on-policy's buffers copy what they keep; whoever keeps such arrays of more than the last two steps needs `frames_held`.

@@ -57,7 +57,10 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
     "step_mul": ((8, None), "a step is 8 ticks by the rules of the game"),
     "move_amount": ((2,), "a move order is 2 squares long by the rules of the game"),
     "difficulty": (("7",), "the enemies follow the rules of the game; only StarCraft II's own player has difficulties"),
-    "game_version": ((None, "latest"), "there is no StarCraft II here; `rules` chooses between the rules that there are"),
+    "game_version": (
+        (None, "latest"),
+        "there is no StarCraft II here; `rules` chooses between the rules that there are",
+    ),
 }
 
 
@@ -67,7 +70,7 @@ class MultiAgentEnv(Queries):
     Args:
         map_name: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
         step_mul, move_amount, difficulty, game_version: only at their defaults; the error says why.
-        seed: plays, for the same actions, the very episodes of the published environment with that seed; None draws one.
+        seed: plays, for the same actions, the very episodes of the published environment of that seed; None draws one.
         continuing_episode: mark an episode that ran out of time by `info["episode_limit"]`.
         obs_all_health, obs_own_health: health and shields in observations (one's own are there if either is set).
         obs_last_action: the last actions of the allies in sight.
@@ -77,19 +80,19 @@ class MultiAgentEnv(Queries):
         obs_instead_of_state: the state is all observations, one after the other.
         state_last_action: the last actions in the state.
         reward_sparse: 1 for a victory, -1 for a defeat, 0 otherwise. `reward_scale` scales it too, as in SMAC.
-        reward_only_positive: if False, losses of allies are subtracted: health and shields lost in the step (what was
-            regained in it counts against that) and `reward_death_value` for each death, times `reward_negative_scale`.
+        reward_only_positive: if False, losses of allies are subtracted: health and shields lost in the step (less what
+            was regained in it) and `reward_death_value` for each death, times `reward_negative_scale`.
         reward_death_value, reward_win, reward_defeat: points for a kill, a victory, a defeat.
         reward_scale, reward_scale_rate: divide by (the most an episode can earn / rate).
-        replay_dir, replay_prefix: where `save_replay` writes, and the beginning of the file's name (default: the map's).
+        replay_dir, replay_prefix: where `save_replay` writes, and how the file's name begins (default: the map's).
         window_size_x, window_size_y: size of the window of `render()`, in pixels.
         heuristic_ai: play SMAC's non-learning player in place of the actions of `step`, into which its own are written.
             Needs `heuristic_rest`: orders at targets out of reach are not legal here.
         debug: log actions and rewards, at level DEBUG.
         rules, episode_limit: as in `smaclite_pool.make`; not in SMAC.
 
-    Raises Unavailable for what cannot be meant here, ScenarioError for a wrong scenario, InvalidRequest for a value that
-    cannot be. Rewards beyond the defaults are computed from the pool's reward and the state (see `_smac_reward`).
+    Raises Unavailable for what cannot be meant here, ScenarioError for a wrong scenario, InvalidRequest for a value
+    that cannot be. Rewards beyond the defaults are computed from the pool's reward and the state (see `_smac_reward`).
 
     An ally is a unit of the agents, by agent; unit types are places in the type one-hot, as `scenario()` tells them.
     """
@@ -131,9 +134,7 @@ class MultiAgentEnv(Queries):
         rules: Literal["smaclite", "paper"] = "smaclite",
         episode_limit: int | Literal["default"] | None = "default",
     ) -> None:
-        _only_default(
-            step_mul=step_mul, move_amount=move_amount, difficulty=difficulty, game_version=game_version
-        )
+        _only_default(step_mul=step_mul, move_amount=move_amount, difficulty=difficulty, game_version=game_version)
         if heuristic_ai and not heuristic_rest:
             raise Unavailable(
                 "heuristic_ai=True gives orders at targets out of reach, which are not legal actions here; "
@@ -188,6 +189,8 @@ class MultiAgentEnv(Queries):
         self._views.count_steps_to(self.episode_limit)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
         self._avail: Bools = np.zeros((self.n_agents, self.n_actions), np.bool_)
+        nothing = np.zeros((self.n_agents, self._envs.obs_size), np.float32)
+        self._views.see(nothing, np.zeros(self._envs.state_size, np.float32), 0)  # until the first reset
         self._recording = Recording(self.map_name, rules)
         self._window: Window | None = None
 
@@ -203,8 +206,8 @@ class MultiAgentEnv(Queries):
     def step(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> tuple[float, bool, dict[str, Any]]:
         """Play one action for each agent; returns reward, whether the episode ended, and `info`.
 
-        `info`: `battle_won`, `dead_allies`, `dead_enemies`, and `episode_limit` (True) if the episode ran out of time and
-        `continuing_episode` is set. Raises IllegalAction, and nothing is stepped.
+        `info`: `battle_won`, `dead_allies`, `dead_enemies`, and `episode_limit` (True) if the episode ran out of time
+        and `continuing_episode` is set. Raises IllegalAction, and nothing is stepped.
         """
         chosen = self._chosen(actions)
         before = self._toll()
@@ -281,8 +284,10 @@ class MultiAgentEnv(Queries):
         return self._window.show(picture)
 
     def save_replay(self) -> Path:
-        """Write the episode so far and return the file, `<replay_prefix>_<time>.npz` in `replay_dir`: `scenario`, `rules`,
-        `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the pool's `states` float32 [T + 1, state_size].
+        """Write the episode so far and return the file, `<replay_prefix>_<time>.npz` in `replay_dir`.
+
+        It has `scenario`, `rules`, `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the pool's `states`
+        float32 [T + 1, state_size].
         """
         return self._recording.save(Path(self.replay_dir), self.replay_prefix or Path(self.map_name).stem)
 
@@ -314,8 +319,9 @@ def get_map_params(map_name: str) -> dict[str, Any]:
 
 
 def install() -> None:
-    """Let `smac`, `smac.env`, `smac.env.starcraft2` and its `maps` be this module, in this process and its children, for
-    code that imports SMAC itself. Raises InvalidRequest if the published package is imported already.
+    """Let `smac`, `smac.env`, `smac.env.starcraft2` and its `maps` be this module, in this process and its children.
+
+    For code that imports SMAC itself. Raises InvalidRequest if the published package is imported already.
     """
     this = sys.modules[__name__]
     loaded = sys.modules.get("smac.env")
@@ -334,7 +340,7 @@ def install() -> None:
 
 
 def main() -> None:
-    """Become Python with `smac` as this module, running the script that is given; alone, print the folder that does it."""
+    """Become Python with `smac` as this module and run the given script; alone, print the folder that does it."""
     if not sys.argv[1:]:
         print(_FOLDER)
         return
