@@ -42,8 +42,6 @@ pub(crate) struct Plan {
     pub preferred: Vec<Vec2>,
     /// Whom the unit declared in phase 2 to attack or heal.
     attack: Vec<Option<u32>>,
-    /// Actual velocity, of phase 3.
-    velocity: Vec<Vec2>,
     avoid: avoid::Memory,
 }
 
@@ -53,7 +51,6 @@ impl Plan {
         self.previous_target.resize(n_units, None);
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
-        self.velocity.resize(n_units, Vec2::ZERO);
     }
 }
 

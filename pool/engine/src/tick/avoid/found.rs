@@ -1,30 +1,42 @@
 //! What a search found, in order of distance.
 
-/// Units or edges by number, with their squared distances.
+/// Units or edges by their place in what was searched, with their squared distances.
 #[derive(Debug, Default)]
 pub(super) struct Found {
-    /// The bits of the squared distance, and below them the place in `numbers`: distances are not negative, and so
-    /// ordered as their bits are; of equals the first found stays first.
+    /// The bits of the squared distance, and below them the place: distances are not negative, and so ordered as
+    /// their bits are; of equals the lowest place comes first.
     keys: Vec<u64>,
-    numbers: Vec<u32>,
 }
 
 impl Found {
     pub fn clear(&mut self) {
         self.keys.clear();
-        self.numbers.clear();
     }
 
-    pub fn push(&mut self, distance_squared: f32, number: u32) {
-        let place = self.numbers.len() as u64;
-        self.keys.push(u64::from(distance_squared.to_bits()) << 32 | place);
-        self.numbers.push(number);
+    pub fn push(&mut self, distance_squared: f32, place: usize) {
+        self.keys.push(u64::from(distance_squared.to_bits()) << 32 | place as u64);
     }
 
-    /// The numbers of what was found, nearest first; of equals the first found.
-    pub fn nearest_first(&mut self) -> impl Iterator<Item = u32> {
+    /// Sorts what was found, nearest first.
+    pub fn sort(&mut self) {
         self.keys.sort_unstable();
-        self.keys.iter().map(|&key| self.numbers[key as u32 as usize])
+    }
+
+    /// Whether two have equal distances; asked once they are sorted.
+    pub fn has_equals(&self) -> bool {
+        self.keys.windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
+    }
+
+    /// Replaces every place by what is there in a list.
+    pub fn replace(&mut self, list: &[u32]) {
+        for key in &mut self.keys {
+            *key = *key >> 32 << 32 | u64::from(list[*key as u32 as usize]);
+        }
+    }
+
+    /// The places, in the order that they are in.
+    pub fn places(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.keys.iter().map(|&key| key as u32 as usize)
     }
 }
 
@@ -35,9 +47,13 @@ mod tests {
     #[test]
     fn equals_keep_their_order() {
         let mut found = Found::default();
-        for (distance_squared, number) in [(0.5, 9), (0.0, 8), (0.5, 3), (1e-40, 7), (0.25, 1), (0.5, 5)] {
-            found.push(distance_squared, number);
+        for (place, distance_squared) in [0.5, 0.0, 0.5, 1e-40, 0.25, 0.5].into_iter().enumerate() {
+            found.push(distance_squared, place);
         }
-        assert_eq!(found.nearest_first().collect::<Vec<_>>(), [8, 7, 1, 9, 3, 5]);
+        found.sort();
+        assert_eq!(found.places().collect::<Vec<_>>(), [1, 3, 4, 0, 2, 5]);
+        assert!(found.has_equals());
+        found.replace(&[9, 8, 3, 7, 1, 5]);
+        assert_eq!(found.places().collect::<Vec<_>>(), [8, 7, 1, 9, 3, 5]);
     }
 }

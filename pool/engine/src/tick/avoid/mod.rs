@@ -9,7 +9,9 @@
 //! battles depend on it to the last bit. The time horizon is 1 s, for units and for obstacles, and so appears
 //! nowhere.
 
+mod crowd;
 mod found;
+mod lanes;
 mod neighbours;
 mod obstacles;
 mod program;
@@ -18,11 +20,10 @@ mod tree;
 use glam::Vec2;
 
 use super::World;
-use crate::arena::AvoidKind;
+use crate::arena::{Arena, AvoidKind};
+use crowd::{Crowd, Member};
 use found::Found;
-use neighbours::Neighbour;
 use program::Line;
-use tree::Tree;
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
 const EPSILON: f32 = 1e-5;
@@ -31,9 +32,13 @@ const EPSILON: f32 = 1e-5;
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     /// The living units of each plane.
-    planes: [Tree; 3],
-    /// What others know of each unit, by battle-wide id; stale for the dead.
-    neighbours: Vec<Neighbour>,
+    planes: [Crowd; 3],
+    search: Search,
+}
+
+/// Working memory for the velocity of one unit.
+#[derive(Debug, Default)]
+struct Search {
     /// Edges or units in sight.
     found: Found,
     lines: Vec<Line>,
@@ -50,59 +55,56 @@ struct Mover {
 
 /// Sets the velocity of every living unit.
 pub(super) fn plan_velocities(world: &mut World) {
-    let mut memory = std::mem::take(&mut world.plan.avoid);
-    memory.take_down(world);
-    for &id in &world.living.all {
-        let i = id as usize;
-        // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
-        world.plan.velocity[i] = if world.plan.preferred[i] == Vec2::ZERO {
-            Vec2::ZERO
-        } else {
-            permitted_velocity(world, id, &mut memory)
-        };
-    }
-    for &id in &world.living.all {
-        world.units.vel[id as usize] = world.plan.velocity[id as usize];
-    }
-    world.plan.avoid = memory;
-}
-
-impl Memory {
-    /// Takes down where all living units are and what they do.
-    fn take_down(&mut self, world: &World) {
-        self.planes.iter_mut().for_each(Tree::clear);
-        self.neighbours.resize(world.units.pos.len(), Neighbour::default());
-        for &id in &world.living.all {
-            let neighbour = Neighbour::of(world, id);
-            self.planes[world.arena.kind(id).plane as usize].push(neighbour.position, id);
-            self.neighbours[id as usize] = neighbour;
+    take_down(world);
+    let World { arena, units, plan, .. } = world;
+    let Memory { planes, search } = &mut plan.avoid;
+    for crowd in planes {
+        for place in 0..crowd.members().len() {
+            let id = crowd.members()[place].id;
+            let preferred = plan.preferred[id as usize];
+            // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
+            units.vel[id as usize] = if preferred == Vec2::ZERO {
+                Vec2::ZERO
+            } else {
+                permitted_velocity(arena, crowd, place, preferred, search)
+            };
         }
-        self.planes.iter_mut().for_each(Tree::grow);
     }
 }
 
-fn permitted_velocity(world: &World, id: u32, memory: &mut Memory) -> Vec2 {
-    let Memory { planes, neighbours, found, lines, projected } = memory;
-    let i = id as usize;
-    let kind = world.arena.kind(id);
-    let mover = Mover {
-        position: world.units.pos[i],
-        velocity: world.units.vel[i],
-        preferred: world.plan.preferred[i],
-        kind: kind.avoid,
-    };
+/// Takes down where all living units are and what they do.
+fn take_down(world: &mut World) {
+    let World { arena, units, living, plan } = world;
+    let planes = &mut plan.avoid.planes;
+    planes.iter_mut().for_each(Crowd::clear);
+    for &id in &living.all {
+        let (i, kind) = (id as usize, arena.kind(id));
+        let stays = plan.preferred[i] == Vec2::ZERO;
+        let member = Member::new(id, units.pos[i], units.vel[i], kind.avoid.radius, stays);
+        planes[kind.plane as usize].push(member);
+    }
+    planes.iter_mut().for_each(Crowd::pack);
+}
+
+fn permitted_velocity(
+    arena: &Arena,
+    crowd: &mut Crowd,
+    place: usize,
+    preferred: Vec2,
+    search: &mut Search,
+) -> Vec2 {
+    let Search { found, lines, projected } = search;
+    let member = &crowd.members()[place];
+    let kind = arena.kind(member.id).avoid;
+    let mover = Mover { position: member.position(), velocity: member.velocity(), preferred, kind };
+
     lines.clear();
-    obstacles::find(world.arena, &mover, found);
-    for number in found.nearest_first() {
-        if let Some(line) = obstacles::line(&mover, world.arena.edges.edge(number), lines) {
-            lines.push(line);
-        }
-    }
+    obstacles::lines(arena, &mover, found, lines);
     let n_hard = lines.len();
-    planes[kind.plane as usize].find(mover.position, mover.kind.neighbour_range_squared, id, found);
-    lines.extend(found.nearest_first().map(|other| neighbours::line(&mover, &neighbours[other as usize])));
+    crowd.find(place, kind.neighbour_range_squared, found);
+    neighbours::lines(&mover, crowd.members(), found.places(), lines);
 
-    let velocity = program::solve(lines, n_hard, mover.kind.max_speed, mover.preferred, projected);
+    let velocity = program::solve(lines, n_hard, kind.max_speed, mover.preferred, projected);
     // Two units in one spot have no direction to part in; whatever comes of that, nobody leaves the plane.
     if velocity.is_finite() { velocity } else { Vec2::ZERO }
 }

@@ -1,82 +1,92 @@
-//! The half-planes that neighbouring units impose. Who is a neighbour is found in `tree`.
+//! The half-planes that neighbouring units impose, four at a time. Who is a neighbour is found in `crowd`.
+//!
+//! A lane cannot take a branch of its own, so every case is worked out for all and then one is chosen; what comes
+//! of a case that does not apply, be it no number at all, is dropped.
 
 use glam::Vec2;
 
+use super::Mover;
+use super::crowd::{FourMembers, Member};
+use super::lanes::{Floats, LANES, Vectors};
 use super::program::Line;
-use super::{Mover, World};
 use crate::TICKS_PER_SECOND;
 
-/// What a unit knows of one that it avoids.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Neighbour {
-    pub position: Vec2,
-    pub velocity: Vec2,
-    pub radius: f32,
-    /// Whether its preferred velocity is zero.
-    pub stays: bool,
+/// A change of velocity, and the direction of the boundary that it leads to.
+#[derive(Clone, Copy)]
+struct Escape {
+    direction: Vectors,
+    change: Vectors,
 }
 
-impl Neighbour {
-    pub fn of(world: &World, id: u32) -> Neighbour {
-        let i = id as usize;
-        Neighbour {
-            position: world.units.pos[i],
-            velocity: world.units.vel[i],
-            radius: world.arena.kind(id).avoid.radius,
-            stays: world.plan.preferred[i] == Vec2::ZERO,
-        }
+/// Adds the half-planes that keep `mover` off its neighbours, whose places among the `members` are given.
+pub(super) fn lines(
+    mover: &Mover,
+    members: &[Member],
+    mut places: impl ExactSizeIterator<Item = usize>,
+    lines: &mut Vec<Line>,
+) {
+    let n_lines = lines.len() + places.len();
+    while let Some(place) = places.next() {
+        // There may be less than four left: then some lanes repeat the first, and are cut off below.
+        let first = &members[place];
+        let mut next = || places.next().map_or(first, |place| &members[place]);
+        let four = FourMembers::of([first, next(), next(), next()]);
+        lines.extend_from_slice(&four_lines(mover, &four));
     }
+    lines.truncate(n_lines);
 }
 
-/// The velocities that keep `mover` off `neighbour` for the time horizon.
-pub(super) fn line(mover: &Mover, neighbour: &Neighbour) -> Line {
-    let offset = neighbour.position - mover.position;
-    let relative = mover.velocity - neighbour.velocity;
-    let reach = mover.kind.radius + neighbour.radius;
-    let (direction, change) = if offset.length_squared() > reach * reach {
-        least_change(offset, relative, reach)
-    } else {
-        // They overlap: be apart after this tick.
-        let per_tick = TICKS_PER_SECOND as f32;
-        off_the_disc(relative - per_tick * offset, reach * per_tick)
-    };
-    // A neighbour that stays where it is will not do its half.
-    let share = if neighbour.stays { change } else { 0.5 * change };
-    Line { point: mover.velocity + share, direction }
+/// The velocities that keep `mover` off each of four neighbours for the time horizon.
+fn four_lines(mover: &Mover, neighbours: &FourMembers) -> [Line; LANES] {
+    let velocity = Vectors::splat(mover.velocity);
+    let offset = neighbours.position - Vectors::splat(mover.position);
+    let relative = velocity - neighbours.velocity;
+    let reach = Floats::splat(mover.kind.radius) + neighbours.radius;
+    let apart = offset.length_squared().simd_gt(reach * reach);
+    let Escape { direction, change } = least_change(offset, relative, reach, apart);
+    let point = velocity + change * neighbours.share;
+    let lines = Floats::transpose([point.x, point.y, direction.x, direction.y]);
+    lines.map(|line| {
+        let [x, y, along_x, along_y] = line.to_array();
+        Line { point: Vec2::new(x, y), direction: Vec2::new(along_x, along_y) }
+    })
 }
 
-/// The least change of the relative velocity that leaves the velocity obstacle, a truncated cone, and the
-/// direction of the cone's boundary there.
-fn least_change(offset: Vec2, relative: Vec2, reach: f32) -> (Vec2, Vec2) {
+/// The least change of the relative velocity that leaves the velocity obstacle, a cone that a disc truncates.
+fn least_change(offset: Vectors, relative: Vectors, reach: Floats, apart: Floats) -> Escape {
     let from_tip = relative - offset;
     let towards = from_tip.dot(offset);
-    if towards < 0.0 && towards * towards > reach * reach * from_tip.length_squared() {
-        return off_the_disc(from_tip, reach);
+    let faces_disc = towards.simd_lt(Floats::ZERO)
+        & (towards * towards).simd_gt(reach * reach * from_tip.length_squared());
+    // Units that overlap are to be apart after this tick: the disc of that time is all of the obstacle.
+    let per_tick = Floats::splat(TICKS_PER_SECOND as f32);
+    let from_centre = Vectors::either(apart, from_tip, relative - offset * per_tick);
+    let disc = off_the_disc(from_centre, apart.select(reach, reach * per_tick));
+    let leg = off_the_leg(offset, relative, from_tip, reach);
+    let chosen = !apart | faces_disc;
+    Escape {
+        direction: Vectors::either(chosen, disc.direction, leg.direction),
+        change: Vectors::either(chosen, disc.change, leg.change),
     }
+}
+
+/// Off the nearer leg of the cone.
+fn off_the_leg(offset: Vectors, relative: Vectors, from_tip: Vectors, reach: Floats) -> Escape {
     let distance_squared = offset.length_squared();
-    let leg = (distance_squared - reach * reach).sqrt();
-    let direction = if offset.perp_dot(from_tip) > 0.0 {
-        left_leg(offset, leg, reach, distance_squared)
-    } else {
-        -right_leg(offset, leg, reach, distance_squared)
-    };
-    (direction, relative.dot(direction) * direction - relative)
+    let length = (distance_squared - reach * reach).sqrt();
+    let is_left = offset.perp_dot(from_tip).simd_gt(Floats::ZERO);
+    // The right leg is the left one with the reach to the other side, and its boundary runs the other way.
+    let reach = is_left.select(reach, -reach);
+    let per_square = Floats::ONE / distance_squared;
+    let direction =
+        Vectors { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
+            * is_left.select(per_square, -per_square);
+    Escape { direction, change: direction * relative.dot(direction) - relative }
 }
 
-/// The same where the disc that truncates the cone is nearest; `from_centre` is the velocity seen from its centre.
-fn off_the_disc(from_centre: Vec2, radius: f32) -> (Vec2, Vec2) {
-    let length = from_centre.length();
-    let outward = from_centre * (1.0 / length);
-    (Vec2::new(outward.y, -outward.x), (radius - length) * outward)
-}
-
-/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its length.
-pub(super) fn left_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
-    Vec2::new(offset.x * leg - offset.y * reach, offset.x * reach + offset.y * leg) * (1.0 / distance_squared)
-}
-
-/// The direction of the right tangent.
-pub(super) fn right_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
-    Vec2::new(offset.x * leg + offset.y * reach, -offset.x * reach + offset.y * leg)
-        * (1.0 / distance_squared)
+/// Off the disc; `from_centre` is the velocity seen from its centre.
+fn off_the_disc(from_centre: Vectors, radius: Floats) -> Escape {
+    let length = from_centre.length_squared().sqrt();
+    let outward = from_centre * (Floats::ONE / length);
+    Escape { direction: Vectors { x: outward.y, y: -outward.x }, change: outward * (radius - length) }
 }

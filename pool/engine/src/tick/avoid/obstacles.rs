@@ -3,24 +3,35 @@
 use glam::Vec2;
 
 use super::found::Found;
-use super::neighbours::{left_leg, right_leg};
 use super::program::{Line, unit};
 use super::{EPSILON, Mover};
 use crate::arena::{Arena, Edge, left_of};
 
-/// Finds the edges that `mover` sees.
-pub(super) fn find(arena: &Arena, mover: &Mover, found: &mut Found) {
-    found.clear();
+/// The lines of the obstacles that `mover` sees; `found` is working memory.
+pub(super) fn lines(arena: &Arena, mover: &Mover, found: &mut Found, lines: &mut Vec<Line>) {
     let Some(range) = mover.kind.edge_range_squared else { return };
-    for &number in arena.edges.near(mover.position) {
+    let near = arena.edges.near(mover.position);
+    find(arena, mover, near, range, found);
+    for place in found.places() {
+        if let Some(line) = line(mover, arena.edges.edge(near[place]), lines) {
+            lines.push(line);
+        }
+    }
+}
+
+/// Finds the edges of a list that `mover` sees, nearest first.
+fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut Found) {
+    found.clear();
+    for (place, &number) in near.iter().enumerate() {
         let edge = arena.edges.edge(number);
         if left_of(edge.start, edge.end, mover.position) < 0.0 {
             let distance_squared = distance_squared(edge, mover.position);
             if distance_squared < range {
-                found.push(distance_squared, number);
+                found.push(distance_squared, place);
             }
         }
     }
+    found.sort();
 }
 
 fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
@@ -63,7 +74,7 @@ enum View {
 
 /// The velocities that keep `mover` off the edge for the time horizon; `None` if the edge asks for nothing that
 /// other lines do not ask for already.
-pub(super) fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
+fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
     let radius = mover.kind.radius;
     let start = Corner::start_of(edge, mover.position);
     let end = Corner::end_of(edge, mover.position);
@@ -97,6 +108,17 @@ pub(super) fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line>
 /// Whether the line already keeps the unit off this point of an obstacle.
 fn covers(line: &Line, offset: Vec2, radius: f32) -> bool {
     (offset - line.point).perp_dot(line.direction) - radius >= -EPSILON
+}
+
+/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its length.
+fn left_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
+    Vec2::new(offset.x * leg - offset.y * reach, offset.x * reach + offset.y * leg) * (1.0 / distance_squared)
+}
+
+/// The direction of the right tangent.
+fn right_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
+    Vec2::new(offset.x * leg + offset.y * reach, -offset.x * reach + offset.y * leg)
+        * (1.0 / distance_squared)
 }
 
 /// The line of a unit that touches a corner: not a step closer.

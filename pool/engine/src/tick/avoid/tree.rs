@@ -1,20 +1,15 @@
-//! The search for neighbours: a k-d tree over the living units of a plane, grown anew in every tick.
+//! The order of neighbours that are equally near: that in which a search through a k-d tree meets them.
 //!
 //! The tree is part of the rules. Neighbours come nearest first, but units that march in formation are often
 //! equally near to the last bit; then those come first that the tree meets first, and the linear program's
-//! rounding depends on that order.
+//! rounding depends on that order. Where no two are equally near a plain search does (`crowd`).
 
 use glam::Vec2;
-
-use super::found::Found;
-
-/// A box with no more units than this is not divided.
-const LEAF_SIZE: usize = 10;
 
 /// A k-d tree whose boxes are halved across their longer side.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
-    /// Positions and ids, each box's next to each other.
+    /// Positions and places of units, each box's next to each other.
     units: Vec<(Vec2, u32)>,
     boxes: Vec<Box>,
 }
@@ -31,19 +26,23 @@ struct Box {
 }
 
 impl Tree {
+    /// A box with no more units than this is not divided; so few units are met in the order in which they came.
+    pub const LEAF_SIZE: usize = 10;
+
     /// Forgets all units.
     pub fn clear(&mut self) {
         self.units.clear();
         self.boxes.clear();
     }
 
-    /// Adds a unit; ids must come ascending. The tree is to be grown before it is asked.
-    pub fn push(&mut self, position: Vec2, id: u32) {
-        self.units.push((position, id));
+    pub fn is_empty(&self) -> bool {
+        self.boxes.is_empty()
     }
 
-    /// Divides the units into boxes.
-    pub fn grow(&mut self) {
+    /// Grows the tree over units at these positions; their places are numbers from 0 in the order given.
+    pub fn grow(&mut self, positions: impl Iterator<Item = Vec2>) {
+        self.clear();
+        self.units.extend(positions.zip(0..));
         if !self.units.is_empty() {
             self.divide(0, self.units.len());
         }
@@ -58,7 +57,7 @@ impl Tree {
         }
         let index = self.boxes.len();
         self.boxes.push(Box { south_west, north_east, begin: begin as u32, end: end as u32, upper: 0 });
-        if end - begin <= LEAF_SIZE {
+        if end - begin <= Tree::LEAF_SIZE {
             return;
         }
         let sides = north_east - south_west;
@@ -75,45 +74,38 @@ impl Tree {
         self.divide(begin + n_lower, end);
     }
 
-    /// Finds the units whose squared distance to `position` is below `range_squared`, without unit `but`.
-    pub fn find(&self, position: Vec2, range_squared: f32, but: u32, found: &mut Found) {
-        found.clear();
+    /// Meets the units whose squared distance to `position` is below `range_squared`: distance and place.
+    pub fn find(&self, position: Vec2, range_squared: f32, mut meet: impl FnMut(f32, u32)) {
         if !self.boxes.is_empty() {
-            self.find_in(0, &Query { position, range_squared, but }, found);
+            self.find_in(0, position, range_squared, &mut meet);
         }
     }
 
-    fn find_in(&self, index: usize, query: &Query, found: &mut Found) {
+    fn find_in(&self, index: usize, position: Vec2, range_squared: f32, meet: &mut impl FnMut(f32, u32)) {
         let this = &self.boxes[index];
         if this.upper == 0 {
-            for &(position, id) in &self.units[this.begin as usize..this.end as usize] {
-                let distance_squared = (query.position - position).length_squared();
-                if distance_squared < query.range_squared && id != query.but {
-                    found.push(distance_squared, id);
+            for &(other, place) in &self.units[this.begin as usize..this.end as usize] {
+                let distance_squared = (position - other).length_squared();
+                if distance_squared < range_squared {
+                    meet(distance_squared, place);
                 }
             }
             return;
         }
         let (lower, upper) = (index + 1, this.upper as usize);
-        let to_lower = self.boxes[lower].distance_squared(query.position);
-        let to_upper = self.boxes[upper].distance_squared(query.position);
+        let to_lower = self.boxes[lower].distance_squared(position);
+        let to_upper = self.boxes[upper].distance_squared(position);
         let nearer_first = if to_lower < to_upper {
             [(to_lower, lower), (to_upper, upper)]
         } else {
             [(to_upper, upper), (to_lower, lower)]
         };
         for (distance_squared, half) in nearer_first {
-            if distance_squared < query.range_squared {
-                self.find_in(half, query, found);
+            if distance_squared < range_squared {
+                self.find_in(half, position, range_squared, meet);
             }
         }
     }
-}
-
-struct Query {
-    position: Vec2,
-    range_squared: f32,
-    but: u32,
 }
 
 impl Box {
@@ -160,43 +152,21 @@ fn most(a: f32, b: f32) -> f32 {
 mod tests {
     use super::*;
 
-    fn tree(positions: &[Vec2]) -> Tree {
-        let mut tree = Tree::default();
-        positions.iter().zip(0..).for_each(|(&position, id)| tree.push(position, id));
-        tree.grow();
-        tree
-    }
-
-    fn find(tree: &Tree, position: Vec2, range_squared: f32, but: u32) -> Vec<u32> {
-        let mut found = Found::default();
-        tree.find(position, range_squared, but, &mut found);
-        found.nearest_first().collect()
-    }
-
-    #[test]
-    fn finds_what_a_scan_finds() {
-        let positions: Vec<Vec2> =
-            (0..97).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.31, (i * 53 % 19) as f32 * 0.29)).collect();
-        let tree = tree(&positions);
-        for (id, &position) in (0..).zip(&positions) {
-            let away = |other: &u32| (position - positions[*other as usize]).length_squared();
-            for range_squared in [0.0, 0.1, 1.3, 100.0] {
-                let mut found = find(&tree, position, range_squared, id);
-                assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
-                found.sort_unstable();
-                let near = |other: &u32| away(other) < range_squared && *other != id;
-                assert_eq!(found, (0..97).filter(near).collect::<Vec<_>>());
-            }
-        }
-    }
-
     #[test]
     fn many_units_in_one_spot_can_be_held() {
-        assert_eq!(find(&tree(&[Vec2::ONE; 50]), Vec2::ONE, 1.0, 7).len(), 49);
+        let mut tree = Tree::default();
+        tree.grow(std::iter::repeat_n(Vec2::ONE, 50));
+        let mut n_met = 0;
+        tree.find(Vec2::ONE, 1.0, |_, _| n_met += 1);
+        assert_eq!(n_met, 50);
     }
 
     #[test]
-    fn of_a_few_the_lowest_id_is_first() {
-        assert_eq!(find(&tree(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]), Vec2::ZERO, 2.0, 1), [0, 2]);
+    fn the_nearer_half_is_met_first() {
+        let mut tree = Tree::default();
+        tree.grow((0..12).map(|x| Vec2::new(x as f32, 0.0)));
+        let mut met = Vec::new();
+        tree.find(Vec2::new(8.0, 0.0), 100.0, |_, place| met.push(place));
+        assert_eq!(met, [6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5]);
     }
 }

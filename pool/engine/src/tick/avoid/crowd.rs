@@ -1,0 +1,191 @@
+//! The living units of a plane, packed for one tick, and the search among them for neighbours.
+
+use glam::Vec2;
+
+use super::found::Found;
+use super::lanes::{Floats, LANES, Vectors};
+use super::tree::Tree;
+
+/// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
+#[derive(Debug, Default)]
+pub(super) struct Crowd {
+    members: Vec<Member>,
+    /// The positions of all members, four an entry. The last entry is filled up with members at infinity, which
+    /// no search finds.
+    positions: Vec<Vectors>,
+    /// Answers which of two equally near units comes first; grown when that is first asked in a tick.
+    tree: Tree,
+    /// Memory for the tree's answer.
+    met: Vec<u32>,
+}
+
+/// What others know of a unit.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Member {
+    /// Position and velocity.
+    motion: Floats,
+    /// Radius, the share of the avoidance that falls to others, and battle-wide id.
+    body: Floats,
+    pub id: u32,
+}
+
+impl Member {
+    pub fn new(id: u32, position: Vec2, velocity: Vec2, radius: f32, stays: bool) -> Member {
+        // A unit that stays where it is will not do its half.
+        let share = if stays { 1.0 } else { 0.5 };
+        Member {
+            motion: Floats::new([position.x, position.y, velocity.x, velocity.y]),
+            body: Floats::new([radius, share, 0.0, 0.0]),
+            id,
+        }
+    }
+
+    pub fn position(&self) -> Vec2 {
+        let [x, y, ..] = *self.motion.as_array();
+        Vec2::new(x, y)
+    }
+
+    pub fn velocity(&self) -> Vec2 {
+        let [.., x, y] = *self.motion.as_array();
+        Vec2::new(x, y)
+    }
+}
+
+/// Four members, quantity by quantity.
+pub(super) struct FourMembers {
+    pub position: Vectors,
+    pub velocity: Vectors,
+    pub radius: Floats,
+    pub share: Floats,
+}
+
+impl FourMembers {
+    #[inline]
+    pub fn of(members: [&Member; LANES]) -> FourMembers {
+        let [x, y, vx, vy] = Floats::transpose(members.map(|member| member.motion));
+        let [radius, share, ..] = Floats::transpose(members.map(|member| member.body));
+        FourMembers { position: Vectors { x, y }, velocity: Vectors { x: vx, y: vy }, radius, share }
+    }
+}
+
+impl Crowd {
+    pub fn clear(&mut self) {
+        self.members.clear();
+        self.positions.clear();
+        self.tree.clear();
+    }
+
+    /// Adds a unit; ids must come ascending. When all are there, the crowd is to be [packed](Self::pack).
+    pub fn push(&mut self, member: Member) {
+        self.members.push(member);
+    }
+
+    pub fn pack(&mut self) {
+        let nowhere = Member::new(0, Vec2::INFINITY, Vec2::ZERO, 0.0, false);
+        for members in self.members.chunks(LANES) {
+            let four = std::array::from_fn(|lane| members.get(lane).unwrap_or(&nowhere));
+            self.positions.push(FourMembers::of(four).position);
+        }
+    }
+
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// Finds the members whose squared distance to that in `place` is below `range_squared`, nearest first.
+    pub fn find(&mut self, place: usize, range_squared: f32, found: &mut Found) {
+        found.clear();
+        let position = self.members[place].position();
+        for (i, &four) in self.positions.iter().enumerate() {
+            let distances = (Vectors::splat(position) - four).length_squared();
+            let mut near = distances.simd_lt(Floats::splat(range_squared)).to_bitmask();
+            while near != 0 {
+                let lane = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let other = LANES * i + lane;
+                if other != place {
+                    found.push(distances.as_array()[lane], other);
+                }
+            }
+        }
+        found.sort();
+        if self.members.len() > Tree::LEAF_SIZE && found.has_equals() {
+            self.find_by_tree(place, range_squared, found);
+        }
+    }
+
+    /// The same in the order of the tree where distances are equal.
+    #[cold]
+    fn find_by_tree(&mut self, place: usize, range_squared: f32, found: &mut Found) {
+        let Crowd { members, tree, met, .. } = self;
+        if tree.is_empty() {
+            tree.grow(members.iter().map(Member::position));
+        }
+        found.clear();
+        met.clear();
+        tree.find(members[place].position(), range_squared, |distance_squared, other| {
+            if other as usize != place {
+                found.push(distance_squared, met.len());
+                met.push(other);
+            }
+        });
+        found.sort();
+        found.replace(met);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crowd(positions: &[Vec2]) -> Crowd {
+        let mut crowd = Crowd::default();
+        positions
+            .iter()
+            .zip(0..)
+            .for_each(|(&position, id)| crowd.push(Member::new(id, position, Vec2::ZERO, 0.5, false)));
+        crowd.pack();
+        crowd
+    }
+
+    fn find(crowd: &mut Crowd, place: usize, range_squared: f32) -> Vec<usize> {
+        let mut found = Found::default();
+        crowd.find(place, range_squared, &mut found);
+        found.places().collect()
+    }
+
+    /// A grid, so that there are many equal distances, and a few units in one spot.
+    #[test]
+    fn finds_those_in_range_nearest_first() {
+        let positions: Vec<Vec2> =
+            (0..97).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25)).collect();
+        for n in [1, 4, 9, 10, 11, 97] {
+            let mut crowd = crowd(&positions[..n]);
+            for place in 0..n {
+                let away = |other: &usize| (positions[place] - positions[*other]).length_squared();
+                for range_squared in [0.0, 0.1, 1.3, 100.0] {
+                    let mut found = find(&mut crowd, place, range_squared);
+                    assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
+                    found.sort_unstable();
+                    let near = |other: &usize| away(other) < range_squared && *other != place;
+                    assert_eq!(found, (0..n).filter(near).collect::<Vec<_>>());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn of_a_few_equally_near_the_lowest_id_is_first() {
+        assert_eq!(find(&mut crowd(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]), 1, 2.0), [0, 2]);
+    }
+
+    /// Of more than a leaf of the tree holds, those in the half whose box is nearer; of equally near boxes the
+    /// upper one.
+    #[test]
+    fn of_many_equally_near_the_tree_decides() {
+        let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
+        let mut crowd = crowd(&positions);
+        assert_eq!(find(&mut crowd, 5, 2.0), [4, 6]);
+        assert_eq!(find(&mut crowd, 6, 2.0), [7, 5]);
+    }
+}
