@@ -1,0 +1,82 @@
+"""The RLlib face: its spaces and dicts, and PPO with action masking on the new API stack."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+pytest.importorskip("ray.rllib")
+pytest.importorskip("torch")
+
+import ray
+import smaclite_pool.rllib
+from ray.rllib.env.env_context import EnvContext
+from smaclite_pool.rllib import BattleMultiAgentEnv
+
+
+@pytest.fixture
+def env() -> Iterator[BattleMultiAgentEnv]:
+    made = BattleMultiAgentEnv({"scenario": "2s3z", "seed": 3})
+    yield made
+    made.close()
+
+
+def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
+    with sp.make("2s3z", 1, autoreset="disabled") as envs:
+        seen, infos = env.reset(seed=5)
+        batch = envs.reset(seed=5)
+        for _ in range(150):
+            assert list(seen) == list(infos) == env.possible_agents == env.agents
+            for agent, (name, sight) in enumerate(seen.items()):
+                assert env.get_observation_space(name).contains(sight)
+                assert np.array_equal(sight["observations"], batch.obs[0, agent])
+                assert np.array_equal(sight["action_mask"], batch.avail_actions[0, agent])
+            actions = envs.sample_actions()
+            assert all(env.get_action_space(name).contains(action) for name, action in zip(seen, actions[0], strict=True))
+            seen, rewards, terminateds, truncateds, infos = env.step(dict(zip(seen, actions[0], strict=True)))
+            batch = envs.step(actions)
+            assert set(rewards.values()) == {batch.reward[0].item()}
+            assert set(terminateds.values()) == {batch.terminated[0].item()} and "__all__" in terminateds
+            if terminateds["__all__"] or truncateds["__all__"]:
+                break
+        assert terminateds["__all__"] or truncateds["__all__"], "the end was not seen"
+        assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
+
+
+def test_what_cannot_be_done_is_refused(env: BattleMultiAgentEnv) -> None:
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.step({})
+    env.reset()
+    with pytest.raises(sp.InvalidRequest, match="agent_4"):
+        env.step(dict.fromkeys(list(env.agents)[:4], 1))
+    with pytest.raises(sp.IllegalAction):
+        env.step(dict.fromkeys(env.agents, 0))
+
+
+def test_runners_play_different_battles() -> None:
+    """Unless told otherwise RLlib resets without a seed."""
+    seeds = []
+    for worker, vector in [(1, 0), (1, 1), (2, 0)]:
+        env = BattleMultiAgentEnv(EnvContext({"seed": 1}, worker_index=worker, vector_index=vector))
+        [pool] = sp.pools()
+        seeds.append(sp.status(pool)["lanes"][0]["description"]["seed"])
+        env.close()
+    assert len(set(seeds)) == 3
+
+
+def test_ppo_learns_with_masks(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The example: an unavailable action would have raised."""
+    text = smaclite_pool.rllib.__doc__
+    assert text is not None
+    ray.init(num_cpus=2, log_to_driver=False, include_dashboard=False, object_store_memory=100 << 20)
+    try:
+        scope: dict[str, object] = {}
+        exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nAgents are")[0]), scope)
+    finally:
+        ray.shutdown()
+    assert "num_env_steps_sampled" in capsys.readouterr().out
