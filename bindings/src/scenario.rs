@@ -15,8 +15,8 @@ use std::path::PathBuf;
 /// `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none), `ally_has_shields` and
 /// `enemy_has_shields` (whether observations and state show them), `episode_limit` (steps or None), and `allies` and
 /// `enemies`: a list of dicts, by id, with `unit_type`, `type_id` (place in the one-hot), `position` ([x, y] at the
-/// start), `radius` (squares), `hp`, `shield`, `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (the planes
-/// it can act on) and `targeter`.
+/// start), `radius` (squares), `hp`, `shield`, `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (the
+/// planes it can act on) and `targeter`.
 ///
 /// Raises ScenarioError for a wrong scenario or unit file.
 #[pyfunction]
