@@ -5,11 +5,11 @@
 //! up and calls a sleeping follower, so that requests never wait while a worker is idle. There is no dispatcher
 //! thread: with one worker a request is received, stepped and answered by that worker without a hop.
 //!
-//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; the lead's mutex orders
-//! one leader's look at the lanes before the next one's. `Inbox::ready` is only a hint that lets a spinning follower
-//! look without locking; it publishes nothing.
+//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; `HandOff::led` orders one
+//! leader's look at the lanes before the next one's. `Inbox::ready` is only a hint that lets a spinning follower look
+//! without locking; it publishes nothing.
 
-use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, lock, yield_now};
+use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, Ordering, lock, yield_now};
 use crossbeam::utils::CachePadded;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -84,12 +84,20 @@ struct InboxState<E> {
 /// The inboxes of all workers and the lead.
 pub(crate) struct HandOff<E> {
     inboxes: Vec<CachePadded<Inbox<E>>>,
-    lead: Mutex<()>,
+    /// Somebody leads. Not a mutex: nobody ever waits for it, and loom does not see what a failed `try_lock` races with.
+    led: AtomicBool,
     stop: AtomicBool,
 }
 
 /// The right to poll the lanes; given up by [`HandOff::resign`].
-pub(crate) struct Lead<'a>(#[allow(dead_code)] MutexGuard<'a, ()>);
+pub(crate) struct Lead<'a>(&'a AtomicBool);
+
+impl Drop for Lead<'_> {
+    fn drop(&mut self) {
+        // Publishes what this leader did to the next one, which acquires it in `try_lead`.
+        self.0.store(false, Ordering::Release);
+    }
+}
 
 /// What ended a follower's wait.
 pub(crate) enum Woken<'a> {
@@ -111,7 +119,7 @@ impl<E> HandOff<E> {
         };
         HandOff {
             inboxes: (0..workers).map(|_| inbox()).collect(),
-            lead: Mutex::new(()),
+            led: AtomicBool::new(false),
             stop: AtomicBool::new(false),
         }
     }
@@ -163,8 +171,8 @@ impl<E> HandOff<E> {
             if self.has_work(worker) || self.is_stopped() {
                 return Woken::Work;
             }
-            if let Ok(lead) = self.lead.try_lock() {
-                return Woken::Leading(Lead(lead));
+            if let Some(lead) = self.try_lead() {
+                return Woken::Leading(lead);
             }
             if spin_until.is_some_and(|end| Instant::now() >= end) {
                 break;
@@ -174,12 +182,18 @@ impl<E> HandOff<E> {
         self.sleep(worker)
     }
 
+    fn try_lead(&self) -> Option<Lead<'_>> {
+        // Acquires what the last leader did. A failed look publishes nothing: somebody leads.
+        let led = self.led.compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed);
+        led.is_ok().then(|| Lead(&self.led))
+    }
+
     /// `asleep` is set before the last look at the lead, and `resign` gives the lead up before it looks at `asleep`:
     /// one of the two sees the other, so requests are never left without a leader while a worker sleeps.
     fn sleep(&self, worker: usize) -> Woken<'_> {
         let inbox = &self.inboxes[worker];
         lock(&inbox.state).asleep = true;
-        let lead = self.lead.try_lock().ok();
+        let lead = self.try_lead();
         let mut state = lock(&inbox.state);
         if lead.is_none() {
             while !state.called && !self.is_stopped() && state.queues.iter().all(VecDeque::is_empty) {
@@ -188,7 +202,7 @@ impl<E> HandOff<E> {
         }
         state.asleep = false;
         state.called = false;
-        lead.map_or(Woken::Work, |lead| Woken::Leading(Lead(lead)))
+        lead.map_or(Woken::Work, Woken::Leading)
     }
 
     /// Gives the lead up and calls a sleeping worker without work to it.
@@ -233,6 +247,14 @@ mod loom_tests {
         }
     }
 
+    /// Nobody is marked as asleep or called who is neither: a call to one who is awake could be one too few for another.
+    fn assert_all_awake(hand_off: &HandOff<u32>) {
+        for inbox in &hand_off.inboxes {
+            let state = lock(&inbox.state);
+            assert!(!state.asleep && !state.called);
+        }
+    }
+
     #[test]
     fn work_for_a_follower_that_goes_to_sleep_reaches_it() {
         loom::model(|| {
@@ -250,6 +272,7 @@ mod loom_tests {
             };
             hand_off.push(1, 0, [7].into_iter());
             follower.join().unwrap();
+            assert_all_awake(&hand_off);
             hand_off.resign(leading);
         });
     }
@@ -272,6 +295,36 @@ mod loom_tests {
             };
             hand_off.resign(leading);
             follower.join().unwrap(); // worker 0 is busy elsewhere and never leads again
+            assert_all_awake(&hand_off);
+        });
+    }
+
+    #[test]
+    fn the_lead_passes_by_a_sleeper_that_has_work() {
+        let mut model = loom::model::Builder::new();
+        model.preemption_bound = Some(3); // three threads have too many interleavings to see them all
+        model.check(|| {
+            let hand_off = Arc::new(HandOff::<u32>::new(3, 1));
+            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let busy = {
+                let hand_off = Arc::clone(&hand_off);
+                thread::spawn(move || {
+                    let mut run = Vec::new();
+                    while hand_off.take(1, 8, &mut run).is_none() {
+                        if let Some(lead) = lead(&hand_off, 1) {
+                            hand_off.resign(lead);
+                        }
+                    } // and is at work for the rest of the test
+                })
+            };
+            let idle = {
+                let hand_off = Arc::clone(&hand_off);
+                thread::spawn(move || while lead(&hand_off, 2).is_none() {})
+            };
+            hand_off.push(1, 0, [7].into_iter());
+            hand_off.resign(leading);
+            busy.join().unwrap();
+            idle.join().unwrap();
         });
     }
 
