@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,10 +22,16 @@ from conftest import left_over
 
 ray = pytest.importorskip("ray")
 
+import smaclite_pool.ray
 from ray.cluster_utils import Cluster
 from smaclite_pool.ray import Fleet, actor_name, attach, start
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
+
+
+@pytest.fixture(autouse=True)
+def place() -> None:
+    """Not one for each test: nodes keep the place that they were started with."""
 
 
 @pytest.fixture(scope="module")
@@ -160,10 +168,35 @@ def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:
     assert {node: running.pid for node, running in again.running().items()} == before
 
 
-def test_the_example_trains_on_both_nodes(cluster: Cluster) -> None:
-    command = [sys.executable, str(EXAMPLE), "2s_vs_1sc", "--num-envs=4", "--threads=1", "--updates=2", "--steps=70"]
-    done = subprocess.run(
-        command, env={**os.environ, "RAY_ADDRESS": cluster.address}, capture_output=True, text=True, timeout=240
-    )
+def test_a_node_that_joins_is_taken_in_and_one_that_leaves_is_not_missed(cluster: Cluster, fleet: Fleet) -> None:
+    before = {node: running.pid for node, running in fleet.running().items()}
+    joined = cluster.add_node(num_cpus=1, object_store_memory=100 << 20)
+    wider = start("2s3z", 4, lanes=2, threads=1, seed=100)
+    running = wider.running()
+    [new] = set(running) - set(before)
+    assert before.items() <= {node: one.pid for node, one in running.items()}.items()
+    assert sorted(seed for one in running.values() for seed in one.seeds.values()) == [100, 104, 108, 112, 116, 120]
+    cluster.remove_node(joined)
+    assert ends(running[new].pid)
+    assert set(wider.running()) == set(wider.status()) == set(before)
+    wider.stop()
+
+
+def of_cluster(cluster: Cluster, *command: str) -> str:
+    """What a driver of its own prints."""
+    environment = {**os.environ, "RAY_ADDRESS": cluster.address}
+    done = subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
-    assert "2 nodes, 2 rollout actors" in done.stdout and "update 1: 560 steps" in done.stdout, done.stdout
+    return done.stdout
+
+
+def test_the_first_example_runs(cluster: Cluster) -> None:
+    assert smaclite_pool.ray.__doc__ is not None
+    text = textwrap.dedent("\n".join(smaclite_pool.ray.__doc__.split("\n")[2:]).split("\nAn actor a node")[0])
+    assert re.fullmatch(r"\[\d+\.\d+, \d+\.\d+\]\n", of_cluster(cluster, "-c", text))
+
+
+def test_the_example_trains_on_both_nodes(cluster: Cluster) -> None:
+    options = ("--num-envs=4", "--threads=1", "--updates=2", "--steps=70")
+    printed = of_cluster(cluster, str(EXAMPLE), "2s_vs_1sc", *options)
+    assert "2 nodes, 2 rollout actors" in printed and "update 1: 560 steps" in printed, printed

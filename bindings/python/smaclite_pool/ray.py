@@ -60,6 +60,9 @@ LOOK_AGAIN = 0.05
 HOPELESS = 3
 """Starts in a row that failed, after which a pool is not expected to start."""
 
+GONE = ray.exceptions.ActorUnschedulableError
+"""What an actor that is tied to a node says when the node has left the cluster."""
+
 # The kernel ends the pool with the thread that started it, so a killed actor leaves none behind.
 PROGRAM = """
 import ctypes, signal, sys
@@ -158,7 +161,7 @@ class Fleet:
         """The actor of each node, by Ray's id of the node."""
 
     def running(self, timeout: float = 60.0) -> dict[str, Running]:
-        """The pool of each node, once all answer. Raises StartError."""
+        """The pool of each node, once all answer; nodes that left are left out. Raises StartError."""
         return _of_each({node: actor.running.remote(timeout) for node, actor in self.supervisors.items()})
 
     def spawn(self, actor_class: Any, *args: Any, **kwargs: Any) -> list[Any]:
@@ -167,7 +170,7 @@ class Fleet:
         return [actor_class.options(scheduling_strategy=on(node)).remote(*args, **kwargs) for node in nodes]
 
     def status(self) -> dict[str, dict[str, Any]]:
-        """What each node's pool is doing, as `smaclite_pool.status` says it."""
+        """What each node's pool is doing, as `smaclite_pool.status` says it; nodes that left are left out."""
         return _of_each({node: actor.status.remote() for node, actor in self.supervisors.items()})
 
     def stop(self) -> None:
@@ -176,7 +179,7 @@ class Fleet:
             try:
                 ray.get(actor.stop.remote())
                 ray.kill(actor)
-            except ray.exceptions.RayActorError:  # its node is gone
+            except (GONE, ray.exceptions.RayActorError):
                 pass
         self.supervisors = {}
 
@@ -190,7 +193,14 @@ class Fleet:
 
 
 def _of_each(asked: dict[str, Any]) -> dict[str, Any]:
-    return dict(zip(asked, ray.get(list(asked.values())), strict=True))
+    """The answers of nodes that are still there."""
+    answers = {}
+    for node, answer in asked.items():
+        try:
+            answers[node] = ray.get(answer)
+        except GONE:
+            pass
+    return answers
 
 
 def start(
