@@ -32,7 +32,7 @@ impl Frame {
 /// unchanged for as long as the batch, or any array or slice of it, is held, also after the pool is gone. A lane lets a
 /// learner hold `frames_held` batches at once; `copy()` what must stay longer.
 ///
-/// torch does not know read-only memory: use `torch.from_dlpack(batch.obs)` to read in place, and never write to it.
+/// torch does not know read-only memory, where a write would end the process: `torch()` gives tensors that know.
 //
 // The arrays' base is the frame, not the batch: with the batch they would form a cycle, and only the garbage collector
 // would give the frame back.
@@ -89,6 +89,11 @@ impl Batch {
             copies.set_item(spec.name, self.view(py, spec.field)?.call_method0("copy")?)?;
         }
         Ok(copies)
+    }
+
+    /// All fields as torch tensors over the same memory, by name; a write to one raises. See `smaclite_pool.torch`.
+    fn torch<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("smaclite_pool.torch")?.call_method1("tensors", (slf,))
     }
 
     fn __len__(&self) -> usize {

@@ -29,7 +29,7 @@ def test_every_field_is_read_in_place_and_without_a_warning(envs: sp.Envs) -> No
     batch = envs.reset(seed=1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        seen = tensors(batch)
+        seen = batch.torch()
     assert list(seen) == batch.keys()
     for name, there in seen.items():
         here = getattr(batch, name)
