@@ -263,7 +263,7 @@ impl Battle {
     /// # Panics
     /// If `out` has another size.
     pub fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
-        encode::write_obs(&self.view(), out, &mut scratch.bodies);
+        encode::write_obs(&self.view(), out, &mut scratch.sights);
     }
 
     /// Writes the state: f32 `[state_size]`.

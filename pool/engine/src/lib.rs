@@ -25,6 +25,7 @@ mod arena;
 mod battle;
 mod command;
 mod encode;
+mod lanes;
 pub mod policy;
 mod random;
 mod rules;

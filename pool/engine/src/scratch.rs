@@ -1,6 +1,6 @@
 //! The working memory of a step.
 
-use crate::encode::Bodies;
+use crate::encode::Sights;
 use crate::tick::Plan;
 
 /// Working memory of steps and encoders: one for each thread, for battles of any arena in turn.
@@ -10,7 +10,7 @@ use crate::tick::Plan;
 #[derive(Debug, Default)]
 pub struct Scratch {
     pub(crate) plan: Plan,
-    pub(crate) bodies: Bodies,
+    pub(crate) sights: Sights,
 }
 
 impl Scratch {

@@ -66,6 +66,34 @@ pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
     dx * dx + dy * dy
 }
 
+/// The greatest number whose root is at most `distance`: a square can be compared with it in place of its root with
+/// the distance, to the same end.
+pub(crate) fn square_within(distance: f64) -> f64 {
+    if distance.is_nan() || distance < 0.0 || distance == f64::INFINITY {
+        return distance;
+    }
+    let mut square = distance * distance;
+    while square.sqrt() > distance {
+        square = square.next_down();
+    }
+    while square.next_up().sqrt() <= distance {
+        square = square.next_up();
+    }
+    square
+}
+
+// As `f64::min` and `f64::max` for numbers, without their care for what is none.
+
+/// The lesser of two numbers.
+pub(crate) fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers.
+pub(crate) fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// The square that a coordinate lies in; the nearest number there is for what no square has.
 ///
 /// `f64::floor` is a call into the C library on the plainest x86-64, and this is asked for every unit and tick.
@@ -106,4 +134,18 @@ impl Living {
 pub(crate) fn refill<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
     column.clear();
     column.extend(values);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_stand_for_distances() {
+        for distance in [0.0, 1e-160, 0.1, 5.0f64.sqrt(), 6.0, 9.0, 6.75 + 0.375, 1e200] {
+            let square = square_within(distance);
+            assert!(square.sqrt() <= distance && square.next_up().sqrt() > distance, "{distance}: {square}");
+        }
+        assert_eq!([square_within(-1.0), square_within(f64::INFINITY)], [-1.0, f64::INFINITY]);
+    }
 }

@@ -3,6 +3,7 @@
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
+use crate::units::square_within;
 
 /// One unit type of an arena, with the figures derived from it that a tick reads.
 ///
@@ -22,8 +23,6 @@ pub(crate) struct Kind {
     pub plane: Plane,
     pub is_healer: bool,
     pub targeter: Targeter,
-    /// Attack range plus own radius: add the other's radius for the reach between centres.
-    pub reach: f64,
     pub scan_range: f64,
     /// Centres within this distance are returned by the unit's search for targets.
     pub search_radius: f64,
@@ -59,10 +58,32 @@ impl Kind {
             plane: unit_type.plane,
             is_healer: unit_type.is_healer(),
             targeter: unit_type.targeter,
-            reach: unit_type.attack_range + radius,
             scan_range: unit_type.minimum_scan_range,
             search_radius: unit_type.minimum_scan_range + largest_radius,
             avoid: AvoidKind::new(unit_type, largest_radius),
+        }
+    }
+}
+
+/// What an attacker of one type can do to a victim of another.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    /// Damage of one hit, before shield and armor.
+    pub damage: f64,
+    /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
+    pub can_attack: bool,
+    /// The victim is in reach if the square of the distance between centres is at most this.
+    pub reach_squared: f64,
+}
+
+impl Pair {
+    pub fn new(attacker: &UnitType, victim: &UnitType) -> Pair {
+        // The attack range is measured between the edges of the two bodies.
+        let reach = attacker.attack_range + attacker.radius() + victim.radius();
+        Pair {
+            damage: attacker.damage_against(victim),
+            can_attack: attacker.can_attack(victim.plane),
+            reach_squared: square_within(reach),
         }
     }
 }

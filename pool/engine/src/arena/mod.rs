@@ -10,7 +10,7 @@ use glam::Vec2;
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 pub(crate) use edges::{Edge, left_of};
-pub(crate) use kind::{AvoidKind, Kind};
+pub(crate) use kind::{AvoidKind, Kind, Pair};
 
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
@@ -29,14 +29,14 @@ pub struct Arena {
     pub(crate) attack_point: [f64; 2],
     pub(crate) layout: Layout,
     pub(crate) edges: EdgesByCell,
+    /// The kind of each unit, by battle-wide id.
     kinds: Vec<Kind>,
-    kind_of: Vec<usize>,
+    n_types: usize,
+    type_of: Vec<usize>,
     is_enemy: Vec<bool>,
     id_in_faction: Vec<usize>,
-    /// Damage of one hit by attacker's and victim's kind, row by row of attackers.
-    damage: Vec<f64>,
-    /// Whether a kind may attack another, as `damage`.
-    can_attack: Vec<bool>,
+    /// By the types of both units, row by row of attackers.
+    pairs: Vec<Pair>,
     /// The largest radius of all units in the scenario.
     pub(crate) largest_radius: f64,
     sizes: Sizes,
@@ -80,8 +80,10 @@ impl Arena {
         let units = &scenario.units;
         let types = &scenario.unit_types;
         let largest_radius = units.iter().map(|unit| types[unit.unit_type].radius()).fold(0.0, f64::max);
-        let kinds: Vec<Kind> = types.iter().map(|kind| Kind::new(kind, largest_radius)).collect();
-        let pairs = || types.iter().flat_map(|attacker| types.iter().map(move |victim| (attacker, victim)));
+        let kinds: Vec<Kind> =
+            units.iter().map(|unit| Kind::new(&types[unit.unit_type], largest_radius)).collect();
+        let pairs =
+            types.iter().flat_map(|attacker| types.iter().map(move |victim| Pair::new(attacker, victim)));
         let layout = Layout::new(scenario);
         let farthest_sight =
             kinds.iter().filter_map(|kind| kind.avoid.edge_range_squared).fold(0.0, f32::max);
@@ -100,11 +102,11 @@ impl Arena {
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
-            kind_of: units.iter().map(|unit| unit.unit_type).collect(),
+            n_types: types.len(),
+            type_of: units.iter().map(|unit| unit.unit_type).collect(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
-            damage: pairs().map(|(attacker, victim)| attacker.damage_against(victim)).collect(),
-            can_attack: pairs().map(|(attacker, victim)| attacker.can_attack(victim.plane)).collect(),
+            pairs: pairs.collect(),
             largest_radius,
             sizes: sizes(scenario, &layout),
             layout,
@@ -145,11 +147,11 @@ impl Arena {
     }
 
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
-        0..self.kind_of.len() as u32
+        0..self.kinds.len() as u32
     }
 
     pub(crate) fn kind(&self, id: u32) -> &Kind {
-        &self.kinds[self.kind_of[id as usize]]
+        &self.kinds[id as usize]
     }
 
     pub(crate) fn is_enemy(&self, id: u32) -> bool {
@@ -160,18 +162,14 @@ impl Arena {
         self.id_in_faction[id as usize]
     }
 
-    /// Damage of one hit, before shield and armor.
-    pub(crate) fn damage(&self, attacker: u32, victim: u32) -> f64 {
-        self.damage[self.pair(attacker, victim)]
-    }
-
     /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
     pub(crate) fn can_attack(&self, attacker: u32, victim: u32) -> bool {
-        self.can_attack[self.pair(attacker, victim)]
+        self.pair(attacker, victim).can_attack
     }
 
-    fn pair(&self, attacker: u32, victim: u32) -> usize {
-        self.kind_of[attacker as usize] * self.kinds.len() + self.kind_of[victim as usize]
+    /// What one unit can do to another.
+    pub(crate) fn pair(&self, attacker: u32, victim: u32) -> &Pair {
+        &self.pairs[self.type_of[attacker as usize] * self.n_types + self.type_of[victim as usize]]
     }
 }
 

@@ -5,7 +5,7 @@ mod obs;
 mod state;
 
 pub(crate) use avail::Available;
-pub(crate) use obs::{Bodies, write_obs};
+pub(crate) use obs::{Sights, write_obs};
 pub(crate) use state::write_state;
 
 use crate::arena::Arena;

@@ -2,82 +2,140 @@
 
 use super::{View, write_body};
 use crate::SIGHT_RANGE;
+use crate::arena::Sizes;
 use crate::command::action;
-use crate::units::distance;
 
-/// Working memory: the figures of every unit's body, so that they are worked out once and not once an observer.
+/// Working memory: what is to be seen of every unit, so that it is worked out once and not once an observer.
 #[derive(Debug, Default)]
-pub(crate) struct Bodies {
-    allies: Vec<f32>,
-    enemies: Vec<f32>,
+pub(crate) struct Sights {
+    allies: Side,
+    enemies: Side,
+}
+
+/// The units of one side, by in-faction id.
+#[derive(Debug, Default)]
+struct Side {
+    /// Positions; the dead are at infinity, where nobody sees them and they see nobody.
+    positions: Vec<[f64; 2]>,
+    /// Health, \[shield\], \[type\] of one unit after the other.
+    bodies: Vec<f32>,
+    body_size: usize,
+}
+
+impl Side {
+    fn gather(&mut self, view: &View, ids: &[u32], body_size: usize) {
+        self.body_size = body_size;
+        self.bodies.resize(ids.len() * body_size, 0.0);
+        self.positions.clear();
+        for (&id, body) in ids.iter().zip(self.bodies.chunks_exact_mut(body_size)) {
+            write_body(view, id, body);
+            let alive = view.units.alive[id as usize];
+            let position = view.units.pos[id as usize].as_dvec2().to_array();
+            self.positions.push(if alive { position } else { [f64::INFINITY; 2] });
+        }
+    }
+
+    fn body(&self, unit: usize) -> &[f32] {
+        &self.bodies[unit * self.body_size..(unit + 1) * self.body_size]
+    }
+
+    /// Floats that the block of one unit takes in the row of another.
+    fn block_size(&self) -> usize {
+        4 + self.body_size
+    }
 }
 
 /// Writes the rows of all agents.
-pub(crate) fn write_obs(view: &View, out: &mut [f32], bodies: &mut Bodies) {
-    let sizes = view.arena.sizes();
+pub(crate) fn write_obs(view: &View, out: &mut [f32], sights: &mut Sights) {
+    let (arena, layout) = (view.arena, &view.arena.layout);
+    let sizes = arena.sizes();
     assert_eq!(out.len(), sizes.n_agents * sizes.obs_size, "one row an agent");
-    bodies.gather(view);
+    sights.allies.gather(view, &arena.agents, layout.ally_body());
+    sights.enemies.gather(view, &arena.enemies, layout.enemy_body());
     for (agent, row) in out.chunks_exact_mut(sizes.obs_size).enumerate() {
         row.fill(0.0);
-        if view.units.alive[view.arena.agents[agent] as usize] {
-            write_row(view, bodies, agent, row);
+        if view.units.alive[arena.agents[agent] as usize] {
+            write_moves(view, agent, row);
+            write_enemies(view, sights, agent, row);
+            let own = sizes.obs_size - sights.allies.body_size;
+            row[own..].copy_from_slice(sights.allies.body(agent));
+        }
+    }
+    write_allies(&sizes, sights, out);
+}
+
+fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
+    for (i, out) in row[..4].iter_mut().enumerate() {
+        *out = bit(view.available.has(agent, action::NORTH + i));
+    }
+}
+
+fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
+    let Sights { allies, enemies } = sights;
+    let blocks = row[4..].chunks_exact_mut(enemies.block_size());
+    for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
+        if let Some(sight) = Sight::of(allies.positions[agent], position) {
+            // A healer's target actions are allies; SMAC puts them next to the enemies all the same.
+            let targetable = bit(view.available.has(agent, action::FIRST_TARGET + enemy));
+            sight.write(targetable, enemies.body(enemy), block);
         }
     }
 }
 
-impl Bodies {
-    fn gather(&mut self, view: &View) {
-        let Bodies { allies, enemies } = self;
-        let layout = &view.arena.layout;
-        let sides = [
-            (&view.arena.agents, layout.ally_body(), allies),
-            (&view.arena.enemies, layout.enemy_body(), enemies),
-        ];
-        for (ids, size, out) in sides {
-            out.resize(ids.len() * size, 0.0);
-            for (&id, out) in ids.iter().zip(out.chunks_exact_mut(size)) {
-                write_body(view, id, out);
+/// Writes what allies see of each other: who sees is seen, so each two are looked at once.
+fn write_allies(sizes: &Sizes, sights: &Sights, out: &mut [f32]) {
+    let allies = &sights.allies;
+    let size = allies.block_size();
+    let first_block = 4 + sizes.n_enemies * sights.enemies.block_size();
+    // An agent has no block in its own row.
+    let mut write = |agent: usize, other: usize, sight: &Sight| {
+        let block = if other < agent { other } else { other - 1 };
+        let begin = agent * sizes.obs_size + first_block + block * size;
+        sight.write(1.0, allies.body(other), &mut out[begin..begin + size]);
+    };
+    for (agent, &from) in allies.positions.iter().enumerate() {
+        for (other, &to) in allies.positions.iter().enumerate().skip(agent + 1) {
+            if let Some(sight) = Sight::of(from, to) {
+                write(agent, other, &sight);
+                write(other, agent, &sight.reversed());
             }
         }
     }
 }
 
-fn write_row(view: &View, bodies: &Bodies, agent: usize, row: &mut [f32]) {
-    let (arena, layout) = (view.arena, &view.arena.layout);
-    let (ally_body, enemy_body) = (layout.ally_body(), layout.enemy_body());
-    let (moves, row) = row.split_at_mut(4);
-    for (i, out) in moves.iter_mut().enumerate() {
-        *out = bit(view.available.has(agent, action::NORTH + i));
-    }
-    let (enemies, row) = row.split_at_mut(arena.enemies.len() * (4 + enemy_body));
-    let (allies, own) = row.split_at_mut(row.len() - ally_body);
-
-    let bodies_of_enemies = bodies.enemies.chunks_exact(enemy_body);
-    let blocks = enemies.chunks_exact_mut(4 + enemy_body);
-    for (other, (block, body)) in blocks.zip(bodies_of_enemies).enumerate() {
-        // A healer's target actions are allies; SMAC puts them next to the enemies all the same.
-        let targetable = bit(view.available.has(agent, action::FIRST_TARGET + other));
-        write_seen(view, arena.agents[agent], arena.enemies[other], targetable, body, block);
-    }
-    let others = bodies.allies.chunks_exact(ally_body).enumerate().filter(|&(other, _)| other != agent);
-    for (block, (other, body)) in allies.chunks_exact_mut(4 + ally_body).zip(others) {
-        write_seen(view, arena.agents[agent], arena.agents[other], 1.0, body, block);
-    }
-    own.copy_from_slice(&bodies.allies[agent * ally_body..(agent + 1) * ally_body]);
+/// Where one unit sees another, in shares of the sight range.
+struct Sight {
+    distance: f32,
+    dx: f32,
+    dy: f32,
 }
 
-/// Writes the block of one other unit if it is alive and in sight.
-fn write_seen(view: &View, observer: u32, other: u32, mark: f32, body: &[f32], block: &mut [f32]) {
-    let (from, to) = (view.units.pos[observer as usize], view.units.pos[other as usize]);
-    if !view.units.alive[other as usize] {
-        return;
+impl Sight {
+    /// `None` if the other is out of sight, or either is at infinity.
+    fn of(from: [f64; 2], to: [f64; 2]) -> Option<Sight> {
+        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+        let squared = dx * dx + dy * dy;
+        // The root of a greater number is not less than the sight range.
+        if squared < SIGHT_RANGE * SIGHT_RANGE {
+            let distance = squared.sqrt();
+            let share = |d: f64| (d / SIGHT_RANGE) as f32;
+            return (distance < SIGHT_RANGE).then(|| Sight {
+                distance: share(distance),
+                dx: share(dx),
+                dy: share(dy),
+            });
+        }
+        None
     }
-    let distance = distance(from, to);
-    if distance < SIGHT_RANGE {
+
+    /// Seen from the other side; taken from zero so that zero stays zero.
+    fn reversed(&self) -> Sight {
+        Sight { distance: self.distance, dx: 0.0 - self.dx, dy: 0.0 - self.dy }
+    }
+
+    fn write(&self, mark: f32, body: &[f32], block: &mut [f32]) {
         let (place, rest) = block.split_at_mut(4);
-        let share = |d: f64| (d / SIGHT_RANGE) as f32;
-        let way = to.as_dvec2() - from.as_dvec2();
-        place.copy_from_slice(&[mark, share(distance), share(way.x), share(way.y)]);
+        place.copy_from_slice(&[mark, self.distance, self.dx, self.dy]);
         rest.copy_from_slice(body);
     }
 }

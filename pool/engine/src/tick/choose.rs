@@ -3,12 +3,62 @@
 //! Searches see positions as they were at the start of the tick (in phase 2 nobody has moved yet), and only units
 //! in planes that the searcher may attack.
 
+use glam::Vec2;
+
 use super::World;
+use crate::lanes::{Floats, LANES, Vectors};
 use crate::rules::Rules;
 use crate::units::distance_squared;
 
 /// The distance at which a unit counts that the search did not find but that attacks the searcher.
 const FAR_AWAY: f64 = 2e9;
+
+/// What attack-moving units need to know of the battle as it is at the start of the phase, worked out once for all.
+///
+/// Only enemies attack-move, so it is agents that they look for; and agents' targets do not change in this phase.
+#[derive(Debug, Default)]
+pub(super) struct Lookout {
+    /// The positions of the living agents, four an entry; the last is filled up with positions at infinity.
+    agents: Vec<Vectors>,
+    /// Which units are some agent's target, by battle-wide id.
+    is_hunted: Vec<bool>,
+    /// Whether some agent is a living healer (R1).
+    agents_heal: bool,
+    /// Whether some enemy damage dealer has no target (R3).
+    someone_searches: bool,
+}
+
+pub(super) fn look_around(world: &mut World) {
+    let World { arena, units, living, plan } = world;
+    let is_healer = |&id: &u32| arena.kind(id).is_healer;
+    let Lookout { agents, is_hunted, agents_heal, someone_searches } = &mut plan.lookout;
+    agents.clear();
+    for ids in living.allies.chunks(LANES) {
+        let position = |lane| ids.get(lane).map_or(Vec2::INFINITY, |&id| units.pos[id as usize]);
+        agents.push(Vectors::new(std::array::from_fn(position)));
+    }
+    is_hunted.clear();
+    is_hunted.resize(units.pos.len(), false);
+    for target in living.allies.iter().filter_map(|&id| units.target[id as usize]) {
+        is_hunted[target as usize] = true;
+    }
+    *agents_heal = living.allies.iter().any(is_healer);
+    *someone_searches =
+        living.enemies.iter().any(|id| units.target[*id as usize].is_none() && !is_healer(id));
+}
+
+impl Lookout {
+    /// The places among the living agents of those that may be within `radius` of a position. It may return more,
+    /// as it counts in f32, but leaves none out: rounding is far finer than its margin.
+    fn near(&self, position: Vec2, radius: f64) -> impl Iterator<Item = usize> {
+        let bound = Floats::splat((radius * radius * 1.0001) as f32);
+        let position = Vectors::splat(position);
+        self.agents.iter().enumerate().flat_map(move |(i, &four)| {
+            let near = (four - position).length_squared().simd_le(bound).to_bitmask();
+            (0..LANES).filter(move |lane| near >> lane & 1 == 1).map(move |lane| i * LANES + lane)
+        })
+    }
+}
 
 /// The target that an attack-moving unit has after this phase.
 pub(super) fn target(world: &World, id: u32) -> Option<u32> {
@@ -24,8 +74,7 @@ pub(super) fn target(world: &World, id: u32) -> Option<u32> {
 
 /// Rule R1: what a unit with a target that is no healer would rather have.
 fn reconsider(world: &World, id: u32) -> Option<u32> {
-    let is_healer = |&id: &u32| world.arena.kind(id).is_healer;
-    if !world.living.opponents(world.arena, id).iter().any(is_healer) {
+    if !world.plan.lookout.agents_heal {
         return None;
     }
     let best = best_opponent(world, id, false)?;
@@ -46,34 +95,40 @@ impl Candidate {
     }
 }
 
-/// The best of the opponents that are in scan range or after this unit; `retaliate` lets in those that are after
-/// it from beyond the search radius.
+/// The best of the agents that are in scan range or after this unit; `retaliate` lets in those that are after it
+/// from beyond the search radius.
 fn best_opponent(world: &World, id: u32, retaliate: bool) -> Option<Candidate> {
-    let arena = world.arena;
-    let searcher = arena.kind(id);
-    let search_radius_squared = searcher.search_radius * searcher.search_radius;
-    let position = world.units.pos[id as usize];
+    let (agents, lookout) = (&world.living.allies, &world.plan.lookout);
     let mut best: Option<Candidate> = None;
-    for &other in world.living.opponents(arena, id) {
-        if !arena.can_attack(id, other) {
-            continue;
-        }
-        let after_me = world.units.target[other as usize] == Some(id);
-        let squared = distance_squared(position, world.units.pos[other as usize]);
-        let found = squared <= search_radius_squared;
-        let is_candidate = found || retaliate && after_me;
-        if !is_candidate {
-            continue;
-        }
-        let kind = arena.kind(other);
-        let distance = if found { squared.sqrt() } else { FAR_AWAY };
-        let candidate = Candidate { is_healer: kind.is_healer, distance, id: other };
-        let qualifies = after_me || distance < searcher.scan_range + kind.radius;
-        if qualifies && best.as_ref().is_none_or(|best| candidate.beats(best)) {
+    let mut consider = |other: u32| {
+        if let Some(candidate) = candidate(world, id, other, retaliate)
+            && best.as_ref().is_none_or(|best| candidate.beats(best))
+        {
             best = Some(candidate);
         }
+    };
+    if lookout.is_hunted[id as usize] {
+        agents.iter().for_each(|&other| consider(other));
+    } else {
+        let searcher = world.arena.kind(id);
+        let near = lookout.near(world.units.pos[id as usize], searcher.search_radius);
+        near.for_each(|place| consider(agents[place]));
     }
     best
+}
+
+/// The opponent as a candidate, if it qualifies.
+fn candidate(world: &World, id: u32, other: u32, retaliate: bool) -> Option<Candidate> {
+    let (searcher, kind) = (world.arena.kind(id), world.arena.kind(other));
+    let after_me = world.units.target[other as usize] == Some(id);
+    let squared = distance_squared(world.units.pos[id as usize], world.units.pos[other as usize]);
+    let found = squared <= searcher.search_radius * searcher.search_radius;
+    if !(found || retaliate && after_me) || !world.arena.can_attack(id, other) {
+        return None;
+    }
+    let distance = if found { squared.sqrt() } else { FAR_AWAY };
+    let qualifies = after_me || distance < searcher.scan_range + kind.radius;
+    qualifies.then_some(Candidate { is_healer: kind.is_healer, distance, id: other })
 }
 
 /// Whom a healer without a target heals: of those in scan range that are hurt or fight, the one with least health.
@@ -93,44 +148,32 @@ fn most_hurt(world: &World, id: u32) -> Option<u32> {
     candidates.min_by(|a, b| health(a).total_cmp(&health(b)))
 }
 
-/// Rule R3: how fast attack-moving healers go in this tick.
-pub(super) struct HealersPace {
-    /// Whether some enemy damage dealer starts the phase without a target.
-    someone_searches: bool,
+/// The speed of an attack-moving unit, before it chooses a target; full for all but healers (R3).
+pub(super) fn speed(world: &World, id: u32) -> f64 {
+    let kind = world.arena.kind(id);
+    if kind.is_healer { speed_of_healer(world, id) } else { kind.speed }
 }
 
-impl HealersPace {
-    pub fn at_start_of_phase(world: &World) -> HealersPace {
-        let searches =
-            |&id: &u32| !world.arena.kind(id).is_healer && world.units.target[id as usize].is_none();
-        HealersPace { someone_searches: world.living.enemies.iter().any(searches) }
-    }
-
-    /// The speed of an attack-moving unit, before it chooses a target; full for all but healers.
-    pub fn speed_of(&self, world: &World, id: u32) -> f64 {
-        let arena = world.arena;
-        let kind = arena.kind(id);
-        if !kind.is_healer {
-            return kind.speed;
+fn speed_of_healer(world: &World, id: u32) -> f64 {
+    let arena = world.arena;
+    let kind = arena.kind(id);
+    let found = |&other: &u32| {
+        let (a, b) = (world.units.pos[id as usize], world.units.pos[other as usize]);
+        distance_squared(a, b) <= kind.search_radius * kind.search_radius
+    };
+    let reaches = |&other: &u32| arena.can_attack(id, other);
+    let side = || world.living.side_of(arena, id).iter().copied();
+    let slowest = |of: &mut dyn Iterator<Item = u32>| {
+        of.map(|other| arena.kind(other).speed).fold(kind.speed, f64::min)
+    };
+    match (arena.rules, world.units.target[id as usize]) {
+        (Rules::Paper, _) => slowest(&mut side().filter(found)),
+        (Rules::Smaclite, None) => slowest(&mut side().filter(found).filter(reaches)),
+        (Rules::Smaclite, Some(_)) if world.plan.lookout.someone_searches => {
+            let after_me = |&other: &u32| world.units.target[other as usize] == Some(id);
+            let opponents = world.living.opponents(arena, id).iter().copied();
+            slowest(&mut opponents.filter(after_me).filter(reaches))
         }
-        let found = |&other: &u32| {
-            let (a, b) = (world.units.pos[id as usize], world.units.pos[other as usize]);
-            distance_squared(a, b) <= kind.search_radius * kind.search_radius
-        };
-        let reaches = |&other: &u32| arena.can_attack(id, other);
-        let side = || world.living.side_of(arena, id).iter().copied();
-        let slowest = |of: &mut dyn Iterator<Item = u32>| {
-            of.map(|other| arena.kind(other).speed).fold(kind.speed, f64::min)
-        };
-        match (arena.rules, world.units.target[id as usize]) {
-            (Rules::Paper, _) => slowest(&mut side().filter(found)),
-            (Rules::Smaclite, None) => slowest(&mut side().filter(found).filter(reaches)),
-            (Rules::Smaclite, Some(_)) if self.someone_searches => {
-                let after_me = |&other: &u32| world.units.target[other as usize] == Some(id);
-                let opponents = world.living.opponents(arena, id).iter().copied();
-                slowest(&mut opponents.filter(after_me).filter(reaches))
-            }
-            (Rules::Smaclite, Some(_)) => kind.speed,
-        }
+        (Rules::Smaclite, Some(_)) => kind.speed,
     }
 }

@@ -2,6 +2,7 @@
 
 use super::World;
 
+#[inline(never)]
 pub(super) fn take_out(world: &mut World) {
     let World { arena, units, living, .. } = world;
     let mut anyone = false;

@@ -1,9 +1,11 @@
 //! Phase 4, execution: units move, recover and act one after another, in an order that is handed in.
 
 use super::{World, targeters};
+use crate::units::{least, most};
 use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 
 /// Lets every unit of the order have its turn; returns the reward, unscaled.
+#[inline(never)]
 pub(super) fn all(world: &mut World) -> f64 {
     let mut earned = 0.0;
     for i in 0..world.plan.order.len() {
@@ -33,11 +35,11 @@ fn turn(world: &mut World, id: u32) -> f64 {
 fn recover(world: &mut World, id: u32) {
     let (units, kind, i) = (&mut *world.units, world.arena.kind(id), id as usize);
     units.pos[i] += units.vel[i] * TICK as f32;
-    units.cooldown[i] = f64::max(0.0, units.cooldown[i] - TICK);
-    units.shield_cooldown[i] = f64::max(0.0, units.shield_cooldown[i] - TICK);
+    units.cooldown[i] = most(0.0, units.cooldown[i] - TICK);
+    units.shield_cooldown[i] = most(0.0, units.shield_cooldown[i] - TICK);
     if units.shield_cooldown[i] == 0.0 {
-        units.shield[i] = f64::min(kind.shield, units.shield[i] + SHIELD_PER_TICK);
+        units.shield[i] = least(kind.shield, units.shield[i] + SHIELD_PER_TICK);
     }
-    units.energy[i] = f64::min(kind.energy, units.energy[i] + ENERGY_PER_TICK);
-    units.hp[i] = f64::min(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
+    units.energy[i] = least(kind.energy, units.energy[i] + ENERGY_PER_TICK);
+    units.hp[i] = least(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
 }

@@ -42,13 +42,13 @@ pub(crate) struct Plan {
     pub preferred: Vec<Vec2>,
     /// Whom the unit declared in phase 2 to attack or heal.
     attack: Vec<Option<u32>>,
+    lookout: choose::Lookout,
     avoid: avoid::Memory,
 }
 
 impl Plan {
     /// Makes room for the units of a battle.
     pub fn fit(&mut self, n_units: usize) {
-        self.previous_target.resize(n_units, None);
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
     }

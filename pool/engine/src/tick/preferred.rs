@@ -6,10 +6,11 @@ use glam::Vec2;
 
 use super::{World, choose};
 use crate::command::Command;
-use crate::units::distance;
+use crate::units::distance_squared;
 
+#[inline(never)]
 pub(super) fn declare(world: &mut World) {
-    let pace = choose::HealersPace::at_start_of_phase(world);
+    choose::look_around(world);
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         let unit = id as usize;
@@ -20,7 +21,7 @@ pub(super) fn declare(world: &mut World) {
             Command::MoveTo(destination) => towards_point(world.units.pos[unit], destination, speed),
             Command::Target(target) => close_in(world, id, target, speed),
             Command::AttackMove => {
-                let speed = pace.speed_of(world, id);
+                let speed = choose::speed(world, id);
                 world.units.target[unit] = choose::target(world, id);
                 match world.units.target[unit] {
                     Some(target) => close_in(world, id, target, speed),
@@ -33,7 +34,7 @@ pub(super) fn declare(world: &mut World) {
 
 /// Declares an attack on a target within reach, or walks to it.
 fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
-    if in_reach(world, id, target) && world.arena.can_attack(id, target) {
+    if world.arena.can_attack(id, target) && in_reach(world, id, target) {
         world.plan.attack[id as usize] = Some(target);
         return Vec2::ZERO;
     }
@@ -42,8 +43,8 @@ fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
 
 /// Whether the target is within the attack range, measured between the two bodies' edges.
 pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
-    let reach = world.arena.kind(id).reach + world.arena.kind(target).radius;
-    distance(world.units.pos[id as usize], world.units.pos[target as usize]) <= reach
+    let (own, other) = (world.units.pos[id as usize], world.units.pos[target as usize]);
+    distance_squared(own, other) <= world.arena.pair(id, target).reach_squared
 }
 
 /// Full speed straight to a point; counted in f64, unlike the way to a unit.

@@ -23,7 +23,7 @@ pub(super) fn act(world: &mut World, id: u32, target: u32) -> f64 {
 
 /// All hits of one attack.
 fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
-    let damage = world.arena.damage(id, victim);
+    let damage = world.arena.pair(id, victim).damage;
     (0..world.arena.kind(id).attacks).map(|_| hit(world, damage, victim)).sum()
 }
 

@@ -4,13 +4,13 @@ use super::World;
 use super::preferred::in_reach;
 use crate::command::Command;
 
+#[inline(never)]
 pub(super) fn clean_up(world: &mut World) {
-    let World { arena: _, units, living, plan } = &mut *world;
+    let World { units, plan, .. } = &mut *world;
     plan.start.clear();
     plan.start.extend_from_slice(&units.pos);
-    for &id in &living.all {
-        plan.previous_target[id as usize] = units.target[id as usize];
-    }
+    plan.previous_target.clear();
+    plan.previous_target.extend_from_slice(&units.target);
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         world.units.target[id as usize] = match world.plan.commands[id as usize] {

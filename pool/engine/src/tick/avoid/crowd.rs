@@ -3,8 +3,8 @@
 use glam::Vec2;
 
 use super::found::Found;
-use super::lanes::{Floats, LANES, Vectors};
 use super::tree::Tree;
+use crate::lanes::{Floats, LANES, Vectors};
 
 /// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
 #[derive(Debug, Default)]

@@ -11,7 +11,6 @@
 
 mod crowd;
 mod found;
-mod lanes;
 mod neighbours;
 mod obstacles;
 mod program;
@@ -54,6 +53,7 @@ struct Mover {
 }
 
 /// Sets the velocity of every living unit.
+#[inline(never)]
 pub(super) fn plan_velocities(world: &mut World) {
     take_down(world);
     let World { arena, units, plan, .. } = world;

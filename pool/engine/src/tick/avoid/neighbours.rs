@@ -7,9 +7,9 @@ use glam::Vec2;
 
 use super::Mover;
 use super::crowd::{FourMembers, Member};
-use super::lanes::{Floats, LANES, Vectors};
 use super::program::Line;
 use crate::TICKS_PER_SECOND;
+use crate::lanes::{Floats, LANES, Vectors};
 
 /// A change of velocity, and the direction of the boundary that it leads to.
 #[derive(Clone, Copy)]

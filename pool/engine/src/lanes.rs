@@ -9,19 +9,23 @@ use glam::Vec2;
 use wide::f32x4;
 
 /// Four floats, or the outcome of four comparisons.
-pub(super) type Floats = f32x4;
+pub(crate) type Floats = f32x4;
 
 /// How many lanes there are.
-pub(super) const LANES: usize = 4;
+pub(crate) const LANES: usize = 4;
 
 /// Four vectors.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Vectors {
+pub(crate) struct Vectors {
     pub x: Floats,
     pub y: Floats,
 }
 
 impl Vectors {
+    pub fn new(vectors: [Vec2; LANES]) -> Vectors {
+        Vectors { x: Floats::new(vectors.map(|v| v.x)), y: Floats::new(vectors.map(|v| v.y)) }
+    }
+
     pub fn splat(vector: Vec2) -> Vectors {
         Vectors { x: Floats::splat(vector.x), y: Floats::splat(vector.y) }
     }
