@@ -80,13 +80,15 @@ fn no_environment_starves_in_asynchronous_mode() {
         let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
         let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
         play(&mut player, &plan.lanes[0], 300).expect("frames as in the undisturbed run");
-        let mut steps: Vec<_> = (0..16).map(|env| player.replay().steps(env)).collect();
-        steps.sort_unstable();
+        let steps: Vec<_> = (0..16).map(|env| player.replay().steps(env)).collect();
         println!("{threads} threads, {oddity:?}: steps of 16 environments in 300 batches of 4: {steps:?}");
-        // A slow environment falls behind by what it sleeps, the others share alike.
-        let (least, most) = (steps[usize::from(!matches!(oddity, Oddity::None))], steps[15]);
-        assert!(least * 2 >= most, "some environments starve: {steps:?}");
-        assert!(steps[0] > 10, "an environment starves: {steps:?}");
+        // Environments stay with their worker (a half each, with two), so a slow one slows down those that share it.
+        // Nobody is passed over: within a worker, and without slow ones among all, they share alike.
+        let shared = if matches!(oddity, Oddity::None) { 16 } else { 8 };
+        for sharing in steps.chunks(shared) {
+            let (least, most) = (sharing.iter().min().unwrap_or(&0), sharing.iter().max().unwrap_or(&0));
+            assert!(*least > 0 && least * 2 >= *most, "some environments starve: {steps:?}");
+        }
     }
 }
 

@@ -131,3 +131,19 @@ fn sigterm_ends_a_pool_and_leaves_nothing_behind() {
     learner.end();
     room.assert_empty();
 }
+
+#[test]
+fn clean_takes_away_what_the_killed_left() {
+    let room = Room::new();
+    let plan = two_lanes();
+    let mut supervisor = Child::supervisor(&room, &plan);
+    let mut learner = Child::attached(&room, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("hold 2");
+    supervisor.kill();
+    learner.kill();
+    assert!(!room.files().is_empty(), "they had no chance to clean up");
+    let mut clean = Child::start(&room, "program", "smaclite-pool clean");
+    assert_eq!(clean.wait(SOON * 4).and_then(|status| status.code()), Some(0));
+    room.assert_empty();
+}

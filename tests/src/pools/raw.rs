@@ -90,18 +90,23 @@ impl Requests {
     /// # Panics
     /// If nobody takes it for seconds.
     pub fn send(&self, header: RequestHeader, payload: &[u8]) -> *mut u8 {
-        let mut bytes = std::ptr::null_mut();
-        let sent = super::process::eventually(|| {
-            let Ok(mut sample) = self.publisher.loan_slice(payload.len()) else { return false };
-            *sample.user_header_mut() = header;
-            sample.payload_mut().copy_from_slice(payload);
-            bytes = sample.payload_mut().as_mut_ptr();
-            let sent = sample.send();
-            let _ = self.bell.notify();
-            matches!(sent, Ok(receivers) if receivers > 0)
+        let mut sent = None;
+        super::process::eventually(|| {
+            sent = self.offer(header, payload);
+            sent.is_some()
         });
-        assert!(sent, "the supervisor takes no requests any more");
-        bytes
+        sent.expect("the supervisor takes requests")
+    }
+
+    /// Sends a request if there is room for it, as [`send`](Requests::send).
+    pub fn offer(&self, header: RequestHeader, payload: &[u8]) -> Option<*mut u8> {
+        let mut sample = self.publisher.loan_slice(payload.len()).ok()?;
+        *sample.user_header_mut() = header;
+        sample.payload_mut().copy_from_slice(payload);
+        let bytes = sample.payload_mut().as_mut_ptr();
+        let sent = sample.send();
+        let _ = self.bell.notify();
+        matches!(sent, Ok(receivers) if receivers > 0).then_some(bytes)
     }
 }
 

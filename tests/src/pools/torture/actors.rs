@@ -202,7 +202,10 @@ fn lie(place: &Place, lane: &smaclite_ipc::LaneDescription, dice: &mut Dice) {
         if dice.below(2) == 0 {
             header.layout_hash ^= 1 << dice.below(64);
         }
-        requests.send(header, &vec![dice.below(256) as u8; 1 + dice.below(4000) as usize]);
-        say("lied");
+        let payload = vec![dice.below(256) as u8; 1 + dice.below(4000) as usize];
+        if requests.offer(header, &payload).is_some() {
+            say("lied");
+        }
+        std::thread::sleep(Duration::from_millis(1));
     }
 }
