@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod battles;
+mod engine;
 mod null;
 mod ping_pong;
 mod transport;
@@ -32,6 +33,16 @@ enum Command {
     Asynchronous,
     /// 64 to 10,000 environments in one lane
     Many,
+    /// What a living unit costs in a tick, in every scenario
+    Engine {
+        #[command(flatten)]
+        plays: engine::Plays,
+        /// Seconds for each scenario
+        #[arg(long, default_value_t = 1.0)]
+        seconds: f64,
+    },
+    /// Instructions of each phase of a step, counted by callgrind
+    Instructions(engine::Plays),
     /// The other side of a measurement
     #[command(hide = true)]
     Peer {
@@ -44,6 +55,8 @@ enum Command {
 enum Peer {
     /// Answers pings until it is killed
     Pong { name: String, wait: String },
+    /// Plays a battle once, under callgrind
+    Play { scenario: String, policy: String, steps: usize },
     /// Serves a lane of environments that cost nothing
     Null { name: String, envs: usize, threads: usize, wait: String },
 }
@@ -55,7 +68,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         Command::Efficiency => battles::efficiency(cli.rounds),
         Command::Asynchronous => battles::asynchronous(cli.rounds),
         Command::Many => battles::many(cli.rounds),
+        Command::Engine { plays, seconds } => engine::times(&plays, seconds),
+        Command::Instructions(plays) => engine::instructions(&plays),
         Command::Peer { peer: Peer::Pong { name, wait } } => ping_pong::serve(&name, wait.parse()?),
+        Command::Peer { peer: Peer::Play { scenario, policy, steps } } => {
+            engine::play_once(&scenario, &policy, steps)
+        }
         Command::Peer { peer: Peer::Null { name, envs, threads, wait } } => {
             null::serve(&name, envs, threads, wait.parse()?)
         }

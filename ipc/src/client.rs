@@ -11,10 +11,9 @@ use crate::services::{
     FramePort, FrameSample, Guest, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
     WorkEvent, doing, enter,
 };
-use crate::wire::{MAGIC, RequestHeader, actions_offset, step_bytes};
+use crate::wire::{Content, RequestHeader, actions_offset, frames_lost, read_frame, step_bytes};
 use iceoryx2::port::ReceiveError;
-use smaclite_pool::fields::UnknownField;
-use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::RequestKind;
 use smaclite_pool::{Rejection, Wait};
 use std::mem::ManuallyDrop;
@@ -38,7 +37,6 @@ pub enum ConnectError {
     Refused(#[from] Refusal),
     Memory(#[from] TooLittleMemory),
     Ipc(#[from] IpcError),
-    Field(#[from] UnknownField),
     #[error(
         "frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})"
     )]
@@ -373,36 +371,27 @@ impl Parts {
                 Err(error) => return Err(doing("receiving a frame")(error).into()),
             };
             let header = *sample.user_header();
-            let ours = (header.magic, header.version, header.layout_hash, header.session)
-                == (MAGIC, FORMAT_VERSION, self.layout.hash(), self.session);
-            if !ours || sample.payload().len() != self.layout.bytes() {
-                continue;
-            }
+            let content = match read_frame(&header, sample.payload(), &self.layout) {
+                Some(content) if header.session == self.session => content,
+                _ => continue,
+            };
             // What is left of an earlier round may overflow, and nobody misses it.
-            if header.round == self.round {
-                let expected = self.sequence + 1;
-                let lost = self.sequence != 0 && header.sequence != expected;
-                self.sequence = header.sequence;
-                if lost {
-                    return Err(ClientError::FramesLost {
-                        first: expected,
-                        last: header.sequence.saturating_sub(1),
-                    });
-                }
+            if header.round == self.round
+                && let Some((first, last)) =
+                    frames_lost(std::mem::replace(&mut self.sequence, header.sequence), header.sequence)
+            {
+                return Err(ClientError::FramesLost { first, last });
             }
-            if header.rejection_len > 0 {
-                self.rejection(header.request, header.rejection_len as usize, sample.payload())?;
-            } else if header.round == self.round {
-                return Ok(Some(sample));
+            match content {
+                Content::Rejection { request, rejection } => self.rejection(request, rejection)?,
+                Content::Batch if header.round == self.round => return Ok(Some(sample)),
+                Content::Batch => {}
             }
         }
     }
 
     /// Raises a rejection of a request that is still waited for.
-    fn rejection(&mut self, request: u64, len: usize, payload: &[u8]) -> Result<(), ClientError> {
-        let text = payload.get(..len).unwrap_or_default();
-        let rejection = serde_json::from_slice(text)
-            .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
+    fn rejection(&mut self, request: u64, rejection: Rejection) -> Result<(), ClientError> {
         let fatal = matches!(rejection, Rejection::LaneFailed { .. });
         if self.legal.refused(request) || fatal { Err(rejection.into()) } else { Ok(()) }
     }

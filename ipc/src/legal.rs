@@ -165,7 +165,7 @@ impl Legal {
     /// The request was refused as a whole: its environments are free again.
     pub(crate) fn refused(&mut self, number: u64) -> bool {
         let freed = self.clear(number);
-        self.outstanding -= freed;
+        self.outstanding = self.outstanding.saturating_sub(freed); // a frame may have lied
         freed > 0
     }
 

@@ -3,8 +3,8 @@
 
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
 use rustix::fs::{FlockOperation, flock};
-use std::fs::{DirEntry, File};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::fs::{File, Permissions};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path as FsPath, PathBuf};
 
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
@@ -12,6 +12,12 @@ pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
 /// Locked by every process that uses iceoryx2 here.
 const STAY_LOCK: &str = "in-use";
+
+/// Where iceoryx2 keeps shared memory.
+const SHM: &str = "/dev/shm";
+
+/// Where iceoryx2 keeps everything else, below the root.
+const ICEORYX_FOLDERS: [&str; 2] = ["nodes", "services"];
 
 /// iceoryx2 builds socket paths below the folder, which the system limits to 108 bytes.
 const MAX_ROOT_LEN: usize = 60;
@@ -31,6 +37,8 @@ pub enum PlaceError {
     Create { root: PathBuf, source: std::io::Error },
     #[error("{root}: belongs to user {owner}, not to user {user}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
     NotOurs { root: PathBuf, owner: u32, user: u32 },
+    #[error("{root}: other users can write to it (mode {mode:o}); `chmod 700` it or set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    Open { root: PathBuf, mode: u32 },
     #[error("{root}: is longer than {MAX_ROOT_LEN} bytes; set {ROOT_VARIABLE} to a shorter path", root = root.display())]
     TooLong { root: PathBuf },
 }
@@ -51,11 +59,18 @@ impl Place {
         }
         let created = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
         created.map_err(|source| PlaceError::Create { root: root.clone(), source })?;
-        let root = root.canonicalize().map_err(|source| PlaceError::Create { root: root.clone(), source })?;
-        let metadata = root.metadata().map_err(|source| PlaceError::Create { root: root.clone(), source })?;
         let user = rustix::process::getuid().as_raw();
-        if metadata.uid() != user {
-            return Err(PlaceError::NotOurs { root, owner: metadata.uid(), user });
+        let failed = |source| PlaceError::Create { root: root.clone(), source };
+        // A link that another user put into /tmp would have us work in any folder of ours.
+        let link = root.symlink_metadata().map_err(failed)?;
+        let canonical = root.canonicalize().map_err(failed)?;
+        let folder = canonical.metadata().map_err(failed)?;
+        let root = canonical;
+        if let Some(owner) = [link.uid(), folder.uid()].into_iter().find(|owner| *owner != user) {
+            return Err(PlaceError::NotOurs { root, owner, user });
+        }
+        if folder.mode() & 0o022 != 0 {
+            return Err(PlaceError::Open { root, mode: folder.mode() & 0o7777 });
         }
         // Two folders must not share names in /dev/shm, where the folder does not show.
         let mark = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
@@ -125,17 +140,25 @@ impl Place {
         }
     }
 
-    /// Files of this place in `/dev/shm` and iceoryx2's below the root.
+    /// Files of this place in `/dev/shm` and iceoryx2's in the root and its folders there. All bear the prefix; whatever
+    /// else somebody keeps in the folder is none of our business.
     pub(crate) fn left_overs(&self) -> Vec<PathBuf> {
-        let shm = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-        let ours = |entry: &DirEntry| entry.file_name().to_str().is_some_and(|n| n.starts_with(&self.prefix));
-        let mut files: Vec<_> = shm.filter(ours).map(|entry| entry.path()).collect();
-        for entry in std::fs::read_dir(&self.root).into_iter().flatten().flatten() {
-            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                collect_files(&entry.path(), &mut files);
-            }
+        let mut files = Vec::new();
+        collect_files(FsPath::new(SHM), &self.prefix, 0, &mut files);
+        collect_files(&self.root, &self.prefix, 0, &mut files);
+        for folder in ICEORYX_FOLDERS {
+            collect_files(&self.root.join(folder), &self.prefix, 1, &mut files);
         }
         files
+    }
+
+    /// iceoryx2 counts its nodes in a file that every user may write to; here nobody else has a node to count.
+    pub(crate) fn close_counter(&self) {
+        let mut files = Vec::new();
+        collect_files(FsPath::new(SHM), &self.prefix, 0, &mut files);
+        for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "global_mgmt")) {
+            let _ = std::fs::set_permissions(file, Permissions::from_mode(0o600)); // gone, or another user's
+        }
     }
 }
 
@@ -162,11 +185,13 @@ pub(crate) fn is_file_at(file: &File, path: &FsPath) -> bool {
     matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
 }
 
-fn collect_files(folder: &FsPath, files: &mut Vec<PathBuf>) {
+/// Files whose names begin with `prefix` in a folder and in `depth` levels of folders below it. Links are not followed.
+fn collect_files(folder: &FsPath, prefix: &str, depth: usize, files: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            collect_files(&entry.path(), files);
-        } else {
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if is_folder && depth > 0 {
+            collect_files(&entry.path(), prefix, depth - 1, files);
+        } else if !is_folder && entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix)) {
             files.push(entry.path());
         }
     }
@@ -181,4 +206,39 @@ pub fn check_name(name: &str) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(path: PathBuf) -> PathBuf {
+        std::fs::create_dir_all(path.parent().expect("a folder")).unwrap();
+        std::fs::write(&path, "kept").unwrap();
+        path
+    }
+
+    /// The clean-up once removed every file in every folder below the root: with the root set to one's home, all of it.
+    #[test]
+    fn whoever_leaves_last_removes_nothing_but_what_iceoryx_keeps() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = Place::at(folder.path().to_owned()).unwrap();
+        let below = |path: &str| place.root().join(path.replace("PREFIX", place.shm_prefix()));
+        let mine =
+            ["thesis.tex", "nodes/notes", "thesis/PREFIXa", "nodes/1/2/PREFIXa"].map(|p| write(below(p)));
+        let left = ["PREFIXa.event", "services/PREFIXa.service", "nodes/1/PREFIXa"].map(|p| write(below(p)));
+        drop(place.enter().unwrap());
+        mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
+        left.iter().for_each(|file| assert!(!file.exists(), "{}", file.display()));
+    }
+
+    #[test]
+    fn a_folder_that_others_can_write_to_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        for (mode, is_fine) in [(0o700, true), (0o755, true), (0o770, false), (0o1777, false)] {
+            std::fs::set_permissions(folder.path(), Permissions::from_mode(mode)).unwrap();
+            let place = Place::at(folder.path().to_owned());
+            assert_eq!(place.is_ok(), is_fine, "{mode:o}: {place:?}");
+        }
+    }
 }

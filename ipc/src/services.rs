@@ -82,6 +82,7 @@ pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(doing("creating an iceoryx2 node"))?;
+    place.close_counter();
     Ok(Guest { node, stay })
 }
 

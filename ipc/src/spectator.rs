@@ -7,8 +7,8 @@ use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
 use crate::memory::{PORTS, check_room};
 use crate::place::Place;
 use crate::services::{FramePort, Guest, LaneServices, doing, enter};
-use crate::wire::{FrameHeader, MAGIC};
-use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+use crate::wire::{Content, read_frame};
+use smaclite_pool::layout::Layout;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
@@ -64,8 +64,8 @@ impl Spectator {
         if newer {
             parts.current = None;
             if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-                let hash = parts.layout.hash();
-                if is_batch(sample.user_header(), hash) && sample.payload().len() == parts.layout.bytes() {
+                let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
+                if content == Some(Content::Batch) {
                     parts.current =
                         Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
                 }
@@ -75,11 +75,6 @@ impl Spectator {
         }
         Ok(parts.current.as_ref())
     }
-}
-
-fn is_batch(header: &FrameHeader, layout_hash: u64) -> bool {
-    (header.magic, header.version, header.layout_hash) == (MAGIC, FORMAT_VERSION, layout_hash)
-        && header.rejection_len == 0
 }
 
 impl Drop for Spectator {

@@ -6,8 +6,8 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
-use npyz::TypeChar;
 use npyz::NpyFile;
+use npyz::TypeChar;
 use serde_json::Value;
 use smaclite_engine::{Generator, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;

@@ -96,38 +96,4 @@ impl Play {
         battle.write_alive(&mut self.alive);
         black_box((&self.obs, &self.state, &self.avail, &self.alive));
     }
-
-    pub(crate) fn hash(&mut self) -> u64 {
-        let mut battle = self.start.clone();
-        let mut h = 0xcbf29ce484222325u64;
-        let mut put = |x: u64| h = (h ^ x).wrapping_mul(0x100000001b3).rotate_left(17);
-        for row in self.actions.chunks_exact(self.alive.len()) {
-            if battle.is_over() {
-                battle.reset();
-            }
-            let step = battle.step(row, &mut self.scratch).unwrap();
-            put(step.reward.to_bits());
-            battle.write_obs(&mut self.obs, &mut self.scratch);
-            battle.write_state(&mut self.state);
-            battle.write_avail_actions(&mut self.avail);
-            self.obs.iter().chain(&self.state).for_each(|x| put((x + 0.0).to_bits().into()));
-            self.avail.iter().for_each(|&x| put(x.into()));
-            let u = battle.units();
-            for i in 0..u.pos.len() {
-                if !u.alive[i] {
-                    continue;
-                }
-                for v in [u.pos[i].x, u.pos[i].y, u.vel[i].x, u.vel[i].y] {
-                    put((v + 0.0).to_bits().into());
-                }
-                for v in
-                    [u.hp[i], u.shield[i], u.energy[i], u.cooldown[i], u.shield_cooldown[i], u.healing[i]]
-                {
-                    put(v.to_bits());
-                }
-                put(u.target[i].map_or(u64::MAX, u64::from));
-            }
-        }
-        h
-    }
 }

@@ -3,7 +3,7 @@
 use crate::services::Capacity;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::Sizes;
-use smaclite_pool::fields::{FieldSet, UnknownField};
+use smaclite_pool::fields::{FIELDS, FieldSet};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{Autoreset, LaneFigures};
 
@@ -164,7 +164,7 @@ impl LaneDescription {
         Sizes {
             n_agents: self.n_agents,
             n_enemies: self.n_enemies,
-            n_units: self.n_agents + self.n_enemies,
+            n_units: self.n_agents.saturating_add(self.n_enemies),
             n_actions: self.n_actions,
             obs_size: self.obs_size,
             state_size: self.state_size,
@@ -173,12 +173,71 @@ impl LaneDescription {
 
     /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the hash tells
     /// whether both computed the same.
-    pub fn layout(&self) -> Result<Layout, UnknownField> {
-        Ok(Layout::new(self.sizes(), self.batch_size, FieldSet::from_names(&self.fields)?))
+    ///
+    /// # Errors
+    /// [`Refusal::Malformed`] for sizes that no lane has and fields that no frame has.
+    pub fn layout(&self) -> Result<Layout, Refusal> {
+        let malformed = |what: String| Refusal::Malformed { what };
+        let fields = FieldSet::from_names(&self.fields).map_err(|error| malformed(error.to_string()))?;
+        let rows = [self.n_agents, self.n_actions, self.batch_size, self.num_envs];
+        let widest = self.obs_size.max(self.state_size).max(self.n_actions);
+        // No field is larger than this, so no sum of them overflows.
+        let field = [self.num_envs, self.n_agents, widest, size_of::<f32>()];
+        let field = field.iter().fold(1u128, |product, size| product.saturating_mul(*size as u128));
+        let most = u128::from(u64::MAX) / FIELDS.len() as u128 / 2;
+        if rows.contains(&0) || self.batch_size > self.num_envs || field > most {
+            return Err(malformed(format!(
+                "no lane has {:?}",
+                (self.sizes(), self.num_envs, self.batch_size)
+            )));
+        }
+        Ok(Layout::new(self.sizes(), self.batch_size, fields))
     }
 
     /// Is every environment stepped in every batch?
     pub fn is_synchronous(&self) -> bool {
         self.batch_size == self.num_envs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
+        let lane = LaneDescription {
+            pool: "train".to_owned(),
+            pid: 1,
+            instance: "train.1.0".to_owned(),
+            lane: "2s3z".to_owned(),
+            scenario: "2s3z".to_owned(),
+            n_agents: 5,
+            n_enemies: 5,
+            n_actions: 11,
+            obs_size: 80,
+            state_size: 120,
+            num_envs: 1_000_000,
+            batch_size: 1_000_000,
+            seed: 0,
+            autoreset: Autoreset::NextStep,
+            episode_limit: None,
+            rules: "smaclite".to_owned(),
+            fields: vec!["obs".to_owned()],
+            layout_hash: 0,
+            capacity: Capacity::new(1, 1, 1, 2, 0),
+        };
+        assert!(lane.layout().is_ok());
+        let lies = [
+            LaneDescription { n_agents: 0, ..lane.clone() },
+            LaneDescription { n_actions: 0, ..lane.clone() },
+            LaneDescription { batch_size: 0, ..lane.clone() },
+            LaneDescription { batch_size: 1_000_001, ..lane.clone() },
+            LaneDescription { obs_size: usize::MAX, ..lane.clone() },
+            LaneDescription { state_size: usize::MAX / 4, ..lane.clone() },
+            LaneDescription { num_envs: usize::MAX, ..lane.clone() },
+            LaneDescription { fields: vec!["obz".to_owned()], ..lane },
+        ];
+        lies.iter().for_each(|lie| assert!(lie.layout().is_err(), "{lie:?}"));
     }
 }

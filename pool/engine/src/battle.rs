@@ -193,7 +193,7 @@ impl Battle {
     fn give_commands(&self, actions: &[i32], scratch: &mut Scratch) {
         let arena = &*self.arena;
         let plan = &mut scratch.plan;
-        plan.fit(self.units.pos.len());
+        plan.fit(arena);
         refill(&mut plan.commands, arena.unit_ids().map(|_| Command::AttackMove));
         for (&id, &action) in arena.agents.iter().zip(actions) {
             let targets = if arena.kind(id).is_healer { &arena.agents } else { &arena.enemies };
@@ -202,6 +202,7 @@ impl Battle {
         }
     }
 
+    #[inline(never)] // so that profiles show it
     fn set_order(&mut self, order: ExecutionOrder<'_>, tick: usize, scratch: &mut Scratch) {
         let n_units = self.units.pos.len();
         let into = &mut scratch.plan.order;

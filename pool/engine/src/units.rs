@@ -130,6 +130,12 @@ impl Living {
     }
 }
 
+/// Empties a vector that is to hold up to `n` things.
+pub(crate) fn make_room<T>(column: &mut Vec<T>, n: usize) {
+    column.clear();
+    column.reserve(n);
+}
+
 /// Replaces the contents of a vector, keeping its memory.
 pub(crate) fn refill<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
     column.clear();

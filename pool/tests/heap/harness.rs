@@ -2,7 +2,7 @@
 
 use crate::game::{Game, Oddity, SIZES};
 use crate::transport::{Bell, Ends, Frame, Heap, HeapMessage, lane};
-use smaclite_engine::{Scratch, Step};
+use smaclite_engine::{Battle, Scratch, Step};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
@@ -77,6 +77,25 @@ pub fn start_waiting(
     let pool = Pool::start(parts, bell, PoolOptions { threads, wait }).expect("threads can be had");
     (0..lanes.len()).for_each(|lane| pool.set_session(lane, Some(1)));
     (pool, learners)
+}
+
+/// Starts a synchronous lane of battles.
+pub fn start_battles(
+    threads: usize,
+    num_envs: usize,
+    battle: impl Fn(usize) -> Battle + Send + 'static,
+) -> (Pool<Heap>, Learner) {
+    let setup = LaneSetup::new(num_envs);
+    let sizes = battle(0).arena().sizes();
+    let make = move |env: usize| -> Box<dyn Environment> { Box::new(battle(env)) };
+    let spec = LaneSpec { sizes, make: Box::new(make), ..setup.spec(0, |_| Oddity::default()) };
+    let layout = spec.layout();
+    let bell = Bell::default();
+    let (part, ends) = lane(spec);
+    let options = PoolOptions { threads, wait: Wait::default() };
+    let pool = Pool::start(vec![part], bell.clone(), options).expect("threads can be had");
+    pool.set_session(0, Some(1));
+    (pool, Learner { ends, bell, layout, session: 1, number: 0, round: 0 })
 }
 
 /// A learner that need not be honest.

@@ -2,10 +2,14 @@
 //! size, every autoreset mode, every way of waiting.
 
 use crate::game::{Oddity, SIZES};
-use crate::harness::{LaneSetup, Learner, Reference, Row, all, start, start_waiting};
+use crate::harness::{LaneSetup, Learner, Reference, Row, all, start, start_battles, start_waiting};
 use crate::{MANY_THREADS, STEPS};
+use smaclite_engine::policy::Random;
+use smaclite_engine::{Arena, Battle, Rules, Scratch};
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, Wait};
+use smaclite_scenarios::Scenario;
+use std::sync::Arc;
 
 const MODES: [Autoreset; 3] = [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled];
 
@@ -120,5 +124,40 @@ fn fields_that_a_lane_leaves_out_are_not_there_and_the_others_unchanged() {
         assert_eq!(layout.offset(Field::Obs), None);
         assert_eq!(layout.offset(Field::FinalState).is_some(), autoreset == Autoreset::SameStep);
         check(setup, 2, Wait::default());
+    }
+}
+
+/// The other tests play a game made for them; this one the real one.
+#[test]
+fn battles_in_a_pool_are_those_of_the_bare_engine() {
+    const NUM_ENVS: usize = 3;
+    let arena = Arc::new(Arena::new(&Scenario::standard("2s3z").expect("a standard one"), Rules::Smaclite));
+    let battle = move |env: usize| Battle::new(Arc::clone(&arena), 5 + env as u64);
+    let mut bare: Vec<_> = (0..NUM_ENVS).map(&battle).collect();
+    let (_pool, mut learner) = start_battles(2, NUM_ENVS, battle);
+    learner.send_reset(None, &all(NUM_ENVS), NUM_ENVS);
+    let sizes = learner.layout.sizes();
+    let mut scratch = Scratch::new();
+    let mut player = Random::new(3);
+    let (mut obs, mut state) = (vec![0.0; sizes.n_agents * sizes.obs_size], vec![0.0; sizes.state_size]);
+    for _ in 0..STEPS {
+        let frame = learner.frame();
+        let all_obs = frame.field::<f32>(&learner.layout, Field::Obs).expect("all fields are there");
+        let all_states = frame.field::<f32>(&learner.layout, Field::State).expect("all fields are there");
+        let mut actions = vec![0; NUM_ENVS * sizes.n_agents];
+        for (env, battle) in bare.iter_mut().enumerate() {
+            battle.write_obs(&mut obs, &mut scratch);
+            battle.write_state(&mut state);
+            assert_eq!(obs, all_obs[env * obs.len()..][..obs.len()], "environment {env}");
+            assert_eq!(state, all_states[env * state.len()..][..state.len()], "environment {env}");
+            let actions = &mut actions[env * sizes.n_agents..][..sizes.n_agents];
+            player.act(battle, actions);
+            if battle.is_over() {
+                battle.reset(); // as next-step autoreset does, whatever the action
+            } else {
+                battle.step(actions, &mut scratch).expect("the player plays what is available");
+            }
+        }
+        learner.send_step(&all(NUM_ENVS), &actions);
     }
 }

@@ -18,6 +18,7 @@ pub(crate) struct EdgesByCell {
     lists: Vec<u32>,
     /// Where the list of each cell starts in `lists`, row by row from the south-west, and one last end.
     starts: Vec<u32>,
+    longest_list: usize,
     columns: usize,
     rows: usize,
 }
@@ -28,7 +29,8 @@ impl EdgesByCell {
         let (columns, rows) = (terrain.width() as usize + 2, terrain.height() as usize + 2);
         let mut edges = Vec::new();
         let root = Node::arrange(terrain.obstacles().iter().flat_map(outline).collect(), &mut edges);
-        let mut cells = EdgesByCell { edges, lists: Vec::new(), starts: vec![0], columns, rows };
+        let mut cells =
+            EdgesByCell { edges, lists: Vec::new(), starts: vec![0], longest_list: 0, columns, rows };
         // Rounding in the exact check must not let in what was left out here.
         let range = range as f32 + 0.01;
         for cell in 0..columns * rows {
@@ -38,6 +40,8 @@ impl EdgesByCell {
             }
             cells.starts.push(cells.lists.len() as u32);
         }
+        let lengths = cells.starts.windows(2).map(|ends| (ends[1] - ends[0]) as usize);
+        cells.longest_list = lengths.max().unwrap_or(0);
         cells
     }
 
@@ -47,6 +51,11 @@ impl EdgesByCell {
             |x: f32, count: usize| floor(f64::from(x)).saturating_add(1).clamp(0, count as i64 - 1) as usize;
         let cell = index(position.y, self.rows) * self.columns + index(position.x, self.columns);
         &self.lists[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    }
+
+    /// How many edges may be in sight of a position at most.
+    pub fn longest_list(&self) -> usize {
+        self.longest_list
     }
 
     /// The edge of that number.

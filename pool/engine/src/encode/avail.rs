@@ -33,6 +33,7 @@ impl Available {
     }
 
     /// Writes all rows as bytes of 0 or 1.
+    #[inline(never)] // so that profiles show it
     pub fn write(&self, out: &mut [u8]) {
         assert_eq!(out.len() * self.words, self.bits.len() * self.n_actions, "one byte an agent and action");
         for (row, out) in self.bits.chunks_exact(self.words).zip(out.chunks_exact_mut(self.n_actions)) {
@@ -45,6 +46,7 @@ impl Available {
     }
 
     /// Works out all rows.
+    #[inline(never)] // so that profiles show it
     pub fn update(&mut self, arena: &Arena, units: &Units, living: &Living) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
             row.fill(0);

@@ -46,6 +46,7 @@ impl Side {
 }
 
 /// Writes the rows of all agents.
+#[inline(never)] // so that profiles show it
 pub(crate) fn write_obs(view: &View, out: &mut [f32], sights: &mut Sights) {
     let (arena, layout) = (view.arena, &view.arena.layout);
     let sizes = arena.sizes();

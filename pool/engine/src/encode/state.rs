@@ -3,6 +3,7 @@
 use super::{View, ratio, write_body};
 
 /// Writes the state; `last_actions` by agent.
+#[inline(never)] // so that profiles show it
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");

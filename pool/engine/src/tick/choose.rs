@@ -8,7 +8,7 @@ use glam::Vec2;
 use super::World;
 use crate::lanes::{Floats, LANES, Vectors};
 use crate::rules::Rules;
-use crate::units::distance_squared;
+use crate::units::{distance_squared, make_room};
 
 /// The distance at which a unit counts that the search did not find but that attacks the searcher.
 const FAR_AWAY: f64 = 2e9;
@@ -48,6 +48,11 @@ pub(super) fn look_around(world: &mut World) {
 }
 
 impl Lookout {
+    pub fn fit(&mut self, n_units: usize) {
+        make_room(&mut self.agents, n_units.div_ceil(LANES));
+        make_room(&mut self.is_hunted, n_units);
+    }
+
     /// The places among the living agents of those that may be within `radius` of a position. It may return more,
     /// as it counts in f32, but leaves none out: rounding is far finer than its margin.
     fn near(&self, position: Vec2, radius: f64) -> impl Iterator<Item = usize> {

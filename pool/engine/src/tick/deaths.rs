@@ -2,7 +2,7 @@
 
 use super::World;
 
-#[inline(never)]
+#[inline(never)] // so that profiles show it
 pub(super) fn take_out(world: &mut World) {
     let World { arena, units, living, .. } = world;
     let mut anyone = false;

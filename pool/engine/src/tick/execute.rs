@@ -5,7 +5,7 @@ use crate::units::{least, most};
 use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 
 /// Lets every unit of the order have its turn; returns the reward, unscaled.
-#[inline(never)]
+#[inline(never)] // so that profiles show it
 pub(super) fn all(world: &mut World) -> f64 {
     let mut earned = 0.0;
     for i in 0..world.plan.order.len() {

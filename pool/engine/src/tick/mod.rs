@@ -15,7 +15,7 @@ use glam::Vec2;
 
 use crate::arena::Arena;
 use crate::command::Command;
-use crate::units::{Living, Units};
+use crate::units::{Living, Units, make_room};
 
 /// What a tick works on.
 pub(crate) struct World<'a> {
@@ -47,8 +47,15 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Makes room for the units of a battle.
-    pub fn fit(&mut self, n_units: usize) {
+    /// Makes room for a battle in this arena, so that whatever happens in it nothing is allocated later.
+    pub fn fit(&mut self, arena: &Arena) {
+        let n_units = arena.sizes().n_units;
+        make_room(&mut self.previous_target, n_units);
+        make_room(&mut self.start, n_units);
+        make_room(&mut self.order, n_units);
+        make_room(&mut self.commands, n_units);
+        self.lookout.fit(n_units);
+        self.avoid.fit(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
     }

@@ -8,7 +8,7 @@ use super::{World, choose};
 use crate::command::Command;
 use crate::units::distance_squared;
 
-#[inline(never)]
+#[inline(never)] // so that profiles show it
 pub(super) fn declare(world: &mut World) {
     choose::look_around(world);
     for i in 0..world.living.all.len() {

@@ -4,7 +4,7 @@ use super::World;
 use super::preferred::in_reach;
 use crate::command::Command;
 
-#[inline(never)]
+#[inline(never)] // so that profiles show it
 pub(super) fn clean_up(world: &mut World) {
     let World { units, plan, .. } = &mut *world;
     plan.start.clear();

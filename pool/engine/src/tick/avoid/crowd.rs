@@ -5,6 +5,7 @@ use glam::Vec2;
 use super::found::Found;
 use super::tree::Tree;
 use crate::lanes::{Floats, LANES, Vectors};
+use crate::units::make_room;
 
 /// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
 #[derive(Debug, Default)]
@@ -69,6 +70,13 @@ impl FourMembers {
 }
 
 impl Crowd {
+    pub fn fit(&mut self, n_units: usize) {
+        make_room(&mut self.members, n_units);
+        make_room(&mut self.positions, n_units.div_ceil(LANES));
+        make_room(&mut self.met, n_units);
+        self.tree.fit(n_units);
+    }
+
     pub fn clear(&mut self) {
         self.members.clear();
         self.positions.clear();

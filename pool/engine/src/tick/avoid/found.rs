@@ -1,5 +1,7 @@
 //! What a search found, in order of distance.
 
+use crate::units::make_room;
+
 /// Units or edges by their place in what was searched, with their squared distances.
 #[derive(Debug, Default)]
 pub(super) struct Found {
@@ -9,6 +11,11 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// Makes room for so many finds.
+    pub fn fit(&mut self, n: usize) {
+        make_room(&mut self.keys, n);
+    }
+
     pub fn clear(&mut self) {
         self.keys.clear();
     }

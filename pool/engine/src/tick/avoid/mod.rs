@@ -20,6 +20,8 @@ use glam::Vec2;
 
 use super::World;
 use crate::arena::{Arena, AvoidKind};
+use crate::lanes::LANES;
+use crate::units::make_room;
 use crowd::{Crowd, Member};
 use found::Found;
 use program::Line;
@@ -33,6 +35,18 @@ pub(crate) struct Memory {
     /// The living units of each plane.
     planes: [Crowd; 3],
     search: Search,
+}
+
+impl Memory {
+    /// Makes room for so many units, of which each sees so many edges at most.
+    pub fn fit(&mut self, n_units: usize, n_edges: usize) {
+        self.planes.iter_mut().for_each(|crowd| crowd.fit(n_units));
+        self.search.found.fit(n_units.max(n_edges));
+        for lines in [&mut self.search.lines, &mut self.search.projected] {
+            // Lines of units are added four at a time.
+            make_room(lines, n_edges + n_units.next_multiple_of(LANES));
+        }
+    }
 }
 
 /// Working memory for the velocity of one unit.
@@ -53,7 +67,7 @@ struct Mover {
 }
 
 /// Sets the velocity of every living unit.
-#[inline(never)]
+#[inline(never)] // so that profiles show it
 pub(super) fn plan_velocities(world: &mut World) {
     take_down(world);
     let World { arena, units, plan, .. } = world;

@@ -6,6 +6,8 @@
 
 use glam::Vec2;
 
+use crate::units::make_room;
+
 /// A k-d tree whose boxes are halved across their longer side.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
@@ -28,6 +30,12 @@ struct Box {
 impl Tree {
     /// A box with no more units than this is not divided; so few units are met in the order in which they came.
     pub const LEAF_SIZE: usize = 10;
+
+    pub fn fit(&mut self, n_units: usize) {
+        make_room(&mut self.units, n_units);
+        // A binary tree with a unit in every leaf.
+        make_room(&mut self.boxes, 2 * n_units);
+    }
 
     /// Forgets all units.
     pub fn clear(&mut self) {

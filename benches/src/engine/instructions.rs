@@ -1,0 +1,114 @@
+//! How many instructions the phases of a step take, counted by callgrind (`valgrind` must be installed).
+//!
+//! The engine keeps its phases from being inlined into each other, so each is a function in callgrind's output.
+
+use std::collections::HashMap;
+use std::error::Error;
+use std::process::Command;
+
+use super::Plays;
+use super::play::Play;
+
+/// Titles of the columns, and the ends of the names of the functions they are about.
+const PHASES: [(&str, &str); 10] = [
+    ("order", "battle::Battle::set_order"),
+    ("targets", "tick::targets::clean_up"),
+    ("wishes", "tick::preferred::declare"),
+    ("avoid", "tick::avoid::plan_velocities"),
+    ("execute", "tick::execute::all"),
+    ("deaths", "tick::deaths::take_out"),
+    ("legal", "encode::avail::Available::update"),
+    ("obs", "encode::obs::write_obs"),
+    ("state", "encode::state::write_state"),
+    ("avail", "encode::avail::Available::write"),
+];
+
+/// Prints the instructions of each phase for each living unit and tick.
+pub(crate) fn instructions(plays: &Plays) -> Result<(), Box<dyn Error>> {
+    println!("instructions per living unit and tick, {} player, {} steps", plays.policy, plays.steps);
+    print!("{:16} {:>8}", "scenario", "all");
+    PHASES.iter().for_each(|(title, _)| print!(" {title:>8}"));
+    println!(" {:>8}", "rest");
+    for scenario in plays.scenarios() {
+        let unit_ticks = Play::record(&scenario, &plays.policy, plays.steps)?.unit_ticks as f64;
+        let counts = count(&scenario, plays)?;
+        let total = counts.of("Play::play_measured");
+        let phases = PHASES.map(|(_, function)| counts.of(function));
+        print!("{scenario:16} {:8.0}", total / unit_ticks);
+        phases.iter().for_each(|count| print!(" {:8.1}", count / unit_ticks));
+        println!(" {:8.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
+    }
+    Ok(())
+}
+
+/// The other side: plays once under callgrind.
+pub(crate) fn play_once(scenario: &str, policy: &str, steps: usize) -> Result<(), Box<dyn Error>> {
+    Play::record(scenario, policy, steps)?.play_measured();
+    Ok(())
+}
+
+fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
+    let file = std::env::temp_dir().join(format!("callgrind-{}", std::process::id()));
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--toggle-collect=*Play::play_measured*"])
+        .arg(format!("--callgrind-out-file={}", file.display()))
+        .arg(std::env::current_exe()?)
+        .args(["peer", "play", scenario, &plays.policy, &plays.steps.to_string()])
+        .output()
+        .map_err(|e| format!("valgrind: {e}; install it to count instructions"))?;
+    if !output.status.success() {
+        return Err(format!("valgrind: {}", String::from_utf8_lossy(&output.stderr)).into());
+    }
+    let text = std::fs::read(&file)?;
+    std::fs::remove_file(&file)?;
+    Ok(Counts::parse(&String::from_utf8_lossy(&text)))
+}
+
+/// Instructions by function, with those of the functions it called.
+struct Counts(HashMap<String, f64>);
+
+impl Counts {
+    /// Reads callgrind's output: lines of costs under the function that they belong to, where the line after `calls=`
+    /// is the whole cost of a call.
+    fn parse(text: &str) -> Counts {
+        let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
+        let mut function = String::new();
+        for line in text.lines() {
+            if let Some(name) = line.strip_prefix("fn=") {
+                function = full_name(name, &mut names);
+            } else if let Some(name) = line.strip_prefix("cfn=") {
+                full_name(name, &mut names);
+            } else if line.starts_with(|first: char| first.is_ascii_digit() || "+-*".contains(first)) {
+                let cost = line.split_whitespace().nth(1).and_then(|cost| cost.parse::<f64>().ok());
+                *counts.entry(function.clone()).or_default() += cost.unwrap_or(0.0);
+            }
+        }
+        Counts(counts)
+    }
+
+    fn of(&self, function: &str) -> f64 {
+        self.0.iter().filter(|(name, _)| name.ends_with(function)).map(|(_, count)| count).sum()
+    }
+}
+
+/// A name is written out where it first appears, `(7) name`, and later is `(7)`.
+fn full_name(written: &str, names: &mut HashMap<String, String>) -> String {
+    let (number, name) = written.split_once(' ').unwrap_or((written, ""));
+    if !name.is_empty() {
+        names.insert(number.to_owned(), name.to_owned());
+    }
+    names.get(number).cloned().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn callgrinds_output_is_read() {
+        let text = "events: Ir\nfn=(1) a::b::outer\n10 5\n+1 7\ncfn=(2) a::inner\ncalls=3 20\n11 100\n\
+                    fn=(2)\n20 100\nfn=(1)\n* 1\n";
+        let counts = Counts::parse(text);
+        assert_eq!([counts.of("b::outer"), counts.of("a::inner"), counts.of("other")], [113.0, 100.0, 0.0]);
+    }
+}

@@ -1,0 +1,73 @@
+//! What a supervisor that lies may send to a learner: a lane's description with any sizes, frames with any header and
+//! any content. A reader passes over what is not laid out as it should be, and nothing it takes has a wrong shape.
+//!
+//! Input: a byte that says which parts of a right header to keep, the others, the payload; or, if the first byte is 255, an
+//! answer of the control socket as JSON.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use smaclite_engine::Sizes;
+use smaclite_ipc::control::protocol::{Answer, Ask};
+use smaclite_ipc::wire::{Content, FrameHeader, MAGIC, frames_lost, read_frame};
+use smaclite_pool::fields::{Dtype, FieldSet};
+use smaclite_pool::layout::{FORMAT_VERSION, Layout};
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((keep, rest)) = bytes.split_first() else { return };
+    if *keep == 255 {
+        return answer(rest);
+    }
+    let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 5, obs_size: 3, state_size: 4 };
+    let layout = Layout::new(sizes, 4, FieldSet::ALL);
+    // The fields that are not kept come first, then the payload.
+    let (changed, rest) = rest.split_at((8 * (keep & 0x7f).count_ones() as usize).min(rest.len()));
+    let mut words = changed.chunks(8).map(|c| c.iter().rev().fold(0u64, |w, b| w << 8 | u64::from(*b)));
+    let mut or = |bit: u8, right: u64| if keep >> bit & 1 == 0 { right } else { words.next().unwrap_or(0) };
+    let header = FrameHeader {
+        magic: or(0, MAGIC.into()) as u32,
+        version: or(1, FORMAT_VERSION.into()) as u32,
+        layout_hash: or(2, layout.hash()),
+        session: 1,
+        round: 1,
+        sequence: or(3, 8),
+        slots: or(4, 4) as u32,
+        rejection_len: or(5, 0) as u32,
+        request: or(6, 3),
+    };
+    let length = if keep >> 7 & 1 == 0 { layout.bytes() } else { rest.len() };
+    let mut payload = rest.to_vec();
+    payload.resize(length, 0);
+    frames_lost(7, header.sequence);
+    match read_frame(&header, &payload, &layout) {
+        None => assert!(*keep != 0, "a right frame was passed over"),
+        Some(Content::Rejection { rejection, .. }) => drop(rejection.to_string()),
+        Some(Content::Batch) => look_at_all(&layout, &payload),
+    }
+});
+
+fn look_at_all(layout: &Layout, payload: &[u8]) {
+    // As in shared memory, where payloads are aligned.
+    let mut words = vec![0u64; payload.len().div_ceil(8)];
+    // SAFETY: any bytes of a vector of integers are bytes.
+    let bytes = unsafe { words.align_to_mut::<u8>().1 };
+    bytes[..payload.len()].copy_from_slice(payload);
+    for field in layout.fields().iter() {
+        let elements = match field.spec().dtype {
+            Dtype::F32 => layout.view::<f32>(bytes, field).map(<[f32]>::len),
+            Dtype::I32 => layout.view::<i32>(bytes, field).map(<[i32]>::len),
+            Dtype::Bool => layout.view::<u8>(bytes, field).map(<[u8]>::len),
+        };
+        assert_eq!(elements, Some(layout.slots() * layout.row_len(field)));
+    }
+}
+
+fn answer(line: &[u8]) {
+    drop(serde_json::from_slice::<Ask>(line));
+    match serde_json::from_slice::<Answer>(line) {
+        Ok(Answer::Attached { lane, .. } | Answer::Lane(lane)) => {
+            drop(lane.layout().map_err(|e| e.to_string()))
+        }
+        Ok(Answer::Refused(refusal)) => drop(refusal.to_string()),
+        Ok(Answer::Status(_)) | Err(_) => {}
+    }
+}

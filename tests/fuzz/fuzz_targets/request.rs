@@ -1,0 +1,211 @@
+//! What a raw iceoryx2 program may send as a learner: any header before any payload, any number of them. They are read by
+//! the check that stands at the edge, accepted or refused by a pool whose transport is the heap, and afterwards an honest
+//! learner must find the lane in order.
+//!
+//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a right header to keep, the fields
+//! that are not kept, a byte with the payload's length in words, the payload.
+#![no_main]
+
+#[path = "../../../pool/tests/heap/game.rs"]
+#[allow(dead_code)]
+mod game;
+#[path = "../../../pool/tests/heap/transport.rs"]
+#[allow(dead_code)]
+mod transport;
+
+use game::{Game, Oddity, SIZES};
+use libfuzzer_sys::fuzz_target;
+use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
+use smaclite_pool::fields::{Field, FieldSet};
+use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Request, RequestKind, Transport};
+use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, Wait};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, OnceLock};
+use std::time::Duration;
+use transport::{Bell, Frame, HeapOutlet};
+
+/// Requests as bytes, frames on the heap.
+struct Raw;
+
+impl Transport for Raw {
+    type Inlet = RawInlet;
+    type Outlet = HeapOutlet;
+    type Doorbell = Bell;
+}
+
+struct RawInlet {
+    messages: Receiver<(RequestHeader, Vec<u32>, usize)>,
+    layout: Layout,
+}
+
+struct RawMessage {
+    header: RequestHeader,
+    /// Aligned as in shared memory; `len` bytes count.
+    words: Vec<u32>,
+    len: usize,
+    layout: Layout,
+}
+
+impl Inlet for RawInlet {
+    type Message = RawMessage;
+
+    fn receive(&mut self) -> Option<RawMessage> {
+        let (header, words, len) = self.messages.try_recv().ok()?;
+        Some(RawMessage { header, words, len, layout: self.layout.clone() })
+    }
+}
+
+impl Message for RawMessage {
+    fn request(&self) -> Result<Request<'_>, Rejection> {
+        // SAFETY: any bytes of a vector of integers are bytes.
+        let bytes = unsafe { self.words.align_to::<u8>().1 };
+        read_request(self.header, &bytes[..self.len], &self.layout)
+    }
+}
+
+struct Lane {
+    messages: Sender<(RequestHeader, Vec<u32>, usize)>,
+    frames: Receiver<Frame>,
+    layout: Layout,
+    num_envs: usize,
+}
+
+struct Bench {
+    pool: Pool<Raw>,
+    lanes: Vec<Lane>,
+    bell: Bell,
+    session: u64,
+}
+
+/// A synchronous and an asynchronous lane, served by two workers for as long as the fuzzer runs.
+fn bench() -> &'static Mutex<Bench> {
+    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
+    BENCH.get_or_init(|| {
+        let bell = Bell::default();
+        let (mut parts, mut lanes) = (Vec::new(), Vec::new());
+        for (num_envs, batch_size, autoreset) in [(3, 3, Autoreset::Disabled), (5, 2, Autoreset::SameStep)] {
+            let make = move |env: usize| -> Box<dyn smaclite_pool::environment::Environment> {
+                Box::new(Game::new(env as u64, Oddity::default()))
+            };
+            let name = format!("{num_envs}");
+            let (make, fields) = (Box::new(make) as _, FieldSet::ALL);
+            let spec =
+                LaneSpec { name, sizes: SIZES, num_envs, batch_size, seed: 1, autoreset, fields, make };
+            let layout = spec.layout();
+            let ((spec, _, outlet), ends) = transport::lane(spec);
+            let (messages, inlet) = channel();
+            parts.push((spec, RawInlet { messages: inlet, layout: layout.clone() }, outlet));
+            lanes.push(Lane { messages, frames: ends.frames, layout, num_envs });
+        }
+        let options = PoolOptions { threads: 2, wait: Wait::default() };
+        let pool = Pool::start(parts, bell.clone(), options).expect("threads can be had");
+        Mutex::new(Bench { pool, lanes, bell, session: 0 })
+    })
+}
+
+/// Reads fields from the front of the input; zeros when it is used up.
+struct Input<'a>(&'a [u8]);
+
+impl Input<'_> {
+    fn u64(&mut self, bytes: usize) -> u64 {
+        let (front, rest) = self.0.split_at(bytes.min(self.0.len()));
+        self.0 = rest;
+        front.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte))
+    }
+
+    /// A message for a lane; a right step or reset where the input says so.
+    fn message(&mut self, lane: &Lane, session: u64, number: u64) -> (RequestHeader, Vec<u32>, usize) {
+        let keep = self.u64(1);
+        let kinds =
+            [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Reset { seed: Some(4) }];
+        let kind = kinds[self.u64(1) as usize % 3];
+        let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
+        let mut header = RequestHeader::new(&lane.layout, session, number, kind, count);
+        let parts = [&mut header.layout_hash, &mut header.session, &mut header.number, &mut header.seed];
+        for (bit, part) in parts.into_iter().enumerate().filter(|(bit, _)| keep >> (bit + 1) & 1 == 1) {
+            *part = self.u64(if bit == 0 { 8 } else { 2 });
+        }
+        for (bit, part) in [&mut header.magic, &mut header.version, &mut header.kind].into_iter().enumerate()
+        {
+            if keep >> (bit + 5) & 1 == 1 {
+                *part = self.u64(4) as u32;
+            }
+        }
+        let right = match kind {
+            RequestKind::Step => step_bytes(count.min(64), SIZES.n_agents),
+            RequestKind::Reset { .. } => count.min(64) * 4,
+        };
+        let given = self.u64(1) as usize;
+        let len = if given == 0 { right } else { given };
+        let mut words = vec![0u32; len.div_ceil(4)];
+        for (i, word) in words.iter_mut().enumerate() {
+            // Mostly the environments in order and small actions, so that something is accepted too.
+            let byte = self.u64(1);
+            *word = if byte == 255 { self.u64(4) as u32 } else { byte as u32 };
+            if byte == 0 && i < count.min(actions_offset(count.min(64)) / 4) {
+                *word = i as u32;
+            }
+        }
+        (header, words, len)
+    }
+}
+
+impl Bench {
+    /// The next batch of this session and round.
+    fn batch(&self, lane: &Lane, round: u64) -> Frame {
+        loop {
+            let frame =
+                lane.frames.recv_timeout(Duration::from_secs(20)).expect("an honest learner is answered");
+            let ours = (frame.round.session, frame.round.request) == (self.session, round);
+            assert!(!ours || frame.content == Content::Batch, "{:?}", frame.rejection());
+            if ours {
+                return frame;
+            }
+        }
+    }
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let bench = &mut *bench().lock().unwrap();
+    let mut input = Input(bytes);
+    let index = input.u64(1) as usize % 2;
+    bench.session += 1;
+    bench.pool.set_session(index, Some(bench.session));
+    let lane = &bench.lanes[index];
+    for number in 1..=8 {
+        if input.0.is_empty() {
+            break;
+        }
+        let _ = lane.messages.send(input.message(lane, bench.session, number));
+        bench.bell.ring();
+    }
+    // A new learner comes: whatever is still in the queue is of a session that is over.
+    bench.session += 1;
+    bench.pool.set_session(index, Some(bench.session));
+    let lane = &bench.lanes[index];
+    let header = RequestHeader::new(
+        &lane.layout,
+        bench.session,
+        1,
+        RequestKind::Reset { seed: Some(2) },
+        lane.num_envs,
+    );
+    let ids: Vec<u32> = (0..lane.num_envs as u32).collect();
+    let _ = lane.messages.send((header, ids, lane.num_envs * 4));
+    bench.bell.ring();
+    let frame = bench.batch(lane, 1);
+    let ids = frame.field::<i32>(&lane.layout, Field::EnvId).expect("every lane has it");
+    let masks = frame.field::<u8>(&lane.layout, Field::AvailActions).expect("this one has");
+    let mut words = vec![0u32; step_bytes(ids.len(), SIZES.n_agents) / 4];
+    ids.iter().zip(&mut words).for_each(|(id, word)| *word = *id as u32);
+    for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[actions_offset(ids.len()) / 4..]) {
+        *word = mask.iter().position(|a| *a == 1).expect("some action is") as u32;
+    }
+    let header = RequestHeader::new(&lane.layout, bench.session, 2, RequestKind::Step, ids.len());
+    let len = words.len() * 4;
+    let _ = lane.messages.send((header, words, len));
+    bench.bell.ring();
+    bench.batch(lane, 1);
+    assert_eq!(bench.pool.failure(index), None);
+});

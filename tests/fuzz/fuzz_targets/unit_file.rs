@@ -1,0 +1,29 @@
+//! Any text as a unit file: it is refused with a reason, or such units can do battle, with each other and with others.
+#![no_main]
+
+#[path = "play.rs"]
+mod play;
+
+use libfuzzer_sys::{Corpus, fuzz_target};
+use smaclite_scenarios::Scenario;
+use smaclite_units::UnitType;
+
+fuzz_target!(|bytes: &[u8]| -> Corpus {
+    let Ok(text) = std::str::from_utf8(bytes) else { return Corpus::Reject };
+    match UnitType::from_json(text, "FUZZED", "fuzzed.json") {
+        Ok(unit) => {
+            // Near enough to meet in the first step: one side's stalkers against the other's zealots, one of them fuzzed.
+            let mut scenario = Scenario::standard("2s3z").expect("a standard scenario");
+            scenario.unit_types[0] = unit;
+            for (i, placement) in scenario.units.iter_mut().enumerate() {
+                placement.position = [14.0 + (i % 3) as f64, 15.0 + (i / 3) as f64];
+            }
+            play::a_while(&scenario);
+        }
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.contains("fuzzed.json") && !text.contains('\n'), "{text:?}");
+        }
+    }
+    Corpus::Keep
+});
