@@ -1,0 +1,232 @@
+//! How a request is accepted: entirely, with its environments busy and their actions copied, or not at all.
+
+use super::Lane;
+use crate::rejection::Rejection;
+use crate::seat::{Autoreset, Seat, Task};
+use crate::sync::{MutexGuard, lock};
+use crate::transport::{Inlet, Message, Request, RequestKind, Round, Transport};
+use smaclite_engine::IllegalAction;
+use std::sync::atomic::{AtomicI32, Ordering};
+
+/// One environment's share of an accepted request.
+#[derive(Clone, Copy)]
+pub(crate) struct Entry {
+    pub(crate) env: u32,
+    pub(super) task: Task,
+    pub(super) round: Round,
+    pub(super) ticket: u64,
+}
+
+/// The receiving side, held by the leading worker while it accepts requests and by the control side while it changes
+/// who the learner is.
+pub(super) struct Intake<I> {
+    inlet: I,
+    session: Option<u64>,
+    pub(super) round: Round,
+    was_reset: bool,
+    /// Number of the session's last request.
+    number: u64,
+    /// Counts requests, so that a busy seat tells whether this very request took it.
+    ticket: u64,
+    /// The entries of the request being accepted.
+    accepted: Vec<Entry>,
+}
+
+impl<I> Intake<I> {
+    pub(super) fn new(inlet: I) -> Self {
+        Intake {
+            inlet,
+            session: None,
+            round: Round::default(),
+            was_reset: false,
+            number: 0,
+            ticket: 0,
+            accepted: Vec::new(),
+        }
+    }
+
+    pub(super) fn set_session(&mut self, session: Option<u64>) {
+        self.session = session;
+        self.was_reset = false;
+        self.number = 0;
+        self.round = Round { session: session.unwrap_or(0), request: 0 };
+    }
+}
+
+/// A request on its way to acceptance.
+struct Checking<'a> {
+    request: Request<'a>,
+    round: &'a mut Round,
+    was_reset: bool,
+    ticket: u64,
+    accepted: &'a mut Vec<Entry>,
+}
+
+impl<T: Transport> Lane<T> {
+    /// Accepts the next request, if there is one, and gives its entries to `share_out`. `false` if there was none.
+    pub(crate) fn accept(&self, share_out: impl FnOnce(&[Entry])) -> bool {
+        let mut intake = lock(&self.intake);
+        let intake = &mut *intake;
+        let Some(message) = intake.inlet.receive() else { return false };
+        let request = match message.request() {
+            Ok(request) => request,
+            Err(rejection) => {
+                // Without a form it has no sender either; the learner's own client sends well-formed requests.
+                tracing::warn!(%rejection, "request ignored");
+                self.counters.rejected();
+                return true;
+            }
+        };
+        if Some(request.session) != intake.session {
+            tracing::debug!(session = request.session, "request of another session ignored");
+            self.counters.rejected();
+            return true;
+        }
+        intake.accepted.clear();
+        intake.ticket += 1;
+        let last = intake.number;
+        intake.number = last.max(request.number);
+        let Intake { was_reset, ticket, ref mut round, ref mut accepted, .. } = *intake;
+        let checked = in_order(last, request.number)
+            .and_then(|()| self.check(&mut Checking { request, round, was_reset, ticket, accepted }));
+        match checked {
+            Ok(()) => {
+                intake.was_reset = true;
+                self.counters.accepted(message.waited());
+                share_out(&intake.accepted);
+            }
+            Err(rejection) => {
+                self.give_up(&intake.accepted);
+                self.reject(request.number, &rejection);
+            }
+        }
+        true
+    }
+
+    /// Marks the request's environments busy and copies their actions, or says why not.
+    fn check(&self, checking: &mut Checking<'_>) -> Result<(), Rejection> {
+        if let Some(text) = self.failure() {
+            return Err(Rejection::LaneFailed { text: text.to_owned() });
+        }
+        match checking.request.kind {
+            RequestKind::Step => self.check_step(checking),
+            RequestKind::Reset { seed } => self.check_reset(checking, seed),
+        }
+    }
+
+    fn check_step(&self, checking: &mut Checking<'_>) -> Result<(), Rejection> {
+        let Request { env_ids, actions, .. } = checking.request;
+        if !checking.was_reset {
+            return Err(Rejection::NotReset);
+        }
+        if self.is_synchronous() && env_ids.len() != self.num_envs {
+            return Err(Rejection::IncompleteBatch { given: env_ids.len(), expected: self.num_envs });
+        }
+        for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
+            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            let mut seat = self.take_seat(env, Task::Step, checking)?;
+            let seat = &mut *seat;
+            seat.actions.iter_mut().zip(actions).for_each(|(own, sent)| *own = sent.load(Ordering::Relaxed));
+            if !seat.over {
+                seat.game.check(&seat.actions).map_err(|illegal| at_env(env, illegal))?;
+            } else if self.autoreset == Autoreset::Disabled {
+                return Err(Rejection::FinishedEnv { env });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_reset(&self, checking: &mut Checking<'_>, seed: Option<u64>) -> Result<(), Rejection> {
+        let env_ids = checking.request.env_ids;
+        let whole = env_ids.len() == self.num_envs;
+        if !checking.was_reset && !whole {
+            return Err(Rejection::NotReset);
+        }
+        // Every session begins with the lane's own seed, whatever an earlier learner did.
+        let seed = if checking.was_reset { seed } else { seed.or(Some(self.seed)) };
+        let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
+        if whole {
+            self.check_all_named(env_ids)?;
+            *checking.round = Round { request: checking.request.number, ..*checking.round };
+            self.begin_round(*checking.round);
+            return (0..self.num_envs)
+                .try_for_each(|env| self.take_seat(env, reset(env), checking).map(drop));
+        }
+        for id in env_ids {
+            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            drop(self.take_seat(env, reset(env), checking)?);
+        }
+        if self.is_synchronous() {
+            for env in 0..self.num_envs {
+                match self.take_seat(env, Task::Observe, checking) {
+                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // the reset ones have their slot already
+                    Err(busy) => return Err(busy),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused request would
+    /// have freed seats that are still at work.
+    fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
+        let mut named = vec![false; self.num_envs];
+        env_ids.iter().try_for_each(|id| {
+            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            if std::mem::replace(&mut named[env], true) {
+                Err(Rejection::DuplicateEnv { env })
+            } else {
+                Ok(())
+            }
+        })
+    }
+
+    /// Marks a seat busy, or says who took it.
+    fn take_seat(
+        &self,
+        env: usize,
+        task: Task,
+        checking: &mut Checking<'_>,
+    ) -> Result<MutexGuard<'_, Seat>, Rejection> {
+        let mut seat = lock(&self.seats[env]);
+        match seat.busy {
+            Some(ticket) if ticket == checking.ticket => Err(Rejection::DuplicateEnv { env }),
+            Some(_) => Err(Rejection::BusyEnv { env }),
+            None => {
+                seat.busy = Some(checking.ticket);
+                let (round, ticket) = (*checking.round, checking.ticket);
+                checking.accepted.push(Entry { env: env as u32, task, round, ticket });
+                Ok(seat)
+            }
+        }
+    }
+
+    fn env_of(&self, id: i32) -> Result<usize, Rejection> {
+        usize::try_from(id)
+            .ok()
+            .filter(|env| *env < self.num_envs)
+            .ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs: self.num_envs })
+    }
+
+    /// A refused request leaves no trace.
+    fn give_up(&self, accepted: &[Entry]) {
+        accepted.iter().for_each(|e| lock(&self.seats[e.env as usize]).busy = None);
+    }
+}
+
+/// Rounds are told apart by the number of the request that began them, so numbers must not come twice.
+fn in_order(last: u64, number: u64) -> Result<(), Rejection> {
+    if number > last {
+        return Ok(());
+    }
+    Err(Rejection::Malformed { what: format!("request number {number} came after number {last}") })
+}
+
+fn at_env(env: usize, illegal: IllegalAction) -> Rejection {
+    match illegal {
+        IllegalAction::Unavailable { agent, action, available } => {
+            Rejection::UnavailableAction { env, agent, action, available }
+        }
+        other => Rejection::Malformed { what: format!("environment {env}: {other}") },
+    }
+}
