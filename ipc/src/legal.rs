@@ -200,10 +200,7 @@ impl Legal {
         let words = &mut self.bits[env * self.n_agents * self.words..(env + 1) * self.n_agents * self.words];
         for (agent, bits) in mask.chunks_exact(self.n_actions).zip(words.chunks_exact_mut(self.words)) {
             for (bytes, word) in agent.chunks(64).zip(bits) {
-                *word = bytes
-                    .chunks(8)
-                    .enumerate()
-                    .fold(0, |word, (i, eight)| word | pack_eight(eight) << (8 * i));
+                *word = pack_word(bytes);
             }
         }
     }
@@ -241,11 +238,17 @@ fn some_chosen(given: usize) -> Result<(), Rejection> {
     }
 }
 
+/// Up to 64 mask bytes as bits.
+fn pack_word(bytes: &[u8]) -> u64 {
+    let (eights, rest) = bytes.as_chunks::<8>();
+    let last = rest.iter().rev().fold(0, |bits, byte| bits << 1 | u64::from(byte & 1));
+    let start = if rest.is_empty() { 0 } else { last << (8 * eights.len()) };
+    eights.iter().enumerate().fold(start, |word, (i, eight)| word | pack_eight(*eight) << (8 * i))
+}
+
 /// Eight mask bytes as eight bits: the multiplication gathers the low bit of every byte in the top byte.
-fn pack_eight(bytes: &[u8]) -> u64 {
-    let mut eight = [0u8; 8];
-    eight[..bytes.len()].copy_from_slice(bytes);
-    ((u64::from_le_bytes(eight) & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080)) >> 56
+fn pack_eight(bytes: [u8; 8]) -> u64 {
+    ((u64::from_le_bytes(bytes) & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080)) >> 56
 }
 
 #[cfg(test)]
@@ -253,9 +256,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eight_bytes_become_eight_bits() {
-        assert_eq!(pack_eight(&[1, 0, 1, 1, 0, 0, 0, 1]), 0b1000_1101);
-        assert_eq!(pack_eight(&[0, 1]), 0b10);
+    fn bytes_become_bits() {
+        assert_eq!(pack_word(&[1, 0, 1, 1, 0, 0, 0, 1]), 0b1000_1101);
+        assert_eq!(pack_word(&[0, 1]), 0b10);
+        assert_eq!(pack_word(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1]), 0b110_0000_0001);
+        assert_eq!(pack_word(&[1; 64]), u64::MAX);
     }
 
     #[test]
