@@ -14,6 +14,16 @@ pub(crate) type Floats = f32x4;
 /// How many lanes there are.
 pub(crate) const LANES: usize = 4;
 
+/// How many lanes one mask has bits for.
+pub(crate) const PART: usize = u64::BITS as usize;
+
+/// In which lanes of up to [`PART`] a comparison holds, lowest bit first.
+#[inline]
+pub(crate) fn mask<T>(fours: &[T], compare: impl Fn(&T) -> Floats) -> u64 {
+    let bits = |four| u64::from(compare(four).to_bitmask());
+    fours.iter().enumerate().fold(0, |mask, (i, four)| mask | bits(four) << (LANES * i))
+}
+
 /// Four vectors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Vectors {

@@ -6,7 +6,7 @@
 use glam::Vec2;
 
 use super::World;
-use crate::lanes::{Floats, LANES, Vectors};
+use crate::lanes::{Floats, LANES, PART, Vectors, mask};
 use crate::rules::Rules;
 use crate::units::{distance_squared, make_room};
 
@@ -53,15 +53,18 @@ impl Lookout {
         make_room(&mut self.is_hunted, n_units);
     }
 
-    /// The places among the living agents of those that may be within `radius` of a position. It may return more,
-    /// as it counts in f32, but leaves none out: rounding is far finer than its margin.
-    fn near(&self, position: Vec2, radius: f64) -> impl Iterator<Item = usize> {
+    /// Visits the places among the living agents of those that may be within `radius` of a position, in ascending
+    /// order. There may be more, as it counts in f32, but none is left out: rounding is far finer than its margin.
+    fn near(&self, position: Vec2, radius: f64, mut visit: impl FnMut(usize)) {
         let bound = Floats::splat((radius * radius * 1.0001) as f32);
         let position = Vectors::splat(position);
-        self.agents.iter().enumerate().flat_map(move |(i, &four)| {
-            let near = (four - position).length_squared().simd_le(bound).to_bitmask();
-            (0..LANES).filter(move |lane| near >> lane & 1 == 1).map(move |lane| i * LANES + lane)
-        })
+        for (part, fours) in self.agents.chunks(PART / LANES).enumerate() {
+            let mut near = mask(fours, |four| (*four - position).length_squared().simd_le(bound));
+            while near != 0 {
+                visit(part * PART + near.trailing_zeros() as usize);
+                near &= near - 1;
+            }
+        }
     }
 }
 
@@ -104,29 +107,33 @@ impl Candidate {
 /// from beyond the search radius.
 fn best_opponent(world: &World, id: u32, retaliate: bool) -> Option<Candidate> {
     let (agents, lookout) = (&world.living.allies, &world.plan.lookout);
+    let (position, radius) = (world.units.pos[id as usize], world.arena.kind(id).search_radius);
     let mut best: Option<Candidate> = None;
+    // What an opponent's squared distance must be below, if the best so far is no healer.
+    let mut bound = f64::INFINITY;
     let mut consider = |other: u32| {
-        if let Some(candidate) = candidate(world, id, other, retaliate)
-            && best.as_ref().is_none_or(|best| candidate.beats(best))
-        {
+        let squared = distance_squared(position, world.units.pos[other as usize]);
+        if squared >= bound && !world.arena.kind(other).is_healer {
+            return; // as most are
+        }
+        let Some(candidate) = candidate(world, id, other, squared, retaliate) else { return };
+        if best.as_ref().is_none_or(|best| candidate.beats(best)) {
+            bound = if candidate.is_healer { bound } else { squared };
             best = Some(candidate);
         }
     };
     if lookout.is_hunted[id as usize] {
         agents.iter().for_each(|&other| consider(other));
     } else {
-        let searcher = world.arena.kind(id);
-        let near = lookout.near(world.units.pos[id as usize], searcher.search_radius);
-        near.for_each(|place| consider(agents[place]));
+        lookout.near(position, radius, |place| consider(agents[place]));
     }
     best
 }
 
 /// The opponent as a candidate, if it qualifies.
-fn candidate(world: &World, id: u32, other: u32, retaliate: bool) -> Option<Candidate> {
+fn candidate(world: &World, id: u32, other: u32, squared: f64, retaliate: bool) -> Option<Candidate> {
     let (searcher, kind) = (world.arena.kind(id), world.arena.kind(other));
     let after_me = world.units.target[other as usize] == Some(id);
-    let squared = distance_squared(world.units.pos[id as usize], world.units.pos[other as usize]);
     let found = squared <= searcher.search_radius * searcher.search_radius;
     if !(found || retaliate && after_me) || !world.arena.can_attack(id, other) {
         return None;

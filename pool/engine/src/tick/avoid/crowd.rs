@@ -4,7 +4,7 @@ use glam::Vec2;
 
 use super::found::Found;
 use super::tree::Tree;
-use crate::lanes::{Floats, LANES, Vectors};
+use crate::lanes::{Floats, LANES, PART, Vectors, mask};
 use crate::units::make_room;
 
 /// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
@@ -104,19 +104,18 @@ impl Crowd {
     pub fn find(&mut self, place: usize, range_squared: f32, found: &mut Found) {
         found.clear();
         let position = self.members[place].position();
-        for (i, &four) in self.positions.iter().enumerate() {
-            let distances = (Vectors::splat(position) - four).length_squared();
-            let mut near = distances.simd_lt(Floats::splat(range_squared)).to_bitmask();
+        let (centre, range) = (Vectors::splat(position), Floats::splat(range_squared));
+        for (part, fours) in self.positions.chunks(PART / LANES).enumerate() {
+            let mut near = mask(fours, |four| (centre - *four).length_squared().simd_lt(range));
             while near != 0 {
-                let lane = near.trailing_zeros() as usize;
+                let other = part * PART + near.trailing_zeros() as usize;
                 near &= near - 1;
-                let other = LANES * i + lane;
                 if other != place {
-                    found.push(distances.as_array()[lane], other);
+                    let distance_squared = (position - self.members[other].position()).length_squared();
+                    found.insert(distance_squared, other);
                 }
             }
         }
-        found.sort();
         if self.members.len() > Tree::LEAF_SIZE && found.has_equals() {
             self.find_by_tree(place, range_squared, found);
         }
@@ -133,11 +132,10 @@ impl Crowd {
         met.clear();
         tree.find(members[place].position(), range_squared, |distance_squared, other| {
             if other as usize != place {
-                found.push(distance_squared, met.len());
+                found.insert(distance_squared, met.len());
                 met.push(other);
             }
         });
-        found.sort();
         found.replace(met);
     }
 }

@@ -20,16 +20,19 @@ impl Found {
         self.keys.clear();
     }
 
-    pub fn push(&mut self, distance_squared: f32, place: usize) {
-        self.keys.push(u64::from(distance_squared.to_bits()) << 32 | place as u64);
+    /// Puts a find where it belongs, the nearest being first. There are seldom more than two or three.
+    pub fn insert(&mut self, distance_squared: f32, place: usize) {
+        let key = u64::from(distance_squared.to_bits()) << 32 | place as u64;
+        let mut at = self.keys.len();
+        self.keys.push(key);
+        while at > 0 && self.keys[at - 1] > key {
+            self.keys[at] = self.keys[at - 1];
+            at -= 1;
+        }
+        self.keys[at] = key;
     }
 
-    /// Sorts what was found, nearest first.
-    pub fn sort(&mut self) {
-        self.keys.sort_unstable();
-    }
-
-    /// Whether two have equal distances; asked once they are sorted.
+    /// Whether two have equal distances.
     pub fn has_equals(&self) -> bool {
         self.keys.windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
     }
@@ -55,9 +58,8 @@ mod tests {
     fn equals_keep_their_order() {
         let mut found = Found::default();
         for (place, distance_squared) in [0.5, 0.0, 0.5, 1e-40, 0.25, 0.5].into_iter().enumerate() {
-            found.push(distance_squared, place);
+            found.insert(distance_squared, place);
         }
-        found.sort();
         assert_eq!(found.places().collect::<Vec<_>>(), [1, 3, 4, 0, 2, 5]);
         assert!(found.has_equals());
         found.replace(&[9, 8, 3, 7, 1, 5]);

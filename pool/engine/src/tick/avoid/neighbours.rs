@@ -62,6 +62,9 @@ fn least_change(offset: Vectors, relative: Vectors, reach: Floats, apart: Floats
     let per_tick = Floats::splat(TICKS_PER_SECOND as f32);
     let from_centre = Vectors::either(apart, from_tip, relative - offset * per_tick);
     let disc = off_the_disc(from_centre, apart.select(reach, reach * per_tick));
+    if !apart.any() {
+        return disc; // as ever where all units are of one size: they do not look farther than they touch
+    }
     let leg = off_the_leg(offset, relative, from_tip, reach);
     let chosen = !apart | faces_disc;
     Escape {

@@ -27,11 +27,10 @@ fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut Foun
         if left_of(edge.start, edge.end, mover.position) < 0.0 {
             let distance_squared = distance_squared(edge, mover.position);
             if distance_squared < range {
-                found.push(distance_squared, place);
+                found.insert(distance_squared, place);
             }
         }
     }
-    found.sort();
 }
 
 fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
