@@ -322,10 +322,23 @@ def test_the_example_of_the_documentation_runs(module: str) -> None:
     assert "close()" in code and done.returncode == 0, done.stderr
 
 
-def test_a_name_that_imports_the_module() -> None:
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import smaclite_pool, sys; assert 'gymnasium' not in sys.modules; import gymnasium",
+        "import gymnasium, smaclite_pool",
+        "import smaclite_pool.gymnasium, gymnasium",
+        "import gymnasium; gymnasium.make('smaclite_pool:smaclite_pool/2s3z-v0').close()",
+        "import gymnasium; gymnasium.make('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0').close()",
+    ],
+)
+def test_ids_are_known_in_whatever_order_modules_are_imported(imports: str) -> None:
     done = run_script(
-        "import gymnasium\n"
-        "gymnasium.make('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0').close()\n"
-        "gymnasium.make_vec('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0', num_envs=2).close()\n"
+        f"import warnings; warnings.simplefilter('error'); {imports}\n"
+        "gymnasium.make('smaclite_pool/2s3z-v0').close()\n"
+        "gymnasium.make_vec('smaclite_pool/2s3z-v0', num_envs=2).close()\n"
+        "import smaclite_pool.gymnasium, sys\n"
+        "smaclite_pool.gymnasium.register()\n"
+        "assert not [finder for finder in sys.meta_path if 'smaclite' in type(finder).__module__]\n"
     )
     assert done.returncode == 0, done.stderr

@@ -72,6 +72,7 @@ STOPPED = """
 import os, signal, sys
 from pathlib import Path
 import smaclite_pool as sp
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background of a script
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
 os.kill(envs.pid, signal.SIGSTOP)

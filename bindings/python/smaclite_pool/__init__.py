@@ -16,6 +16,7 @@ learner. A batch has M slots, one environment each.
 """
 
 from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status
+from ._registration import register_when_imported
 from .errors import (
     Busy,
     Closed,
@@ -63,3 +64,5 @@ __all__ = [
     "scenarios",
     "status",
 ]
+
+register_when_imported()

@@ -46,7 +46,8 @@ class Battle:
     """A pool of one environment, which waits for its reset when the battle is over."""
 
     def __init__(self, scenario: str | PathLike[str], settings: Mapping[str, Any]) -> None:
-        self.envs = make(scenario, 1, autoreset="disabled", **{"threads": 1, **settings})
+        # Frameworks run many of these on one machine: who spins takes time from the others.
+        self.envs = make(scenario, 1, autoreset="disabled", **{"threads": 1, "wait": "block", **settings})
         self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
         self.is_on = False
 

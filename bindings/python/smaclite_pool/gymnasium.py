@@ -1,7 +1,7 @@
 """Gymnasium's face: many battles as a `VectorEnv`, one as an `Env` (extra `gymnasium`).
 
     import gymnasium
-    import smaclite_pool.gymnasium  # registers smaclite_pool/<scenario>-v0 and smaclite_pool/custom-v0
+    import smaclite_pool  # Gymnasium knows smaclite_pool/<scenario>-v0 and smaclite_pool/custom-v0 from here on
 
     envs = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=64)
     observations, infos = envs.reset(seed=1)
@@ -11,7 +11,7 @@
     envs.close()
 
 Scenarios of one's own: `gymnasium.make_vec("smaclite_pool/custom-v0", num_envs=64, map_file="my_map.json")`. Where a
-name is all one can give, "smaclite_pool.gymnasium:smaclite_pool/2s3z-v0" imports this module first.
+name is all one can give, "smaclite_pool:smaclite_pool/2s3z-v0" imports the package first.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from ._draw import draw
 from ._layout import ScenarioLayout
-from ._native import Batch, Envs, make, scenarios
+from ._native import Batch, Envs, make
+from ._registration import register
 from ._smac_units import Field, Unit
 from ._sights import SIGHTS
 from ._spaces import (
@@ -351,14 +352,3 @@ def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
 def _seed_or_random(seed: int | None) -> int:
     # From the global generator, as the published environment does it, so that numpy.random.seed decides.
     return int(np.random.randint(2**31 - 1)) if seed is None else seed
-
-
-def register() -> None:
-    """Make Gymnasium know smaclite_pool/<scenario>-v0 and smaclite_pool/custom-v0; importing this module does it."""
-    one, many = f"{__name__}:BattleEnv", f"{__name__}:make_vector"
-    battles: dict[str, dict[str, str]] = {name: {"scenario": name} for name in scenarios()}
-    for name, kwargs in {**battles, "custom": {}}.items():
-        gymnasium.register(f"smaclite_pool/{name}-v0", entry_point=one, vector_entry_point=many, kwargs=kwargs)
-
-
-register()

@@ -179,6 +179,7 @@ class MultiAgentEnv(Queries):
             1,
             seed=self._seed,
             threads=1,
+            wait="block",  # many battles a machine, each with a learner: who spins takes time from the others
             autoreset="disabled",
             episode_limit=episode_limit,
             rules=rules,
