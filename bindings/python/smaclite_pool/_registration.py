@@ -16,7 +16,7 @@ FACE = "smaclite_pool.gymnasium"
 
 
 def register() -> None:
-    """Make Gymnasium know smaclite_pool/<scenario>-v0 and smaclite_pool/custom-v0; a second time does nothing."""
+    """Make Gymnasium know `smaclite_pool/<scenario>-v0` and `smaclite_pool/custom-v0`; a second time does nothing."""
     registry = importlib.import_module(REGISTRY)
     battles: dict[str, dict[str, str]] = {name: {"scenario": name} for name in scenarios()}
     for name, kwargs in {**battles, "custom": {}}.items():
@@ -35,7 +35,7 @@ def register_when_imported() -> None:
 
 
 class Watch:
-    """Sits on the path of imports until Gymnasium's registry comes by, and registers after it. It finds nothing itself."""
+    """Sees imports go by until Gymnasium's registry does, and registers after it."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None

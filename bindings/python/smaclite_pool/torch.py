@@ -1,6 +1,7 @@
 """PyTorch over a batch's shared memory: nothing is copied, and nothing can be spoilt by accident (extra `torch`).
 
     import smaclite_pool as sp
+    import torch
     from smaclite_pool.torch import tensors
 
     with sp.make("2s3z", num_envs=8) as envs:

@@ -125,7 +125,7 @@ def limit_from_environment() -> int | None:
 
 
 def register() -> None:
-    """Make Gymnasium know smaclite/<scenario>-v0 and smaclite/custom-v0; importing the stand-in does it."""
+    """Make Gymnasium know `smaclite/<scenario>-v0` and `smaclite/custom-v0`; importing the stand-in does it."""
     for name in scenarios():
         gymnasium.register(f"smaclite/{name}-v0", entry_point="smaclite.env:SMACliteEnv", kwargs={"scenario": name})
     gymnasium.register("smaclite/custom-v0", entry_point="smaclite.env:SMACliteEnv")
