@@ -2,12 +2,13 @@
 
     python bindings/examples/epymarl_speed.py EPYMARL/src --map MMM2 --envs 10 --runs 7
 
-For each runner: medians over runs of batches of episodes, with QMIX's controller, untrained, acting by chance; steps per
-second of the clock, and per second of processor time of all its processes together. The runners take turns, but other
-work on the machine hits them unequally: measure on an idle one.
+For each runner: medians over runs of batches of episodes, with QMIX's controller, untrained, acting by chance; steps
+per second of the clock, and per second of processor time of all its processes together. The runners take turns, but
+other work on the machine hits them unequally: measure on an idle one.
 
 `parallel (smaclite)` is EPyMARL's own runner over the drop-in for the published package, `parallel (smac)` its own over
-the SMAC face, `pool` is our `PoolRunner`.
+the SMAC face, `pool` is our `PoolRunner`. With `--published cpp`, where the published package is installed, EPyMARL's
+own runner over that one is measured instead (`numpy`: without its RVO2 in C++, as EPyMARL's configuration has it).
 """
 
 from __future__ import annotations
@@ -77,20 +78,24 @@ def main() -> None:
     parser.add_argument("--map", default="MMM2")
     parser.add_argument("--envs", type=int, default=10)
     parser.add_argument("--runs", type=int, default=7)
+    parser.add_argument("--published", choices=["cpp", "numpy"], help="measure the published smaclite alone")
     options = parser.parse_args()
     torch.set_num_threads(1)  # as EPyMARL's main.py does
     sys.path.insert(0, str(options.src))
-    drop_in.install()
-    smac.install()
+    if not options.published:
+        drop_in.install()
+        smac.install()
     parallel = importlib.import_module("runners.parallel_runner").ParallelRunner
-    limit = sp.scenario(options.map)["episode_limit"]
+    limit = {"time_limit": sp.scenario(options.map)["episode_limit"]}
     logger = SimpleNamespace(log_stat=lambda *_: None)
     runners: dict[str, Any] = {}
-    for name, runner, env, env_args in [
-        ("parallel (smaclite)", parallel, "smaclite", {"time_limit": limit}),
+    published = ("parallel (published)", parallel, "smaclite", {**limit, "use_cpp_rvo2": options.published == "cpp"})
+    ours = [
+        ("parallel (smaclite)", parallel, "smaclite", limit),
         ("parallel (smac)", parallel, "sc2", {}),
-        ("pool", PoolRunner, "smaclite", {"time_limit": limit}),
-    ]:
+        ("pool", PoolRunner, "smaclite", limit),
+    ]
+    for name, runner, env, env_args in [published] if options.published else ours:
         args = arguments(options.src, options.map, options.envs, env, env_args)
         runners[name] = runner(args, logger)
         set_up(runners[name], args)

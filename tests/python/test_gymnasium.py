@@ -143,6 +143,8 @@ def compare_final(infos: dict[str, Any], expected: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_record_episode_statistics_agrees(mode: AutoresetMode) -> None:
+    if mode is AutoresetMode.SAME_STEP and tuple(map(int, gymnasium.__version__.split(".")[:2])) < (1, 4):
+        pytest.skip("this wrapper forgets the first step after a same-step reset before Gymnasium 1.4")
     made = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=4, autoreset_mode=mode.value)
     envs: Any = RecordEpisodeStatistics(made)
     envs.action_space.seed(3)

@@ -22,7 +22,7 @@ class LegalActions(spaces.Tuple):  # type: ignore[type-arg] # not generic at run
         super().__init__([spaces.Discrete(size) for size in sizes])
         self._envs = envs
 
-    def seed(self, seed: int | Sequence[int] | None = None) -> tuple[int, ...]:
+    def seed(self, seed: int | Sequence[int] | None = None) -> Any:  # Gymnasium's versions differ
         """Seed the space and the sampler of legal actions."""
         if isinstance(seed, int):
             self._envs.seed_sampler(seed)
@@ -47,7 +47,8 @@ class LegalActionsBatch(spaces.Box):
     """Joint actions of all environments, [num_envs, n_agents]; `sample()` draws legal ones."""
 
     def __init__(self, envs: Envs, every: spaces.Box) -> None:
-        super().__init__(every.low, every.high, dtype=every.dtype.type)
+        dtype: Any = every.dtype  # whose type differs with Gymnasium's versions
+        super().__init__(every.low, every.high, dtype=dtype.type)
         self._envs = envs
 
     def seed(self, seed: int | None = None) -> int | Any:

@@ -4,7 +4,11 @@ Register it in EPyMARL's `src/runners/__init__.py` with one line, and choose it 
 
     from smaclite_pool.epymarl import PoolRunner; REGISTRY["pool"] = PoolRunner
 
-    python src/main.py --config=qmix --env-config=smaclite with env_args.map_name=MMM2 runner=pool batch_size_run=10
+    python -m smaclite_pool.drop_in src/main.py --config=qmix --env-config=smaclite with \\
+        env_args.map_name=MMM2 env_args.time_limit=180 runner=pool batch_size_run=10
+
+EPyMARL imports `smaclite` whatever it runs, hence the stand-in; where the published package is installed,
+`python src/main.py ...` does. Its configuration ends episodes after 150 steps unless `time_limit` says otherwise.
 
 What it does is what EPyMARL's parallel runner does with `batch_size_run` environments of the seeds `seed`, `seed + 1`
 and so on: the same episodes for the same actions, the same batches, the same log. Observations go from shared memory

@@ -12,6 +12,9 @@
 
 Scenarios of one's own: `gymnasium.make_vec("smaclite_pool/custom-v0", num_envs=64, map_file="my_map.json")`. Where a
 name is all one can give, "smaclite_pool:smaclite_pool/2s3z-v0" imports the package first.
+
+`RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 forgets the first step after a
+same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper.
 """
 
 from __future__ import annotations

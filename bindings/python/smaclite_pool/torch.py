@@ -14,7 +14,7 @@
 The tensors lie in memory that is mapped read-only, which torch does not know: a write through an ordinary tensor would
 end the process by SIGSEGV. So they are `ReadOnly`: a write raises, what is computed from them is an ordinary tensor,
 and a view of one is one. `.plain` gives the ordinary tensor over the same memory, for `torch.compile` or to save the
-guard's few microseconds a call; it is on you not to write to it.
+guard's few microseconds a call; it is on you not to write to it, nor through `data_ptr()` or `untyped_storage()`.
 
 A tensor keeps its frame, as an array does: a lane lets a learner hold `frames_held` batches at once, so `clone()` what
 must stay longer. `tensor.to("cuda")` copies; `pinned` makes that copy asynchronous.
