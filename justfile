@@ -6,6 +6,8 @@ python := venv / "bin/python"
 # The interpreter that lints of the extension module look at.
 export PYO3_PYTHON := python
 
+memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite --errors-for-leak-kinds=definite --fair-sched=yes"
+
 # List the commands
 _list:
     @{{ just_executable() }} --list --unsorted --justfile {{ justfile() }}
@@ -59,6 +61,24 @@ torture minutes seed:
 # Every interleaving of the hand-off between threads, by loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --release -p smaclite-pool --target-dir target/loom hand_off
+
+# Fuzz everything that reads what others wrote, so many seconds for each target (installs cargo-fuzz; stable Rust will do)
+fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
+    @command -v cargo-fuzz >/dev/null || RUSTC_BOOTSTRAP=0 cargo install --locked cargo-fuzz
+    for target in scenario_file unit_file request frame; do \
+        mkdir -p tests/fuzz/corpus/$target || exit; \
+        cargo fuzz run --fuzz-dir tests/fuzz --release --debug-assertions $target \
+            tests/fuzz/corpus/$target tests/fuzz/seeds/$target -- \
+            -max_total_time={{ seconds }} -dict=tests/fuzz/json.dict -verbosity=0 -print_final_stats=1 || exit; \
+    done
+
+# Engine, layout and pool under valgrind: memory that is read uninitialised, out of bounds, or lost
+valgrind $CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=memcheck:
+    cargo test --release -p smaclite-engine -p smaclite-pool
+
+# The unsafe code of the pool by Miri's rules (needs `rustup toolchain install nightly --component miri`)
+miri:
+    cargo +nightly miri test --target-dir target/miri -p smaclite-pool --lib
 
 # Everything in release mode, with the program in target/release/smaclite-pool
 build:

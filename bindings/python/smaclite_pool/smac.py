@@ -15,7 +15,11 @@ Code that imports SMAC itself stays as it is when it is run by
 
     python -m smaclite_pool.smac src/main.py --config=qmix --env-config=sc2 with env_args.map_name=MMM2
 
-or needs one line before its first import of SMAC: `import smaclite_pool.smac; smaclite_pool.smac.install()`.
+or needs one line before its first import of SMAC: `import smaclite_pool.smac; smaclite_pool.smac.install()`. EPyMARL
+imports `smaclite` too, whatever it runs; the stand-in for that one goes in front:
+
+    PYTHONPATH=$(python -m smaclite_pool.drop_in) python -m smaclite_pool.smac src/main.py --config=qmix \\
+        --env-config=sc2 with env_args.map_name=MMM2
 
 One environment is a pool of its own; arrays that come from it are the caller's. For many at once use a batch:
 `smaclite_pool.make`, or `smaclite_pool.epymarl` for EPyMARL and PyMARL.
