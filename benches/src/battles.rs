@@ -22,35 +22,38 @@ fn steps_per_s(args: &str) -> Result<f64, Box<dyn Error>> {
 }
 
 /// Runs the measurements in turn, `rounds` times, and returns the medians of their steps/s.
-fn in_turn<const N: usize>(rounds: usize, args: [&str; N]) -> Result<[f64; N], Box<dyn Error>> {
-    let mut runs = [const { Vec::new() }; N];
+fn in_turn(rounds: usize, args: &[String]) -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut runs = vec![Vec::new(); args.len()];
     for _ in 0..rounds {
         for (run, args) in runs.iter_mut().zip(args) {
             run.push(steps_per_s(args)?);
         }
     }
-    Ok(runs.map(median))
+    Ok(runs.into_iter().map(median).collect())
 }
 
-pub(crate) fn efficiency(rounds: usize) -> Result<(), Box<dyn Error>> {
-    println!("64 environments of 3s5z, median of {rounds} rounds");
-    for policy in ["nearest", "random"] {
-        let common = format!("3s5z --seconds 1 --policy {policy}");
-        let [engine, one, two, one_away, two_away] = in_turn(
-            rounds,
-            [
-                &format!("{common} --mode engine"),
-                &format!("{common} --mode embedded --threads 1"),
-                &format!("{common} --mode embedded --threads 2"),
-                &format!("{common} --mode attached --threads 1"),
-                &format!("{common} --mode attached --threads 2"),
-            ],
-        )?;
-        println!("{policy}: one bare engine {engine:.0} steps/s");
-        println!("  embedded, 1 thread   {one:8.0} steps/s, efficiency {:.2}", one / engine);
-        println!("  embedded, 2 threads  {two:8.0} steps/s, efficiency {:.2}", two / engine / 2.0);
-        println!("  attached, 1 thread   {one_away:8.0} steps/s, {:.2} x embedded", one_away / one);
-        println!("  attached, 2 threads  {two_away:8.0} steps/s, {:.2} x embedded", two_away / two);
+/// Pools of 1, 2, 4, ... threads, as many as there are cores, beside one bare engine.
+pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<dyn Error>> {
+    let cores = std::thread::available_parallelism()?.get();
+    let threads: Vec<usize> = (0..).map(|i| 1 << i).take_while(|threads| *threads <= cores).collect();
+    println!("64 environments, median of {rounds} rounds, {cores} cores");
+    for scenario in scenarios {
+        for policy in ["nearest", "random"] {
+            let run = |mode: &str| format!("{scenario} --seconds 1 --policy {policy} --mode {mode}");
+            let mut args = vec![run("engine")];
+            for mode in ["embedded", "attached"] {
+                args.extend(threads.iter().map(|threads| format!("{} --threads {threads}", run(mode))));
+            }
+            let steps = in_turn(rounds, &args)?;
+            let (embedded, attached) = steps[1..].split_at(threads.len());
+            println!("{scenario}, {policy}: one bare engine {:.0} steps/s", steps[0]);
+            for (i, n) in threads.iter().enumerate() {
+                let efficiency = embedded[i] / steps[0] / *n as f64;
+                let ratio = attached[i] / embedded[i];
+                println!("  {n} threads: embedded {:8.0} steps/s, efficiency {efficiency:.2}", embedded[i]);
+                println!("  {n} threads: attached {:8.0} steps/s, {ratio:.2} x embedded", attached[i]);
+            }
+        }
     }
     Ok(())
 }
@@ -59,13 +62,15 @@ pub(crate) fn asynchronous(rounds: usize) -> Result<(), Box<dyn Error>> {
     println!("64 environments, 2 threads, random actions sampled by the learner, median of {rounds} rounds");
     for scenario in ["MMM2", "2c_vs_64zg"] {
         let common = format!("{scenario} --seconds 2 --threads 2 --mode embedded");
-        let [sync, half, quarter] = in_turn(
-            rounds,
-            [&common, &format!("{common} --batch-size 32"), &format!("{common} --batch-size 16")],
-        )?;
-        println!("{scenario}: synchronous {sync:.0} steps/s");
-        println!("  asynchronous in batches of 32: {half:.0} steps/s, {:.2} x", half / sync);
-        println!("  asynchronous in batches of 16: {quarter:.0} steps/s, {:.2} x", quarter / sync);
+        let batches = [64, 32, 16];
+        let steps = in_turn(rounds, &batches.map(|m| format!("{common} --batch-size {m}")))?;
+        println!("{scenario}: synchronous {:.0} steps/s", steps[0]);
+        for (m, steps_per_s) in batches.iter().zip(&steps).skip(1) {
+            println!(
+                "  asynchronous in batches of {m}: {steps_per_s:.0} steps/s, {:.2} x",
+                steps_per_s / steps[0]
+            );
+        }
     }
     Ok(())
 }

@@ -28,7 +28,11 @@ enum Command {
     /// A lane whose environments cost nothing, across two processes, beside a bare iceoryx2 ping-pong
     Transport,
     /// Steps/s of a pool over threads times steps/s of one bare engine
-    Efficiency,
+    Efficiency {
+        /// Names or files of scenarios
+        #[arg(default_value = "3s5z")]
+        scenarios: Vec<String>,
+    },
     /// Asynchronous beside synchronous stepping, where steps cost unevenly
     Asynchronous,
     /// 64 to 10,000 environments in one lane
@@ -65,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cli = Cli::parse();
     match cli.command {
         Command::Transport => transport::figures(cli.rounds),
-        Command::Efficiency => battles::efficiency(cli.rounds),
+        Command::Efficiency { scenarios } => battles::efficiency(cli.rounds, &scenarios),
         Command::Asynchronous => battles::asynchronous(cli.rounds),
         Command::Many => battles::many(cli.rounds),
         Command::Engine { plays, seconds } => engine::times(&plays, seconds),
