@@ -11,6 +11,10 @@
 A pool in a process of its own is served by `smaclite-pool serve 2s3z:64 --name train` and attached to by
 `sp.connect("train")`: the same methods, the same bits.
 
+Code written for a framework goes on as it is, by a module each: `gymnasium` (its ids, `smaclite_pool/2s3z-v0` and so
+on, need only this import), `drop_in` (for `import smaclite`), `smac`, `epymarl`, `on_policy`, `pettingzoo`, `torchrl`,
+`rllib`, `envpool`, `torch`, `jax` and `ray`. `help("smaclite_pool.smac")` and its like begin with an example.
+
 Words: an agent is a learner's slot, a unit any body. A step is one decision. A lane is a set of environments with one
 learner. A batch has M slots, one environment each.
 """
