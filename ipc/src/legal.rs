@@ -8,6 +8,7 @@ use smaclite_engine::policy::pick;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{Autoreset, Rejection};
+use std::hint::black_box;
 
 /// What the client knows of a lane's environments.
 pub(crate) struct Legal {
@@ -185,6 +186,7 @@ impl Legal {
         let truncated = layout.view::<u8>(frame, Field::Truncated).expect("every lane has truncated");
         let masks = layout.view::<u8>(frame, Field::AvailActions);
         let row = self.n_agents * self.n_actions;
+        masks.into_iter().for_each(fetch);
         for (slot, id) in ids.iter().enumerate() {
             let Some(env) = usize::try_from(*id).ok().filter(|env| *env < self.envs.len()) else { continue };
             let ended = terminated[slot] | truncated[slot] != 0;
@@ -227,6 +229,13 @@ fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
         left if left < 64 => (1 << left) - 1,
         _ => u64::MAX,
     })
+}
+
+/// Reads from every cache line. Another core wrote them last, and this way they come over side by side rather than each
+/// when its turn comes.
+fn fetch(bytes: &[u8]) {
+    const LINE: usize = 64;
+    black_box(bytes.iter().step_by(LINE).fold(0, |sum, byte| sum ^ byte));
 }
 
 /// A request to no environment would never be answered.

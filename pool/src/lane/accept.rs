@@ -6,6 +6,7 @@ use crate::seat::{Autoreset, Seat, Task};
 use crate::sync::{MutexGuard, lock};
 use crate::transport::{Inlet, Message, Request, RequestKind, Round, Transport};
 use smaclite_engine::IllegalAction;
+use std::hint::black_box;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// One environment's share of an accepted request.
@@ -122,6 +123,8 @@ impl<T: Transport> Lane<T> {
         if self.is_synchronous() && env_ids.len() != self.num_envs {
             return Err(Rejection::IncompleteBatch { given: env_ids.len(), expected: self.num_envs });
         }
+        fetch(env_ids);
+        fetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
             let mut seat = self.take_seat(env, Task::Step, checking)?;
@@ -212,6 +215,13 @@ impl<T: Transport> Lane<T> {
     fn give_up(&self, accepted: &[Entry]) {
         accepted.iter().for_each(|e| lock(&self.seats[e.env as usize]).busy = None);
     }
+}
+
+/// Reads from every cache line. Another core wrote them last, and this way they come over side by side rather than each
+/// when its turn comes.
+fn fetch(integers: &[AtomicI32]) {
+    const LINE: usize = 64 / size_of::<i32>();
+    black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));
 }
 
 /// Rounds are told apart by the number of the request that began them, so numbers must not come twice.
