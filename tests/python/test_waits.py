@@ -42,13 +42,13 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    with sp.make("bane_vs_bane", 4000, threads=1, fields=[], frames_held=2, wait=wait) as envs:  # type: ignore[arg-type]
+    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], frames_held=2, wait=wait) as envs:  # type: ignore[arg-type]
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
             with pytest.raises(Alarm):
-                signal.setitimer(signal.ITIMER_REAL, 0.05)
-                envs.step(np.ones((4000, envs.n_agents), np.int32))
+                signal.setitimer(signal.ITIMER_REAL, 0.01)
+                envs.step(np.ones((40_000, envs.n_agents), np.int32))
         finally:
             signal.signal(signal.SIGALRM, before)
         assert envs.recv(timeout=100).sequence == 2, "it was still under way"
