@@ -31,7 +31,7 @@ test-rust *args:
 test-python *args: install
     {{ python }} -m pytest tests/python {{ args }}
 
-# Python tests of a framework's face with the framework itself, in an environment of its own (`just test-face torch`)
+# Python tests with a framework that needs an environment of its own (`just test-face torch`; also jax, ray, rllib, torchrl)
 test-face name *args:
     python3 -m venv .venv/faces/{{ name }}
     .venv/faces/{{ name }}/bin/pip install '.[test,{{ name }}]'
@@ -49,7 +49,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-ipc --bin smaclite-pool -- bench {{ args }}
 
-# Figures of the pool beside their baselines, for benches/README.md (transport, efficiency, asynchronous, many)
+# Figures of the pool beside their baselines, for benches/README.md (transport, efficiency, asynchronous, many, engine, instructions)
 figures *args:
     cargo build --release --quiet -p smaclite-ipc
     cargo run --release --quiet -p smaclite-benches -- {{ args }}

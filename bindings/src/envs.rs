@@ -143,7 +143,8 @@ impl Envs {
         Batch::new(py, batch)
     }
 
-    /// Send actions, integers [K, n_agents], to environments `env_id`, integers [K], or to all in order. Returns at once.
+    /// Send actions, integers [K, n_agents], to environments `env_id`, integers [K], or to all in order. Returns at once,
+    /// but for a supervisor that has stopped reading: that is a PoolError after 5 seconds, and nothing was sent.
     ///
     /// C-contiguous int32 is read in place; other integers and lists are converted. Raises IllegalAction, naming
     /// environment, agent, action and what was available, and InvalidRequest; then nothing was stepped.

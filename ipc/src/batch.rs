@@ -20,7 +20,7 @@ pub struct Batch {
 }
 
 // SAFETY: a `FrameSample` is not `Sync` only because of its reference count, which is touched when it is dropped, and
-// that takes the batch by value. Everything a shared batch does is reading the payload and header, which are mapped
+// that takes the batch by value. The port is only held, and let go of with the batch. Everything a shared batch does is reading the payload and header, which are mapped
 // read-only and not written again before the sample is given back.
 unsafe impl Sync for Batch {}
 

@@ -58,6 +58,10 @@ pub enum ClientError {
     WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
     #[error("nothing came within {0:?}")]
     Timeout(Duration),
+    #[error(
+        "the pool took no request for {time:?}: its supervisor is stopped or has no time; nothing was sent, try again"
+    )]
+    NotAccepted { time: Duration },
     #[error("the wait was interrupted")]
     Interrupted,
     #[error("the supervisor of pool `{pool}` is gone; start it again and connect anew")]
@@ -71,7 +75,9 @@ pub enum ClientError {
         "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first"
     )]
     NothingToReceive { outstanding: usize, batch_size: usize },
-    #[error("frames {first} to {last} were lost: this process did not read them in time")]
+    #[error(
+        "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
+    )]
     FramesLost { first: u64, last: u64 },
     #[error("this client belongs to process {owner}; after a fork each process connects by itself")]
     Forked { owner: u32 },
@@ -182,7 +188,8 @@ impl Client {
         parts.send(RequestKind::Reset { seed }, env_ids, &[])
     }
 
-    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns at once.
+    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns at once, but
+    /// for a supervisor that has stopped reading: after seconds that is [`ClientError::NotAccepted`].
     pub fn send(&mut self, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
         let parts = self.parts()?;
         let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
@@ -319,7 +326,7 @@ impl Parts {
                 return Err(self.pool_died());
             }
             if begin.elapsed() > ACCEPT_TIME {
-                return Err(ClientError::Timeout(ACCEPT_TIME));
+                return Err(ClientError::NotAccepted { time: ACCEPT_TIME });
             }
             std::thread::sleep(Duration::from_micros(50));
         }

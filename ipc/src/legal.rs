@@ -145,6 +145,9 @@ impl Legal {
             return Err(Rejection::NotReset);
         }
         some_chosen(ids.len())?;
+        if self.all_are_named(ids) {
+            return self.take_reset(number, None);
+        }
         let taken = ids.iter().try_for_each(|id| {
             let env = self.env_of(*id)?;
             self.take_env(number, env)
@@ -161,6 +164,14 @@ impl Legal {
             self.outstanding += ids.len();
         }
         Ok(())
+    }
+
+    fn all_are_named(&self, ids: &[i32]) -> bool {
+        let mut named = vec![false; self.envs.len()];
+        ids.len() == named.len()
+            && ids
+                .iter()
+                .all(|id| self.env_of(*id).is_ok_and(|env| !std::mem::replace(&mut named[env], true)))
     }
 
     /// The request was refused as a whole: its environments are free again.
@@ -231,7 +242,7 @@ fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
     })
 }
 
-/// Reads from every cache line. Another core wrote them last, and this way they come over side by side rather than each
+/// Reads from every cache line (but for the last, where bytes do not begin on one). Another core wrote them last, and this way they come over side by side rather than each
 /// when its turn comes.
 fn fetch(bytes: &[u8]) {
     const LINE: usize = 64;
@@ -263,6 +274,8 @@ fn pack_eight(bytes: [u8; 8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_engine::Sizes;
+    use smaclite_pool::fields::FieldSet;
 
     #[test]
     fn bytes_become_bits() {
@@ -277,5 +290,18 @@ mod tests {
         assert_eq!(every_action(3).collect::<Vec<_>>(), [0b111]);
         assert_eq!(every_action(64).collect::<Vec<_>>(), [u64::MAX]);
         assert_eq!(every_action(66).collect::<Vec<_>>(), [u64::MAX, 0b11]);
+    }
+
+    /// Naming them all one by one was once refused while results were under way, where naming none was not.
+    #[test]
+    fn a_reset_of_all_drops_what_is_under_way_however_they_are_named() {
+        let sizes = Sizes { n_agents: 1, n_enemies: 1, n_units: 2, n_actions: 7, obs_size: 1, state_size: 1 };
+        let layout = Layout::new(sizes, 2, FieldSet::ALL);
+        let mut legal = Legal::new(&layout, 3, Autoreset::NextStep);
+        legal.take_reset(1, None).unwrap();
+        assert!(matches!(legal.take_reset(2, Some(&[0, 1])), Err(Rejection::BusyEnv { env: 0 })));
+        assert!(legal.take_reset(3, Some(&[0, 1, 1])).is_err());
+        legal.take_reset(4, Some(&[2, 0, 1])).unwrap();
+        assert_eq!(legal.outstanding(), 3);
     }
 }

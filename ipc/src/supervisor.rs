@@ -333,7 +333,7 @@ fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
 }
 
 /// The right to a pool's name, for as long as this process lives. Takes the pool's files along when it goes.
-struct NameLock {
+pub(crate) struct NameLock {
     _file: File,
     files: [PathBuf; 2],
     owner: u32,
@@ -341,16 +341,24 @@ struct NameLock {
 
 impl NameLock {
     fn take(place: &Place, name: &str) -> Result<NameLock, StartError> {
+        let lock = NameLock::try_take(place, name).map_err(system("opening the pool's lock"))?;
+        lock.ok_or_else(|| {
+            let pid = crate::status(place, name).ok().map(|status| status.pid);
+            StartError::NameTaken { pool: name.to_owned(), pid }
+        })
+    }
+
+    /// `None` if another process has it.
+    pub(crate) fn try_take(place: &Place, name: &str) -> std::io::Result<Option<NameLock>> {
         let path = place.lock(name);
         loop {
-            let file = lock_file(&path).map_err(system("opening the pool's lock"))?;
+            let file = lock_file(&path)?;
             if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-                let pid = crate::status(place, name).ok().map(|status| status.pid);
-                return Err(StartError::NameTaken { pool: name.to_owned(), pid });
+                return Ok(None);
             }
             if is_file_at(&file, &path) {
                 let files = [place.socket(name), path];
-                return Ok(NameLock { _file: file, files, owner: std::process::id() });
+                return Ok(Some(NameLock { _file: file, files, owner: std::process::id() }));
             }
         }
     }

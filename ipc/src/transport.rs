@@ -66,7 +66,9 @@ pub(crate) struct FrameOutlet {
     pub(crate) sequence: u64,
 }
 
-impl Outlet for FrameOutlet {
+// SAFETY: a loan is a chunk of the publisher's data segment, which stays mapped for as long as the loan lives; nobody else has
+// its address before it is sent.
+unsafe impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
     /// The memory suffices by calculation, but when learners are killed one after the other theirs comes back only with

@@ -1,7 +1,7 @@
 //! What lies in shared memory: the headers of frames and requests, and how a request's payload is laid out.
 //! Everything a peer wrote is checked here before anyone else sees it.
 
-#![allow(unsafe_code)] // `request_payload` says why; the derive of `ZeroCopySend` asserts plain data
+#![allow(unsafe_code)] // `as_atomics` says why; the derive of `ZeroCopySend` asserts plain data
 
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_pool::Rejection;
@@ -196,7 +196,8 @@ pub fn read_request<'a>(
 fn as_atomics(bytes: &[u8]) -> &[AtomicI32] {
     // SAFETY: every bit pattern is an `i32`, `AtomicI32` has its size and alignment, and `align_to` gives only the part
     // that is aligned (all of it, `read_request` checked). Loads are all that is done with it, so that the mapping may
-    // be read-only.
+    // be read-only. The slice is iceoryx2's view of memory that its sender can still write to; nothing but these loads
+    // reads the values in it.
     let (before, integers, after) = unsafe { bytes.align_to::<AtomicI32>() };
     debug_assert!(before.is_empty() && after.is_empty());
     integers

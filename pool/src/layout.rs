@@ -5,7 +5,7 @@
 use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
 use smaclite_engine::Sizes;
 
-/// Counts up when the frame header, the action header or the meaning of a field changes.
+/// Counts up when the frame header, `RequestHeader` or the meaning of a field changes.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.

@@ -1,8 +1,8 @@
 //! Writing a frame from several threads: the memory of a loaned frame, split into slots that one thread each writes.
-//! The only `unsafe` of this crate lives here.
+//! The `unsafe` of this crate lives here and in its one caller, `lane`.
 
 use crate::fields::Field;
-use crate::layout::{Element, Layout};
+use crate::layout::{BLOCK_ALIGN, Element, Layout};
 use std::ptr::NonNull;
 
 /// The payload of a frame that workers are filling. Whoever made it keeps the memory alive and hands each slot
@@ -18,9 +18,12 @@ pub struct FrameMemory {
 unsafe impl Send for FrameMemory {}
 
 impl FrameMemory {
-    /// The memory behind `payload`, at least [`Layout::bytes`] long and aligned to
-    /// [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
+    /// The memory behind `payload`.
+    ///
+    /// # Panics
+    /// If it is not aligned to [`BLOCK_ALIGN`].
     pub fn new(payload: &mut [u8]) -> FrameMemory {
+        assert!(payload.as_ptr().addr().is_multiple_of(BLOCK_ALIGN));
         FrameMemory { base: NonNull::from(&mut *payload).cast(), len: payload.len() }
     }
 
@@ -57,8 +60,8 @@ impl Slot<'_> {
         let start = self.layout.offset(field)? + self.index * len * size_of::<T>();
         // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and the layout
         // places `slots` rows of `len` elements from the field's offset on, so the row is in bounds. The base is aligned
-        // to 64, the offset a multiple of 64 and the row of `size_of::<T>()`, so it is aligned. Shared memory is zeroed
-        // by the kernel and only ever written with plain bytes, so it is initialised, and `Element`s allow any bits.
+        // to 64, the offset a multiple of 64 and the row of `size_of::<T>()`, so it is aligned. It came as
+        // bytes of a slice, so it is initialised, and `Element`s allow any bits.
         // Rows of different slots and fields do not overlap (tested), and the caller of `slot` gave us this one alone.
         Some(unsafe { std::slice::from_raw_parts_mut(self.base.as_ptr().add(start).cast::<T>(), len) })
     }

@@ -62,7 +62,12 @@ pub enum RequestKind {
 }
 
 /// The sending end of a lane.
-pub trait Outlet: Send + 'static {
+///
+/// # Safety
+/// What [`payload`](Outlet::payload) gives stays alive, at its address, and untouched by anyone else until its loan is
+/// published or dropped: several threads write to it meanwhile.
+#[allow(unsafe_code)] // a promise, no code
+pub unsafe trait Outlet: Send + 'static {
     /// The memory of a frame being filled, aligned to [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
     type Loan: Send;
     /// A frame to fill; the error says why there is none.

@@ -19,6 +19,10 @@ PACKAGE = ROOT / "bindings/python/smaclite_pool"
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
+FRAMEWORKS = {"gymnasium", "pettingzoo", "torch", "torchrl", "tensordict", "jax", "ray"}
+COMMAND = r"(python|pip|smaclite-pool|PYTHONPATH=)"
+
+
 def fenced(text: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
@@ -30,7 +34,8 @@ def indented(docstring: str) -> Iterator[str]:
         try:
             tree = ast.parse(code)
         except SyntaxError:
-            continue  # a command line
+            assert re.match(COMMAND, code.strip()), code
+            continue
         names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         names |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
         if any((name or "").startswith("smaclite_pool") for name in names) and "REGISTRY" not in code:
@@ -74,7 +79,7 @@ def test_example(source: Path, code: str, folder: Path) -> None:
             pool.terminate()
             pool.wait(timeout=10)
     missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", done.stderr)
-    if missing and not missing[1].startswith("smaclite"):
+    if missing and missing[1] in FRAMEWORKS:
         pytest.skip(f"{missing[1]} is not installed")
     assert done.returncode == 0, f"{source}:\n{code}\n{done.stderr}"
 

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import smaclite_pool as sp
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -18,12 +17,10 @@ def check(*command: str) -> None:
 
 
 def test_mypy_strict() -> None:
-    pytest.importorskip("mypy")
     check("mypy")
 
 
 def test_the_stub_matches_the_module() -> None:
-    pytest.importorskip("mypy")
     check("mypy.stubtest", "smaclite_pool._native")
 
 

@@ -20,7 +20,7 @@ impl Check {
         let mut wrong = 0;
         for file in &self.files {
             match describe(file) {
-                Ok(summary) => println!("{}: {summary}", file.display()),
+                Ok(summary) => out!("{}: {summary}", file.display())?,
                 Err(error) => {
                     eprintln!("{error}");
                     wrong += 1;

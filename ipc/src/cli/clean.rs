@@ -2,10 +2,8 @@
 
 use super::{Outcome, place};
 use crate::services::enter;
+use crate::supervisor::NameLock;
 use clap::Args;
-use rustix::fs::{FlockOperation, flock};
-use std::fs::File;
-use std::path::Path;
 
 #[derive(Args)]
 pub(super) struct Clean {
@@ -19,24 +17,18 @@ impl Clean {
         let place = place()?;
         let before = place.left_overs().len();
         for name in place.pool_names() {
-            if lock_is_free(&place.lock(&name)) {
-                let _ = std::fs::remove_file(place.socket(&name));
-                let _ = std::fs::remove_file(place.lock(&name));
-            }
+            // Whoever holds the lock takes the files away when it lets go; a running pool keeps it.
+            drop(NameLock::try_take(&place, &name)?);
         }
         // Entering and leaving has iceoryx2 look for dead nodes, and removes the rest if nobody else is there.
         drop(enter(&place, "clean")?);
         let after = place.left_overs().len();
         let removed = before.saturating_sub(after);
         if self.json {
-            println!("{}", serde_json::json!({ "removed_files": removed, "files_in_use": after }));
+            out!("{}", serde_json::json!({ "removed_files": removed, "files_in_use": after }))?;
         } else {
-            println!("removed {removed} files; {after} belong to running pools and learners");
+            out!("removed {removed} files; {after} belong to running pools and learners")?;
         }
         Ok(())
     }
-}
-
-fn lock_is_free(path: &Path) -> bool {
-    File::open(path).map_or(true, |file| flock(&file, FlockOperation::NonBlockingLockShared).is_ok())
 }

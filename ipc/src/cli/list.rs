@@ -26,11 +26,10 @@ impl List {
     pub(super) fn run(self) -> Outcome {
         let pools = living_pools(&place()?)?;
         if self.json {
-            pools.iter().try_for_each(|pool| serde_json::to_string(pool).map(|line| println!("{line}")))?;
-            return Ok(());
+            return pools.iter().try_for_each(|pool| Ok(out!("{}", serde_json::to_string(pool)?)?));
         }
         if pools.is_empty() {
-            println!("no pool runs here");
+            out!("no pool runs here")?;
             return Ok(());
         }
         let mut rows = vec![heading(["pool", "process", "lane", "environments", "learner", "steps/s"])];
@@ -56,17 +55,17 @@ impl Status {
     pub(super) fn run(self) -> Outcome {
         let pool = status(&place()?, &self.name)?;
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&pool)?);
+            out!("{}", serde_json::to_string_pretty(&pool)?)?;
             return Ok(());
         }
-        println!(
+        out!(
             "pool `{}`: process {}, up {:.0} s, worker threads: {}, {} of shared memory",
             pool.pool,
             pool.pid,
             pool.uptime_s,
             pool.threads,
             megabytes(pool.shared_memory)
-        );
+        )?;
         let mut rows = vec![heading([
             "lane",
             "environments",
@@ -82,7 +81,7 @@ impl Status {
         print_table(&rows)?;
         for lane in &pool.lanes {
             if let Some(failure) = &lane.failure {
-                println!("lane `{}` failed: {failure}", lane.description.lane);
+                out!("lane `{}` failed: {failure}", lane.description.lane)?;
             }
         }
         Ok(())

@@ -1,5 +1,13 @@
 //! The `smaclite-pool` program: one file a command. Also reached from Python as `python -m smaclite_pool`.
 
+/// Prints a line; an error if nobody reads it any more, where `println!` would panic.
+macro_rules! out {
+    ($($part:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout(), $($part)*)
+    }};
+}
+
 mod bench;
 mod check;
 mod clean;
@@ -45,7 +53,7 @@ enum Command {
 }
 
 /// Runs the program with `args` (the first is the program's name) and returns its exit status: 0 done, 1 failed, 2 wrong
-/// usage, 130 interrupted.
+/// usage.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,

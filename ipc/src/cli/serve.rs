@@ -80,7 +80,7 @@ impl Serve {
         let supervisor = Supervisor::start(self.config(place()?)?)?;
         print_start(&supervisor);
         signals.forever().next();
-        println!("stopping");
+        let _ = out!("stopping");
         Ok(())
     }
 
@@ -131,7 +131,8 @@ impl Serve {
 fn print_start(supervisor: &Supervisor) {
     let threads = supervisor.threads();
     let plural = if threads == 1 { "" } else { "s" };
-    println!(
+    // A pool goes on whether or not somebody reads this.
+    let _ = out!(
         "pool `{}` (process {}): {threads} worker thread{plural}, {} of shared memory",
         supervisor.name(),
         std::process::id(),
@@ -143,7 +144,7 @@ fn print_start(supervisor: &Supervisor) {
         } else {
             format!("asynchronous in batches of {}", lane.batch_size)
         };
-        println!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.num_envs, lane.scenario);
+        let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.num_envs, lane.scenario);
     }
-    println!("attach with smaclite_pool.connect({:?}); Ctrl-C stops it", supervisor.name());
+    let _ = out!("attach with smaclite_pool.connect({:?}); Ctrl-C stops it", supervisor.name());
 }

@@ -90,10 +90,13 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
                 host.release(connections.swap_remove(index));
             }
         }
-        if ready.listener
-            && let Ok((stream, _)) = listener.accept()
-        {
-            connections.extend(Connection::new(stream).filter(|_| connections.len() < MAX_CONNECTIONS));
+        if ready.listener {
+            match listener.accept() {
+                Ok((stream, _)) => connections
+                    .extend(Connection::new(stream).filter(|_| connections.len() < MAX_CONNECTIONS)),
+                // Out of file descriptors, it would be ready again at once.
+                Err(_) => std::thread::sleep(Duration::from_millis(10)),
+            }
         }
         if last_look.elapsed() >= LOOK_AROUND {
             last_look = Instant::now();

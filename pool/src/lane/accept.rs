@@ -217,7 +217,7 @@ impl<T: Transport> Lane<T> {
     }
 }
 
-/// Reads from every cache line. Another core wrote them last, and this way they come over side by side rather than each
+/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote them last, and this way they come over side by side rather than each
 /// when its turn comes.
 fn fetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();

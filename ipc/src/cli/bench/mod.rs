@@ -133,7 +133,7 @@ impl Bench {
             let task = Task { scenario, word, policy, mode, envs, batch_size, options, time };
             let row = task.measure()?;
             if self.json {
-                println!("{}", serde_json::to_string(&row)?);
+                out!("{}", serde_json::to_string(&row)?)?;
             } else {
                 eprintln!("{}: {:.0} steps/s", row.scenario, row.steps_per_s);
                 rows.push(row.cells());

@@ -33,7 +33,7 @@ pub(super) fn print(json: bool) -> Outcome {
                 "paper": { "smac": smac, "smaclite": smaclite, "smaclite_plus": plus },
                 "rss_bytes": resident_bytes(std::process::id()),
             });
-            println!("{row}");
+            out!("{row}")?;
         }
         let paper = [smac, smaclite, plus].map(|seconds| format!("{seconds:.3}"));
         let mut row = vec![name.to_owned()];
@@ -42,13 +42,11 @@ pub(super) fn print(json: bool) -> Outcome {
         rows.push(row);
     }
     if !json {
-        println!("Average seconds per timestep, random legal agents, {EPISODES} episodes each, one thread.");
-        println!("The paper's columns were measured on an AMD Ryzen 3700X, `here` on this machine.\n");
+        out!("Average seconds per timestep, random legal agents, {EPISODES} episodes each, one thread.")?;
+        out!("The paper's columns were measured on an AMD Ryzen 3700X, `here` on this machine.\n")?;
         print_table(&rows)?;
         let resident = megabytes(resident_bytes(std::process::id()) as usize);
-        println!(
-            "\nresident memory: {resident} here; about 600 MB (SMAC) and 100 MB (SMAClite) in the paper"
-        );
+        out!("\nresident memory: {resident} here; about 600 MB (SMAC) and 100 MB (SMAClite) in the paper")?;
     }
     Ok(())
 }
