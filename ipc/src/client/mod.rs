@@ -1,15 +1,19 @@
 //! A learner's end of a lane: attach, reset, send, receive. The same for a supervisor in another process and for one
 //! in this process.
 
+mod error;
+
+pub use error::{ClientError, ConnectError};
+
 use crate::batch::Batch;
-use crate::control::client::{ControlClient, ControlError};
+use crate::control::client::ControlClient;
 use crate::control::protocol::{Answer, Ask, LaneDescription, PROTOCOL_VERSION, Refusal};
 use crate::legal::Legal;
-use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
-use crate::place::{Place, PlaceError};
+use crate::memory::{PORTS, check_room, reserve_segments};
+use crate::place::Place;
 use crate::services::{
-    FramePort, FrameSample, Guest, IpcError, IpcListener, IpcNotifier, LaneServices, RequestPublisher,
-    WorkEvent, doing, enter,
+    FramePort, FrameSample, Guest, IpcListener, IpcNotifier, LaneServices, RequestPublisher, WorkEvent,
+    doing, enter,
 };
 use crate::wire::{Content, RequestHeader, actions_offset, frames_lost, read_frame, step_bytes};
 use iceoryx2::port::ReceiveError;
@@ -25,65 +29,6 @@ const LOOK_AROUND: Duration = Duration::from_millis(100);
 
 /// Workers take requests between two runs of environments; a supervisor that does not is stopped.
 const ACCEPT_TIME: Duration = Duration::from_secs(5);
-
-/// Why a client could not attach.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-#[allow(missing_docs)] // the inner errors say it
-pub enum ConnectError {
-    Place(#[from] PlaceError),
-    Control(#[from] ControlError),
-    #[error("{0}")]
-    Refused(#[from] Refusal),
-    Memory(#[from] TooLittleMemory),
-    Ipc(#[from] IpcError),
-    #[error(
-        "frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})"
-    )]
-    #[allow(missing_docs)]
-    Layout {
-        lane: String,
-        theirs: u64,
-        ours: u64,
-    },
-}
-
-/// Why a client could not reset, send or receive.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
-pub enum ClientError {
-    #[error("{0}")]
-    Rejected(#[from] Rejection),
-    #[error("{given} actions were given; {envs} environments of {n_agents} agents take {expected}")]
-    WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
-    #[error("nothing came within {0:?}")]
-    Timeout(Duration),
-    #[error(
-        "the pool took no request for {time:?}: its supervisor is stopped or has no time; nothing was sent, try again"
-    )]
-    NotAccepted { time: Duration },
-    #[error("the wait was interrupted")]
-    Interrupted,
-    #[error("the supervisor of pool `{pool}` is gone; start it again and connect anew")]
-    PoolDied { pool: String },
-    #[error(
-        "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
-         stay, or start the lane with more (frames_held)"
-    )]
-    TooManyHeld { limit: usize },
-    #[error(
-        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first"
-    )]
-    NothingToReceive { outstanding: usize, batch_size: usize },
-    #[error(
-        "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
-    )]
-    FramesLost { first: u64, last: u64 },
-    #[error("this client belongs to process {owner}; after a fork each process connects by itself")]
-    Forked { owner: u32 },
-    #[error(transparent)]
-    Ipc(#[from] IpcError),
-}
 
 /// How to wait for a batch.
 pub struct Patience<'a> {

@@ -1,0 +1,67 @@
+//! Why a learner could not attach, reset, send or receive.
+
+use crate::control::client::ControlError;
+use crate::control::protocol::Refusal;
+use crate::memory::TooLittleMemory;
+use crate::place::PlaceError;
+use crate::services::IpcError;
+use smaclite_pool::Rejection;
+use std::time::Duration;
+
+/// Why a client could not attach.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[allow(missing_docs)] // the inner errors say it
+pub enum ConnectError {
+    Place(#[from] PlaceError),
+    Control(#[from] ControlError),
+    #[error("{0}")]
+    Refused(#[from] Refusal),
+    Memory(#[from] TooLittleMemory),
+    Ipc(#[from] IpcError),
+    #[error(
+        "frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})"
+    )]
+    Layout {
+        lane: String,
+        theirs: u64,
+        ours: u64,
+    },
+}
+
+/// Why a client could not reset, send or receive.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum ClientError {
+    #[error("{0}")]
+    Rejected(#[from] Rejection),
+    #[error("{given} actions were given; {envs} environments of {n_agents} agents take {expected}")]
+    WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
+    #[error("nothing came within {0:?}")]
+    Timeout(Duration),
+    #[error(
+        "the pool took no request for {time:?}: its supervisor is stopped or has no time; nothing was sent, try again"
+    )]
+    NotAccepted { time: Duration },
+    #[error("the wait was interrupted")]
+    Interrupted,
+    #[error("the supervisor of pool `{pool}` is gone; start it again and connect anew")]
+    PoolDied { pool: String },
+    #[error(
+        "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
+         stay, or start the lane with more (frames_held)"
+    )]
+    TooManyHeld { limit: usize },
+    #[error(
+        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first"
+    )]
+    NothingToReceive { outstanding: usize, batch_size: usize },
+    #[error(
+        "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
+    )]
+    FramesLost { first: u64, last: u64 },
+    #[error("this client belongs to process {owner}; after a fork each process connects by itself")]
+    Forked { owner: u32 },
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+}
