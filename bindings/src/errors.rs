@@ -41,9 +41,10 @@ pub fn of_client(error: ClientError) -> PyErr {
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyFramesHeld::new_err(text),
         ClientError::Forked { .. } => class::Forked::new_err(text),
-        ClientError::Interrupted | ClientError::FramesLost { .. } | ClientError::Ipc(_) => {
-            class::PoolError::new_err(text)
-        }
+        ClientError::NotAccepted { .. }
+        | ClientError::Interrupted
+        | ClientError::FramesLost { .. }
+        | ClientError::Ipc(_) => class::PoolError::new_err(text),
     }
 }
 
