@@ -20,7 +20,7 @@ PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
 FRAMEWORKS = {"gymnasium", "pettingzoo", "torch", "torchrl", "tensordict", "jax", "ray"}
-COMMAND = r"(python|pip|smaclite-pool|PYTHONPATH=)"
+COMMAND = r"^(python|pip|smaclite-pool|PYTHONPATH=)"
 
 
 def fenced(text: str, language: str) -> list[str]:
@@ -34,7 +34,7 @@ def indented(docstring: str) -> Iterator[str]:
         try:
             tree = ast.parse(code)
         except SyntaxError:
-            assert re.match(COMMAND, code.strip()), code
+            assert re.search(COMMAND, code, re.MULTILINE), code
             continue
         names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         names |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
