@@ -79,15 +79,24 @@ fn no_environment_starves_in_asynchronous_mode() {
             PoolPlan::new([LanePlan { batch_size: 4, oddity, ..LanePlan::new("MMM", 16) }]).threads(threads);
         let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
         let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
-        play(&mut player, &plan.lanes[0], 300).expect("frames as in the undisturbed run");
-        let steps: Vec<_> = (0..16).map(|env| player.replay().steps(env)).collect();
-        println!("{threads} threads, {oddity:?}: steps of 16 environments in 300 batches of 4: {steps:?}");
-        // Environments stay with their worker (a half each, with two), so a slow one slows down those that share it.
-        // Nobody is passed over: within a worker, and without slow ones among all, they share alike.
-        let shared = if matches!(oddity, Oddity::None) { 16 } else { 8 };
-        for sharing in steps.chunks(shared) {
+        // Environments stay with their worker (a half each, with two). How the cores are shared between workers is the
+        // kernel's affair, so what is promised is this: every environment goes on, and within a worker nobody is
+        // passed over, however slow a neighbour is.
+        player.reset(Some(3), SOON).expect("a reset");
+        let mut batches = 0;
+        let mut steps = Vec::new();
+        while steps.iter().min() < Some(&50) {
+            player.step(SOON).expect("a frame as in the undisturbed run");
+            batches += 1;
+            steps = (0..16).map(|env| player.replay().steps(env)).collect();
+            assert!(batches < 100_000, "some environments starve: {steps:?}");
+        }
+        println!(
+            "{threads} threads, {oddity:?}: steps of 16 environments in {batches} batches of 4: {steps:?}"
+        );
+        for sharing in steps.chunks(16 / threads) {
             let (least, most) = (sharing.iter().min().unwrap_or(&0), sharing.iter().max().unwrap_or(&0));
-            assert!(*least > 0 && least * 2 >= *most, "some environments starve: {steps:?}");
+            assert!(least * 3 >= *most * 2, "some environments are passed over: {steps:?}");
         }
     }
 }
