@@ -1,5 +1,6 @@
 //! A short torture run with every test run; `just torture MINUTES SEED` is the long one.
 
+use smaclite_tests::pools::process::SOON;
 use smaclite_tests::pools::{role, torture};
 use std::time::Duration;
 
@@ -12,7 +13,7 @@ fn role() {
 
 #[test]
 fn ten_seconds_of_torture() {
-    match torture::run(Duration::from_secs(10), 1) {
+    match torture::run(Duration::from_secs(10), 1, SOON) {
         Ok(summary) => println!("{summary}"),
         Err(broken) => panic!("{broken}"),
     }

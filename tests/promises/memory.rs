@@ -38,7 +38,7 @@ fn too_little_memory_is_found_at_the_start() {
     for kilobytes in sizes {
         let room = Room::new();
         let Some(mut child) = with_small_memory(&room, kilobytes, &role) else { return };
-        match child.answer(SOON * 4) {
+        match child.answer(SOON * 2) {
             Err(error) => {
                 println!("{kilobytes} kB: {error}");
                 assert_says(&error, &["/dev/shm", "bytes", "--shm-size"]);
@@ -63,7 +63,7 @@ fn memory_that_others_take_later_harms_only_who_comes_later() {
     let role = format!("supervisor {}", serde_json::to_string(&plan).expect("plain data"));
     let room = Room::new();
     let Some(supervisor) = with_small_memory(&room, 8 << 10, &role) else { return };
-    assert_eq!(supervisor.answer(SOON * 4).as_deref(), Ok("ok"));
+    assert_eq!(supervisor.answer(SOON * 2).as_deref(), Ok("ok"));
     let inside = |script: &str| {
         let mut command = Command::new("nsenter");
         command.args(["-m", "-t", &supervisor.pid().to_string(), "sh", "-c", script]);

@@ -40,7 +40,7 @@ fn nobody_notices_spectators_that_stop_or_die() {
     for round in 0..8 {
         let spectator = |how: &str| {
             let child = Child::start(&room, "spectator", how);
-            assert_eq!(child.answer(SOON * 4).as_deref(), Ok("connected"));
+            assert_eq!(child.answer(SOON * 2).as_deref(), Ok("connected"));
             child
         };
         let mut one = spectator("2s3z");

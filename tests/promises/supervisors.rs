@@ -65,7 +65,7 @@ fn a_restart_meets_learners_of_the_dead_and_leaves_nothing_of_it() {
     let mut new = Child::supervisor(&room, &plan);
     let mut second = Child::supervisor_refused(&room, &plan);
     assert_says(
-        &second.answer(SOON * 4).expect_err("the name is taken"),
+        &second.answer(SOON * 2).expect_err("the name is taken"),
         &["`train`", &new.pid().to_string()],
     );
     second.end();
@@ -119,7 +119,7 @@ fn sigterm_ends_a_pool_and_leaves_nothing_behind() {
     let arguments = "smaclite-pool serve 2s3z:8 --name train --seed 7 --episode-limit 30 --threads 2";
     let mut program = Child::start(&room, "program", arguments);
     let mut learner = Child::learner(&room, &plan.lanes[0]);
-    let serves = eventually_within(SOON * 4, || learner.ask("connect train").is_ok());
+    let serves = eventually_within(SOON * 2, || learner.ask("connect train").is_ok());
     assert!(serves, "the program does not serve");
     learner.must("reset");
     learner.must("hold 2");
@@ -144,6 +144,6 @@ fn clean_takes_away_what_the_killed_left() {
     learner.kill();
     assert!(!room.files().is_empty(), "they had no chance to clean up");
     let mut clean = Child::start(&room, "program", "smaclite-pool clean");
-    assert_eq!(clean.wait(SOON * 4).and_then(|status| status.code()), Some(0));
+    assert_eq!(clean.wait(SOON * 2).and_then(|status| status.code()), Some(0));
     room.assert_empty();
 }

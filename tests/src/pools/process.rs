@@ -1,6 +1,6 @@
 //! Children: this program again, with a role, told what to do by lines on its standard input.
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, waitid};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -12,8 +12,9 @@ pub const ROLE_VARIABLE: &str = "SMACLITE_TEST_ROLE";
 /// What begins the lines of a child that are answers; a test harness prints others.
 pub const ANSWER: &str = "@ ";
 
-/// What is promised within a second must come within this on a busy machine.
-pub const SOON: Duration = Duration::from_secs(5);
+/// What is promised within a second must come within this, be the machine ever so busy. Nothing waits so long for what
+/// should not come.
+pub const SOON: Duration = Duration::from_secs(15);
 
 /// A child process; killed when it is dropped.
 pub struct Child {
@@ -42,7 +43,7 @@ impl Child {
     /// If it does not start.
     pub fn supervisor(room: &super::Room, plan: &super::PoolPlan) -> Child {
         let child = Child::start(room, "supervisor", &serde_json::to_string(plan).expect("plain data"));
-        let answer = child.answer(SOON * 4);
+        let answer = child.answer(SOON * 2);
         assert_eq!(answer.as_deref(), Ok("ok"), "the supervisor did not start");
         child
     }
@@ -131,7 +132,7 @@ impl Child {
     /// As [`answer`](Child::answer).
     pub fn ask(&mut self, line: &str) -> Result<String, String> {
         self.tell(line);
-        self.answer(SOON * 4)
+        self.answer(SOON * 2)
     }
 
     /// Tells it something that must succeed.
@@ -142,13 +143,17 @@ impl Child {
         self.ask(line).unwrap_or_else(|error| panic!("{} of the {}: {error}", line, self.role))
     }
 
-    /// Sends a signal.
+    /// Sends a signal; one to stop has taken effect in every thread when this returns.
     ///
     /// # Panics
     /// If the system refuses.
     pub fn signal(&self, signal: Signal) {
         let pid = Pid::from_raw(self.process.id() as i32).expect("a process number");
         kill_process(pid, signal).expect("a signal to an own child");
+        if signal == Signal::STOP {
+            let stopped_or_gone = WaitIdOptions::STOPPED | WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
+            waitid(WaitId::Pid(pid), stopped_or_gone).expect("the state of an own child");
+        }
     }
 
     /// Ends it with SIGKILL and takes its status from the system.
@@ -160,7 +165,7 @@ impl Child {
     /// Closes its input and waits for its end; kills it if it does not come.
     pub fn end(&mut self) -> Option<ExitStatus> {
         self.input.take();
-        self.wait(SOON * 4)
+        self.wait(SOON * 2)
     }
 
     /// Waits for its end.

@@ -1,6 +1,6 @@
 //! The processes of a torture run: who plays what, who is disturbed how, and who has been silent for too long.
 
-use super::{HANG, Summary};
+use super::Summary;
 use crate::pools::dice::Dice;
 use crate::pools::process::SOON;
 use crate::pools::{Child, PoolPlan, Room};
@@ -34,6 +34,8 @@ pub(super) struct Cast<'a> {
     hosts: [Host; 2],
     actors: Vec<Actor>,
     started: u64,
+    /// Longer silence than this is a hang.
+    hang: Duration,
 }
 
 /// How long everybody is left in peace at least.
@@ -44,9 +46,9 @@ const STEADY: usize = 0;
 const SHAKY: usize = 1;
 
 impl<'a> Cast<'a> {
-    pub(super) fn enter(room: &'a Room, pools: [PoolPlan; 2]) -> Result<Self, String> {
+    pub(super) fn enter(room: &'a Room, pools: [PoolPlan; 2], hang: Duration) -> Result<Self, String> {
         let hosts = pools.map(|plan| Host { child: Child::supervisor(room, &plan), plan, stopped: None });
-        let mut cast = Cast { room, hosts, actors: Vec::new(), started: 0 };
+        let mut cast = Cast { room, hosts, actors: Vec::new(), started: 0, hang };
         for host in [STEADY, SHAKY] {
             for lane in 0..2 {
                 let mut plan = cast.hosts[host].plan.clone();
@@ -146,7 +148,7 @@ impl<'a> Cast<'a> {
         let host = &mut self.hosts[SHAKY];
         host.stopped = None;
         host.child = Child::supervisor_refused(self.room, &host.plan);
-        host.child.answer(SOON * 2).map_err(|error| format!("restart under the same name: {error}"))?;
+        host.child.answer(SOON).map_err(|error| format!("restart under the same name: {error}"))?;
         Ok(())
     }
 
@@ -163,7 +165,7 @@ impl<'a> Cast<'a> {
             if over(&mut actor.stopped) {
                 actor.child.signal(Signal::CONT);
             }
-            actor.listen(now, summary)?;
+            actor.listen(now, self.hang, summary)?;
         }
         Ok(())
     }
@@ -181,7 +183,7 @@ impl<'a> Cast<'a> {
             let idle = self.actors.iter().find(|actor| !actor.went_on);
             match idle {
                 None if begin.elapsed() > PEACE => return Ok(()),
-                Some(idle) if begin.elapsed() > SOON * 2 => {
+                Some(idle) if begin.elapsed() > SOON => {
                     return Err(format!("{idle} does not go on after it was left in peace"));
                 }
                 _ => std::thread::sleep(Duration::from_millis(5)),
@@ -208,7 +210,7 @@ impl<'a> Cast<'a> {
 }
 
 impl Actor {
-    fn listen(&mut self, now: Instant, summary: &mut Summary) -> Result<(), String> {
+    fn listen(&mut self, now: Instant, hang: Duration, summary: &mut Summary) -> Result<(), String> {
         loop {
             match self.child.answer(Duration::ZERO) {
                 Ok(line) => {
@@ -225,7 +227,7 @@ impl Actor {
         if silence > summary.longest_silence.0 {
             summary.longest_silence = (silence, self.to_string());
         }
-        if silence > HANG {
+        if silence > hang {
             return Err(format!("{self} hangs: silent for {silence:?}"));
         }
         Ok(())

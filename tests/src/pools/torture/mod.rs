@@ -17,9 +17,6 @@ use smaclite_pool::Autoreset;
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// Who is silent for longer hangs. The promise is a second; the rest is for machines with more to do.
-pub const HANG: Duration = Duration::from_secs(4);
-
 /// What happened in a run.
 #[derive(Debug, Default)]
 pub struct Summary {
@@ -65,16 +62,16 @@ fn pools() -> [PoolPlan; 2] {
     [pool("steady", steady), pool("shaky", shaky)]
 }
 
-/// Tortures pools for so long.
+/// Tortures pools for so long. Who is silent for longer than `hang` hangs.
 ///
 /// # Errors
 /// The first invariant that did not hold.
-pub fn run(duration: Duration, seed: u64) -> Result<Summary, String> {
+pub fn run(duration: Duration, seed: u64, hang: Duration) -> Result<Summary, String> {
     let room = Room::new();
     let mut dice = Dice::new(seed);
     let mut summary = Summary::default();
     let [steady, shaky] = pools();
-    let mut cast = Cast::enter(&room, [steady, shaky])?;
+    let mut cast = Cast::enter(&room, [steady, shaky], hang)?;
     let mut gauge = Gauge::new(cast.steady_supervisor());
     let begin = Instant::now();
     let mut early = Some(duration / 5);
