@@ -40,6 +40,11 @@ impl Vectors {
         Vectors { x: Floats::splat(vector.x), y: Floats::splat(vector.y) }
     }
 
+    /// One of them.
+    pub fn lane(&self, lane: usize) -> Vec2 {
+        Vec2::new(self.x.as_array()[lane], self.y.as_array()[lane])
+    }
+
     pub fn dot(self, other: Vectors) -> Floats {
         self.x * other.x + self.y * other.y
     }

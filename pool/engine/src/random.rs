@@ -29,19 +29,15 @@ impl Generator {
 
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
-        for last in (1..items.len()).rev() {
-            items.swap(last, self.up_to(last as u32) as usize);
-        }
-    }
-
-    /// A uniform number in `0..=max`, by rejection under the smallest mask of ones that covers `max`.
-    fn up_to(&mut self, max: u32) -> u32 {
-        let mask = u32::MAX.checked_shr(max.leading_zeros()).unwrap_or(0);
-        loop {
-            let word = self.next_word() & mask;
-            if word <= max {
-                return word;
-            }
+        let mut last = items.len().saturating_sub(1);
+        while last > 0 {
+            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it. There is no
+            // foretelling whether a word is rejected, so that is no branch: an item changes places with itself then.
+            let mask = usize::MAX >> last.leading_zeros();
+            let word = self.next_word() as usize & mask;
+            let fits = word <= last;
+            items.swap(last, if fits { word } else { last });
+            last -= usize::from(fits);
         }
     }
 

@@ -37,9 +37,8 @@ fn recover(world: &mut World, id: u32) {
     units.pos[i] += units.vel[i] * TICK as f32;
     units.cooldown[i] = most(0.0, units.cooldown[i] - TICK);
     units.shield_cooldown[i] = most(0.0, units.shield_cooldown[i] - TICK);
-    if units.shield_cooldown[i] == 0.0 {
-        units.shield[i] = least(kind.shield, units.shield[i] + SHIELD_PER_TICK);
-    }
+    let shield = least(kind.shield, units.shield[i] + SHIELD_PER_TICK);
+    units.shield[i] = if units.shield_cooldown[i] == 0.0 { shield } else { units.shield[i] };
     units.energy[i] = least(kind.energy, units.energy[i] + ENERGY_PER_TICK);
     units.hp[i] = least(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
 }

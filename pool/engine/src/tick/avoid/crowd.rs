@@ -10,8 +10,13 @@ use crate::units::make_room;
 /// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
 #[derive(Debug, Default)]
 pub(super) struct Crowd {
+    /// The members; once packed, behind them [`LANES`] nobodies at infinity.
     members: Vec<Member>,
-    /// The positions of all members, four an entry. The last entry is filled up with members at infinity, which
+    /// How many members there are.
+    n_members: usize,
+    /// The places of those who do not stay, once packed.
+    movers: Vec<u32>,
+    /// The positions of all members, four an entry. The last entry is filled up with positions at infinity, which
     /// no search finds.
     positions: Vec<Vectors>,
     /// Answers which of two equally near units comes first; grown when that is first asked in a tick.
@@ -52,6 +57,17 @@ impl Member {
     }
 }
 
+/// Neighbours of a unit as bits, one a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Few(u64);
+
+impl Few {
+    /// Whether there is any.
+    pub fn is_any(self) -> bool {
+        self.0 != 0
+    }
+}
+
 /// Four members, quantity by quantity.
 pub(super) struct FourMembers {
     pub position: Vectors,
@@ -71,7 +87,8 @@ impl FourMembers {
 
 impl Crowd {
     pub fn fit(&mut self, n_units: usize) {
-        make_room(&mut self.members, n_units);
+        make_room(&mut self.members, n_units + LANES);
+        make_room(&mut self.movers, n_units);
         make_room(&mut self.positions, n_units.div_ceil(LANES));
         make_room(&mut self.met, n_units);
         self.tree.fit(n_units);
@@ -79,25 +96,67 @@ impl Crowd {
 
     pub fn clear(&mut self) {
         self.members.clear();
+        self.movers.clear();
         self.positions.clear();
         self.tree.clear();
     }
 
     /// Adds a unit; ids must come ascending. When all are there, the crowd is to be [packed](Self::pack).
-    pub fn push(&mut self, member: Member) {
+    pub fn push(&mut self, member: Member, stays: bool) {
+        self.movers.push(self.members.len() as u32);
+        keep_last_if(!stays, &mut self.movers);
         self.members.push(member);
     }
 
     pub fn pack(&mut self) {
-        let nowhere = Member::new(0, Vec2::INFINITY, Vec2::ZERO, 0.0, false);
-        for members in self.members.chunks(LANES) {
-            let four = std::array::from_fn(|lane| members.get(lane).unwrap_or(&nowhere));
-            self.positions.push(FourMembers::of(four).position);
+        self.n_members = self.members.len();
+        self.members.extend([Member::new(0, Vec2::INFINITY, Vec2::ZERO, 0.0, false); LANES]);
+        for members in self.members[..self.n_members.next_multiple_of(LANES)].as_chunks().0 {
+            self.positions.push(FourMembers::of(members.each_ref()).position);
         }
     }
 
+    /// Who does not stay, in order of place.
+    pub fn movers(&self) -> &[u32] {
+        &self.movers
+    }
+
+    /// A member by its place.
+    pub fn member(&self, place: usize) -> &Member {
+        &self.members[place]
+    }
+
+    /// All members.
     pub fn members(&self) -> &[Member] {
-        &self.members
+        &self.members[..self.n_members]
+    }
+
+    /// Whether there are so few members that [`Few`] has a bit for each.
+    pub fn is_small(&self) -> bool {
+        self.members.len() <= PART
+    }
+
+    /// The neighbours of the member in `place` of a [small](Self::is_small) crowd.
+    pub fn near(&self, place: usize, range_squared: f32) -> Few {
+        let (centre, range) = (Vectors::splat(self.members[place].position()), Floats::splat(range_squared));
+        let near = mask(&self.positions, |four| (centre - *four).length_squared().simd_lt(range));
+        Few(near & !(1 << place))
+    }
+
+    /// The first four of those, filled up with nobodies; `None` if there are more than four.
+    pub fn four(&self, few: Few) -> Option<FourMembers> {
+        let mut bits = few.0 | u64::MAX << self.n_members;
+        let four = [(); LANES].map(|()| {
+            let place = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            &self.members[place]
+        });
+        (bits & !(u64::MAX << self.n_members) == 0).then(|| FourMembers::of(four))
+    }
+
+    /// Whether the order of units that are equally near is that of their places, and not the [tree's](Tree).
+    pub fn equals_keep_order(&self) -> bool {
+        self.n_members <= Tree::LEAF_SIZE
     }
 
     /// Finds the members whose squared distance to that in `place` is below `range_squared`, nearest first.
@@ -116,7 +175,7 @@ impl Crowd {
                 }
             }
         }
-        if self.members.len() > Tree::LEAF_SIZE && found.has_equals() {
+        if !self.equals_keep_order() && found.has_equals() {
             self.find_by_tree(place, range_squared, found);
         }
     }
@@ -124,9 +183,9 @@ impl Crowd {
     /// The same in the order of the tree where distances are equal.
     #[cold]
     fn find_by_tree(&mut self, place: usize, range_squared: f32, found: &mut Found) {
-        let Crowd { members, tree, met, .. } = self;
+        let Crowd { members, n_members, tree, met, .. } = self;
         if tree.is_empty() {
-            tree.grow(members.iter().map(Member::position));
+            tree.grow(members[..*n_members].iter().map(Member::position));
         }
         found.clear();
         met.clear();
@@ -140,6 +199,11 @@ impl Crowd {
     }
 }
 
+/// Keeps the last of a list only on this condition, which nobody can foretell: there is no branch to go wrong.
+pub(super) fn keep_last_if<T: Copy>(condition: bool, list: &mut Vec<T>) {
+    list.truncate(list.len() - usize::from(!condition));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -149,7 +213,7 @@ mod tests {
         positions
             .iter()
             .zip(0..)
-            .for_each(|(&position, id)| crowd.push(Member::new(id, position, Vec2::ZERO, 0.5, false)));
+            .for_each(|(&position, id)| crowd.push(Member::new(id, position, Vec2::ZERO, 0.5, false), false));
         crowd.pack();
         crowd
     }

@@ -31,25 +31,45 @@ pub(super) fn lines(
         let first = &members[place];
         let mut next = || places.next().map_or(first, |place| &members[place]);
         let four = FourMembers::of([first, next(), next(), next()]);
-        lines.extend_from_slice(&four_lines(mover, &four));
+        lines.extend_from_slice(&FourLines::off(mover, &four).each());
     }
     lines.truncate(n_lines);
 }
 
-/// The velocities that keep `mover` off each of four neighbours for the time horizon.
-fn four_lines(mover: &Mover, neighbours: &FourMembers) -> [Line; LANES] {
-    let velocity = Vectors::splat(mover.velocity);
-    let offset = neighbours.position - Vectors::splat(mover.position);
-    let relative = velocity - neighbours.velocity;
-    let reach = Floats::splat(mover.kind.radius) + neighbours.radius;
-    let apart = offset.length_squared().simd_gt(reach * reach);
-    let Escape { direction, change } = least_change(offset, relative, reach, apart);
-    let point = velocity + change * neighbours.share;
-    let lines = Floats::transpose([point.x, point.y, direction.x, direction.y]);
-    lines.map(|line| {
-        let [x, y, along_x, along_y] = line.to_array();
-        Line { point: Vec2::new(x, y), direction: Vec2::new(along_x, along_y) }
-    })
+/// Four half-planes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FourLines {
+    pub point: Vectors,
+    pub direction: Vectors,
+}
+
+impl FourLines {
+    /// The velocities that keep `mover` off each of four neighbours for the time horizon.
+    #[inline]
+    pub fn off(mover: &Mover, neighbours: &FourMembers) -> FourLines {
+        let velocity = Vectors::splat(mover.velocity);
+        let offset = neighbours.position - Vectors::splat(mover.position);
+        let relative = velocity - neighbours.velocity;
+        let reach = Floats::splat(mover.kind.radius) + neighbours.radius;
+        let apart = offset.length_squared().simd_gt(reach * reach);
+        let Escape { direction, change } = least_change(offset, relative, reach, apart);
+        FourLines { point: velocity + change * neighbours.share, direction }
+    }
+
+    /// One by one.
+    pub fn each(&self) -> [Line; LANES] {
+        let FourLines { point, direction } = self;
+        let lines = Floats::transpose([point.x, point.y, direction.x, direction.y]);
+        lines.map(|line| {
+            let [x, y, along_x, along_y] = line.to_array();
+            Line { point: Vec2::new(x, y), direction: Vec2::new(along_x, along_y) }
+        })
+    }
+
+    /// How far on the wrong side velocities are; negative if they are permitted.
+    pub fn depth(&self, velocities: Vectors) -> Floats {
+        self.direction.perp_dot(self.point - velocities)
+    }
 }
 
 /// The least change of the relative velocity that leaves the velocity obstacle, a cone that a disc truncates.

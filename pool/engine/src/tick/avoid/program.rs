@@ -47,6 +47,11 @@ pub(super) fn solve(
     }
 }
 
+/// The velocity nearest to the preferred one that is not too fast.
+pub(super) fn within(max_speed: f32, preferred: Vec2) -> Vec2 {
+    if preferred.length_squared() > max_speed * max_speed { unit(preferred) * max_speed } else { preferred }
+}
+
 /// A line on which no velocity satisfies it and all lines before it, and the best velocity without it.
 struct Infeasible {
     line: usize,
@@ -56,10 +61,7 @@ struct Infeasible {
 fn optimum(lines: &[Line], max_speed: f32, aim: Aim) -> Result<Vec2, Infeasible> {
     let mut velocity = match aim {
         Aim::Farthest(direction) => direction * max_speed,
-        Aim::Nearest(preferred) if preferred.length_squared() > max_speed * max_speed => {
-            unit(preferred) * max_speed
-        }
-        Aim::Nearest(preferred) => preferred,
+        Aim::Nearest(preferred) => within(max_speed, preferred),
     };
     for (i, line) in lines.iter().enumerate() {
         if line.depth(velocity) > 0.0 {
