@@ -38,7 +38,7 @@ pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<
     let threads: Vec<usize> = (0..).map(|i| 1 << i).take_while(|threads| *threads <= cores).collect();
     println!("64 environments, median of {rounds} rounds, {cores} cores");
     for scenario in scenarios {
-        for policy in ["nearest", "random"] {
+        for policy in ["nearest", "random", "sampled"] {
             let run = |mode: &str| format!("{scenario} --seconds 1 --policy {policy} --mode {mode}");
             let mut args = vec![run("engine")];
             for mode in ["embedded", "attached"] {
@@ -59,7 +59,7 @@ pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<
 }
 
 pub(crate) fn asynchronous(rounds: usize) -> Result<(), Box<dyn Error>> {
-    println!("64 environments, 2 threads, random actions sampled by the learner, median of {rounds} rounds");
+    println!("64 environments, 2 threads, random actions drawn by the learner, median of {rounds} rounds");
     for scenario in ["MMM2", "2c_vs_64zg"] {
         let common = format!("{scenario} --seconds 2 --threads 2 --mode embedded");
         let batches = [64, 32, 16];
@@ -76,7 +76,7 @@ pub(crate) fn asynchronous(rounds: usize) -> Result<(), Box<dyn Error>> {
 }
 
 pub(crate) fn many(rounds: usize) -> Result<(), Box<dyn Error>> {
-    println!("2s3z, random actions, 1 thread, median of {rounds} rounds");
+    println!("2s3z, random actions drawn by the learner, 1 thread, median of {rounds} rounds");
     let mut base = 0.0;
     for envs in [64, 256, 1024, 4096, 10_000] {
         let args = format!("2s3z --seconds 2 --threads 1 --mode embedded --envs {envs}");

@@ -1,8 +1,7 @@
 //! `smaclite-pool bench`: steps per second, of one bare battle or of a whole pool.
 //!
-//! Actions of the nearest policy are recorded before anything is timed and replayed then, so that the figures are the
-//! environment's and the transport's alone: same seeds and actions give the same battles. Random actions are drawn by
-//! the client's own sampler, which costs next to nothing.
+//! Actions are recorded before anything is timed and replayed then, so that the figures are the environment's and the
+//! transport's alone: same seeds and actions give the same battles. Only the sampled policy has the client draw them.
 
 mod engine;
 mod pool;
@@ -28,7 +27,7 @@ pub(super) struct Bench {
     #[arg(value_name = "SCENARIO")]
     scenarios: Vec<String>,
     /// What the agents do
-    #[arg(long, value_enum, default_value = "random")]
+    #[arg(long, value_enum, default_value = "sampled")]
     policy: Policy,
     /// What is measured
     #[arg(long, value_enum, default_value = "embedded")]
@@ -39,7 +38,7 @@ pub(super) struct Bench {
     /// Environments of a pool
     #[arg(long, default_value_t = 64)]
     envs: usize,
-    /// Environments in a batch; fewer than --envs steps asynchronously, with random actions [default: --envs]
+    /// Environments in a batch; fewer than --envs steps asynchronously, with sampled actions [default: --envs]
     #[arg(long, value_name = "M")]
     batch_size: Option<usize>,
     /// How long to measure each scenario

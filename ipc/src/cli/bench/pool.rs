@@ -27,9 +27,9 @@ pub(super) fn measure(task: &Task<'_>) -> Result<Measured, Box<dyn Error>> {
         _ => Server::this_process(task, &place, &name)?,
     };
     let mut measured = match task.policy {
-        Policy::Random => sampled(task, &mut client)?,
-        Policy::Nearest if task.batch_size == task.envs => replayed(task, &mut client)?,
-        Policy::Nearest => return Err("asynchronous batches are measured with --policy random".into()),
+        Policy::Sampled => sampled(task, &mut client)?,
+        _ if task.batch_size == task.envs => replayed(task, &mut client)?,
+        _ => return Err("asynchronous batches are measured with --policy sampled".into()),
     };
     measured.rss_bytes = resident_bytes(server.pid());
     Ok(measured)

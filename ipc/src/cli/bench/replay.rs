@@ -10,8 +10,10 @@ use std::sync::Arc;
 pub(in crate::cli) enum Policy {
     /// Walk to and attack the nearest enemy; healers heal.
     Nearest,
-    /// Uniformly random legal actions.
+    /// Uniformly random legal actions, drawn before.
     Random,
+    /// The same, drawn by the client as it goes.
+    Sampled,
 }
 
 /// What one environment did from its seed on, with next-step autoreset.
@@ -39,7 +41,7 @@ impl Replay {
             } else {
                 match policy {
                     Policy::Nearest => policy::nearest(&battle, &mut row),
-                    Policy::Random => random.act(&battle, &mut row),
+                    Policy::Random | Policy::Sampled => random.act(&battle, &mut row),
                 }
                 let living = sizes.n_units - battle.dead_allies() - battle.dead_enemies();
                 replay.unit_ticks += (living * TICKS_PER_STEP) as u64;
