@@ -1,5 +1,7 @@
 //! The living units of a plane, packed for one tick, and the search among them for neighbours.
 
+use std::hint::select_unpredictable;
+
 use glam::Vec2;
 
 use super::found::Found;
@@ -38,7 +40,7 @@ pub(super) struct Member {
 impl Member {
     pub fn new(id: u32, position: Vec2, velocity: Vec2, radius: f32, stays: bool) -> Member {
         // A unit that stays where it is will not do its half.
-        let share = if stays { 1.0 } else { 0.5 };
+        let share = select_unpredictable(stays, 1.0, 0.5);
         Member {
             motion: Floats::new([position.x, position.y, velocity.x, velocity.y]),
             body: Floats::new([radius, share, 0.0, 0.0]),
@@ -201,7 +203,7 @@ impl Crowd {
 
 /// Keeps the last of a list only on this condition, which nobody can foretell: there is no branch to go wrong.
 pub(super) fn keep_last_if<T: Copy>(condition: bool, list: &mut Vec<T>) {
-    list.truncate(list.len() - usize::from(!condition));
+    list.truncate(select_unpredictable(condition, list.len(), list.len() - 1));
 }
 
 #[cfg(test)]
