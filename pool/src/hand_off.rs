@@ -46,9 +46,10 @@ impl Wait {
 }
 
 impl Default for Wait {
-    /// Adaptive: long enough to bridge a learner's short computations, short enough to leave it the core.
+    /// Adaptive: long enough for most batches and a learner's short computations, as a sleeper takes some 50 us to wake;
+    /// and not for ever, as whoever computes meanwhile would have to share its core (benches/README.md has figures).
     fn default() -> Self {
-        Wait::Adaptive(Duration::from_micros(50))
+        Wait::Adaptive(Duration::from_micros(500))
     }
 }
 

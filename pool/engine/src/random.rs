@@ -3,6 +3,8 @@
 //!
 //! Only the execution order of phase 4 is drawn from it. What is shuffled and when is not decided here.
 
+use std::hint::select_unpredictable;
+
 use rand::Rng;
 use rand_pcg::Pcg64;
 
@@ -31,12 +33,12 @@ impl Generator {
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         let mut last = items.len().saturating_sub(1);
         while last > 0 {
-            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it. There is no
-            // foretelling whether a word is rejected, so that is no branch: an item changes places with itself then.
+            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it. When a word is
+            // rejected, an item changes places with itself: there is no foretelling that, so there is no branch.
             let mask = usize::MAX >> last.leading_zeros();
             let word = self.next_word() as usize & mask;
             let fits = word <= last;
-            items.swap(last, if fits { word } else { last });
+            items.swap(last, select_unpredictable(fits, word, last));
             last -= usize::from(fits);
         }
     }

@@ -1,29 +1,27 @@
-//! One bare battle on one thread, with everything that a pool would write.
+//! Bare battles on one thread, with everything that a pool would write: those of a pool's environments, but each is played
+//! to its end before the next begins.
 
-use super::replay::Replay;
+use super::replay::{Replay, SEED};
 use super::{Measured, Task, resident_bytes};
 use smaclite_engine::{Arena, Battle, Rules, Scratch};
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Long enough for several episodes of every standard scenario.
-const STEPS: usize = 1000;
-
 pub(super) fn measure(task: &Task<'_>) -> Measured {
     let arena = Arc::new(Arena::new(task.scenario, Rules::default()));
-    let replay = Replay::record(&arena, 1, STEPS, task.policy);
+    let replays = Replay::of_pool(&arena, task.envs, task.policy);
     let mut writer = Writer::new(arena);
-    writer.play(&replay); // warm caches and scratch memory
+    writer.play(&replays); // warm caches and scratch memory
     let begin = Instant::now();
     let mut passes = 0;
     while passes == 0 || begin.elapsed() < task.time {
-        writer.play(&replay);
+        writer.play(&replays);
         passes += 1;
     }
     Measured {
-        steps: replay.steps() * passes,
-        unit_ticks: replay.unit_ticks * passes,
+        steps: passes * replays.iter().map(Replay::steps).sum::<u64>(),
+        unit_ticks: passes * replays.iter().map(|r| r.unit_ticks).sum::<u64>(),
         time: begin.elapsed().max(Duration::from_nanos(1)),
         rss_bytes: resident_bytes(std::process::id()),
     }
@@ -42,7 +40,7 @@ impl Writer {
     fn new(arena: Arc<Arena>) -> Writer {
         let s = arena.sizes();
         Writer {
-            battle: Battle::new(arena, 1),
+            battle: Battle::new(arena, SEED),
             scratch: Scratch::new(),
             obs: vec![0.0; s.n_agents * s.obs_size],
             state: vec![0.0; s.state_size],
@@ -51,8 +49,12 @@ impl Writer {
         }
     }
 
-    fn play(&mut self, replay: &Replay) {
-        self.battle.reseed(1);
+    fn play(&mut self, replays: &[Replay]) {
+        replays.iter().zip(SEED..).for_each(|(replay, seed)| self.play_one(replay, seed));
+    }
+
+    fn play_one(&mut self, replay: &Replay, seed: u64) {
+        self.battle.reseed(seed);
         self.battle.reset();
         let n_agents = self.alive.len();
         for (row, reset) in replay.actions.chunks_exact(n_agents).zip(&replay.resets) {

@@ -19,7 +19,7 @@ use std::time::Duration;
 
 #[derive(Args)]
 #[command(
-    after_help = "Modes: `engine` steps one battle on one thread and writes all observations; `embedded` runs a pool in this \
+    after_help = "Modes: `engine` plays the battles of --envs environments one by one on one thread and writes all observations; `embedded` runs a pool in this \
     process; `attached` runs it in another and measures from here."
 )]
 pub(super) struct Bench {
@@ -35,7 +35,7 @@ pub(super) struct Bench {
     /// Worker threads of a pool [default: the cores this process may use, less one]
     #[arg(long)]
     threads: Option<usize>,
-    /// Environments of a pool
+    /// Environments
     #[arg(long, default_value_t = 64)]
     envs: usize,
     /// Environments in a batch; fewer than --envs steps asynchronously, with sampled actions [default: --envs]
@@ -126,7 +126,7 @@ impl Bench {
         ]);
         let mut rows = vec![title];
         for (word, scenario) in names.iter().zip(&scenarios) {
-            let envs = if self.mode == Mode::Engine { 1 } else { self.envs };
+            let envs = self.envs;
             let batch_size = self.batch_size.unwrap_or(envs).min(envs);
             let (policy, mode) = (self.policy, self.mode);
             let task = Task { scenario, word, policy, mode, envs, batch_size, options, time };

@@ -1,6 +1,6 @@
 //! A whole pool, in this process or another, with a learner that replays actions.
 
-use super::replay::{Policy, Replay};
+use super::replay::{Policy, Replay, SEED, STEPS};
 use super::{Measured, Mode, Task, resident_bytes};
 use crate::cli::place;
 use crate::supervisor::{LaneConfig, Supervisor, SupervisorConfig};
@@ -13,9 +13,6 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Batches that are recorded; then everything is reset to the seed and replayed.
-const BATCHES: usize = 128;
-const SEED: u64 = 1;
 /// No batch of a healthy pool takes this long.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -38,13 +35,12 @@ pub(super) fn measure(task: &Task<'_>) -> Result<Measured, Box<dyn Error>> {
 /// Replays what the policy did in battles of the same seeds.
 fn replayed(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Error>> {
     let arena = Arc::new(Arena::new(task.scenario, Rules::default()));
-    let record = |env: usize| Replay::record(&arena, SEED + env as u64, BATCHES, task.policy);
-    let replays: Vec<Replay> = (0..task.envs).map(record).collect();
+    let replays = Replay::of_pool(&arena, task.envs, task.policy);
     let n_agents = arena.sizes().n_agents;
     let actions_of = |batch: usize| -> Vec<i32> {
         replays.iter().flat_map(|r| &r.actions[batch * n_agents..(batch + 1) * n_agents]).copied().collect()
     };
-    let batches: Vec<Vec<i32>> = (0..BATCHES).map(actions_of).collect();
+    let batches: Vec<Vec<i32>> = (0..STEPS).map(actions_of).collect();
     let mut play = || -> Result<(), crate::ClientError> {
         client.reset(Some(SEED), None, patience(&mut || false))?;
         batches.iter().try_for_each(|actions| client.step(actions, None, patience(&mut || false)).map(drop))

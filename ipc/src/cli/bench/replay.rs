@@ -26,8 +26,18 @@ pub(super) struct Replay {
     pub(super) unit_ticks: u64,
 }
 
+/// Steps that are recorded of each environment.
+pub(super) const STEPS: usize = 128;
+/// The seed of the first environment.
+pub(super) const SEED: u64 = 1;
+
 impl Replay {
-    pub(super) fn record(arena: &Arc<Arena>, seed: u64, steps: usize, policy: Policy) -> Replay {
+    /// What the environments of a pool do.
+    pub(super) fn of_pool(arena: &Arc<Arena>, envs: usize, policy: Policy) -> Vec<Replay> {
+        (0..envs as u64).map(|env| Replay::record(arena, SEED + env, STEPS, policy)).collect()
+    }
+
+    fn record(arena: &Arc<Arena>, seed: u64, steps: usize, policy: Policy) -> Replay {
         let sizes = arena.sizes();
         let mut battle = Battle::new(Arc::clone(arena), seed);
         let mut scratch = Scratch::new();

@@ -6,8 +6,6 @@
 use glam::Vec2;
 use smaclite_scenarios::Terrain;
 
-use crate::units::floor;
-
 use super::edges::{Edge, Node, left_of, outline};
 
 /// The edges to consider in each square, with one ring of squares around the map for whoever leaves it.
@@ -20,17 +18,19 @@ pub(crate) struct EdgesByCell {
     starts: Vec<u32>,
     longest_list: usize,
     columns: usize,
-    rows: usize,
+    /// Column and row of the cell in the north-east.
+    last: Vec2,
 }
 
 impl EdgesByCell {
     /// Prepares the edges of all obstacles for units that see edges nearer than `range`.
     pub fn new(terrain: &Terrain, range: f64) -> EdgesByCell {
         let (columns, rows) = (terrain.width() as usize + 2, terrain.height() as usize + 2);
+        let last = Vec2::new((columns - 1) as f32, (rows - 1) as f32);
         let mut edges = Vec::new();
         let root = Node::arrange(terrain.obstacles().iter().flat_map(outline).collect(), &mut edges);
         let mut cells =
-            EdgesByCell { edges, lists: Vec::new(), starts: vec![0], longest_list: 0, columns, rows };
+            EdgesByCell { edges, lists: Vec::new(), starts: vec![0], longest_list: 0, columns, last };
         // Rounding in the exact check must not let in what was left out here.
         let range = range as f32 + 0.01;
         for cell in 0..columns * rows {
@@ -47,9 +47,8 @@ impl EdgesByCell {
 
     /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them.
     pub fn near(&self, position: Vec2) -> &[u32] {
-        let index =
-            |x: f32, count: usize| floor(f64::from(x)).saturating_add(1).clamp(0, count as i64 - 1) as usize;
-        let cell = index(position.y, self.rows) * self.columns + index(position.x, self.columns);
+        let cell = (position.floor() + Vec2::ONE).max(Vec2::ZERO).min(self.last).as_uvec2();
+        let cell = cell.y as usize * self.columns + cell.x as usize;
         &self.lists[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 

@@ -1,5 +1,7 @@
 //! Phase 4, execution: units move, recover and act one after another, in an order that is handed in.
 
+use std::hint::select_unpredictable;
+
 use super::{World, targeters};
 use crate::units::{least, most};
 use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
@@ -38,7 +40,7 @@ fn recover(world: &mut World, id: u32) {
     units.cooldown[i] = most(0.0, units.cooldown[i] - TICK);
     units.shield_cooldown[i] = most(0.0, units.shield_cooldown[i] - TICK);
     let shield = least(kind.shield, units.shield[i] + SHIELD_PER_TICK);
-    units.shield[i] = if units.shield_cooldown[i] == 0.0 { shield } else { units.shield[i] };
+    units.shield[i] = select_unpredictable(units.shield_cooldown[i] == 0.0, shield, units.shield[i]);
     units.energy[i] = least(kind.energy, units.energy[i] + ENERGY_PER_TICK);
     units.hp[i] = least(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
 }

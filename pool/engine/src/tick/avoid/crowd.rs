@@ -247,6 +247,31 @@ mod tests {
     }
 
     #[test]
+    fn a_few_are_found_as_all_are() {
+        let positions: Vec<Vec2> =
+            (0..60).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25)).collect();
+        for n in [1, 2, 4, 7, 60] {
+            let mut crowd = crowd(&positions[..n]);
+            assert!(crowd.is_small());
+            for (place, range_squared) in (0..n).flat_map(|place| [0.0, 0.1, 0.3, 1.3].map(|r| (place, r))) {
+                let few = crowd.near(place, range_squared);
+                let mut found = find(&mut crowd, place, range_squared);
+                found.sort_unstable();
+                assert_eq!((0..64).filter(|bit| few.0 >> bit & 1 == 1).collect::<Vec<_>>(), found);
+                assert_eq!(few.is_any(), !found.is_empty());
+                let Some(four) = crowd.four(few) else {
+                    assert!(found.len() > LANES);
+                    continue;
+                };
+                found.resize(LANES, n); // behind the members there are nobodies
+                let x = found.iter().map(|place| crowd.members[*place].position().x).collect::<Vec<_>>();
+                assert_eq!(four.position.x.to_array(), x[..]);
+            }
+        }
+        assert!(!crowd(&positions.repeat(2)).is_small());
+    }
+
+    #[test]
     fn of_a_few_equally_near_the_lowest_id_is_first() {
         assert_eq!(find(&mut crowd(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]), 1, 2.0), [0, 2]);
     }

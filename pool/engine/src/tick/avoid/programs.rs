@@ -121,7 +121,7 @@ fn optimum(
         let (better, is_possible) = optimum_on(line, &lines[..i], &are_there[..i], max_speed, aim);
         solutions.velocities = Vectors::either(concerned & is_possible, better, solutions.velocities);
         let fails = concerned & !is_possible;
-        solutions.is_infeasible = solutions.is_infeasible | fails;
+        solutions.is_infeasible |= fails;
         solutions.line = fails.select(Floats::splat(i as f32), solutions.line);
     }
     solutions
@@ -146,14 +146,14 @@ fn optimum_on(
         let denominator = direction.perp_dot(other.direction);
         let numerator = other.direction.perp_dot(point - other.point);
         let are_parallel = denominator.abs().simd_le(Floats::splat(EPSILON));
-        is_impossible = is_impossible | *is_there & are_parallel & numerator.simd_lt(Floats::ZERO);
+        is_impossible |= *is_there & are_parallel & numerator.simd_lt(Floats::ZERO);
         let crossing = numerator / denominator;
         let crosses = *is_there & !are_parallel;
         let is_end = denominator.simd_ge(Floats::ZERO);
         to = (crosses & is_end & crossing.simd_lt(to)).select(crossing, to);
         from = (crosses & !is_end & from.simd_lt(crossing)).select(crossing, from);
     }
-    is_impossible = is_impossible | from.simd_gt(to);
+    is_impossible |= from.simd_gt(to);
     let at = match aim {
         Aim::Farthest(aim) => aim.dot(direction).simd_gt(Floats::ZERO).select(to, from),
         Aim::Nearest(preferred) => {
@@ -208,4 +208,100 @@ fn order(near: &mut Row, far: &mut Row) {
 /// Whether there is a neighbour.
 fn exists(distance_squared: Floats) -> Floats {
     distance_squared.simd_lt(Floats::splat(f32::INFINITY))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::program::{self, Line};
+    use super::*;
+    use glam::Vec2;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    struct Unit {
+        lines: Vec<Line>,
+        preferred: Vec2,
+        max_speed: f32,
+    }
+
+    impl Unit {
+        /// Of up to four lines; some are parallel or the same, and some leave no velocity.
+        fn random(random: &mut Pcg64Mcg) -> Unit {
+            let n_lines = random.random_range(0..=LANES);
+            let angle = |random: &mut Pcg64Mcg| match random.random_range(0..3) {
+                0 => random.random_range(0..4) as f32 * std::f32::consts::FRAC_PI_2,
+                _ => random.random_range(0.0..std::f32::consts::TAU),
+            };
+            let mut line = || Line {
+                point: Vec2::from_angle(angle(random)) * random.random_range(0.0..4.0),
+                direction: Vec2::from_angle(angle(random)),
+            };
+            let lines = (0..n_lines).map(|_| line()).collect();
+            let preferred = Vec2::from_angle(angle(random)) * random.random_range(0.1..3.5);
+            Unit { lines, preferred, max_speed: 3.15 }
+        }
+
+        /// Its lines in any order, as they are found.
+        fn impeded(&self, random: &mut Pcg64Mcg) -> Impeded {
+            let mut seats: Vec<usize> = (0..self.lines.len()).collect();
+            for i in (1..seats.len()).rev() {
+                seats.swap(i, random.random_range(0..=i));
+            }
+            let (mut columns, mut distances) = ([[f32::NAN; LANES]; 4], [f32::INFINITY; LANES]);
+            for (rank, (line, &seat)) in self.lines.iter().zip(&seats).enumerate() {
+                let Line { point, direction } = line;
+                let row = [point.x, point.y, direction.x, direction.y];
+                columns.iter_mut().zip(row).for_each(|(column, x)| column[seat] = x);
+                distances[seat] = 0.25 * (rank + 1) as f32;
+            }
+            let [x, y, along_x, along_y] = columns.map(Floats::new);
+            let unhindered = program::within(self.max_speed, self.preferred);
+            Impeded {
+                place: 0,
+                id: 0,
+                lines: FourLines { point: Vectors { x, y }, direction: Vectors { x: along_x, y: along_y } },
+                distances_squared: Floats::new(distances),
+                wish: Floats::new([self.preferred.x, self.preferred.y, unhindered.x, unhindered.y]),
+                max_speed: self.max_speed,
+            }
+        }
+    }
+
+    #[test]
+    fn each_of_four_has_the_bits_of_one_alone() {
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut hindered = [0, 0];
+        for round in 0..20_000 {
+            let units: [Unit; LANES] = std::array::from_fn(|_| Unit::random(&mut random));
+            let impeded = units.each_ref().map(|unit| unit.impeded(&mut random));
+            let velocities = Programs::of(impeded.each_ref()).solve();
+            for (lane, unit) in units.iter().enumerate() {
+                let Unit { lines, preferred, max_speed } = unit;
+                let alone = program::solve(lines, 0, *max_speed, *preferred, &mut Vec::new());
+                let bits = |velocity: Vec2| velocity.to_array().map(f32::to_bits);
+                let same = bits(velocities.lane(lane)) == bits(alone);
+                assert!(same, "{round}: {} and {alone}", velocities.lane(lane));
+                let permitted = lines.iter().all(|l| l.direction.perp_dot(l.point - alone) <= 1e-3);
+                hindered[usize::from(!permitted)] += usize::from(alone != *preferred);
+            }
+        }
+        assert!(hindered.iter().all(|n| *n > 10_000), "both kinds of program: {hindered:?}");
+    }
+
+    #[test]
+    fn equals_keep_their_order_and_are_told() {
+        let mut random = Pcg64Mcg::seed_from_u64(2);
+        let unit = Unit {
+            lines: vec![Line { point: Vec2::ZERO, direction: Vec2::X }; 3],
+            preferred: Vec2::X,
+            max_speed: 1.0,
+        };
+        let mut impeded = unit.impeded(&mut random);
+        impeded.distances_squared = Floats::new([2.0, 1.0, 2.0, f32::INFINITY]);
+        impeded.lines.point.x = Floats::new([1.0, 2.0, 3.0, 4.0]);
+        let alone = unit.impeded(&mut random);
+        let programs = Programs::of([&alone, &impeded, &alone, &alone]);
+        assert_eq!(programs.have_equals().to_bitmask(), 0b0010);
+        assert_eq!(programs.lines.map(|line| line.point.x.to_array()[1]), [2.0, 1.0, 3.0, 4.0]);
+    }
 }
