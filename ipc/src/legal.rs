@@ -242,8 +242,8 @@ fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
     })
 }
 
-/// Reads from every cache line (but for the last, where bytes do not begin on one). Another core wrote them last, and this way they come over side by side rather than each
-/// when its turn comes.
+/// Reads from every cache line (but for the last, where bytes do not begin on one). Another core wrote them last, and
+/// this way they come over side by side rather than each when its turn comes.
 fn fetch(bytes: &[u8]) {
     const LINE: usize = 64;
     black_box(bytes.iter().step_by(LINE).fold(0, |sum, byte| sum ^ byte));

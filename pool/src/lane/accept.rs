@@ -217,8 +217,8 @@ impl<T: Transport> Lane<T> {
     }
 }
 
-/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote them last, and this way they come over side by side rather than each
-/// when its turn comes.
+/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote them last, and
+/// this way they come over side by side rather than each when its turn comes.
 fn fetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();
     black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));

@@ -5,6 +5,9 @@
 //! from neighbouring units (`neighbours`), and takes the permitted velocity nearest to the preferred one
 //! (`program`). All plan against the same frozen positions and velocities; then all velocities change at once.
 //!
+//! Most units meet a few others and no obstacle. Their velocities are found four at a time (`programs`), to the same
+//! bits; [`Planner`] sorts out which those are.
+//!
 //! All arithmetic is in f32 and a vector is divided by multiplying with the rounded reciprocal: the recorded
 //! battles depend on it to the last bit. The time horizon is 1 s, for units and for obstacles, and so appears
 //! nowhere.
