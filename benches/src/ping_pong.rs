@@ -54,7 +54,7 @@ impl Side {
     /// Waits for a message; `false` after a second without.
     pub(crate) fn receive(&self) -> Result<bool, Box<dyn Error>> {
         let begin = Instant::now();
-        let spin_until = self.wait.spin_until();
+        let spin_until = self.wait.spin_time(1).map(|time| begin + time);
         while self.subscriber.receive()?.is_none() {
             if spin_until.is_none_or(|end| Instant::now() < end) {
                 std::thread::yield_now();

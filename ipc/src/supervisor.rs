@@ -157,6 +157,7 @@ impl LaneConfig {
             fields: layout.fields().iter().map(|f| f.spec().name.to_owned()).collect(),
             layout_hash: layout.hash(),
             capacity,
+            threads: shared.threads,
         };
         (spec, description)
     }

@@ -15,10 +15,11 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// How an idle thread waits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wait {
-    /// Looks again and again for this long, yielding the core between looks, then blocks.
-    Adaptive(Duration),
+    /// Looks again and again for a while, yielding the core between looks, then blocks.
+    #[default]
+    Adaptive,
     /// Looks again and again, yielding, and never blocks. For machines with a core to spare for every waiting thread.
     Spin,
     /// Blocks at once. Costs a wake-up of the operating system a batch, and no processor time.
@@ -29,27 +30,24 @@ impl Wait {
     /// The word used in options and Python.
     pub fn name(self) -> &'static str {
         match self {
-            Wait::Adaptive(_) => "adaptive",
+            Wait::Adaptive => "adaptive",
             Wait::Spin => "spin",
             Wait::Block => "block",
         }
     }
 
-    /// Until when to spin, counted from now: `None` means for ever.
-    pub fn spin_until(self) -> Option<Instant> {
+    /// For how long to look before blocking, in and around a pool of so many worker threads; `None` is for ever.
+    ///
+    /// A sleeper takes some 50 us to wake, so that is the least to look for. Where there is a core that no worker needs,
+    /// it is long enough for most batches; where there is none, who looks for long keeps a worker from its work.
+    pub fn spin_time(self, threads: usize) -> Option<Duration> {
+        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
         match self {
-            Wait::Adaptive(spin) => Some(Instant::now() + spin),
+            Wait::Adaptive if cores() > threads => Some(Duration::from_micros(500)),
+            Wait::Adaptive => Some(Duration::from_micros(50)),
             Wait::Spin => None,
-            Wait::Block => Some(Instant::now()),
+            Wait::Block => Some(Duration::ZERO),
         }
-    }
-}
-
-impl Default for Wait {
-    /// Adaptive: long enough for most batches and a learner's short computations, as a sleeper takes some 50 us to wake;
-    /// and not for ever, as whoever computes meanwhile would have to share its core (benches/README.md has figures).
-    fn default() -> Self {
-        Wait::Adaptive(Duration::from_micros(500))
     }
 }
 
@@ -58,7 +56,7 @@ impl std::str::FromStr for Wait {
 
     fn from_str(word: &str) -> Result<Self, String> {
         match word {
-            "adaptive" => Ok(Wait::default()),
+            "adaptive" => Ok(Wait::Adaptive),
             "spin" => Ok(Wait::Spin),
             "block" => Ok(Wait::Block),
             _ => Err(format!("waiting is `adaptive`, `spin` or `block`, not `{word}`")),
@@ -165,9 +163,9 @@ impl<E> HandOff<E> {
         self.inboxes[worker].ready.load(Ordering::Relaxed) > 0
     }
 
-    /// Waits at the inbox until there is work or nobody leads.
-    pub(crate) fn follow(&self, worker: usize, wait: Wait) -> Woken<'_> {
-        let spin_until = wait.spin_until();
+    /// Waits at the inbox until there is work or nobody leads; blocks when it has looked for so long.
+    pub(crate) fn follow(&self, worker: usize, spin: Option<Duration>) -> Woken<'_> {
+        let spin_until = spin.map(|time| Instant::now() + time);
         loop {
             if self.has_work(worker) || self.is_stopped() {
                 return Woken::Work;
@@ -242,7 +240,7 @@ mod loom_tests {
     use std::sync::Arc;
 
     fn lead<'a>(hand_off: &'a HandOff<u32>, worker: usize) -> Option<Lead<'a>> {
-        match hand_off.follow(worker, Wait::Block) {
+        match hand_off.follow(worker, Some(Duration::ZERO)) {
             Woken::Leading(lead) => Some(lead),
             Woken::Work => None,
         }

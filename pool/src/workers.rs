@@ -42,7 +42,8 @@ struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
     hand_off: HandOff<Entry>,
     doorbell: T::Doorbell,
-    wait: Wait,
+    /// For how long idle workers look for work before they block.
+    spin: Option<Duration>,
 }
 
 impl<T: Transport> Pool<T> {
@@ -53,10 +54,12 @@ impl<T: Transport> Pool<T> {
         options: PoolOptions,
     ) -> std::io::Result<Pool<T>> {
         let lanes: Vec<_> = lanes.into_iter().map(|(spec, i, o)| Lane::new(&spec, i, o)).collect();
-        let hand_off = HandOff::new(options.threads.max(1), lanes.len());
-        let shared = Arc::new(Shared { lanes, hand_off, doorbell, wait: options.wait });
+        let threads = options.threads.max(1);
+        let hand_off = HandOff::new(threads, lanes.len());
+        let spin = options.wait.spin_time(threads);
+        let shared = Arc::new(Shared { lanes, hand_off, doorbell, spin });
         let mut pool = Pool { shared, threads: Vec::new() };
-        for worker in 0..options.threads.max(1) {
+        for worker in 0..threads {
             let shared = Arc::clone(&pool.shared);
             let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
             pool.threads.push(thread.spawn(move || shared.work(worker))?);
@@ -106,7 +109,7 @@ impl<T: Transport> Shared<T> {
                 self.lanes[lane].serve(&run, &mut scratch);
                 continue;
             }
-            match self.hand_off.follow(worker, self.wait) {
+            match self.hand_off.follow(worker, self.spin) {
                 Woken::Work => {}
                 Woken::Leading(lead) => self.lead(worker, lead),
             }
@@ -115,13 +118,14 @@ impl<T: Transport> Shared<T> {
 
     /// Polls the lanes and shares requests out until this worker has work itself.
     fn lead(&self, worker: usize, lead: Lead<'_>) {
-        let mut spin_until = self.wait.spin_until();
+        let spin_until = || self.spin.map(|time| Instant::now() + time);
+        let mut end = spin_until();
         while !self.hand_off.has_work(worker) && !self.hand_off.is_stopped() {
             if self.accept_all() {
-                spin_until = self.wait.spin_until();
-            } else if spin_until.is_some_and(|end| Instant::now() >= end) {
+                end = spin_until();
+            } else if end.is_some_and(|end| Instant::now() >= end) {
                 self.doorbell.wait(LOOK_AROUND);
-                spin_until = self.wait.spin_until();
+                end = spin_until();
             } else {
                 std::thread::yield_now();
             }

@@ -62,7 +62,8 @@ struct Parts {
     requests: u64,
     /// Number of the last frame of this round, 0 before the first.
     sequence: u64,
-    wait: Wait,
+    /// For how long to look for a frame before blocking; `None` is for ever.
+    spin: Option<Duration>,
 }
 
 impl Client {
@@ -83,6 +84,7 @@ impl Client {
         let layout = Arc::new(checked_layout(&description)?);
         let capacity = description.capacity;
         let num_envs = description.num_envs;
+        let spin = wait.spin_time(description.threads);
         check_room(capacity.request_memory(&layout, num_envs) + PORTS, "requests of a learner")?;
         let guest = enter(place, &format!("learner of {pool}"))?;
         let lane = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
@@ -104,7 +106,7 @@ impl Client {
             round: 0,
             requests: 0,
             sequence: 0,
-            wait,
+            spin,
         };
         Ok(Client { parts: ManuallyDrop::new(parts), owner: std::process::id() })
     }
@@ -279,7 +281,7 @@ impl Parts {
 
     fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
         let begin = Instant::now();
-        let spin_until = self.wait.spin_until();
+        let spin_until = self.spin.map(|time| begin + time);
         let mut look = begin + LOOK_AROUND;
         loop {
             if let Some(sample) = self.receive()? {

@@ -156,6 +156,8 @@ pub struct LaneDescription {
     pub layout_hash: u64,
     /// How many frames may be held and wait.
     pub capacity: Capacity,
+    /// Worker threads of the pool, which all lanes share.
+    pub threads: usize,
 }
 
 impl LaneDescription {
@@ -226,6 +228,7 @@ mod tests {
             fields: vec!["obs".to_owned()],
             layout_hash: 0,
             capacity: Capacity::new(1, 1, 1, 2, 0),
+            threads: 2,
         };
         assert!(lane.layout().is_ok());
         let lies = [
