@@ -17,7 +17,8 @@ pub(crate) struct Side {
     subscriber: Subscriber<Ipc, [u8], ()>,
     notifier: Notifier<Ipc>,
     listener: Listener<Ipc>,
-    wait: Wait,
+    /// For how long to look before blocking; `None` is for ever.
+    spin: Option<Duration>,
     _node: Node<Ipc>,
 }
 
@@ -40,7 +41,7 @@ impl Side {
             subscriber: data(back)?.subscriber_builder().create()?,
             notifier: event(out)?.notifier_builder().create()?,
             listener: event(back)?.listener_builder().create()?,
-            wait,
+            spin: wait.spin_time(1),
             _node: node,
         })
     }
@@ -54,7 +55,7 @@ impl Side {
     /// Waits for a message; `false` after a second without.
     pub(crate) fn receive(&self) -> Result<bool, Box<dyn Error>> {
         let begin = Instant::now();
-        let spin_until = self.wait.spin_time(1).map(|time| begin + time);
+        let spin_until = self.spin.map(|time| begin + time);
         while self.subscriber.receive()?.is_none() {
             if spin_until.is_none_or(|end| Instant::now() < end) {
                 std::thread::yield_now();
