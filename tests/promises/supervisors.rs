@@ -133,6 +133,16 @@ fn sigterm_ends_a_pool_and_leaves_nothing_behind() {
 }
 
 #[test]
+fn an_interrupted_measurement_leaves_nothing_behind() {
+    let room = Room::new();
+    let mut bench = Child::start(&room, "program", "smaclite-pool bench 2s3z --seconds 600");
+    assert!(eventually_within(SOON * 2, || !room.files().is_empty()), "it does not begin");
+    bench.signal(Signal::INT);
+    assert_eq!(bench.wait(SOON * 2).and_then(|status| status.code()), Some(1));
+    room.assert_empty();
+}
+
+#[test]
 fn clean_takes_away_what_the_killed_left() {
     let room = Room::new();
     let plan = two_lanes();

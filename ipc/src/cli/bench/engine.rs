@@ -4,11 +4,12 @@
 use super::replay::{Replay, SEED};
 use super::{Measured, Task, resident_bytes};
 use smaclite_engine::{Arena, Battle, Rules, Scratch};
+use std::error::Error;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-pub(super) fn measure(task: &Task<'_>) -> Measured {
+pub(super) fn measure(task: &Task<'_>) -> Result<Measured, Box<dyn Error>> {
     let arena = Arc::new(Arena::new(task.scenario, Rules::default()));
     let replays = Replay::of_pool(&arena, task.envs, task.policy);
     let mut writer = Writer::new(arena);
@@ -18,13 +19,14 @@ pub(super) fn measure(task: &Task<'_>) -> Measured {
     while passes == 0 || begin.elapsed() < task.time {
         writer.play(&replays);
         passes += 1;
+        task.check_on()?;
     }
-    Measured {
+    Ok(Measured {
         steps: passes * replays.iter().map(Replay::steps).sum::<u64>(),
         unit_ticks: passes * replays.iter().map(|r| r.unit_ticks).sum::<u64>(),
         time: begin.elapsed().max(Duration::from_nanos(1)),
         rss_bytes: resident_bytes(std::process::id()),
-    }
+    })
 }
 
 struct Writer {

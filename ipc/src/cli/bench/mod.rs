@@ -12,9 +12,12 @@ use super::{Outcome, heading, print_table};
 use clap::{Args, ValueEnum};
 use replay::Policy;
 use serde::Serialize;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use smaclite_pool::{PoolOptions, Wait};
 use smaclite_scenarios::Scenario;
 use std::error::Error;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 #[derive(Args)]
@@ -74,6 +77,8 @@ struct Task<'a> {
     batch_size: usize,
     options: PoolOptions,
     time: Duration,
+    /// Set by SIGINT and SIGTERM: a pool must not be left behind in shared memory.
+    interrupted: &'a AtomicBool,
 }
 
 /// One line of the outcome.
@@ -114,6 +119,10 @@ impl Bench {
         };
         let scenarios = names.iter().map(|n| Scenario::resolve(n)).collect::<Result<Vec<_>, _>>()?;
         let (options, time) = self.check()?;
+        let interrupted = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&interrupted))?;
+        }
         let title = heading([
             "scenario",
             "policy",
@@ -129,7 +138,8 @@ impl Bench {
             let envs = self.envs;
             let batch_size = self.batch_size.unwrap_or(envs).min(envs);
             let (policy, mode) = (self.policy, self.mode);
-            let task = Task { scenario, word, policy, mode, envs, batch_size, options, time };
+            let interrupted = &*interrupted;
+            let task = Task { scenario, word, policy, mode, envs, batch_size, options, time, interrupted };
             let row = task.measure()?;
             if self.json {
                 out!("{}", serde_json::to_string(&row)?)?;
@@ -156,9 +166,14 @@ impl Bench {
 }
 
 impl Task<'_> {
+    /// Whether to go on.
+    fn check_on(&self) -> Result<(), Box<dyn Error>> {
+        if self.interrupted.load(Ordering::Relaxed) { Err("interrupted".into()) } else { Ok(()) }
+    }
+
     fn measure(&self) -> Result<Row, Box<dyn Error>> {
         let (measured, threads) = match self.mode {
-            Mode::Engine => (engine::measure(self), 1),
+            Mode::Engine => (engine::measure(self)?, 1),
             Mode::Embedded | Mode::Attached => (pool::measure(self)?, self.options.threads),
         };
         let seconds = measured.time.as_secs_f64();

@@ -41,9 +41,12 @@ fn replayed(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Er
         replays.iter().flat_map(|r| &r.actions[batch * n_agents..(batch + 1) * n_agents]).copied().collect()
     };
     let batches: Vec<Vec<i32>> = (0..STEPS).map(actions_of).collect();
-    let mut play = || -> Result<(), crate::ClientError> {
+    let mut play = || -> Result<(), Box<dyn Error>> {
         client.reset(Some(SEED), None, patience(&mut || false))?;
-        batches.iter().try_for_each(|actions| client.step(actions, None, patience(&mut || false)).map(drop))
+        batches.iter().try_for_each(|actions| {
+            drop(client.step(actions, None, patience(&mut || false))?);
+            task.check_on()
+        })
     };
     play()?; // warm-up
     let begin = Instant::now();
@@ -76,6 +79,7 @@ fn sampled(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Err
         drop(batch);
         client.sample_actions(Some(&ids), &mut actions)?;
         client.send(&actions, Some(&ids))?;
+        task.check_on()?;
     }
     measured.time = begin.elapsed();
     Ok(measured)
