@@ -12,7 +12,7 @@ pub(in crate::cli) enum Policy {
     Nearest,
     /// Uniformly random legal actions, drawn before.
     Random,
-    /// The same, drawn by the client as it goes.
+    /// The same, drawn by the client as it goes (bare engines, which have none, replay them).
     Sampled,
 }
 
