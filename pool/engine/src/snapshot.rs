@@ -1,8 +1,10 @@
 //! A battle at rest between two steps, as plain data, and the check that it fits an arena.
 
+use smaclite_units::Plane;
 use thiserror::Error;
 
 use crate::arena::{Arena, Kind};
+use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::units::Units;
 
@@ -11,6 +13,8 @@ use crate::units::Units;
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,
+    /// The order of equally near neighbours. After a change of who is alive, make it by [`NeighbourOrder::new`].
+    pub neighbour_order: NeighbourOrder,
     /// The last action of each agent; `None` after a reset.
     pub last_actions: Vec<Option<u32>>,
     /// The generator of execution orders.
@@ -68,6 +72,17 @@ pub enum SnapshotError {
         /// How many actions there are.
         n_actions: usize,
     },
+    /// The neighbour order is not one of the living units.
+    #[error(
+        "snapshot field 'neighbour_order': the list of plane {plane} must hold each living unit of that plane \
+         exactly once, got {given:?}"
+    )]
+    NeighbourOrder {
+        /// The plane.
+        plane: Plane,
+        /// Its list.
+        given: Vec<u32>,
+    },
     /// The return is not a number.
     #[error("snapshot field 'episode_return' is {value}, which is not finite")]
     Return {
@@ -98,6 +113,7 @@ impl Snapshot {
             ("healing", units.healing.len(), n_units),
             ("alive", units.alive.len(), n_units),
             ("target", units.target.len(), n_units),
+            ("declared", units.declared.len(), n_units),
             ("last_actions", self.last_actions.len(), n_agents),
         ];
         match columns.into_iter().find(|(_, given, expected)| given != expected) {
@@ -143,6 +159,10 @@ impl Snapshot {
             if let Some(target) = target.filter(|&target| target as usize >= n_units) {
                 return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
             }
+        }
+        if let Err(plane) = self.neighbour_order.check(arena, &self.units) {
+            let given = self.neighbour_order.planes[plane as usize].clone();
+            return Err(SnapshotError::NeighbourOrder { plane, given });
         }
         for (agent, &action) in self.last_actions.iter().enumerate() {
             if let Some(action) = action.filter(|&action| action as usize >= n_actions) {

@@ -31,6 +31,9 @@ pub struct Units {
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,
+    /// Whether the unit holds an attack that it declared and has not executed. Between ticks only a unit does that
+    /// was killed before its turn and healed to life in the same tick (R4).
+    pub declared: Vec<bool>,
 }
 
 impl Units {
@@ -47,6 +50,7 @@ impl Units {
         }
         refill(&mut self.alive, kinds().map(|_| true));
         refill(&mut self.target, kinds().map(|_| None));
+        refill(&mut self.declared, kinds().map(|_| false));
     }
 
     /// Whether the unit still has health. In the middle of a tick that is not the same as `alive`.

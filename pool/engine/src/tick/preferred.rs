@@ -14,7 +14,6 @@ pub(super) fn declare(world: &mut World) {
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         let unit = id as usize;
-        world.plan.attack[unit] = None;
         let speed = world.arena.kind(id).speed;
         world.plan.preferred[unit] = match world.plan.commands[unit] {
             Command::Stop => Vec2::ZERO,
@@ -35,7 +34,7 @@ pub(super) fn declare(world: &mut World) {
 /// Declares an attack on a target within reach, or walks to it.
 fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
     if world.arena.can_attack(id, target) && in_reach(world, id, target) {
-        world.plan.attack[id as usize] = Some(target);
+        world.units.declared[id as usize] = true;
         return Vec2::ZERO;
     }
     towards_unit(world.units.pos[id as usize], world.units.pos[target as usize], speed)

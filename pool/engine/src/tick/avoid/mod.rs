@@ -117,19 +117,22 @@ pub(super) fn plan_velocities(world: &mut World) {
 
 /// Takes down where all living units are and what they do.
 fn take_down(world: &mut World) {
-    let World { arena, units, living, plan } = world;
-    let planes = &mut plan.avoid.planes;
-    planes.iter_mut().for_each(Crowd::clear);
-    for &id in &living.all {
-        let (i, kind) = (id as usize, arena.kind(id));
-        let Vec2 { x, y } = plan.preferred[i];
-        let stays = (x == 0.0) & (y == 0.0);
-        let member = Member::new(id, units.pos[i], units.vel[i], kind.avoid.radius, stays);
-        planes[kind.plane as usize].push(member, stays);
-        // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
-        units.vel[i] = Vec2::ZERO;
+    let World { arena, units, neighbour_order, plan, .. } = world;
+    for (crowd, ids) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
+        crowd.clear();
+        crowd.sort(ids, &units.pos);
+        for &id in &*ids {
+            let i = id as usize;
+            let Vec2 { x, y } = plan.preferred[i];
+            let stays = (x == 0.0) & (y == 0.0);
+            crowd.push(Member::new(id, units.pos[i], units.vel[i], arena.kind(id).avoid.radius, stays), stays);
+            // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
+            units.vel[i] = Vec2::ZERO;
+        }
+        if !crowd.movers().is_empty() {
+            crowd.pack();
+        }
     }
-    planes.iter_mut().filter(|crowd| !crowd.movers().is_empty()).for_each(Crowd::pack);
 }
 
 /// Finds the velocities of the units of a plane.
