@@ -173,12 +173,17 @@ impl Recording {
     }
 
     /// The battle before step `t`. What the recording does not hold comes from `played`, the same battle played up to
-    /// there: the neighbour order, and in older files the declared attacks.
+    /// there: the neighbour order, planned velocities, and in older files the declared attacks.
     ///
-    /// If `played` is not that battle, because it has parted from the recording, the order without a history is used.
+    /// If `played` is not that battle, because it differs from the recording, the order without a history is used.
     pub fn snapshot(&self, t: usize, played: &Battle) -> Snapshot {
         let last = t.checked_sub(1).map(|last| &self.actions[last]);
         let mut units = self.frames[t].clone();
+        for (unit, planned_vel) in units.planned_vel.iter_mut().enumerate() {
+            if *planned_vel == played.units().vel[unit] {
+                *planned_vel = played.units().planned_vel[unit];
+            }
+        }
         if units.declared.is_empty() {
             units.declared.clone_from(&played.units().declared);
         }
@@ -220,6 +225,7 @@ fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Uni
     let frame = |t: usize| Units {
         pos: pos[t].clone(),
         vel: vel[t].clone(),
+        planned_vel: vel[t].clone(),
         hp: hp[t].clone(),
         shield: shield[t].clone(),
         energy: energy[t].clone(),

@@ -105,6 +105,7 @@ impl Snapshot {
         let columns = [
             ("pos", units.pos.len(), n_units),
             ("vel", units.vel.len(), n_units),
+            ("planned_vel", units.planned_vel.len(), n_units),
             ("hp", units.hp.len(), n_units),
             ("shield", units.shield.len(), n_units),
             ("energy", units.energy.len(), n_units),
@@ -127,12 +128,15 @@ impl Snapshot {
         for (id, unit) in arena.unit_ids().zip(0..) {
             let kind: &Kind = arena.kind(id);
             let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
+            let planned_vel = units.planned_vel[unit].as_dvec2();
             let anything = f64::from(f32::MAX);
             let figures = [
                 ("pos", pos.x, -anything, anything),
                 ("pos", pos.y, -anything, anything),
                 ("vel", vel.x, -anything, anything),
                 ("vel", vel.y, -anything, anything),
+                ("planned_vel", planned_vel.x, -anything, anything),
+                ("planned_vel", planned_vel.y, -anything, anything),
                 ("hp", units.hp[unit], 0.0, kind.hp),
                 ("shield", units.shield[unit], 0.0, kind.shield),
                 ("energy", units.energy[unit], 0.0, kind.energy),

@@ -141,9 +141,9 @@ impl Arena {
         self.max_reward
     }
 
-    /// The reward of a step that earned this much unscaled.
+    /// The reward of a step that earned this much unscaled. In this order: the last bit depends on it.
     pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
-        REWARD_SCALE * earned / self.max_reward
+        earned / (self.max_reward / REWARD_SCALE)
     }
 
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {

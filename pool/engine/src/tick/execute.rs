@@ -46,6 +46,7 @@ fn turn(world: &mut World, id: u32) -> f64 {
 /// Movement, and what time alone does.
 fn recover(world: &mut World, id: u32) {
     let (units, kind, i) = (&mut *world.units, world.arena.kind(id), id as usize);
+    units.vel[i] = units.planned_vel[i];
     units.pos[i] += units.vel[i] * TICK as f32;
     units.cooldown[i] = most(0.0, units.cooldown[i] - TICK);
     units.shield_cooldown[i] = most(0.0, units.shield_cooldown[i] - TICK);

@@ -3,7 +3,8 @@
 //!
 //! Every moving unit collects half-planes of permitted velocities, first from obstacle edges (`obstacles`), then
 //! from neighbouring units (`neighbours`), and takes the permitted velocity nearest to the preferred one
-//! (`program`). All plan against the same frozen positions and velocities; then all velocities change at once.
+//! (`program`). All plan against the same frozen positions and velocities; each unit takes its new velocity up in its
+//! turn of phase 4.
 //!
 //! Most units meet a few others and no obstacle. Their velocities are found four at a time (`programs`), to the same
 //! bits; [`Planner`] sorts out which those are.
@@ -96,7 +97,7 @@ struct Impeded {
     max_speed: f32,
 }
 
-/// Sets the velocity of every living unit.
+/// Plans the velocity of every living unit.
 ///
 /// One question after another is put to all units: who moves, who has neighbours, whom do they impede. Each makes a
 /// shorter list for the next one. There is no foretelling the answers, so a processor that had to do with one unit
@@ -108,7 +109,7 @@ pub(super) fn plan_velocities(world: &mut World) {
     let Memory { planes, accompanied, impeded, search } = &mut plan.avoid;
     for crowd in planes.iter_mut().filter(|crowd| !crowd.movers().is_empty()) {
         let mut planner =
-            Planner { arena, crowd, preferred: &plan.preferred, velocities: &mut units.vel, search };
+            Planner { arena, crowd, preferred: &plan.preferred, velocities: &mut units.planned_vel, search };
         planner.look_around(accompanied);
         planner.meet(accompanied, impeded);
         planner.give_way(impeded);
@@ -125,9 +126,9 @@ fn take_down(world: &mut World) {
             let i = id as usize;
             let Vec2 { x, y } = plan.preferred[i];
             let stays = (x == 0.0) & (y == 0.0);
-            crowd.push(Member::new(id, units.pos[i], units.vel[i], arena.kind(id).avoid.radius, stays), stays);
+            crowd.push(Member::new(id, units.pos[i], units.planned_vel[i], arena.kind(id).avoid.radius, stays), stays);
             // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
-            units.vel[i] = Vec2::ZERO;
+            units.planned_vel[i] = plan.preferred[i];
         }
         if !crowd.movers().is_empty() {
             crowd.pack();
