@@ -131,11 +131,15 @@ impl<'a> Replay<'a> {
         }
         let recording = self.recording;
         let mut orders = Comparison::default();
-        let step =
-            self.episode.step_observed(&recording.actions[t], ExecutionOrder::Drawn, &mut self.scratch, |tick| {
+        let step = self.episode.step_observed(
+            &recording.actions[t],
+            ExecutionOrder::Drawn,
+            &mut self.scratch,
+            |tick| {
                 let what = format_args!("execution order of tick {}", t * TICKS_PER_STEP + tick.index);
                 orders.same(what, &recording.orders[t][tick.index][..], tick.order);
-            });
+            },
+        );
         let step = match step {
             Ok(step) => step,
             Err(e) => return self.episode_difference = Some(format!("whole episode, in {name}: {e}")),

@@ -38,7 +38,7 @@ mod units;
 pub use arena::{Arena, Sizes};
 pub use battle::{Battle, ExecutionOrder, Step, Tick};
 pub use command::{IllegalAction, action};
-pub use neighbour_order::NeighbourOrder;
+pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::Generator;
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;

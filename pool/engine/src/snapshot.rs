@@ -4,7 +4,7 @@ use smaclite_units::Plane;
 use thiserror::Error;
 
 use crate::arena::{Arena, Kind};
-use crate::neighbour_order::NeighbourOrder;
+use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
 use crate::units::Units;
 
@@ -74,14 +74,14 @@ pub enum SnapshotError {
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot field 'neighbour_order': the list of plane {plane} must hold each living unit of that plane \
-         exactly once, got {given:?}"
+        "snapshot field 'neighbour_order': list and slots of plane {plane} must each hold every living unit of that \
+         plane exactly once, got {given:?}"
     )]
     NeighbourOrder {
         /// The plane.
         plane: Plane,
-        /// Its list.
-        given: Vec<u32>,
+        /// Its orders.
+        given: PlaneOrder,
     },
     /// The return is not a number.
     #[error("snapshot field 'episode_return' is {value}, which is not finite")]
@@ -164,7 +164,7 @@ impl Snapshot {
                 return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
             }
         }
-        if let Err(plane) = self.neighbour_order.check(arena, &self.units) {
+        if let Some(plane) = self.neighbour_order.wrong_plane(arena, &self.units) {
             let given = self.neighbour_order.planes[plane as usize].clone();
             return Err(SnapshotError::NeighbourOrder { plane, given });
         }

@@ -85,7 +85,10 @@ fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
     for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
         if let Some(sight) = Sight::of(own, position) {
             let targetable = if is_healer {
-                allies.positions.get(enemy).is_some_and(|&ally| enemy != agent && in_targeting_range(own, ally))
+                allies
+                    .positions
+                    .get(enemy)
+                    .is_some_and(|&ally| enemy != agent && in_targeting_range(own, ally))
             } else {
                 view.available.has(agent, action::FIRST_TARGET + enemy)
             };

@@ -26,6 +26,7 @@ use glam::Vec2;
 use super::World;
 use crate::arena::{Arena, AvoidKind};
 use crate::lanes::{Floats, LANES, Vectors};
+use crate::neighbour_order::PlaneOrder;
 use crate::units::make_room;
 use crowd::{Crowd, Few, Member, keep_last_if};
 use found::Found;
@@ -119,14 +120,17 @@ pub(super) fn plan_velocities(world: &mut World) {
 /// Takes down where all living units are and what they do.
 fn take_down(world: &mut World) {
     let World { arena, units, neighbour_order, plan, .. } = world;
-    for (crowd, ids) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
+    for (crowd, PlaneOrder { list, .. }) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
         crowd.clear();
-        crowd.sort(ids, &units.pos);
-        for &id in &*ids {
+        crowd.sort(list, &units.pos);
+        for &id in &*list {
             let i = id as usize;
             let Vec2 { x, y } = plan.preferred[i];
             let stays = (x == 0.0) & (y == 0.0);
-            crowd.push(Member::new(id, units.pos[i], units.planned_vel[i], arena.kind(id).avoid.radius, stays), stays);
+            crowd.push(
+                Member::new(id, units.pos[i], units.planned_vel[i], arena.kind(id).avoid.radius, stays),
+                stays,
+            );
             // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
             units.planned_vel[i] = plan.preferred[i];
         }
