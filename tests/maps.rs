@@ -1,4 +1,4 @@
-//! The standard scenarios are the 23 maps of SMAC: the same sizes, so that code written for one runs on the other.
+//! The standard scenarios are the 23 maps of SMAC, with the same sizes: code written for SMAC runs unchanged.
 
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::Scenario;

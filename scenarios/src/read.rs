@@ -36,11 +36,7 @@ impl Scenario {
     }
 
     /// As [`from_json`](Self::from_json); without `base_dir` all unit types are standard ones.
-    pub(crate) fn read(
-        text: &str,
-        source: &str,
-        base_dir: Option<&Path>,
-    ) -> Result<Scenario, ScenarioError> {
+    pub(crate) fn read(text: &str, source: &str, base_dir: Option<&Path>) -> Result<Scenario, ScenarioError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;
         let name = file.require("name", "what the scenario is called")?.text()?;

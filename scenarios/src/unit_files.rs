@@ -5,7 +5,7 @@ use smaclite_units::UnitType;
 use smaclite_units::file::{Node, did_you_mean};
 use std::path::{Path, PathBuf};
 
-/// The standard type that the published environment lacks. There the name means a file, so here a file comes first.
+/// The standard type that the published environment lacks. There the name means a file, so a file comes first.
 const ADDED: &str = "HYDRALISK";
 
 /// What identifies a unit type: two names that mean the same file mean the same type.
@@ -25,11 +25,7 @@ pub(crate) struct UnitFiles<'a> {
 
 impl<'a> UnitFiles<'a> {
     /// For the scenario file called `scenario` in the folder `base_dir`.
-    pub(crate) fn new(
-        scenario: &'a str,
-        base_dir: Option<&'a Path>,
-        custom_unit_path: Option<&str>,
-    ) -> Self {
+    pub(crate) fn new(scenario: &'a str, base_dir: Option<&'a Path>, custom_unit_path: Option<&str>) -> Self {
         UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
     }
 

@@ -269,8 +269,8 @@ fn unit_files_are_found() {
     }
 }
 
-/// The published environment has no HYDRALISK: a scenario of its that names one has a file of that name. That
-/// file is meant, although HYDRALISK is a standard type here; for the other standard types files are not read.
+/// The published environment has no HYDRALISK, so scenarios for it bring a file of that name. That file is
+/// meant, although HYDRALISK is a standard type here; for the other standard types files are not read.
 #[test]
 fn a_hydralisk_file_comes_before_the_standard_type() {
     let (folder, standard) = folder("HYDRALISK", "");

@@ -1,5 +1,5 @@
-//! The embedded scenarios and terrains hold the published figures, and those of SMAC's maps that were not published
-//! with the environment.
+//! The embedded scenarios and terrains hold the published figures, and those of the SMAC maps that the
+//! published environment lacks.
 
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 

@@ -1,7 +1,7 @@
 //! The ten standard unit types, embedded from `units/data`.
 //!
-//! Nine are the published environment's. HYDRALISK is added for SMAC's map 6h_vs_8z: its health is that of SMAC's
-//! map, its other figures are the game's public unit statistics, which are also the source of the nine.
+//! Nine are the published environment's. HYDRALISK is added for SMAC's map 6h_vs_8z: its health is that of
+//! the map, its other figures are the game's public unit statistics, which are also the source of the nine.
 
 use crate::UnitType;
 
