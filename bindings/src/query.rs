@@ -12,7 +12,7 @@ pub fn place() -> PyResult<Place> {
     Place::of_this_user().map_err(|error| errors::of_connect(error.into()))
 }
 
-/// Names of the twelve standard scenarios, which `make` takes.
+/// Names of the standard scenarios, the 23 maps of SMAC, which `make` takes.
 #[pyfunction]
 pub fn scenarios() -> Vec<&'static str> {
     Scenario::standard_names().collect()

@@ -1,4 +1,4 @@
-//! Scenarios: who fights where. The twelve standard scenarios, the eight terrain presets, and the reader of
+//! Scenarios: who fights where. The 23 standard scenarios, the eight terrain presets, and the reader of
 //! scenario files.
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles. Nothing in

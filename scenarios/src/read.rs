@@ -32,6 +32,11 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] for the first thing that is wrong with the file or with a unit file that it names.
     pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
+        Scenario::read(text, source, Some(base_dir))
+    }
+
+    /// As [`from_json`](Self::from_json); without `base_dir` all unit types are standard ones.
+    pub(crate) fn read(text: &str, source: &str, base_dir: Option<&Path>) -> Result<Scenario, ScenarioError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;
         let name = file.require("name", "what the scenario is called")?.text()?;

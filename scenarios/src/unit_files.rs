@@ -5,6 +5,9 @@ use smaclite_units::UnitType;
 use smaclite_units::file::{Node, did_you_mean};
 use std::path::{Path, PathBuf};
 
+/// The standard type that the published environment lacks. There the name means a file, so a file comes first.
+const ADDED: &str = "HYDRALISK";
+
 /// What identifies a unit type: two names that mean the same file mean the same type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum UnitSource {
@@ -15,25 +18,30 @@ pub(crate) enum UnitSource {
 /// Where a scenario's unit files are looked for.
 pub(crate) struct UnitFiles<'a> {
     scenario: &'a str,
-    base_dir: &'a Path,
+    /// None for an embedded scenario, which uses no unit files.
+    base_dir: Option<&'a Path>,
     custom_unit_path: Option<PathBuf>,
 }
 
 impl<'a> UnitFiles<'a> {
     /// For the scenario file called `scenario` in the folder `base_dir`.
-    pub(crate) fn new(scenario: &'a str, base_dir: &'a Path, custom_unit_path: Option<&str>) -> Self {
+    pub(crate) fn new(scenario: &'a str, base_dir: Option<&'a Path>, custom_unit_path: Option<&str>) -> Self {
         UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
     }
 
-    /// What `name`, the key of entry `node`, means. Standard names come first.
+    /// What `name`, the key of entry `node`, means. Standard names come first, except [`ADDED`].
     pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, ScenarioError> {
-        if UnitType::standard_names().any(|standard| standard == name) {
+        let is_standard = UnitType::standard_names().any(|standard| standard == name);
+        if is_standard && name != ADDED {
             return Ok(UnitSource::Standard(name.into()));
         }
         let candidates = self.candidates(name);
         if let Some(path) = candidates.iter().find(|path| path.is_file()) {
             // Canonical, so that two names of one file are equal.
             return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
+        }
+        if is_standard {
+            return Ok(UnitSource::Standard(name.into()));
         }
         let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
         Err(ScenarioError::UnknownUnit {
@@ -64,11 +72,14 @@ impl<'a> UnitFiles<'a> {
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();
+        let Some(base_dir) = self.base_dir else {
+            return candidates;
+        };
         if let Some(custom) = &self.custom_unit_path {
-            candidates.push(self.base_dir.join(custom).join(&name));
+            candidates.push(base_dir.join(custom).join(&name));
             candidates.push(custom.join(&name));
         }
-        candidates.push(self.base_dir.join(&name));
+        candidates.push(base_dir.join(&name));
         candidates.push(PathBuf::from(name));
         // Neighbours are equal for absolute paths and for a scenario file in the working directory.
         candidates.dedup();

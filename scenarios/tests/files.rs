@@ -269,6 +269,19 @@ fn unit_files_are_found() {
     }
 }
 
+/// The published environment has no HYDRALISK, so scenarios for it bring a file of that name. That file is
+/// meant, although HYDRALISK is a standard type here; for the other standard types files are not read.
+#[test]
+fn a_hydralisk_file_comes_before_the_standard_type() {
+    let (folder, standard) = folder("HYDRALISK", "");
+    assert_eq!(standard.unwrap().unit_types[0].hp, 80.0);
+    fs::write(folder.path().join("HYDRALISK.json"), SCOUT).unwrap();
+    fs::write(folder.path().join("STALKER.json"), SCOUT).unwrap();
+    let scenario = Scenario::load(&folder.path().join("duel.json")).unwrap();
+    let hp_of = |name| scenario.unit_types.iter().find(|unit_type| unit_type.name == name).unwrap().hp;
+    assert_eq!((hp_of("HYDRALISK"), hp_of("STALKER")), (45.0, 80.0));
+}
+
 /// The example files of the SMAClite paper's appendix.
 #[test]
 fn the_papers_example_is_read() {
