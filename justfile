@@ -41,7 +41,7 @@ test-face name *args:
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
 
-# Battles side by side with the published environment (SMACLITE_PYTHON=its interpreter, with smaclite_pool in it; --help)
+# Battles side by side with the published environment (--help; SMACLITE_PYTHON=its interpreter)
 differential *args:
     PYTHONPATH={{ justfile_directory() }}/tests "${SMACLITE_PYTHON:-{{ python }}}" -m differential {{ args }}
 

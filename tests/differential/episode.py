@@ -74,8 +74,8 @@ def play(episode: Episode, open_published: OpenBattle) -> Outcome:
 def policy(episode: Episode) -> Callable[[Frame], list[int]]:
     """The players, which see what learners see.
 
-    `random` takes any action. `nearest` takes the nearest target and `focus` the weakest; without a target both
-    walk towards the nearest enemy, and one action in seven is random.
+    `random` takes any action. `nearest` takes the nearest target and `focus` the weakest; without a target
+    both walk towards the nearest enemy, and one action in seven is random.
     """
     rng = np.random.default_rng(episode.seed + 7)
     healers = np.array([episode.files.heals(unit) for unit in episode.files.roster("ALLY")])

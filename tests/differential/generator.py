@@ -34,6 +34,7 @@ def random_scenario(seed: int) -> ScenarioFiles:
     allies = [random_group(rng, files, "ALLY", side) for _ in range(rng.randint(1, 3))]
     enemies = [random_group(rng, files, "ENEMY", side) for _ in range(rng.randint(1, 3))]
     limit_healers(files, allies, enemies)
+    part_groups(allies + enemies)
     scenario["groups"] = ordered_groups(rng, allies, enemies)
     count_units(scenario)
     scenario["attack_point"] = attack_point(rng, allies, side)
@@ -128,7 +129,8 @@ def random_group(rng: random.Random, files: ScenarioFiles, faction: str, side: i
     else:
         kinds = rng.sample(PUBLISHED_UNITS + invented, rng.randint(1, 3))
     kinds.sort(key=files.heals)  # the published environment counts on healers being last
-    west, east = (4, 9) if faction == "ALLY" else (13, side - 5)
+    # Five units of the greatest size side by side stay on the map.
+    west, east = (5.5, 9.5) if faction == "ALLY" else (13, side - 5.5)
     return {
         "x": quarter(rng.uniform(west, east)),
         "y": quarter(rng.uniform(6, side - 6)),
@@ -160,6 +162,17 @@ def limit_healers(files: ScenarioFiles, allies: list[Json], enemies: list[Json])
         for unit in healers[1:]:
             del last[unit]
         last[healers[0]] = 1
+
+
+def part_groups(groups: list[Json]) -> None:
+    """Shifts groups near another one a little: in a scenario file no unit may start on the very point of another.
+
+    Without it all starts are on a grid of 1/80, and units of several groups are often equally near.
+    """
+    for index, group in enumerate(groups):
+        ways = [(abs(group["x"] - other["x"]), abs(group["y"] - other["y"])) for other in groups[:index]]
+        if any(max(way) < 11 for way in ways):
+            group["y"] += 0.003 * index
 
 
 def attack_point(rng: random.Random, allies: list[Json], side: int) -> list[float]:
