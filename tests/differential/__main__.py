@@ -10,7 +10,7 @@ The interpreter needs the published environment (smaclite 0.0.1 and its C++ addo
 smaclite_pool, built from this checkout by `python -m pip install .`; `just differential` uses the
 interpreter that the environment variable SMACLITE_PYTHON names.
 
-Exit status: 0 if nothing differs, 1 if something does, 2 if nothing could be played.
+Exit status: 0 if nothing differs, 1 if something does, 2 if nothing could be played, 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -57,12 +57,17 @@ def main(argv: list[str] | None = None) -> int:
     except (OSError, ValueError, KeyError) as error:
         print(f"error: {error!r}", file=sys.stderr)
         return 2
+    if not episodes:
+        print("error: expected episodes to play, got COUNT 0, --standard 0 and no --file", file=sys.stderr)
+        return 2
     print(f"{len(episodes)} episodes, --first {options.first}, {options.jobs} processes", flush=True)
     published = Published(PublishedBattle, record)
     progress = run(episodes, published, options.folder, options.jobs, options.stop_after)
     if progress.tally["different"]:
         name_ticks(options.folder)
-    return 1 if progress.faults() or not progress.tally["same"] else 0
+    if progress.interrupted:
+        return 130  # as shells have it for SIGINT
+    return 1 if progress.faults() else 0
 
 
 def parse(argv: list[str] | None) -> argparse.Namespace:

@@ -53,6 +53,8 @@ def examine(episode: Episode, published: Published, folder: Path) -> Finding:
     if outcome.kind != "different":
         return finding
     recorded = published.record(episode, outcome.actions, HASH_SEED)
+    if len(recorded["actions"]) < len(outcome.actions):
+        raise RuntimeError("the published environment did not repeat its own episode with the same hash seed")
     if tie := find_tie(episode, outcome, recorded, published.record):
         return replace(finding, kind="tie", what=tie)
     keep(episode, recorded, folder / episode.name)

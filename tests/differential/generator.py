@@ -165,7 +165,7 @@ def limit_healers(files: ScenarioFiles, allies: list[Json], enemies: list[Json])
 
 
 def part_groups(groups: list[Json]) -> None:
-    """Shifts groups near another one a little: in a scenario file no unit may start on the very point of another.
+    """Shifts groups near another one a little: no unit of a scenario file may start on the point of another.
 
     Without it all starts are on a grid of 1/80, and units of several groups are often equally near.
     """

@@ -30,7 +30,8 @@ SIZES = ("n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
 
 
 def record(episode: Episode, actions: list[list[int]], hash_seed: int) -> Recorded:
-    """Records the episode with these actions, in a process with that hash seed."""
+    """Records the episode with these actions, in a process with that hash seed, as far as the actions are
+    available."""
     with tempfile.TemporaryDirectory(prefix="differential-") as folder:
         task = {
             "path": str(episode.files.write(Path(folder))),
@@ -139,6 +140,12 @@ class Watch:
             "declared": column(np.uint8, "attacking"),
         }
 
+    def cut(self, n_ticks: int) -> None:
+        """Forgets what came after so many ticks."""
+        del self.frames[n_ticks + 1 :]
+        for rows in (self.orders.ids, self.preferred, self.rewards, self.revived):
+            del rows[n_ticks:]
+
     def order(self) -> NDArray[np.uint8]:
         """The execution orders as (steps, ticks, units)."""
         order = np.full((len(self.orders.ids), len(self.units)), END_OF_ORDER, np.uint8)
@@ -164,9 +171,15 @@ def record_here(task: dict[str, Any]) -> Recorded:
     actions: list[list[int]] = task["actions"] or [[int(np.argmax(mask)) for mask in frames[0].avail_actions]]
     with mock.patch.object(Unit, "heal", watch.healing(Unit.heal)):
         for joint in actions:
-            frames.append(battle.step(joint))
+            try:
+                frames.append(battle.step(joint))
+            except Exception:
+                # With another hash seed the battle can have gone where this action is not available.
+                break
             rewards.append(battle.reward)
             units.append(watch.frames[-1])
+    watch.cut(len(rewards) * TICKS_PER_STEP)
+    actions = actions[: len(rewards)]
     env = battle.env
     meta = {
         "scenario": files.name,
@@ -183,9 +196,9 @@ def record_here(task: dict[str, Any]) -> Recorded:
         "unit_id_in_faction": np.array([unit.id_in_faction for unit in watch.units], np.uint8),
         **{name: np.stack([row[name] for row in units]) for name in units[0]},
         **{f"tick_{name}": np.stack([row[name] for row in watch.frames]) for name in units[0]},
-        "tick_pref": np.stack(watch.preferred),
+        "tick_pref": np.array(watch.preferred, np.float32).reshape(-1, len(watch.units), 2),
         "tick_reward": np.array(watch.rewards),
-        "actions": np.array(actions, np.uint8),
+        "actions": np.array(actions, np.uint8).reshape(len(actions), -1),
         "order": watch.order(),
         "revived": np.array(watch.revived, np.uint8).reshape(-1, TICKS_PER_STEP).max(axis=1),
         "reward": np.array(rewards),

@@ -41,6 +41,7 @@ def run(episodes: list[Episode], published: Published, folder: Path, jobs: int, 
                     progress.say(f"stopped after {progress.faults()} faults")
                     break
         except KeyboardInterrupt:
+            progress.interrupted = True
             progress.say("interrupted; episodes that have begun are played to their end")
         workers.shutdown(wait=True, cancel_futures=True)
     progress.end()
@@ -68,6 +69,7 @@ class Progress:
         self.stops: Counter[str] = Counter()
         """What stopped the published environment, and how often."""
         self.steps = 0
+        self.interrupted = False
         self.begin = self.reported = time.monotonic()
 
     def faults(self) -> int:

@@ -60,7 +60,7 @@ def recorded(n_ticks: int, differs_in: int | None = None) -> Recorded:
     frames = np.zeros((n_ticks + 1, 1))
     if differs_in is not None:
         frames[differs_in + 1 :] = 1
-    return {"tick_hp": frames, "tick_reward": np.zeros(n_ticks)}
+    return {"tick_hp": frames, "tick_reward": np.zeros(n_ticks), "actions": np.zeros((n_ticks // 8, 1))}
 
 
 def record(episode: Episode, actions: list[list[int]], hash_seed: int) -> Recorded:
