@@ -12,8 +12,8 @@ use std::fmt::Display;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What was passed for an integer. Extracting it never fails, so that [`whole`] can say what is wrong and with which
-/// argument.
+/// What was passed for an integer. Extracting it never fails, so that [`whole`] can say what is wrong and
+/// with which argument.
 pub enum Int {
     Small(i128),
     /// Beyond what any setting can be.

@@ -85,7 +85,7 @@ pub fn make(
         if let Game::Battle { rules: played, episode_limit, .. } = &mut lane.game {
             (*played, *episode_limit) = (rules, limit);
         }
-        lane.spectators = 0; // no one knows of it
+        lane.spectators = 0; // its name is not told to others
         let lane = LaneConfig { batch_size, seed, autoreset, fields, frames_held, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place };
         let prepared = config.prepare().map_err(errors::of_start)?;
@@ -142,8 +142,8 @@ fn unique_name() -> String {
 ///         already, and has 10 seconds to answer.
 ///     wait: how to wait for batches: "adaptive" (spin a little, then block), "spin" or "block".
 ///
-/// The lane is this process's until `close`. Raises NoSuchPool, LaneTaken if the lane has a learner, PoolDied if the pool
-/// ends meanwhile, and ConnectError.
+/// The lane is this process's until `close`. Raises NoSuchPool, LaneTaken if the lane has a learner, PoolDied
+/// if the pool ends meanwhile, and ConnectError.
 #[pyfunction]
 #[pyo3(
     signature = (pool, lane=None, *, timeout=Some(Seconds(0.0)), wait="adaptive"),

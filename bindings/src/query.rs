@@ -25,8 +25,8 @@ pub fn scenarios() -> Vec<&'static str> {
 /// `description` (as `Envs.description`), `holder` (the learner's process or None), `figures` (counts since the start),
 /// `steps_per_s` and `failure`.
 ///
-/// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that name runs, and
-/// ConnectError if it does not answer in time.
+/// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that
+/// name runs, and ConnectError if it does not answer in time.
 #[pyfunction]
 #[pyo3(signature = (pool, *, timeout=Some(Seconds(10.0))), text_signature = "(pool, *, timeout=10.0)")]
 pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResult<Bound<'_, PyDict>> {
@@ -36,7 +36,8 @@ pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResul
     dict_of(py, &status.map_err(errors::of_connect)?)
 }
 
-/// Names of this user's running pools, sorted; embedded ones too, and those that are stopped and do not answer.
+/// Names of this user's running pools, sorted; embedded ones too, and those that are stopped and do not
+/// answer.
 #[pyfunction]
 pub fn pools() -> PyResult<Vec<String>> {
     Ok(running_pools(&place()?))

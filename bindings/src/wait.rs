@@ -15,9 +15,9 @@ const LOOK_AROUND: Duration = Duration::from_millis(50);
 /// What tells work that it was given up.
 pub type GivenUp<'a> = &'a mut dyn FnMut() -> bool;
 
-/// Does work that cannot be interrupted itself (reading files, creating and opening shared memory) in a thread of its own, so
-/// that a signal handler's exception ends the wait for it at once. Work that is given up is told so when it asks, and what
-/// it still yields is dropped.
+/// Does work that cannot be interrupted itself (reading files, creating and opening shared memory) in a
+/// thread of its own, so that a signal handler's exception ends the wait for it at once. Work that is given
+/// up is told so when it asks, and what it still yields is dropped.
 pub fn apart<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(GivenUp<'_>) -> T + Send + 'static,

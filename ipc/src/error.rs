@@ -1,5 +1,5 @@
-//! Errors of iceoryx2. Its own say little ("InternalError"), so each is kept together with what was being done and, where
-//! it can be measured, the shortage that is its likely cause.
+//! Errors of iceoryx2. Its own say little ("InternalError"), so each is kept together with what was being
+//! done and, where it can be measured, the shortage that is its likely cause.
 
 use crate::place::Place;
 use rustix::fs::{StatVfsMountFlags, statvfs};
@@ -7,7 +7,8 @@ use rustix::process::{Resource, getrlimit};
 use std::error::Error;
 use std::fmt::Display;
 
-/// iceoryx2 closes what it had opened before it reports a failure; fewer free file descriptors than this were too few.
+/// iceoryx2 closes what it had opened before it reports a failure; fewer free file descriptors than this were
+/// too few.
 const FEW_DESCRIPTORS: u64 = 16;
 
 /// Less than one segment or file of iceoryx2 needs.

@@ -221,7 +221,8 @@ pub struct Supervisor {
     _name: NameLock,
 }
 
-/// A pool whose settings are checked and whose maps are computed, which may take a second. Nothing of it exists yet.
+/// A pool whose settings are checked and whose maps are computed, which may take a second. Nothing of it
+/// exists yet.
 pub struct PreparedPool {
     /// Without its lanes.
     config: SupervisorConfig,

@@ -1,4 +1,5 @@
-//! The control socket: supervisors that do not answer, pools of very many lanes, idle connections, other namespaces.
+//! The control socket: supervisors that do not answer, pools of very many lanes, idle connections, other
+//! namespaces.
 
 use crate::assert_says;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
@@ -25,8 +26,8 @@ fn connect_within(
     Client::connect_within(room.place(), "train", None, Wait::default(), Patience { timeout, interrupted })
 }
 
-/// Whoever asked a stopped supervisor once waited for ten seconds, whatever its timeout and its caller said; `list` then
-/// said that no pool runs, and `serve` with its name waited as long to find the number of its process.
+/// Questions to a stopped supervisor once took ten seconds, whatever their timeout; `list` then said that no pool
+/// runs, and `serve` with its name waited as long to find the number of its process.
 #[test]
 fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     let room = Room::new();
@@ -89,7 +90,8 @@ fn a_pool_that_comes_later_is_waited_for() {
     });
 }
 
-/// The status of 240 lanes is longer than the socket's buffer: it was cut off, and the pool said not to answer.
+/// The status of 240 lanes is longer than the socket's buffer: it was cut off, and the pool said not to
+/// answer.
 #[test]
 fn a_pool_of_very_many_lanes_answers_in_full() {
     const LANES: usize = 300;
@@ -119,7 +121,7 @@ fn a_pool_of_very_many_lanes_answers_in_full() {
     assert_eq!(lanes.collect::<Vec<_>>(), [LANES; QUESTIONS]);
 }
 
-/// 512 connections that ask nothing once shut everybody else out.
+/// 512 connections that asked nothing once shut all others out.
 #[test]
 fn idle_connections_shut_no_one_out() {
     raise_file_limit();
@@ -141,7 +143,8 @@ fn idle_connections_shut_no_one_out() {
     assert_eq!((&oldest).read(&mut [0; 1]).expect("an end"), 0, "the oldest idle connection is closed");
 }
 
-/// The kernel gives 0 as the process of a peer that cannot be seen. It was read as a process number, which has no 0.
+/// The kernel gives 0 as the process of a peer that cannot be seen. It was read as a process number, which
+/// has no 0.
 #[test]
 fn a_learner_outside_of_the_pools_process_namespace_is_told_so() {
     let unshare = ["--pid", "--fork", "--kill-child"];
@@ -204,7 +207,8 @@ fn a_pool_that_dies_while_one_attaches_is_gone() {
     }
 }
 
-/// While a supervisor waits for a signal it does nothing else, and before it has made anything it need not clean up.
+/// While a supervisor waits for a signal it does nothing else, and before it has made anything it need not
+/// clean up.
 #[test]
 fn a_signal_ends_serve_at_once_also_while_it_starts() {
     let room = Room::new();

@@ -56,7 +56,8 @@ fn wrong_settings_are_errors_before_anything_starts() {
     check("serve 2s3z:4 --fields obs,hp", 1, &["`hp`", "avail_actions"]);
 }
 
-/// iceoryx2 calls a lack of file descriptors an internal error, and a read-only disk was shown as a Rust value.
+/// iceoryx2 calls a lack of file descriptors an internal error, and a read-only disk was shown as a Rust
+/// value.
 #[test]
 fn too_few_file_descriptors_are_named_as_the_cause() {
     let room = Room::new();

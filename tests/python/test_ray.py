@@ -175,7 +175,7 @@ class Watched(Supervisor):
         return super()._run_once()
 
 
-def test_a_pool_that_cannot_run_is_not_started_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was started twenty times a second, without end, and every one of its last words was kept."""
     monkeypatch.setattr("smaclite_pool.ray.MAX_FAILURES", 5)
     watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")

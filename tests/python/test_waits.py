@@ -163,7 +163,7 @@ def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
 
 
 def test_an_interrupted_make_leaves_nothing_behind(place: Path) -> None:
-    """The handler's exception is raised at once; what was being made meanwhile is taken back, at the exit at the latest."""
+    """What was being made is taken back, at the interpreter's exit at the latest."""
     script = """
 import signal, sys
 import smaclite_pool as sp

@@ -21,11 +21,11 @@
         rollouts = fleet.spawn(Rollout)                 # one actor a lane, each on the node of its pool
         print(ray.get([rollout.collect.remote(100) for rollout in rollouts]))
 
-An actor a node, named after Ray's id of the node, starts the pool and watches it: it costs no CPU, and no step passes
-through it. When a pool dies it is started again, with empty lanes: a rollout actor gets PoolDied, calls
-`lane.reattach()` and resets. The pause before each start doubles while starts fail, up to 30 s; after ten failures in a
-row there is no further one, and `running` raises StartError with the pool's last words. When the driver ends, so do actors and pools. `bindings/examples/ray_rollouts.py` trains
-by PPO this way.
+An actor a node, named after Ray's id of the node, starts the pool and watches it: it costs no CPU, and no
+step passes through it. When a pool dies it is started again, with empty lanes: a rollout actor gets PoolDied,
+calls `lane.reattach()` and resets. The pause before each start doubles while starts fail, up to 30 s; after
+ten failures in a row there is no further one, and `running` raises StartError with the pool's last words.
+When the driver ends, so do actors and pools. `bindings/examples/ray_rollouts.py` trains by PPO this way.
 
 Sizing. Give every lane an actor, and a node as many worker threads (`threads`) as it has cores less its lanes: learner
 and workers take turns at a batch, so one lane of many environments is better than several small ones unless the
@@ -65,7 +65,7 @@ MAX_FAILURES = 10
 """Starts in a row that failed, after which the pool is not started again."""
 
 LONGEST_PAUSE = 30.0
-"""Seconds between two starts at most; the pause begins with LOOK_AGAIN and doubles with every failure in a row."""
+"""Seconds between two starts at most: the pause is LOOK_AGAIN at first and doubles with each failure."""
 
 HEALTHY = 10.0
 """Seconds of life after which a pool that ends counts as one that had started."""

@@ -125,8 +125,8 @@ fn learner(lane: &LaneStatus) -> String {
     }
 }
 
-/// The pools that answer, and why the others that run do not. All are asked at the same time, so that those that are stopped
-/// cost their 10 seconds together.
+/// The pools that answer, and why the others that run do not. All are asked at the same time, so that those
+/// that are stopped cost their 10 seconds together.
 fn ask_all(place: &Place) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(place);
     let answers: Vec<_> = std::thread::scope(|scope| {

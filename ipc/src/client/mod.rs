@@ -70,7 +70,8 @@ struct Parts {
 }
 
 impl Client {
-    /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to answer.
+    /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to
+    /// answer.
     pub fn connect(
         place: &Place,
         pool: &str,
@@ -81,8 +82,8 @@ impl Client {
         Client::connect_within(place, pool, lane, wait, patience)
     }
 
-    /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it must run
-    /// already, and has 10 seconds to answer.
+    /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it
+    /// must run already, and has 10 seconds to answer.
     pub fn connect_within(
         place: &Place,
         pool: &str,

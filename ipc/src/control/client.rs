@@ -1,5 +1,5 @@
-//! The asking end of the control socket. Its waits are cut into slices, after each of which the caller may stop: a
-//! supervisor that is stopped must not stop those who ask it.
+//! The asking end of the control socket. Its waits are cut into slices, after each of which the caller may
+//! stop: a supervisor that is stopped must not stop those who ask it.
 
 use super::protocol::{Answer, Ask, MAX_ANSWER};
 use crate::client::{ConnectError, Patience};
@@ -13,7 +13,8 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// How long a supervisor may take to answer a caller that sets no time: it answers at once, or is stopped or overloaded.
+/// How long a supervisor may take to answer a caller that sets no time: it answers at once, or is stopped or
+/// overloaded.
 pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(10);
 
 /// How often a wait asks whether its caller wants to stop.
@@ -256,8 +257,8 @@ impl ControlClient {
         if self.is_alive() { error } else { self.gone().into() }
     }
 
-    /// The supervisor closed the connection: because it ended, or although it lives on. A process closes its files shortly
-    /// before its end is visible.
+    /// The supervisor closed the connection: because it ended, or although it lives on. A process closes its
+    /// files shortly before its end is visible.
     fn hung_up(&self) -> ControlError {
         let begin = Instant::now();
         while begin.elapsed() < LAST_MOMENTS {

@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 /// How often dead processes are looked for; nothing else does it for us.
 const LOOK_AROUND: Duration = Duration::from_millis(100);
 
-/// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too few to use
-/// up the process's file descriptors. Learners and spectators have limits of their own.
+/// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too
+/// few to use up the process's file descriptors. Learners and spectators have limits of their own.
 const MAX_VISITORS: usize = 128;
 
 /// Of these, how many one process may have, so that it cannot drive out the others.
@@ -68,7 +68,8 @@ struct Connection {
     stream: UnixStream,
     /// The peer's process; `None` if it is in another process namespace.
     pid: Option<u32>,
-    /// Readable when the process of a learner or spectator ends, even if a forked child keeps the socket open.
+    /// Readable when the process of a learner or spectator ends, even if a forked child keeps the socket
+    /// open.
     process: Option<OwnedFd>,
     received: Vec<u8>,
     /// What is still to be written of the last answer. Until then no other question is read.
@@ -223,7 +224,8 @@ impl Connection {
 }
 
 impl Host {
-    /// Answers what a connection asked, one question after the other has been answered in full; `false` when it is over.
+    /// Answers what a connection asked, one question after the other has been answered in full; `false` when
+    /// it is over.
     fn converse(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
         connection.active = Instant::now();
         let reads = connection.unwritten.is_empty();
