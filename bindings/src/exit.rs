@@ -3,6 +3,8 @@
 use crate::envs::Shared;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// Locked only while attached to the interpreter, so that a fork never copies it locked.
 static LIVE: Mutex<Vec<Weak<Shared>>> = Mutex::new(Vec::new());
@@ -21,8 +23,30 @@ pub fn close_at_exit(module: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
+/// Threads whose work was given up, which may be about to take back what they made.
+static ABANDONED: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
+
+/// How long the interpreter waits for them in the end.
+const LAST_MOMENTS: Duration = Duration::from_secs(3);
+
+/// Has the interpreter's end wait a little for `thread`.
+pub fn abandon(thread: JoinHandle<()>) {
+    let mut abandoned = ABANDONED.lock().unwrap_or_else(PoisonError::into_inner);
+    abandoned.retain(|other| !other.is_finished());
+    abandoned.push(thread);
+}
+
+fn wait_for_abandoned(threads: &[JoinHandle<()>]) {
+    let begin = Instant::now();
+    while begin.elapsed() < LAST_MOMENTS && threads.iter().any(|thread| !thread.is_finished()) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 #[pyfunction]
 fn close_all(py: Python<'_>) {
+    let abandoned = std::mem::take(&mut *ABANDONED.lock().unwrap_or_else(PoisonError::into_inner));
+    py.detach(|| wait_for_abandoned(&abandoned));
     let live = std::mem::take(&mut *LIVE.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
         for shared in live.iter().filter_map(Weak::upgrade) {

@@ -220,6 +220,9 @@ impl Legal {
 
     /// Writes a uniformly random legal action for every agent of the environments (all, if `None`).
     pub(crate) fn sample(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), Rejection> {
+        if !self.was_reset {
+            return Err(Rejection::NotReset);
+        }
         for (i, row) in out.chunks_exact_mut(self.n_agents).enumerate() {
             let env = match env_ids {
                 Some(ids) => self.env_of(ids[i])?,

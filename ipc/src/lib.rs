@@ -34,6 +34,7 @@ mod batch;
 pub mod cli;
 mod client;
 pub mod control;
+mod error;
 mod legal;
 mod memory;
 mod place;
@@ -52,16 +53,26 @@ pub use place::{Place, PlaceError, ROOT_VARIABLE, check_name};
 pub use services::{Capacity, IpcError};
 pub use smaclite_pool::Wait;
 pub use spectator::Spectator;
-pub use supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
+pub use supervisor::{Game, LaneConfig, PreparedPool, StartError, Supervisor, SupervisorConfig};
 
-use control::client::ControlClient;
+use control::client::{ANSWER_TIME, ControlClient};
 use control::protocol::{Answer, Ask};
 
-/// What a pool is doing.
+/// What a pool is doing. It has 10 seconds to answer.
 pub fn status(place: &Place, pool: &str) -> Result<PoolStatus, ConnectError> {
-    match ControlClient::connect(place, pool)?.ask(&Ask::Status)? {
+    status_within(place, pool, Patience { timeout: Some(ANSWER_TIME), interrupted: &mut || false })
+}
+
+/// What a pool is doing, if it answers in time.
+pub fn status_within(place: &Place, pool: &str, patience: Patience<'_>) -> Result<PoolStatus, ConnectError> {
+    match ControlClient::ask(place, pool, &Ask::Status, patience)?.1 {
         Answer::Status(status) => Ok(status),
         Answer::Refused(refusal) => Err(refusal.into()),
-        other => Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+        other => Err(Refusal::unexpected(&other).into()),
     }
+}
+
+/// Names of the pools that run at a place, sorted. A supervisor that is stopped runs.
+pub fn running_pools(place: &Place) -> Vec<String> {
+    control::client::running_pools(place)
 }

@@ -5,6 +5,8 @@
 //! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
 //! never meets what a learner still holds of its predecessor.
 
+pub use crate::error::IpcError;
+pub(crate) use crate::error::doing;
 use crate::place::{Place, Stay};
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::listener::Listener;
@@ -46,19 +48,6 @@ const TAKE_BACK: Duration = Duration::from_secs(1);
 /// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache lines).
 const CHUNK_OVERHEAD: usize = 192;
 
-/// An error of iceoryx2, with what was being done.
-#[derive(Debug, thiserror::Error)]
-#[error("{doing}: {cause}")]
-pub struct IpcError {
-    doing: &'static str,
-    cause: String,
-}
-
-/// Says what was being done when iceoryx2 refused.
-pub(crate) fn doing<E: std::fmt::Debug>(doing: &'static str) -> impl FnOnce(E) -> IpcError {
-    move |cause| IpcError { doing, cause: format!("{cause:?}") }
-}
-
 /// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a subscriber that
 /// is dropped, whoever still reads them. Dropped in this order.
 pub(crate) struct FramePort {
@@ -75,13 +64,15 @@ pub(crate) struct Guest {
 /// A node without signal handlers, under our own configuration.
 pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
     quiet();
-    let stay = Arc::new(place.enter().map_err(doing("entering the pools' folder"))?);
+    let entering = format!("entering the folder {}", place.root().display());
+    let stay = Arc::new(place.enter().map_err(doing(entering)).map_err(|error| error.at(place))?);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
         .config(&place.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(doing("creating an iceoryx2 node"))?;
+        .map_err(doing("creating an iceoryx2 node"))
+        .map_err(|error| error.at(place))?;
     place.close_counter();
     Ok(Guest { node, stay })
 }
@@ -151,8 +142,8 @@ impl Capacity {
 }
 
 fn still_held() -> IpcError {
-    let cause = "too many clients that are gone still have their frames held; drop those batches and every array over them";
-    IpcError { doing: "subscribing to a lane's frames", cause: cause.to_owned() }
+    let what = "too many clients that are gone still have their frames held";
+    IpcError::new("subscribing to a lane's frames", what, "drop those batches and every array over them")
 }
 
 fn service_name(instance: &str, lane: &str, what: &str) -> Result<ServiceName, IpcError> {

@@ -106,7 +106,7 @@ fn a_stopped_supervisor_is_waited_for_as_long_as_the_learner_likes() {
     supervisor.signal(Signal::STOP);
     learner.must("send");
     let error = learner.ask("recv 300").expect_err("nobody answers");
-    assert_says(&error, &["300ms"]);
+    assert_says(&error, &["within 0.3 s"]);
     supervisor.signal(Signal::CONT);
     learner.must("recv 5000"); // the result that was late
     learner.must("step 10");

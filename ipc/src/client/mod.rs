@@ -6,7 +6,7 @@ mod error;
 pub use error::{ClientError, ConnectError};
 
 use crate::batch::Batch;
-use crate::control::client::ControlClient;
+use crate::control::client::{ANSWER_TIME, ControlClient, ControlError};
 use crate::control::protocol::{Answer, Ask, LaneDescription, PROTOCOL_VERSION, Refusal};
 use crate::legal::Legal;
 use crate::memory::{PORTS, check_room, reserve_segments};
@@ -26,6 +26,9 @@ use std::time::{Duration, Instant};
 
 /// A blocked client looks this often whether its supervisor lives and its caller wants to stop.
 const LOOK_AROUND: Duration = Duration::from_millis(100);
+
+/// How often a learner looks for a pool that is not there yet.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Workers take requests between two runs of environments; a supervisor that does not is stopped.
 const ACCEPT_TIME: Duration = Duration::from_secs(5);
@@ -67,39 +70,77 @@ struct Parts {
 }
 
 impl Client {
-    /// Attaches to a lane of a pool: to its only lane, if none is named.
+    /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to
+    /// answer.
     pub fn connect(
         place: &Place,
         pool: &str,
         lane: Option<&str>,
         wait: Wait,
     ) -> Result<Client, ConnectError> {
-        let mut control = ControlClient::connect(place, pool)?;
+        let patience = Patience { timeout: Some(Duration::ZERO), interrupted: &mut || false };
+        Client::connect_within(place, pool, lane, wait, patience)
+    }
+
+    /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it
+    /// must run already, and has 10 seconds to answer.
+    pub fn connect_within(
+        place: &Place,
+        pool: &str,
+        lane: Option<&str>,
+        wait: Wait,
+        patience: Patience<'_>,
+    ) -> Result<Client, ConnectError> {
+        let Patience { timeout, interrupted } = patience;
+        let begin = Instant::now();
+        loop {
+            let left = timeout.map(|time| time.saturating_sub(begin.elapsed()));
+            let for_answer = match timeout {
+                Some(Duration::ZERO) => Some(ANSWER_TIME),
+                _ => left.map(|left| left.max(LOOK_AROUND)),
+            };
+            let patience = Patience { timeout: for_answer, interrupted: &mut *interrupted };
+            match Client::attach(place, pool, lane, wait, patience) {
+                Err(ConnectError::Control(ControlError::NoSuchPool { .. } | ControlError::Gone { .. }))
+                    if left != Some(Duration::ZERO) =>
+                {
+                    if interrupted() {
+                        return Err(ControlError::Interrupted { pool: pool.to_owned() }.into());
+                    }
+                    std::thread::sleep(left.map_or(LOOK_AGAIN, |left| left.min(LOOK_AGAIN)));
+                }
+                outcome => return outcome,
+            }
+        }
+    }
+
+    fn attach(
+        place: &Place,
+        pool: &str,
+        lane: Option<&str>,
+        wait: Wait,
+        patience: Patience<'_>,
+    ) -> Result<Client, ConnectError> {
         let question = Ask::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
-        let (session, description) = match control.ask(&question)? {
+        let (control, answer) = ControlClient::ask(place, pool, &question, patience)?;
+        let (session, description) = match answer {
             Answer::Attached { session, lane } => (session, *lane),
             Answer::Refused(refusal) => return Err(refusal.into()),
-            other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+            other => return Err(Refusal::unexpected(&other).into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
-        let capacity = description.capacity;
-        let num_envs = description.num_envs;
         let spin = wait.spin_time(description.threads);
-        check_room(capacity.request_memory(&layout, num_envs) + PORTS, "requests of a learner")?;
-        let guest = enter(place, &format!("learner of {pool}"))?;
-        let lane = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
-        let work_event = WorkEvent::open(&guest.node, &description.instance)?;
-        let publisher = lane.request_publisher(&layout, num_envs, capacity)?;
-        reserve_segments(place, "requests of a learner")?;
+        let ports = open_ports(place, &description, &layout).map_err(|error| control.cause_of(error))?;
+        let (publisher, frames, listener, work, services, guest) = ports;
         let parts = Parts {
             publisher,
-            frames: Arc::new(lane.frame_port(capacity.frames_waiting, &guest)?),
-            listener: lane.frame_listener()?,
-            work: work_event.notifier()?,
-            _services: (lane, work_event),
+            frames: Arc::new(frames),
+            listener,
+            work,
+            _services: services,
             _guest: guest,
             control,
-            legal: Legal::new(&layout, num_envs, description.autoreset),
+            legal: Legal::new(&layout, description.num_envs, description.autoreset),
             description,
             layout,
             session,
@@ -353,6 +394,22 @@ impl Parts {
     fn pool_died(&self) -> ClientError {
         ClientError::PoolDied { pool: self.description.pool.clone() }
     }
+}
+
+type Ports = (RequestPublisher, FramePort, IpcListener, IpcNotifier, (LaneServices, WorkEvent), Guest);
+
+/// What a learner needs of iceoryx2.
+fn open_ports(place: &Place, lane: &LaneDescription, layout: &Layout) -> Result<Ports, ConnectError> {
+    let (capacity, num_envs) = (lane.capacity, lane.num_envs);
+    check_room(capacity.request_memory(layout, num_envs) + PORTS, "requests of a learner")?;
+    let guest = enter(place, &format!("learner of {}", lane.pool))?;
+    let services = LaneServices::open(&guest.node, &lane.instance, &lane.lane)?;
+    let work_event = WorkEvent::open(&guest.node, &lane.instance)?;
+    let publisher = services.request_publisher(layout, num_envs, capacity)?;
+    reserve_segments(place, "requests of a learner")?;
+    let frames = services.frame_port(capacity.frames_waiting, &guest)?;
+    let (listener, work) = (services.frame_listener()?, work_event.notifier()?);
+    Ok((publisher, frames, listener, work, (services, work_event), guest))
 }
 
 pub(crate) fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {
