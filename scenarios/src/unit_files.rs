@@ -2,7 +2,8 @@
 
 use crate::ScenarioError;
 use smaclite_units::UnitType;
-use smaclite_units::file::{Node, did_you_mean};
+use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// The standard type that the published environment lacks. There the name means a file, so a file comes first.
@@ -13,6 +14,15 @@ const ADDED: &str = "HYDRALISK";
 pub(crate) enum UnitSource {
     Standard(String),
     File(PathBuf),
+}
+
+impl fmt::Display for UnitSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            UnitSource::Standard(name) => f.write_str(name),
+            UnitSource::File(path) => f.write_str(&shown_path(path)),
+        }
+    }
 }
 
 /// Where a scenario's unit files are looked for.
@@ -43,7 +53,7 @@ impl<'a> UnitFiles<'a> {
         if is_standard {
             return Ok(UnitSource::Standard(name.into()));
         }
-        let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
+        let tried: Vec<_> = candidates.iter().map(|path| shown_path(path)).collect();
         Err(ScenarioError::UnknownUnit {
             file: self.scenario.into(),
             key: node.key().into(),
@@ -60,11 +70,12 @@ impl<'a> UnitFiles<'a> {
             }
             UnitSource::File(path) => UnitType::load(path),
         };
-        loaded.map_err(|error| ScenarioError::UnitFile {
-            scenario: self.scenario.into(),
-            key: node.key().into(),
-            error: Box::new(error),
-        })
+        loaded.map_err(|error| self.wrong(node.key(), error))
+    }
+
+    /// The complaint about the type that the scenario names at `key`.
+    pub(crate) fn wrong(&self, key: &str, error: FileError) -> ScenarioError {
+        ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
     /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the scenario
