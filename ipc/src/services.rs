@@ -7,6 +7,7 @@
 
 use crate::place::{Place, Stay};
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -117,12 +118,12 @@ impl Capacity {
     ) -> Self {
         let synchronous = num_envs == batch_size;
         // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or at the last
-        // slot of a full one. One more for a rejection.
+        // slot of a full one. One more for a rejection, and one that is kept back to report a failure.
         let writing = threads.min(num_envs);
         Capacity {
             frames_held,
             frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 1 } else { writing + 2 },
+            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
             spectators,
             requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
         }
@@ -311,6 +312,9 @@ impl LaneServices {
     }
 
     pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
-        self.requests.subscriber_builder().create().map_err(doing("subscribing to a lane's requests"))
+        let builder = self.requests.subscriber_builder();
+        // A learner whose requests cannot be read is an error of `receive`; by default iceoryx2 passes it over.
+        let builder = builder.set_degradation_handler(|_, _| DegradationAction::DegradeAndFail);
+        builder.create().map_err(doing("subscribing to a lane's requests"))
     }
 }
