@@ -26,10 +26,11 @@ where
     word.parse::<T>().map_err(invalid)
 }
 
-/// A timeout in seconds; `None` and infinity are no timeout.
+/// A timeout in seconds; `None` and what a `Duration` cannot hold, such as infinity, are no timeout.
 pub fn seconds(timeout: Option<f64>) -> PyResult<Option<Duration>> {
     match timeout {
-        None | Some(f64::INFINITY) => Ok(None),
+        None => Ok(None),
+        Some(seconds) if seconds >= Duration::MAX.as_secs_f64() => Ok(None),
         Some(seconds) => Duration::try_from_secs_f64(seconds)
             .map(Some)
             .map_err(|_| invalid(format!("timeout={seconds}: a number of seconds from 0, or None"))),
