@@ -12,7 +12,7 @@ use smaclite_pool::layout::Layout;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
-/// A watcher of a lane. Frames that it does not fetch in time are replaced by newer ones; it holds one at a time.
+/// A watcher of a lane. Frames that it does not fetch in time are replaced by newer ones; it holds the newest.
 pub struct Spectator {
     parts: ManuallyDrop<Parts>,
     owner: u32,
@@ -53,22 +53,19 @@ impl Spectator {
         &self.parts.description
     }
 
-    /// The newest frame, `None` before the first. Never blocks. Whose session it belongs to does not matter here.
+    /// The newest batch, `None` before the first. Never blocks. Whose session it belongs to does not matter here.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         if self.owner != std::process::id() {
             return Err(ClientError::Forked { owner: self.owner });
         }
         let parts = &mut *self.parts;
-        // The held frame is given back before another is taken. With a buffer of one there is at most one newer.
-        let newer = parts.frames.subscriber.has_samples().map_err(doing("looking for a frame"))?;
-        if newer {
-            parts.current = None;
-            if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-                let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
-                if content == Some(Content::Batch) {
-                    parts.current =
-                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
-                }
+        // With a buffer of one there is at most one newer. The held batch is given back when the newer one was read, and
+        // stays if that one is an error report: a lane lets every subscriber hold at least two frames.
+        if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+            let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
+            if content == Some(Content::Batch) {
+                parts.current =
+                    Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
             }
         } else if !parts.control.is_alive() {
             return Err(ClientError::PoolDied { pool: parts.description.pool.clone() });
