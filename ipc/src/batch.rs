@@ -14,11 +14,11 @@ use std::sync::Arc;
 
 /// One batch: M slots of every field of the lane.
 ///
-/// In a forked child it is readable, but only unchanged while the parent holds it: the child's copy holds nothing, so
-/// after the parent's drop a later frame may be written there.
+/// In a forked child it is readable, but only unchanged while the parent holds it: the child's copy holds
+/// nothing, so after the parent's drop a later frame may be written there.
 pub struct Batch {
-    /// Only held. Asking it for its payload locks a mutex of its port, which a thread of the parent may have locked at
-    /// the moment of a fork.
+    /// Only held. Asking it for its payload locks a mutex of its port, which a thread of the parent may have
+    /// locked at the moment of a fork.
     sample: ManuallyDrop<FrameSample>,
     /// The sample's payload.
     bytes: NonNull<[u8]>,
@@ -28,12 +28,12 @@ pub struct Batch {
     port: ManuallyDrop<Arc<FramePort>>,
 }
 
-// SAFETY: everything but `bytes` and `sample` is `Send` by itself. `sample` is, too: iceoryx2 declares it. `bytes` is the
-// address of memory that any thread may read.
+// SAFETY: everything but `bytes` and `sample` is `Send` by itself. `sample` is, too: iceoryx2 declares it.
+// `bytes` is the address of memory that any thread may read.
 unsafe impl Send for Batch {}
 
-// SAFETY: a shared batch reads `bytes`, `header` and `layout`, which nothing changes, and leaves `sample` and `port`
-// alone until it is dropped, which takes the batch by value.
+// SAFETY: a shared batch reads `bytes`, `header` and `layout`, which nothing changes, and leaves `sample` and
+// `port` alone until it is dropped, which takes the batch by value.
 unsafe impl Sync for Batch {}
 
 impl Batch {
@@ -50,9 +50,10 @@ impl Batch {
 
     /// The frame's bytes in shared memory.
     pub fn bytes(&self) -> &[u8] {
-        // SAFETY: `new` took the address from the sample, whose memory is mapped, initialised, and written by no process
-        // until the sample is given back; `drop` does that, and the borrow is that of the batch. A forked child never
-        // gives it back, so there it stays mapped; what the parent may do there, the type's documentation says.
+        // SAFETY: `new` took the address from the sample, whose memory is mapped, initialised, and written by
+        // no process until the sample is given back; `drop` does that, and the borrow is that of the batch. A
+        // forked child never gives it back, so there it stays mapped; what the parent may do there, the
+        // type's documentation says.
         unsafe { self.bytes.as_ref() }
     }
 

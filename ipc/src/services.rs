@@ -313,7 +313,7 @@ impl LaneServices {
 
     pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
         let builder = self.requests.subscriber_builder();
-        // A learner whose requests cannot be read is an error of `receive`; by default iceoryx2 passes it over.
+        // `receive` fails for a learner whose requests cannot be read; iceoryx2's default ignores it.
         let builder = builder.set_degradation_handler(|_, _| DegradationAction::DegradeAndFail);
         builder.create().map_err(doing("subscribing to a lane's requests"))
     }

@@ -68,7 +68,7 @@ unsafe impl Outlet for FrameOutlet {
 
     fn loan(&mut self) -> Result<FrameLoan, String> {
         self.publisher.loan_slice_uninit(self.layout.bytes()).map_err(|error| {
-            let _ = self.publisher.update_connections(); // takes back what clean-up freed, for the next attempt
+            let _ = self.publisher.update_connections(); // takes back what clean-up freed
             format!("no memory for a frame: {error:?}")
         })
     }

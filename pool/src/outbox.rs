@@ -1,6 +1,6 @@
-//! The frames of a lane that are being filled. Workers claim slots, write them, and say when they are written; the
-//! last one of a frame publishes it. All calls are made under the lane's lock and none of them blocks; the writing, and
-//! the wait for a frame where there is none, are not made under it.
+//! The frames of a lane that are being filled. Workers claim slots, write them, and say when they are
+//! written; the last one of a frame publishes it. All calls are made under the lane's lock and none of them
+//! blocks; the writing, and the wait for a frame where there is none, are not made under it.
 
 use crate::slot::FrameMemory;
 use crate::transport::{Content, Outlet, Round};
@@ -85,8 +85,8 @@ impl<O: Outlet> Outbox<O> {
         !frame.stale
     }
 
-    /// Sends a frame that holds the reason why `request` of `session` was refused instead of a batch, unless that
-    /// session is over.
+    /// Sends a frame that holds the reason why `request` of `session` was refused instead of a batch, unless
+    /// that session is over.
     pub(crate) fn report(&mut self, session: u64, request: u64, text: &[u8]) -> Result<(), String> {
         if session == self.round.session {
             let loan = self.outlet.loan()?;

@@ -48,8 +48,8 @@ struct Shared<T: Transport> {
 }
 
 impl<T: Transport> Pool<T> {
-    /// Builds the lanes and starts the threads; an error is the operating system's refusal of a thread, or the
-    /// transport's of a lane's first frame.
+    /// Builds the lanes and starts the threads; an error is the operating system's refusal of a thread, or
+    /// the transport's of a lane's first frame.
     pub fn start(
         lanes: Vec<(LaneSpec, T::Inlet, T::Outlet)>,
         doorbell: T::Doorbell,

@@ -70,8 +70,8 @@ fn a_forked_child_gets_an_error_and_the_parent_goes_on() {
     player.step(SOON).expect("a step");
 }
 
-/// Reading a batch once locked a mutex of its port. A child that was forked while another thread had it, in `recv` or
-/// reading as well, waited for ever at its first look at a batch.
+/// Reading a batch once locked a mutex of its port. A child that was forked while another thread had it, in
+/// `recv` or reading as well, hung at its first look at a batch.
 #[test]
 fn a_child_reads_a_batch_of_its_parent_whatever_other_threads_did_at_the_fork() {
     let room = Room::new();
@@ -89,7 +89,11 @@ fn a_child_reads_a_batch_of_its_parent_whatever_other_threads_did_at_the_fork() 
                 player.step(SOON).expect("the parent goes on");
             }
         });
-        let reading = || while !stop.load(Ordering::Relaxed) && batch.bytes().len() == bytes.len() {};
+        let reading = || {
+            while !stop.load(Ordering::Relaxed) && batch.bytes().len() == bytes.len() {
+                std::hint::spin_loop();
+            }
+        };
         (0..2).for_each(|_| drop(scope.spawn(reading)));
         let read = std::panic::catch_unwind(AssertUnwindSafe(|| {
             (0..300).for_each(|_| assert_eq!(in_a_fork(|| i32::from(batch.bytes() != bytes)), 0));
@@ -100,9 +104,9 @@ fn a_child_reads_a_batch_of_its_parent_whatever_other_threads_did_at_the_fork() 
     });
 }
 
-/// The end of a pool once waited for the end of a socket of which every forked child has a copy, and learners of other
-/// processes did not hear of it for the same reason. A child that waits for its parent then waited for ever, and so did
-/// the parent.
+/// The end of a pool once waited for the end of a socket of which every forked child has a copy, and learners
+/// of other processes did not hear of it for the same reason. With a child that waited for its parent this
+/// was a deadlock.
 #[test]
 fn a_pool_ends_while_a_forked_child_lives() {
     let room = Room::new();

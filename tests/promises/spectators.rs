@@ -67,8 +67,8 @@ fn nobody_notices_spectators_that_stop_or_die() {
     room.assert_empty();
 }
 
-/// `latest` gave the batch it held back before it had read the newer frame, and was left with nothing if that was an error
-/// report.
+/// `latest` gave the batch it held back before it had read the newer frame, and was left with nothing if that
+/// was an error report.
 #[test]
 fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
     let room = Room::new();

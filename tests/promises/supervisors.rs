@@ -114,8 +114,8 @@ fn a_stopped_supervisor_is_waited_for_as_long_as_the_learner_likes() {
     learner.must("step 10");
 }
 
-/// The client began the new round before the reset was sent. When it was not, the client dropped all that came of the
-/// round that went on, and its next step waited for ever.
+/// The client began the new round before the reset was sent. When it was not, the client dropped all that
+/// came of the round that went on, and its next step hung.
 #[test]
 fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     let room = Room::new();

@@ -202,7 +202,7 @@ print("fine")
 
 @pytest.mark.parametrize("how", ["close", "del"])
 def test_an_embedded_pool_ends_while_a_forked_worker_waits_for_its_parent(how: str) -> None:
-    """The end waited for the end of a socket that the worker had a copy of: a deadlock, and Ctrl-C did not help."""
+    """The end waited for a socket that the worker had a copy of: a deadlock, and Ctrl-C did not help."""
     done = run_script(BESIDE_A_CHILD, how)
     assert done.stdout == "fine\n", done.stderr
 

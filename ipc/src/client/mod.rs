@@ -300,7 +300,8 @@ impl Parts {
     fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
         let begin = Instant::now();
         let spin_until = self.spin.map(|time| begin + time);
-        let end = patience.timeout.and_then(|timeout| begin.checked_add(timeout)); // beyond an `Instant` is no limit
+        // A timeout beyond what an `Instant` can hold is no limit.
+        let end = patience.timeout.and_then(|timeout| begin.checked_add(timeout));
         let mut look = begin + LOOK_AROUND;
         loop {
             if let Some(sample) = self.receive()? {

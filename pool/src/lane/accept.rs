@@ -102,7 +102,7 @@ impl<T: Transport> Lane<T> {
             }
             Err(rejection) => {
                 self.give_up(&intake.accepted);
-                drop(guard); // there may be no frame for the answer yet, and the control thread must not wait for one
+                drop(guard); // the answer may wait for a frame, the control thread must not
                 self.reject(&request, &rejection);
             }
         }

@@ -22,7 +22,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// Memory that a dead process held comes back within 100 ms; a frame that is not to be had after this never will be.
+/// How long to wait for a frame. Memory that a dead process held comes back within 100 ms.
 const RECLAIM_TIME: Duration = Duration::from_secs(2);
 
 /// How to build a lane.
@@ -116,9 +116,7 @@ impl<T: Transport> Lane<T> {
         self.seats.iter().for_each(|seat| lock(seat).busy = None);
     }
 
-    /// Answers a request with the reason why it was refused; called without a lock, like [`when_a_frame_is_there`].
-    ///
-    /// [`when_a_frame_is_there`]: Lane::when_a_frame_is_there
+    /// Answers a request with the reason why it was refused. May wait for a frame: the caller holds no lock.
     fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
         tracing::debug!(%rejection, "request rejected");
         self.counters.rejected();
@@ -127,9 +125,9 @@ impl<T: Transport> Lane<T> {
         sent.unwrap_or_else(|error| self.fail(error));
     }
 
-    /// Retries what needs a frame for as long as there is none, up to [`RECLAIM_TIME`]. The lane's memory suffices by
-    /// calculation, but what a killed learner held comes back only when the control thread cleans up after it, and for
-    /// that it may need any lock of this lane. So the caller holds none.
+    /// Retries what needs a frame for as long as there is none, up to [`RECLAIM_TIME`]. The lane's memory
+    /// suffices by calculation, but what a killed learner held comes back only when the control thread cleans
+    /// up after it, and for that it may need any lock of this lane. So the caller holds none.
     fn when_a_frame_is_there<R>(
         &self,
         mut attempt: impl FnMut(&mut Outbox<T::Outlet>) -> Result<R, String>,
@@ -201,7 +199,7 @@ impl<T: Transport> Lane<T> {
         let env = entry.env as usize;
         let step: Option<Step> = lock(&self.seats[env]).run(entry.task, self.autoreset, scratch);
         tally.count(step);
-        // Meanwhile a new round may free the seat and give it another task, but no other worker carries that out.
+        // Meanwhile a new round may give the seat another task, but only this worker carries it out.
         let claimed = claim_slot(env)?;
         let mut seat = lock(&self.seats[env]);
         let Some((claim, index)) = claimed else {

@@ -1,4 +1,4 @@
-//! Lanes whose transport has no frame to fill: it is waited for without a lock, and a failure is reported all the same.
+//! Lanes whose transport has no frame to fill: workers wait without a lock, and a failure is reported.
 
 use crate::game::Oddity;
 use crate::harness::{LaneSetup, Learner, Row, all, start};
@@ -23,7 +23,7 @@ fn reset(learner: &mut Learner) -> Vec<Row> {
     (0..N / learner.layout.slots()).flat_map(|_| learner.batch()).collect()
 }
 
-/// The report needed a frame, too: where there was none the lane failed without a word, and its learner waited for ever.
+/// The report needed a frame, too: where there was none the lane failed silently, and its learner hung.
 #[test]
 fn a_lane_that_fails_because_it_has_no_frame_says_so() {
     for batch_size in [N, 1] {
@@ -59,9 +59,10 @@ fn a_lane_goes_on_when_a_frame_comes_back() {
     }
 }
 
-/// A worker slept with the lane's locks until a frame came back, and the control thread, which alone can bring one back
-/// from a killed learner, waited for those locks to change the lane's session. An illegal action is refused by the leader
-/// as it accepts, a legal one needs a slot after its environment was stepped: both wait without a lock.
+/// A worker slept with the lane's locks until a frame came back, and the control thread, which alone can
+/// bring one back from a killed learner, waited for those locks to change the lane's session. An illegal
+/// action is refused by the leader as it accepts, a legal one needs a slot after its environment was stepped:
+/// both wait without a lock.
 #[test]
 fn the_session_of_a_lane_that_waits_for_a_frame_can_be_changed() {
     for batch_size in [N, 1] {
