@@ -9,6 +9,7 @@ pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::place::{Place, Stay};
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -108,12 +109,12 @@ impl Capacity {
     ) -> Self {
         let synchronous = num_envs == batch_size;
         // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or at the last
-        // slot of a full one. One more for a rejection.
+        // slot of a full one. One more for a rejection, and one that is kept back to report a failure.
         let writing = threads.min(num_envs);
         Capacity {
             frames_held,
             frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 1 } else { writing + 2 },
+            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
             spectators,
             requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
         }
@@ -302,6 +303,9 @@ impl LaneServices {
     }
 
     pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
-        self.requests.subscriber_builder().create().map_err(doing("subscribing to a lane's requests"))
+        let builder = self.requests.subscriber_builder();
+        // `receive` fails for a learner whose requests cannot be read; iceoryx2's default ignores it.
+        let builder = builder.set_degradation_handler(|_, _| DegradationAction::DegradeAndFail);
+        builder.create().map_err(doing("subscribing to a lane's requests"))
     }
 }

@@ -12,7 +12,7 @@ use smaclite_pool::layout::Layout;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
-/// A watcher of a lane. Frames that it does not fetch in time are replaced by newer ones; it holds one at a time.
+/// A watcher of a lane. It holds the newest batch that it fetched; older ones that it did not fetch are lost.
 pub struct Spectator {
     parts: ManuallyDrop<Parts>,
     owner: u32,
@@ -54,22 +54,19 @@ impl Spectator {
         &self.parts.description
     }
 
-    /// The newest frame, `None` before the first. Never blocks. Whose session it belongs to does not matter here.
+    /// The newest batch of any session, `None` before the first. Never blocks.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         if self.owner != std::process::id() {
             return Err(ClientError::Forked { owner: self.owner });
         }
         let parts = &mut *self.parts;
-        // The held frame is given back before another is taken. With a buffer of one there is at most one newer.
-        let newer = parts.frames.subscriber.has_samples().map_err(doing("looking for a frame"))?;
-        if newer {
-            parts.current = None;
-            if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-                let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
-                if content == Some(Content::Batch) {
-                    parts.current =
-                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
-                }
+        // The buffer holds one frame, so at most one is newer. It is read before the held batch is given
+        // back, which stays if the newer frame is an error report. A subscriber may hold two frames or more.
+        if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+            let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
+            if content == Some(Content::Batch) {
+                parts.current =
+                    Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
             }
         } else if !parts.control.is_alive() {
             return Err(ClientError::PoolDied { pool: parts.description.pool.clone() });

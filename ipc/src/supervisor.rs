@@ -15,6 +15,7 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::fs::File;
+use std::net::Shutdown;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::PathBuf;
@@ -213,8 +214,8 @@ pub struct Supervisor {
     lanes: Vec<LaneDescription>,
     shared_memory: usize,
     threads: usize,
-    /// Closed to stop the control thread.
-    stop: Option<UnixStream>,
+    /// Shut down to stop the control thread.
+    stop: UnixStream,
     control: Option<JoinHandle<()>>,
     place: Place,
     owner: u32,
@@ -302,7 +303,7 @@ impl Supervisor {
             lanes: descriptions,
             shared_memory,
             threads: options.threads,
-            stop: Some(stop),
+            stop,
             control: Some(control),
             place: config.place,
             owner: std::process::id(),
@@ -341,7 +342,8 @@ impl Drop for Supervisor {
         if self.owner != std::process::id() {
             return; // a forked child has no threads to stop and must not remove its parent's files
         }
-        self.stop.take();
+        // Closing it would not do: a forked child has a copy that keeps the socket open.
+        let _ = self.stop.shutdown(Shutdown::Both);
         if let Some(control) = self.control.take() {
             let _ = control.join();
         }

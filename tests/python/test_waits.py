@@ -246,3 +246,42 @@ def test_the_supervisor_of_a_process_is_not_ended_by_its_child() -> None:
             os._exit(0)
         os.waitpid(child, 0)
         assert envs.step(envs.sample_actions(), timeout=60).sequence == 2
+
+
+BESIDE_A_CHILD = """
+import multiprocessing, sys
+import smaclite_pool as sp
+
+def work(queue):
+    queue.get()
+
+envs = sp.make("2s3z", num_envs=2)
+envs.reset()
+context = multiprocessing.get_context("fork")
+queue = context.Queue()
+worker = context.Process(target=work, args=(queue,))
+worker.start()
+if sys.argv[1] == "close":
+    envs.close()
+else:
+    del envs
+assert sp.pools() == [] and worker.is_alive()
+queue.put(None)
+worker.join()
+print("fine")
+"""
+
+
+@pytest.mark.parametrize("how", ["close", "del"])
+def test_an_embedded_pool_ends_while_a_forked_worker_waits_for_its_parent(how: str) -> None:
+    """The end waited for a socket that the worker had a copy of: a deadlock, and Ctrl-C did not help."""
+    done = run_script(BESIDE_A_CHILD, how)
+    assert done.stdout == "fine\n", done.stderr
+
+
+@pytest.mark.parametrize("timeout", [float(sys.maxsize), 2.0**64, 1e300, float("inf"), None])
+def test_a_timeout_beyond_any_clock_is_no_limit(timeout: float | None) -> None:
+    """It was a panic where the batch came late, and the environments could not be used any more."""
+    with sp.make("MMM2", num_envs=256, threads=1, wait="block", fields=[]) as envs:
+        envs.reset(timeout=timeout)
+        assert envs.step(np.ones((256, envs.n_agents), np.int32), timeout=timeout).sequence == 2

@@ -65,6 +65,8 @@ struct Parts {
     requests: u64,
     /// Number of the last frame of this round, 0 before the first.
     sequence: u64,
+    /// The lane failed, which is reported once and stays so.
+    failure: Option<Rejection>,
     /// For how long to look for a frame before blocking; `None` is for ever.
     spin: Option<Duration>,
 }
@@ -147,6 +149,7 @@ impl Client {
             round: 0,
             requests: 0,
             sequence: 0,
+            failure: None,
             spin,
         };
         Ok(Client { parts: ManuallyDrop::new(parts), owner: std::process::id() })
@@ -166,20 +169,27 @@ impl Client {
     /// `seed + i`; without one its generator goes on, except that a session's first reset uses the lane's seed.
     /// Results of earlier requests that were not received are dropped when every environment is reset.
     pub fn send_reset(&mut self, seed: Option<u64>, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
-        let parts = self.parts()?;
+        let parts = self.working_parts()?;
         let number = parts.requests + 1;
-        parts.legal.take_reset(number, env_ids)?;
-        if env_ids.is_none_or(|ids| ids.len() == parts.description.num_envs) {
-            parts.round = number; // however they were named
-            parts.sequence = 0;
+        let kind = RequestKind::Reset { seed };
+        if let Some(ids) = env_ids
+            && !parts.legal.is_whole(env_ids)
+        {
+            parts.legal.take_reset(number, ids)?;
+            return parts.send(kind, env_ids, &[]);
         }
-        parts.send(RequestKind::Reset { seed }, env_ids, &[])
+        // Only a reset that was sent begins a round: otherwise what is under way is still to come.
+        parts.send(kind, env_ids, &[])?;
+        parts.legal.take_whole_reset(number);
+        parts.round = number;
+        parts.sequence = 0;
+        Ok(())
     }
 
     /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns at once, but
     /// for a supervisor that has stopped reading: after seconds that is [`ClientError::NotAccepted`].
     pub fn send(&mut self, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
-        let parts = self.parts()?;
+        let parts = self.working_parts()?;
         let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
         let n_agents = parts.description.n_agents;
         let (given, expected) = (actions.len(), envs * n_agents);
@@ -192,7 +202,7 @@ impl Client {
 
     /// Waits for the next batch.
     pub fn recv(&mut self, patience: Patience<'_>) -> Result<Batch, ClientError> {
-        let parts = self.parts()?;
+        let parts = self.working_parts()?;
         let (outstanding, batch_size) = (parts.legal.outstanding(), parts.description.batch_size);
         if outstanding < batch_size {
             return Err(ClientError::NothingToReceive { outstanding, batch_size });
@@ -247,6 +257,14 @@ impl Client {
             Ok(&mut self.parts)
         } else {
             Err(ClientError::Forked { owner: self.owner })
+        }
+    }
+
+    fn working_parts(&mut self) -> Result<&mut Parts, ClientError> {
+        let parts = self.parts()?;
+        match &parts.failure {
+            Some(failure) => Err(failure.clone().into()),
+            None => Ok(parts),
         }
     }
 }
@@ -323,16 +341,16 @@ impl Parts {
     fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
         let begin = Instant::now();
         let spin_until = self.spin.map(|time| begin + time);
+        // A timeout beyond what an `Instant` can hold is no limit.
+        let end = patience.timeout.and_then(|timeout| begin.checked_add(timeout));
         let mut look = begin + LOOK_AROUND;
         loop {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
             let now = Instant::now();
-            if let Some(timeout) = patience.timeout
-                && now - begin >= timeout
-            {
-                return Err(ClientError::Timeout(timeout));
+            if end.is_some_and(|end| now >= end) {
+                return Err(ClientError::Timeout(patience.timeout.unwrap_or_default()));
             }
             if now >= look {
                 look = now + LOOK_AROUND;
@@ -344,13 +362,13 @@ impl Parts {
                     return Err(ClientError::Interrupted);
                 }
             }
-            if spin_until.is_none_or(|end| now < end) {
+            if spin_until.is_none_or(|spin_until| now < spin_until) {
                 std::thread::yield_now();
                 continue;
             }
-            let end = patience.timeout.map_or(look, |timeout| look.min(begin + timeout));
+            let wake = end.map_or(look, |end| look.min(end));
             // Whatever ends this wait, the loop looks again.
-            let _ = self.listener.timed_wait(|_| {}, end - now);
+            let _ = self.listener.timed_wait(|_| {}, wake - now);
         }
     }
 
@@ -387,8 +405,12 @@ impl Parts {
 
     /// Raises a rejection of a request that is still waited for.
     fn rejection(&mut self, request: u64, rejection: Rejection) -> Result<(), ClientError> {
-        let fatal = matches!(rejection, Rejection::LaneFailed { .. });
-        if self.legal.refused(request) || fatal { Err(rejection.into()) } else { Ok(()) }
+        if matches!(rejection, Rejection::LaneFailed { .. }) {
+            self.failure = Some(rejection.clone());
+        } else if !self.legal.refused(request) {
+            return Ok(());
+        }
+        Err(rejection.into())
     }
 
     fn pool_died(&self) -> ClientError {

@@ -87,7 +87,7 @@ enum Role {
     Spectator(usize),
 }
 
-/// Serves until `stop` is closed by the other end.
+/// Serves until `stop` is shut down at the other end.
 pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
@@ -166,6 +166,13 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
         fds[2..].iter().zip(owner).filter(|(fd, _)| happened(fd)).map(|(_, index)| index).collect();
     connections.dedup();
     Ready { stop: happened(&fds[0]), listener: happened(&fds[1]), connections }
+}
+
+impl Drop for Connection {
+    /// Hangs up at once, even if a forked child of this process holds a copy of the socket.
+    fn drop(&mut self) {
+        let _ = self.stream.shutdown(std::net::Shutdown::Both);
+    }
 }
 
 impl Connection {
