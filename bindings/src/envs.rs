@@ -160,7 +160,7 @@ impl Envs {
         let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        py.detach(|| client.send(actions, ids)).map_err(of_client)
+        waiting(py, None, |patience| client.send(actions, ids, patience))
     }
 
     /// Wait for the next batch: the M environments that are done first.
@@ -181,7 +181,7 @@ impl Envs {
         let seed = seed.map(|s| whole("seed", s)).transpose()?;
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        py.detach(|| client.send_reset(seed, None)).map_err(of_client)
+        waiting(py, None, |patience| client.send_reset(seed, None, patience))
     }
 
     /// Draw uniformly random legal actions, int32 [K, n_agents], for environments `env_id`, or all, by what was last

@@ -16,12 +16,11 @@
 //! let supervisor = Supervisor::start(config)?;
 //!
 //! let mut client = Client::connect(&place, "train", None, Default::default())?;
-//! let mut never = || false;
-//! let batch = client.reset(Some(1), None, Patience { timeout: None, interrupted: &mut never })?;
+//! let batch = client.reset(Some(1), None, Patience::forever())?;
 //! assert_eq!(batch.obs_matrix().nrows(), 4 * 5);
 //! let mut actions = vec![0; 4 * 5];
 //! client.sample_actions(None, &mut actions)?;
-//! let batch = client.step(&actions, None, Patience { timeout: None, interrupted: &mut never })?;
+//! let batch = client.step(&actions, None, Patience::forever())?;
 //! assert_eq!(batch.env_id(), [0, 1, 2, 3]);
 //! # drop(supervisor);
 //! # Ok(())

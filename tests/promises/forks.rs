@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // `fork`
 
 use crate::assert_says;
-use smaclite_ipc::{ClientError, Supervisor, Wait};
+use smaclite_ipc::{ClientError, Patience, Supervisor, Wait};
 use smaclite_tests::pools::process::{SOON, eventually};
 use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
 use std::panic::AssertUnwindSafe;
@@ -47,7 +47,7 @@ fn a_forked_child_gets_an_error_and_the_parent_goes_on() {
     let mut held = Some((player, batch, supervisor));
     let status = in_a_fork(|| {
         let (mut player, batch, supervisor) = held.take().expect("the child's copy");
-        let error = player.client().send_reset(None, None);
+        let error = player.client().send_reset(None, None, Patience::forever());
         drop((player, batch, supervisor)); // as an interpreter's exit does
         if matches!(error, Err(ClientError::Forked { .. })) { FORKED_ERROR } else { 1 }
     });

@@ -128,14 +128,15 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     let mut other =
         Client::connect(room.place(), "train", Some("synchronous"), Wait::default()).expect("a client");
     player.reset(None, SOON).expect("a reset");
-    recv_of_all(&mut other, |client| client.send_reset(Some(1), None));
+    recv_of_all(&mut other, |client| client.send_reset(Some(1), None, Patience::forever()));
     supervisor.signal(Signal::STOP);
     // Of the lane with batches of one, a step of every environment waits, and there is no room for more.
     (0..4).for_each(|env| player.send_to(&[env]).expect("sent"));
-    let refused = player.client().send_reset(Some(5), None);
+    let refused = player.client().send_reset(Some(5), None, Patience::forever());
     assert!(matches!(refused, Err(ClientError::NotAccepted { .. })), "{refused:?}");
     // Of the other, as many resets as there is room for.
-    let refused = std::iter::repeat_with(|| other.send_reset(Some(5), None)).find_map(Result::err);
+    let refused =
+        std::iter::repeat_with(|| other.send_reset(Some(5), None, Patience::forever())).find_map(Result::err);
     assert!(matches!(refused, Some(ClientError::NotAccepted { .. })), "{refused:?}");
     supervisor.signal(Signal::CONT);
     (0..4).for_each(|_| drop(player.recv(SOON).expect("the result of a step")));
@@ -144,7 +145,36 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     recv_of_all(&mut other, |_| Ok(())); // of the last reset that was sent
     let mut actions = vec![0; 4 * other.description().n_agents];
     other.sample_actions(None, &mut actions).expect("legal actions");
-    recv_of_all(&mut other, |client| client.send(&actions, None));
+    recv_of_all(&mut other, |client| client.send(&actions, None, Patience::forever()));
+}
+
+/// A request to a supervisor that has stopped reading waited for five seconds, whatever the caller's timeout and Ctrl-C.
+#[test]
+fn a_wait_to_send_keeps_to_the_timeout_and_can_be_interrupted() {
+    let room = Room::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
+    let supervisor = Child::supervisor(&room, &plan);
+    let mut client = Client::connect(room.place(), "train", None, Wait::default()).expect("a client");
+    supervisor.signal(Signal::STOP);
+    let mut refused_after = |timeout: Option<Duration>, interrupt: bool| {
+        loop {
+            let begin = Instant::now();
+            let patience = Patience { timeout, interrupted: &mut || interrupt };
+            if let Err(error) = client.send_reset(None, None, patience) {
+                return (error, begin.elapsed());
+            }
+        }
+    };
+    let (error, time) = refused_after(Some(Duration::from_millis(20)), false);
+    assert!(matches!(error, ClientError::NotAccepted { .. }), "{error}");
+    assert!(time < Duration::from_secs(3), "{time:?}");
+    let (error, time) = refused_after(None, true);
+    assert!(matches!(error, ClientError::Interrupted), "{error}");
+    assert!(time < Duration::from_secs(3), "{time:?}");
+    supervisor.signal(Signal::CONT);
+    client
+        .recv(Patience { timeout: Some(SOON), interrupted: &mut || false })
+        .expect("of the last reset that was sent");
 }
 
 fn recv_of_all(client: &mut Client, send: impl FnOnce(&mut Client) -> Result<(), ClientError>) {

@@ -33,12 +33,27 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Workers take requests between two runs of environments; a supervisor that does not is stopped.
 const ACCEPT_TIME: Duration = Duration::from_secs(5);
 
-/// How to wait for a batch.
+/// How to wait.
 pub struct Patience<'a> {
     /// Give up after this long.
     pub timeout: Option<Duration>,
     /// Asked at least every 100 ms while blocked; `true` ends the wait.
     pub interrupted: &'a mut dyn FnMut() -> bool,
+}
+
+impl Patience<'static> {
+    /// Without a timeout, and not to be interrupted.
+    pub fn forever() -> Self {
+        // A closure that captures nothing takes no memory, so nothing leaks.
+        Patience { timeout: None, interrupted: Box::leak(Box::new(|| false)) }
+    }
+}
+
+impl Patience<'_> {
+    /// The same, for one of several waits in a row.
+    fn share(&mut self) -> Patience<'_> {
+        Patience { timeout: self.timeout, interrupted: &mut *self.interrupted }
+    }
 }
 
 /// A learner attached to a lane.
@@ -168,7 +183,15 @@ impl Client {
     /// Asks for a new episode in every environment, or in those of `env_ids`. With a seed, environment `i` is seeded with
     /// `seed + i`; without one its generator goes on, except that a session's first reset uses the lane's seed.
     /// Results of earlier requests that were not received are dropped when every environment is reset.
-    pub fn send_reset(&mut self, seed: Option<u64>, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+    ///
+    /// Returns at once, unless the supervisor has stopped reading: after 5 seconds, or sooner as `patience` has it,
+    /// that is [`ClientError::NotAccepted`].
+    pub fn send_reset(
+        &mut self,
+        seed: Option<u64>,
+        env_ids: Option<&[i32]>,
+        patience: Patience<'_>,
+    ) -> Result<(), ClientError> {
         let parts = self.working_parts()?;
         let number = parts.requests + 1;
         let kind = RequestKind::Reset { seed };
@@ -176,19 +199,24 @@ impl Client {
             && !parts.legal.is_whole(env_ids)
         {
             parts.legal.take_reset(number, ids)?;
-            return parts.send(kind, env_ids, &[]);
+            return parts.send(kind, env_ids, &[], patience);
         }
         // Only a reset that was sent begins a round: otherwise what is under way is still to come.
-        parts.send(kind, env_ids, &[])?;
+        parts.send(kind, env_ids, &[], patience)?;
         parts.legal.take_whole_reset(number);
         parts.round = number;
         parts.sequence = 0;
         Ok(())
     }
 
-    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns at once, but
-    /// for a supervisor that has stopped reading: after seconds that is [`ClientError::NotAccepted`].
-    pub fn send(&mut self, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns as
+    /// [`send_reset`](Client::send_reset) does.
+    pub fn send(
+        &mut self,
+        actions: &[i32],
+        env_ids: Option<&[i32]>,
+        patience: Patience<'_>,
+    ) -> Result<(), ClientError> {
         let parts = self.working_parts()?;
         let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
         let n_agents = parts.description.n_agents;
@@ -197,17 +225,22 @@ impl Client {
             return Err(ClientError::WrongLength { given, envs, n_agents, expected });
         }
         parts.legal.take_step(parts.requests + 1, actions, env_ids)?;
-        parts.send(RequestKind::Step, env_ids, actions)
+        parts.send(RequestKind::Step, env_ids, actions, patience)
     }
 
     /// Waits for the next batch.
     pub fn recv(&mut self, patience: Patience<'_>) -> Result<Batch, ClientError> {
+        self.recv_since(Instant::now(), patience)
+    }
+
+    /// The timeout counts from `begin`.
+    fn recv_since(&mut self, begin: Instant, patience: Patience<'_>) -> Result<Batch, ClientError> {
         let parts = self.working_parts()?;
         let (outstanding, batch_size) = (parts.legal.outstanding(), parts.description.batch_size);
         if outstanding < batch_size {
             return Err(ClientError::NothingToReceive { outstanding, batch_size });
         }
-        let sample = parts.wait_for_sample(patience)?;
+        let sample = parts.wait_for_sample(begin, patience)?;
         parts.legal.learn(&parts.layout, sample.payload());
         Ok(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)))
     }
@@ -217,10 +250,11 @@ impl Client {
         &mut self,
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
-        patience: Patience<'_>,
+        mut patience: Patience<'_>,
     ) -> Result<Batch, ClientError> {
-        self.send_reset(seed, env_ids)?;
-        self.recv(patience)
+        let begin = Instant::now();
+        self.send_reset(seed, env_ids, patience.share())?;
+        self.recv_since(begin, patience)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -228,10 +262,11 @@ impl Client {
         &mut self,
         actions: &[i32],
         env_ids: Option<&[i32]>,
-        patience: Patience<'_>,
+        mut patience: Patience<'_>,
     ) -> Result<Batch, ClientError> {
-        self.send(actions, env_ids)?;
-        self.recv(patience)
+        let begin = Instant::now();
+        self.send(actions, env_ids, patience.share())?;
+        self.recv_since(begin, patience)
     }
 
     /// Draws uniformly random legal actions into `out`, `[count, n_agents]`, for the environments of `env_ids` or for all
@@ -286,11 +321,12 @@ impl Parts {
         kind: RequestKind,
         env_ids: Option<&[i32]>,
         actions: &[i32],
+        patience: Patience<'_>,
     ) -> Result<(), ClientError> {
         self.requests += 1;
         let count = env_ids.map_or(self.description.num_envs, <[i32]>::len);
         let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
-        let sent = self.deliver(header, count, env_ids, actions);
+        let sent = self.deliver(header, count, env_ids, actions, patience);
         if sent.is_err() {
             self.legal.refused(self.requests);
         }
@@ -304,12 +340,15 @@ impl Parts {
         count: usize,
         env_ids: Option<&[i32]>,
         actions: &[i32],
+        patience: Patience<'_>,
     ) -> Result<(), ClientError> {
+        let time = patience.timeout.map_or(ACCEPT_TIME, |timeout| timeout.min(ACCEPT_TIME));
         let bytes = match actions {
             [] => count * size_of::<i32>(),
             _ => step_bytes(count, self.description.n_agents),
         };
         let begin = Instant::now();
+        let mut look = begin + LOOK_AROUND;
         loop {
             let mut sample =
                 self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
@@ -331,15 +370,25 @@ impl Parts {
             if !self.control.is_alive() {
                 return Err(self.pool_died());
             }
-            if begin.elapsed() > ACCEPT_TIME {
-                return Err(ClientError::NotAccepted { time: ACCEPT_TIME });
+            let now = Instant::now();
+            if now - begin > time {
+                return Err(ClientError::NotAccepted { time });
+            }
+            if now >= look {
+                look = now + LOOK_AROUND;
+                if (patience.interrupted)() {
+                    return Err(ClientError::Interrupted);
+                }
             }
             std::thread::sleep(Duration::from_micros(50));
         }
     }
 
-    fn wait_for_sample(&mut self, patience: Patience<'_>) -> Result<FrameSample, ClientError> {
-        let begin = Instant::now();
+    fn wait_for_sample(
+        &mut self,
+        begin: Instant,
+        patience: Patience<'_>,
+    ) -> Result<FrameSample, ClientError> {
         let spin_until = self.spin.map(|time| begin + time);
         // A timeout beyond what an `Instant` can hold is no limit.
         let end = patience.timeout.and_then(|timeout| begin.checked_add(timeout));
