@@ -7,8 +7,9 @@ use crate::{Rect, Terrain};
 /// while its whole width is blocked. Growth goes over squares that other rectangles already have, so rectangles may
 /// overlap.
 ///
-/// Rectangles that start in one row are disjoint, and so are those that start in one column. Hence their widths sum to at
-/// most one map, so do their heights, and a loop over the widths of all of them takes one step per square.
+/// Rectangles that start in one row are disjoint, and so are those that start in one column. Hence their
+/// widths sum to at most one map, so do their heights, and a loop over the widths of all of them takes one
+/// step per square.
 pub(crate) fn rectangles(terrain: &Terrain) -> Vec<Rect> {
     let (width, height) = (terrain.width(), terrain.height());
     let blocked_until = blocked_until(terrain);

@@ -1,18 +1,18 @@
 //! How much of the obstacles' outlines a unit can have in sight, and the limit on it.
 //!
-//! Collision avoidance looks at every obstacle edge within a unit's speed and radius. On a large map of many obstacles
-//! a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
+//! Collision avoidance looks at every obstacle edge within a unit's speed and radius. On a large map of many
+//! obstacles a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
 
 use crate::{Rect, Terrain};
 
-/// The most squares of outline that a unit may have in sight. No map of up to 64 x 64 squares has more at any speed, and
-/// no map of whatever size within the 5 squares or so that the standard units see.
+/// The most squares of outline that a unit may have in sight. No map of up to 64 x 64 squares has more at any
+/// speed, and no map of whatever size within the 5 squares or so that the standard units see.
 pub const MAX_OUTLINE_IN_SIGHT: usize = 1 << 16;
 
 /// The outlines of a map's obstacles, cut into pieces of one square and counted.
 pub(crate) struct Outlines {
-    /// For (x, y) the pieces with a south-western end south and west of it, row by row; one column and row more than
-    /// the grid has lines.
+    /// For (x, y) the pieces with a south-western end south and west of it, row by row; one column and row
+    /// more than the grid has lines.
     sums: Vec<u32>,
     columns: usize,
     rows: usize,

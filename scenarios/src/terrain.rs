@@ -90,8 +90,8 @@ impl Terrain {
         &self.obstacles
     }
 
-    /// How many squares of obstacle outline may be within `range` of a square, at most. No scenario file has a ground
-    /// unit with more than [`MAX_OUTLINE_IN_SIGHT`](crate::MAX_OUTLINE_IN_SIGHT) in sight.
+    /// How many squares of obstacle outline may be within `range` of a square, at most. No scenario file has
+    /// a ground unit with more than [`MAX_OUTLINE_IN_SIGHT`](crate::MAX_OUTLINE_IN_SIGHT) in sight.
     pub fn outline_in_sight(&self, range: f64) -> usize {
         Outlines::of(self).most_in_sight(range)
     }

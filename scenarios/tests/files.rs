@@ -342,7 +342,8 @@ fn names_and_paths_that_lead_nowhere() {
 
 /// A scenario of one unit a side on a map of this side with every other square blocked.
 fn on_a_checkerboard(side: usize, unit: &str) -> String {
-    let row = |y: usize| (0..side).map(|x| if (x + y) % 2 == 0 { '_' } else { 'X' }).collect::<String>();
+    let row =
+        |y: usize| (0..side).map(|x| if (x + y).is_multiple_of(2) { '_' } else { 'X' }).collect::<String>();
     let rows: Vec<String> = (0..side).map(row).collect();
     let group =
         |x, faction| format!(r#"{{"x": {x}, "y": 0, "faction": {faction:?}, "units": {{{unit:?}: 1}}}}"#);
@@ -365,8 +366,9 @@ fn a_unit_that_would_see_too_many_obstacles_is_refused() {
     let fast = SCOUT.replace("3.15", "315");
     let error = load(1024, &fast).unwrap_err();
     assert!(error.starts_with("duel.json: `groups[0].units.scout`: "), "{error}");
-    let expected = "scout.json: `speed` is 315, but should be at most 87.5 on this map: ground units see obstacles \
-                    within `speed` plus half of `size`, and within more than 89 squares there are too many";
+    let expected = "scout.json: `speed` is 315, but should be at most 87.5 on this map: ground units see \
+                    obstacles within `speed` plus half of `size`, and within more than 89 squares there are \
+                    too many";
     assert!(error.ends_with(expected), "{error}");
     let error = load(1024, &SCOUT.replace("\"size\": 3", "\"size\": 300")).unwrap_err();
     assert!(error.contains("scout.json: `size` is 300, but should be at most 178 on this map"), "{error}");

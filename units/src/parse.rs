@@ -54,8 +54,8 @@ impl UnitType {
     ///
     /// let text = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
     ///                "size": 3, "attributes": ["LIGHT"], "valid_targets": ["GROUND", "ARI"]}"#;
-    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
-    /// let expected = r#"scout.json: `valid_targets[1]` is "ARI", but should be one of GROUND, AIR, COLOSSUS"#;
+    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err(); let expected =
+    /// r#"scout.json: `valid_targets[1]` is "ARI", but should be one of GROUND, AIR, COLOSSUS"#;
     /// assert_eq!(error.to_string(), format!("{expected}; did you mean `AIR`?"));
     ///
     /// let scout = UnitType::from_json(&text.replace("ARI", "AIR"), "scout", "scout.json").unwrap();

@@ -182,7 +182,8 @@ fn a_file_names_its_type() {
     assert!(error.contains("nobody.json: cannot be read: No such file"), "{error}");
 }
 
-/// A key of 3 MB once cost 1.8 s of edit distances and made a message of 3 MB; a value, a name or a path can be as long.
+/// A key of 3 MB once cost 1.8 s of edit distances and made a message of 3 MB; a value, a name or a path can
+/// be as long.
 #[test]
 fn messages_are_short_lines_whatever_a_file_holds() {
     let long = "long\nkey".repeat(400_000);
@@ -208,7 +209,8 @@ fn messages_are_short_lines_whatever_a_file_holds() {
     assert!(error.len() < 500 && error.contains("key.json: cannot be read: "), "{} bytes", error.len());
 }
 
-/// Whatever is no file was read to its end: `check /dev/zero` filled the memory, and a FIFO waited for a writer.
+/// Whatever is no file was read to its end: `check /dev/zero` filled the memory, and a FIFO waited for a
+/// writer.
 #[test]
 fn only_files_of_a_limited_size_are_read() {
     let folder = tempfile::tempdir().unwrap();

@@ -64,8 +64,8 @@ mod tests {
         assert_eq!(error, format!("{}: {message}", file.display()));
     }
 
-    /// The file was read without a limit before the readers with limits saw it: /dev/zero filled the memory, and a FIFO
-    /// waited for a writer for ever.
+    /// The file was read without a limit before the readers with limits saw it: /dev/zero filled the memory,
+    /// and a FIFO waited for a writer for ever.
     #[test]
     fn a_file_is_read_with_the_limits_of_its_reader() {
         check(Path::new("/dev/zero"), "cannot be read: it is not a regular file");

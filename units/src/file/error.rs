@@ -85,7 +85,8 @@ pub(super) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
     // More than a third of the letters wrong is another word, not a slip.
     let most_slips = |candidate: &str| (candidate.len() / 3).max(1);
     let length = word.chars().count();
-    // The lengths of two words differ by no more than their distance, which takes long to work out for long words.
+    // The lengths of two words differ by no more than their distance, which takes long to work out for long
+    // words.
     let similar = valid.iter().filter(|candidate| candidate.len().abs_diff(length) <= most_slips(candidate));
     let lower = word.to_lowercase();
     let distance = |candidate: &str| strsim::damerau_levenshtein(&lower, &candidate.to_lowercase());

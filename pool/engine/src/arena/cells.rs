@@ -9,8 +9,8 @@ use smaclite_scenarios::Terrain;
 use super::edges::{Edge, outline};
 use super::partition::Partition;
 
-/// The most entries that the lists of all squares may have together: 16 MiB. They are made for speed alone, and beyond
-/// the processor's caches they are not faster than the search.
+/// The most entries that the lists of all squares may have together: 16 MiB. They are made for speed alone,
+/// and beyond the processor's caches they are not faster than the search.
 const MOST_ENTRIES: usize = 1 << 22;
 
 /// The edges to consider in each square, with one ring of squares around the map for whoever leaves it.
@@ -72,8 +72,8 @@ impl EdgesByCell {
         self.partition.visit(south_west, self.range, list);
     }
 
-    /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them. `searched` is
-    /// working memory.
+    /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them.
+    /// `searched` is working memory.
     pub fn near<'a>(&'a self, position: Vec2, searched: &'a mut Vec<u32>) -> &'a [u32] {
         let cell = (position.floor() + Vec2::ONE).max(Vec2::ZERO).min(self.last).as_uvec2();
         let cell = cell.y as usize * self.columns + cell.x as usize;
@@ -128,8 +128,8 @@ mod tests {
         }
     }
 
-    /// Loading a checkerboard took five minutes. Triangles are maps of rectangles that overlap, with up to a thousand edges
-    /// in one spot.
+    /// Loading a checkerboard took five minutes. Triangles are maps of rectangles that overlap, with up to a
+    /// thousand edges in one spot.
     #[test]
     fn large_maps_are_prepared_at_once() {
         let begin = Instant::now();

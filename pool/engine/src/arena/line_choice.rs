@@ -1,16 +1,18 @@
-//! The choice of the edge whose line divides a part of the partition most evenly, in time proportional to the edges.
+//! The choice of the edge whose line divides a part of the partition most evenly, in time proportional to the
+//! edges.
 //!
-//! Comparing every edge with every other takes quadratic time: minutes on a map of 1024 x 1024 squares. But edges lie
-//! on the lines of the grid, so all edges on one line that run in one direction divide the others alike, and how they
-//! do follows from three counts per line: the edges that end up to it, that begin from it on, and that lie in it.
+//! Comparing every edge with every other takes quadratic time: minutes on a map of 1024 x 1024 squares. But
+//! edges lie on the lines of the grid, so all edges on one line that run in one direction divide the others
+//! alike, and how they do follows from three counts per line: the edges that end up to it, that begin from it
+//! on, and that lie in it.
 //!
-//! One thing is not that simple. A cut may miss the grid by a rounding error, and a point next to a line counts as on
-//! it if its distance times the length of the dividing edge is small. Edges whose line has such a point within reach are
-//! compared with all others one by one, as are all edges of small parts.
+//! One thing is not that simple. A cut may miss the grid by a rounding error, and a point next to a line
+//! counts as on it if its distance times the length of the dividing edge is small. Edges whose line has such
+//! a point within reach are compared with all others one by one, as are all edges of small parts.
 
 use super::edges::{Edge, ON_LINE, Side};
 
-/// Parts of so few edges are divided faster without counting.
+/// Parts of at most this many edges are divided faster without counting.
 const FEW: usize = 16;
 
 /// Working memory of the choice.
@@ -21,15 +23,15 @@ pub(super) struct LineChoice {
 }
 
 impl LineChoice {
-    /// The edge whose line leaves the fewest edges on its fuller side, of equals the fewest on the other, of equals
-    /// the first.
+    /// The edge whose line leaves the fewest edges on its fuller side, of equals the fewest on the other, of
+    /// equals the first.
     pub fn most_even(&mut self, edges: &[Edge]) -> Choice {
         if edges.len() > FEW {
             self.counts.iter_mut().zip(0..).for_each(|(counts, axis)| counts.count(edges, axis));
         }
         let mut best = (0, Sides { fuller: usize::MAX, other: usize::MAX });
         let worst = Sides::new(edges.len() - 1, 0);
-        let (mut useless, mut fewest_cut) = (Vec::new(), usize::MAX);
+        let (mut undivided, mut fewest_cut) = (Vec::new(), usize::MAX);
         for (i, edge) in edges.iter().enumerate() {
             let counted = if edges.len() > FEW { self.counted(edge, edges.len()) } else { None };
             let sides = counted.unwrap_or_else(|| compared(edges, i, best.1.fuller));
@@ -37,7 +39,7 @@ impl LineChoice {
                 best = (i, sides);
             }
             if sides == worst {
-                useless.push(i);
+                undivided.push(i);
             } else {
                 fewest_cut = fewest_cut.min(sides.other);
             }
@@ -45,8 +47,8 @@ impl LineChoice {
         if best.1 != worst {
             return Choice::Divide(best.0);
         }
-        useless.truncate(fewest_cut);
-        Choice::Take(useless)
+        undivided.truncate(fewest_cut);
+        Choice::Take(undivided)
     }
 
     /// `None` if a point next to the line might count as on it.
@@ -58,7 +60,8 @@ impl LineChoice {
         if clearance * length.abs() <= ON_LINE {
             return None;
         }
-        // West is on the left of what runs north, and north of what runs east. What lies in the line counts as left.
+        // An edge that runs north has lower coordinates (the west) on its left, one that runs east has higher
+        // ones (the north). Edges in the line count as left.
         let low_is_left = (length > 0.0) == (axis == 0);
         let (left, right) = if low_is_left { (up_to, from - within) } else { (from, up_to - within) };
         // An edge that is on neither side alone is on both; the dividing edge itself counted as left.
@@ -71,9 +74,9 @@ impl LineChoice {
 pub(super) enum Choice {
     /// The line through this edge divides the others.
     Divide(usize),
-    /// Every line has all other edges on one side, wholly or cut, and these edges come next, one after the other: their
-    /// lines cut none. Each other line cuts at least as many edges as these are, so as long as one of these is left the
-    /// choice falls on the first of them.
+    /// No line divides the edges: every line has all others on one side, and cuts some of them at most. These
+    /// edges, whose lines cut none, are chosen next, one after the other. This is so because every other line
+    /// cuts at least as many edges as there are of these, hence still one when the last of these is chosen.
     Take(Vec<usize>),
 }
 
@@ -182,7 +185,6 @@ impl Counts {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec2;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
     use smaclite_scenarios::Rect;
@@ -190,7 +192,8 @@ mod tests {
     use super::super::edges::outline;
     use super::*;
 
-    /// Edges of random rectangles; some end a little off the grid, as cuts may, or at a tiny distance from their start.
+    /// Edges of random rectangles; some end a little off the grid, as cuts may, or at a tiny distance from
+    /// their start.
     fn random_edges(random: &mut Pcg64) -> Vec<Edge> {
         let (n, origin) = (random.random_range(1..60), random.random_range(0..=1000_u32));
         let mut random_edge = || {

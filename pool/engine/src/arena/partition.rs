@@ -1,8 +1,9 @@
 //! The binary space partition of the obstacle edges, and the search for the edges near a square.
 //!
-//! The partition has two effects on collision avoidance, which is why it exists although most maps are small: it cuts
-//! edges that cross the line of another one in two, and it fixes the order in which a unit meets edges that are
-//! equally far away, as the two edges of a corner are. Which line divides a part is decided in `line_choice`.
+//! The partition has two effects on collision avoidance, which is why it exists although most maps are small:
+//! it cuts edges that cross the line of another one in two, and it fixes the order in which a unit meets
+//! edges that are equally far away, as the two edges of a corner are. Which line divides a part is decided in
+//! `line_choice`.
 
 use std::num::NonZeroU32;
 
@@ -11,8 +12,8 @@ use glam::Vec2;
 use super::edges::{Edge, Side, left_of};
 use super::line_choice::{Choice, LineChoice};
 
-/// Edges in a binary tree. The line through the edge of a node divides all other edges of its part into those on its
-/// left and those on its right; an edge on both sides is cut in two.
+/// Edges in a binary tree. The line through the edge of a node divides all other edges of its part into those
+/// on its left and those on its right; an edge on both sides is cut in two.
 #[derive(Debug, Default)]
 pub(super) struct Partition {
     /// The edge of each node. A node comes before its left part, which comes before its right part.
@@ -73,7 +74,8 @@ impl Partition {
         if let Some((parent, is_left)) = parent {
             let parent = &mut self.nodes[parent];
             let link = if is_left { &mut parent.left } else { &mut parent.right };
-            // Edges sum to at most four times the squares of a map and are cut at its grid: far less than u32::MAX.
+            // Edges sum to at most four times the squares of a map and are cut at its grid: far less than
+            // u32::MAX.
             *link = NonZeroU32::new(number as u32);
         }
         self.nodes.push(Node { bounds: edge.bounds(), left: None, right: None });
@@ -108,8 +110,9 @@ impl Partition {
         }
     }
 
-    /// Appends to `list` the edges nearer than `range` to the square with this south-west corner that its units can
-    /// see, in the order in which they meet them: their own side of each line first, then the line, then the far side.
+    /// Appends to `list` the edges nearer than `range` to the square with this south-west corner that its
+    /// units can see, in the order in which they meet them: their own side of each line first, then the line,
+    /// then the far side.
     pub fn visit(&self, south_west: Vec2, range: f32, list: &mut Vec<u32>) {
         if !self.nodes.is_empty() {
             self.visit_part(0, south_west, range, list);
@@ -145,7 +148,8 @@ fn take(edges: Vec<Edge>, places: Vec<usize>) -> (Vec<Edge>, Vec<Edge>) {
     (edges(taken), edges(rest))
 }
 
-/// Leaves the edges on the left of the line through `edge` and returns those on its right, all in their order.
+/// Leaves the edges on the left of the line through `edge` and returns those on its right, all in their
+/// order.
 fn divide(edges: &mut Vec<Edge>, edge: &Edge) -> Vec<Edge> {
     let mut right = Vec::new();
     edges.retain_mut(|other| match edge.side_of(other) {
@@ -212,7 +216,8 @@ mod tests {
         assert!(edges.into_iter().zip(parts).eq(expected), "{terrain:?}");
     }
 
-    /// Squares blocked at random: single ones, walls that others cut, and triangles, whose rectangles overlap.
+    /// Squares blocked at random: single ones, walls that others cut, and triangles, whose rectangles
+    /// overlap.
     fn random_map(random: &mut Pcg64) -> Terrain {
         let mut number = |range: std::ops::RangeInclusive<u32>| random.random_range(range);
         let (width, height) = (number(1..=130), number(1..=130));
@@ -237,7 +242,8 @@ mod tests {
         Terrain::new(width, height, walkable).unwrap()
     }
 
-    /// On maps of 1024 x 1024 squares the partition once took minutes. Its order decides battles, so it must stay.
+    /// On maps of 1024 x 1024 squares the partition once took minutes. Its order decides battles, so it must
+    /// stay.
     #[test]
     fn the_fast_choice_is_the_slow_one() {
         let mut random = Pcg64::seed_from_u64(1);
