@@ -1,7 +1,7 @@
 //! The twelve standard scenarios, embedded from `scenarios/data`, and how a scenario is asked for by name or path.
 
 use crate::{Scenario, ScenarioError};
-use smaclite_units::file::did_you_mean;
+use smaclite_units::file::{did_you_mean, shortened};
 use std::path::Path;
 
 /// Names and files, in the order they are listed to people.
@@ -48,6 +48,6 @@ impl Scenario {
             return Scenario::load(path);
         }
         let hint = did_you_mean(name_or_path, Scenario::standard_names());
-        Err(ScenarioError::Unknown { name: name_or_path.into(), hint })
+        Err(ScenarioError::Unknown { name: shortened(name_or_path), hint })
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::ScenarioError;
 use smaclite_units::UnitType;
-use smaclite_units::file::{Node, did_you_mean};
+use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// What identifies a unit type: two names that mean the same file mean the same type.
@@ -10,6 +11,15 @@ use std::path::{Path, PathBuf};
 pub(crate) enum UnitSource {
     Standard(String),
     File(PathBuf),
+}
+
+impl fmt::Display for UnitSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            UnitSource::Standard(name) => f.write_str(name),
+            UnitSource::File(path) => f.write_str(&shown_path(path)),
+        }
+    }
 }
 
 /// Where a scenario's unit files are looked for.
@@ -35,7 +45,7 @@ impl<'a> UnitFiles<'a> {
             // Canonical, so that two names of one file are equal.
             return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
         }
-        let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
+        let tried: Vec<_> = candidates.iter().map(|path| shown_path(path)).collect();
         Err(ScenarioError::UnknownUnit {
             file: self.scenario.into(),
             key: node.key().into(),
@@ -52,11 +62,12 @@ impl<'a> UnitFiles<'a> {
             }
             UnitSource::File(path) => UnitType::load(path),
         };
-        loaded.map_err(|error| ScenarioError::UnitFile {
-            scenario: self.scenario.into(),
-            key: node.key().into(),
-            error: Box::new(error),
-        })
+        loaded.map_err(|error| self.wrong(node.key(), error))
+    }
+
+    /// The complaint about the type that the scenario names at `key`.
+    pub(crate) fn wrong(&self, key: &str, error: FileError) -> ScenarioError {
+        ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
     /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the scenario
