@@ -5,6 +5,8 @@
 mod cells;
 mod edges;
 mod kind;
+mod line_choice;
+mod partition;
 
 use glam::Vec2;
 use smaclite_scenarios::{Faction, Scenario, Terrain};

@@ -51,6 +51,7 @@ impl Memory {
         self.planes.iter_mut().for_each(|crowd| crowd.fit(n_units));
         make_room(&mut self.accompanied, n_units);
         make_room(&mut self.impeded, n_units);
+        make_room(&mut self.search.near_edges, n_edges);
         self.search.found.fit(n_units.max(n_edges));
         for lines in [&mut self.search.lines, &mut self.search.projected] {
             // Lines of units are added four at a time.
@@ -62,6 +63,8 @@ impl Memory {
 /// Working memory for the velocity of one unit.
 #[derive(Debug, Default)]
 struct Search {
+    /// Numbers of edges that may be in sight.
+    near_edges: Vec<u32>,
     /// Edges or units in sight.
     found: Found,
     lines: Vec<Line>,
@@ -157,9 +160,9 @@ impl Planner<'_> {
         for i in 0..self.crowd.movers().len() {
             let place = self.crowd.movers()[i] as usize;
             let (id, mover) = self.mover(place);
-            let Search { found, lines, .. } = &mut *self.search;
+            let Search { near_edges, found, lines, .. } = &mut *self.search;
             lines.clear();
-            obstacles::lines(self.arena, &mover, found, lines);
+            obstacles::lines(self.arena, &mover, near_edges, found, lines);
             if !lines.is_empty() || !self.crowd.is_small() {
                 self.avoid_all(place);
                 continue;
@@ -215,7 +218,7 @@ impl Planner<'_> {
     /// Finds the velocity of a unit in any situation; the lines of obstacles are there already.
     fn avoid_all(&mut self, place: usize) {
         let (id, mover) = self.mover(place);
-        let Search { found, lines, projected } = &mut *self.search;
+        let Search { found, lines, projected, .. } = &mut *self.search;
         let n_hard = lines.len();
         self.crowd.find(place, mover.kind.neighbour_range_squared, found);
         neighbours::lines(&mover, self.crowd.members(), found.places(), lines);
