@@ -4,6 +4,7 @@ use crate::convert::{seconds, whole, word};
 use crate::envs::Envs;
 use crate::errors::{self, invalid};
 use crate::query::place;
+use crate::scenario::resolve;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
 use smaclite_ipc::{
@@ -11,7 +12,6 @@ use smaclite_ipc::{
 };
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::FieldSet;
-use smaclite_scenarios::Scenario;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -73,9 +73,7 @@ pub fn make(
     if !(1..=MAX_THREADS).contains(&threads) {
         return Err(invalid(format!("threads={threads}: 1 to {MAX_THREADS} are possible")));
     }
-    let scenario = scenario.to_string_lossy();
-    let scenario =
-        Scenario::resolve(&scenario).map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+    let scenario = resolve(py, &scenario)?;
     let num_envs = whole("num_envs", num_envs)?;
     let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
     if let Game::Battle { rules: played, episode_limit: limit, .. } = &mut lane.game {

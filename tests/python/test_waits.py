@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import FrameType
 
 import numpy as np
@@ -174,3 +175,34 @@ def test_the_supervisor_of_a_process_is_not_ended_by_its_child() -> None:
             os._exit(0)
         os.waitpid(child, 0)
         assert envs.step(envs.sample_actions(), timeout=60).sequence == 2
+
+
+def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
+    """`make` held the interpreter's lock for as long as it read a scenario file: minutes, once."""
+    path = tmp_path / "large.json"
+    path.write_text("[" + ",".join(["[1]"] * 1_500_000) + "]")
+    is_done, n_runs = threading.Event(), 0
+
+    def run() -> None:
+        nonlocal n_runs
+        while not is_done.is_set():
+            time.sleep(0.001)
+            n_runs += 1
+
+    interval = sys.getswitchinterval()
+    thread = threading.Thread(target=run)
+    thread.start()
+    # So long that the other thread runs only while this one has let go of the lock.
+    sys.setswitchinterval(20)
+    try:
+        for _ in range(20):
+            before = n_runs
+            with pytest.raises(sp.ScenarioError, match="the whole file is a list of length 1500000"):
+                sp.scenario(path)
+            if n_runs > before:
+                break
+        assert n_runs > before
+    finally:
+        sys.setswitchinterval(interval)
+        is_done.set()
+        thread.join()
