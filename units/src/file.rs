@@ -14,6 +14,8 @@ pub use json::Json;
 pub use node::{Limits, Node, Object};
 pub use shown::{shortened, shown_path};
 
+use rustix::fs::{Mode, OFlags};
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -34,7 +36,10 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    let file = std::fs::File::open(path).map_err(|error| unreadable(error.to_string()))?;
+    // Some files that claim to be regular wait when they are read, as /proc/kmsg does; this makes it an error.
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+    let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
+    let file = File::from(file);
     let mut bytes = Vec::new();
     // One byte over the limit shows a file that grew since its size was asked for.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;
