@@ -42,6 +42,10 @@ pub(crate) struct Plan {
     start: Vec<Vec2>,
     /// Preferred velocity, of phase 2.
     pub preferred: Vec<Vec2>,
+    /// Whom the unit attacks or heals in its turn.
+    attack: Vec<Option<u32>>,
+    /// Units that were dead when their turn came, and the velocities with which they last moved.
+    unmoved: Vec<(u32, Vec2)>,
     lookout: choose::Lookout,
     avoid: avoid::Memory,
 }
@@ -52,11 +56,13 @@ impl Plan {
         let n_units = arena.sizes().n_units;
         make_room(&mut self.previous_target, n_units);
         make_room(&mut self.start, n_units);
+        make_room(&mut self.unmoved, n_units);
         make_room(&mut self.order, n_units);
         make_room(&mut self.commands, n_units);
         self.lookout.fit(n_units);
         self.avoid.fit(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);
+        self.attack.resize(n_units, None);
     }
 }
 

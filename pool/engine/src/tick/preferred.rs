@@ -14,6 +14,7 @@ pub(super) fn declare(world: &mut World) {
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         let unit = id as usize;
+        world.plan.attack[unit] = None;
         let speed = world.arena.kind(id).speed;
         let preferred = match world.plan.commands[unit] {
             Command::Stop => Vec2::ZERO,
@@ -28,15 +29,32 @@ pub(super) fn declare(world: &mut World) {
                 }
             }
         };
+        if world.units.declared[unit] {
+            resume(world, id);
+        }
         // Zero without a sign, unlike that of a healer which goes at the speed of a unit that cannot move (R3).
         world.plan.preferred[unit] = if speed == 0.0 { Vec2::ZERO } else { preferred };
     }
 }
 
+/// Rule R4: an attack that was held is executed as soon as there is a target, at any distance and in any plane.
+#[cold]
+fn resume(world: &mut World, id: u32) {
+    let unit = id as usize;
+    let target = match world.plan.commands[unit] {
+        Command::Target(target) => Some(target),
+        Command::AttackMove => world.units.target[unit],
+        Command::Stop | Command::MoveTo(_) => None,
+    };
+    world.plan.attack[unit] = target;
+    world.units.declared[unit] = target.is_none();
+}
+
 /// Declares an attack on a target within reach, or walks to it.
+#[inline(always)]
 fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
     if world.arena.can_attack(id, target) && in_reach(world, id, target) {
-        world.units.declared[id as usize] = true;
+        world.plan.attack[id as usize] = Some(target);
         return Vec2::ZERO;
     }
     towards_unit(world.units.pos[id as usize], world.units.pos[target as usize], speed)
@@ -49,6 +67,7 @@ pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
 }
 
 /// Full speed straight to a point; counted in f64, unlike the way to a unit.
+#[inline(always)]
 fn towards_point(from: Vec2, to: [f64; 2], speed: f64) -> Vec2 {
     let (dx, dy) = (to[0] - f64::from(from.x), to[1] - f64::from(from.y));
     let length = (dx * dx + dy * dy).sqrt();
@@ -59,6 +78,7 @@ fn towards_point(from: Vec2, to: [f64; 2], speed: f64) -> Vec2 {
 }
 
 /// Full speed straight to a unit; counted in f32.
+#[inline(always)]
 fn towards_unit(from: Vec2, to: Vec2, speed: f64) -> Vec2 {
     let (way, speed) = (to - from, speed as f32);
     let length = way.length();

@@ -3,8 +3,7 @@
 //!
 //! Every moving unit collects half-planes of permitted velocities, first from obstacle edges (`obstacles`), then
 //! from neighbouring units (`neighbours`), and takes the permitted velocity nearest to the preferred one
-//! (`program`). All plan against the same frozen positions and velocities; each unit takes its new velocity up in its
-//! turn of phase 4.
+//! (`program`). All plan against the same frozen positions and velocities; then all velocities change at once.
 //!
 //! Most units meet a few others and no obstacle. Their velocities are found four at a time (`programs`), to the same
 //! bits; [`Planner`] sorts out which those are.

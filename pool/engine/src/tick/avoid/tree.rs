@@ -17,15 +17,15 @@ use crate::units::make_room;
 #[derive(Debug, Default)]
 pub(super) struct Tree {
     /// Positions of the units, in the order of the list that the tree was grown over.
-    positions: Vec<Vec2>,
+    positions: Vec<[f32; 2]>,
     boxes: Vec<Box>,
 }
 
 /// A box around the units `begin..end`. Its lower half, if it has halves, comes right behind it in the list.
 #[derive(Clone, Copy, Debug)]
 struct Box {
-    south_west: Vec2,
-    north_east: Vec2,
+    /// South-west and north-east; of a box without halves not before a search asks for it.
+    corners: Option<[Vec2; 2]>,
     begin: u32,
     end: u32,
     /// The index of the upper half; 0 for none, as the root is nobody's half.
@@ -46,7 +46,7 @@ impl Tree {
     /// in the partitioned list.
     pub fn grow(&mut self, ids: &mut [u32], positions: &[Vec2]) {
         self.positions.clear();
-        self.positions.extend(ids.iter().map(|&id| positions[id as usize]));
+        self.positions.extend(ids.iter().map(|&id| positions[id as usize].to_array()));
         self.boxes.clear();
         if !ids.is_empty() {
             self.divide(ids, 0, ids.len());
@@ -54,19 +54,20 @@ impl Tree {
     }
 
     fn divide(&mut self, ids: &mut [u32], begin: usize, end: usize) {
-        let positions = &mut self.positions[begin..end];
-        let (south_west, north_east) = corners(positions);
         let index = self.boxes.len();
-        self.boxes.push(Box { south_west, north_east, begin: begin as u32, end: end as u32, upper: 0 });
+        self.boxes.push(Box { corners: None, begin: begin as u32, end: end as u32, upper: 0 });
         if end - begin <= Tree::LEAF_SIZE {
             return;
         }
+        let positions = &mut self.positions[begin..end];
+        let [south_west, north_east] = corners(positions);
+        self.boxes[index].corners = Some([south_west, north_east]);
         let sides = north_east - south_west;
         let middle = 0.5 * (north_east + south_west);
         let n_lower = if sides.x > sides.y {
-            part(positions, &mut ids[begin..end], |position| position.x < middle.x)
+            part(positions, &mut ids[begin..end], |[x, _]| x < middle.x)
         } else {
-            part(positions, &mut ids[begin..end], |position| position.y < middle.y)
+            part(positions, &mut ids[begin..end], |[_, y]| y < middle.y)
         };
         // Units in one spot cannot be parted; that must not go on forever.
         let n_lower = n_lower.max(1);
@@ -82,11 +83,21 @@ impl Tree {
         }
     }
 
+    /// The squared distance of a box to a point; 0 inside.
+    fn distance_squared(&self, index: usize, point: Vec2) -> f32 {
+        let Box { corners: known, begin, end, .. } = self.boxes[index];
+        let [low, high] = known.unwrap_or_else(|| corners(&self.positions[begin as usize..end as usize]));
+        let beyond = |low: f32, x: f32, high: f32| most(0.0, low - x) + most(0.0, x - high);
+        let (dx, dy) = (beyond(low.x, point.x, high.x), beyond(low.y, point.y, high.y));
+        dx * dx + dy * dy
+    }
+
     fn find_in(&self, index: usize, position: Vec2, range_squared: f32, meet: &mut impl FnMut(f32, u32)) {
         let this = &self.boxes[index];
         if this.upper == 0 {
             for place in this.begin..this.end {
-                let distance_squared = (position - self.positions[place as usize]).length_squared();
+                let other = Vec2::from(self.positions[place as usize]);
+                let distance_squared = (position - other).length_squared();
                 if distance_squared < range_squared {
                     meet(distance_squared, place);
                 }
@@ -94,8 +105,7 @@ impl Tree {
             return;
         }
         let (lower, upper) = (index + 1, this.upper as usize);
-        let to_lower = self.boxes[lower].distance_squared(position);
-        let to_upper = self.boxes[upper].distance_squared(position);
+        let [to_lower, to_upper] = [lower, upper].map(|half| self.distance_squared(half, position));
         let nearer_first = if to_lower < to_upper {
             [(to_lower, lower), (to_upper, upper)]
         } else {
@@ -109,33 +119,24 @@ impl Tree {
     }
 }
 
-impl Box {
-    fn distance_squared(&self, point: Vec2) -> f32 {
-        let beyond = |low: f32, x: f32, high: f32| most(0.0, low - x) + most(0.0, x - high);
-        let dx = beyond(self.south_west.x, point.x, self.north_east.x);
-        let dy = beyond(self.south_west.y, point.y, self.north_east.y);
-        dx * dx + dy * dy
-    }
-}
-
 /// The least and the greatest coordinates of positions, two positions at a time.
-fn corners(positions: &[Vec2]) -> (Vec2, Vec2) {
-    let first = positions[0];
-    let both = |a: Vec2, b: Vec2| f32x4::new([a.x, a.y, b.x, b.y]);
-    let (mut low, mut high) = (both(first, first), both(first, first));
-    let (pairs, rest) = positions.as_chunks::<2>();
-    for four in pairs.iter().map(|&[a, b]| both(a, b)).chain(rest.iter().map(|&a| both(a, a))) {
-        low = low.fast_min(four);
-        high = high.fast_max(four);
+fn corners(positions: &[[f32; 2]]) -> [Vec2; 2] {
+    let (pairs, rest) = positions.as_flattened().as_chunks::<4>();
+    let [x, y] = positions[0];
+    let last = if let [x, y] = *rest { [x, y, x, y] } else { [x, y, x, y] };
+    let (mut low, mut high) = (f32x4::from(last), f32x4::from(last));
+    for &pair in pairs {
+        low = low.fast_min(f32x4::from(pair));
+        high = high.fast_max(f32x4::from(pair));
     }
     let ([a, b, c, d], [e, f, g, h]) = (low.to_array(), high.to_array());
-    (Vec2::new(least(a, c), least(b, d)), Vec2::new(most(e, g), most(f, h)))
+    [Vec2::new(least(a, c), least(b, d)), Vec2::new(most(e, g), most(f, h))]
 }
 
 /// Moves those that belong to the lower half before the others and returns how many they are.
 ///
 /// From both ends, the first that does not belong changes places with the last that does.
-fn part(positions: &mut [Vec2], ids: &mut [u32], is_lower: impl Fn(Vec2) -> bool) -> usize {
+fn part(positions: &mut [[f32; 2]], ids: &mut [u32], is_lower: impl Fn([f32; 2]) -> bool) -> usize {
     let (mut begin, mut end) = (0, positions.len());
     loop {
         while begin < end && is_lower(positions[begin]) {
