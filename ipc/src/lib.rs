@@ -39,8 +39,10 @@ mod memory;
 mod place;
 mod services;
 mod spectator;
+mod stay;
 mod supervisor;
 mod transport;
+mod variant;
 pub mod wire;
 
 pub use batch::Batch;
@@ -53,6 +55,7 @@ pub use services::{Capacity, IpcError};
 pub use smaclite_pool::Wait;
 pub use spectator::Spectator;
 pub use supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
+pub use variant::PoolService;
 
 use control::client::ControlClient;
 use control::protocol::{Answer, Ask};

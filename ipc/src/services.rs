@@ -5,7 +5,8 @@
 //! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
 //! never meets what a learner still holds of its predecessor.
 
-use crate::place::{Place, Stay};
+use crate::place::Place;
+use crate::stay::Stay;
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -21,8 +22,7 @@ use std::mem::MaybeUninit;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Worker threads share ports, so the variant with locks.
-pub(crate) type Ipc = ipc_threadsafe::Service;
+pub(crate) type Ipc = crate::variant::PoolService;
 pub(crate) type FrameLoan = SampleMutUninit<Ipc, [MaybeUninit<u8>], FrameHeader>;
 pub(crate) type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;
@@ -75,14 +75,16 @@ pub(crate) struct Guest {
 /// A node without signal handlers, under our own configuration.
 pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
     quiet();
-    let stay = Arc::new(place.enter().map_err(doing("entering the pools' folder"))?);
+    let stay = place.enter().and_then(|stay| stay.check_segments().map(|()| stay));
+    let stay =
+        stay.map_err(|error| IpcError { doing: "entering the pools' folder", cause: error.to_string() })?;
+    let stay = Arc::new(stay);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
-        .config(&place.iceoryx())
+        .config(&stay.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(doing("creating an iceoryx2 node"))?;
-    place.close_counter();
     Ok(Guest { node, stay })
 }
 

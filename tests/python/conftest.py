@@ -16,11 +16,11 @@ import pytest
 
 
 def shm_prefix(root: Path) -> str:
-    """What names in /dev/shm begin with: user and FNV-1a of the folder, as ipc/src/place.rs has it."""
-    mark = 0xCBF29CE484222325
+    """What names in /dev/shm begin with: FNV-1a of the folder, as ipc/src/place.rs has it; then comes a random mark."""
+    folder = 0xCBF29CE484222325
     for byte in str(root).encode():
-        mark = ((mark ^ byte) * 0x100000001B3) % 2**64
-    return f"smaclite{os.getuid()}_{mark % 2**32:08x}_"
+        folder = ((folder ^ byte) * 0x100000001B3) % 2**64
+    return f"sp{folder % 2**32:08x}"
 
 
 def left_over(root: Path) -> list[str]:

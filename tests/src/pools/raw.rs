@@ -5,12 +5,12 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
-use smaclite_ipc::{LaneDescription, Place};
+use smaclite_ipc::{LaneDescription, Place, PoolService};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
 /// The variant the pool uses.
-pub type Ipc = ipc_threadsafe::Service;
+pub type Ipc = PoolService;
 
 /// A node at the pool's place.
 pub fn node(place: &Place) -> Node<Ipc> {
@@ -18,7 +18,8 @@ pub fn node(place: &Place) -> Node<Ipc> {
     let mut config = Config::default();
     let root = place.root().as_os_str().as_encoded_bytes();
     config.global.set_root_path(&Path::new(root).expect("a short path"));
-    config.global.prefix = FileName::new(place.shm_prefix().as_bytes()).expect("a prefix");
+    let prefix = place.shm_prefix_in_use().expect("a pool that runs");
+    config.global.prefix = FileName::new(prefix.as_bytes()).expect("a prefix");
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
