@@ -3,6 +3,7 @@
 use crate::convert::{seconds, whole, word};
 use crate::envs::Envs;
 use crate::errors::{self, invalid};
+use crate::exit::{Beginning, cut_short, is_exiting};
 use crate::query::place;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
@@ -93,6 +94,7 @@ pub fn make(
     let options = PoolOptions { threads, wait };
     let name = name.unwrap_or_else(unique_name);
     let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place: place()? };
+    let _beginning = Beginning::new()?;
     py.detach(|| {
         let supervisor = Supervisor::start(config).map_err(errors::of_start)?;
         let client = Client::connect(supervisor.place(), &name, None, wait).map_err(errors::of_connect)?;
@@ -148,6 +150,7 @@ fn unique_name() -> String {
 #[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive"))]
 pub fn connect(py: Python<'_>, pool: &str, lane: Option<&str>, timeout: f64, wait: &str) -> PyResult<Envs> {
     let (wait, timeout, place) = (word(wait)?, seconds(Some(timeout))?, place()?);
+    let _beginning = Beginning::new()?;
     let begin = Instant::now();
     loop {
         match py.detach(|| Client::connect(&place, pool, lane, wait)) {
@@ -156,6 +159,9 @@ pub fn connect(py: Python<'_>, pool: &str, lane: Option<&str>, timeout: f64, wai
                 if timeout.is_none_or(|timeout| begin.elapsed() < timeout) =>
             {
                 py.check_signals()?;
+                if is_exiting() {
+                    return Err(cut_short());
+                }
                 py.detach(|| std::thread::sleep(LOOK_AGAIN));
             }
             Err(error) => return Err(errors::of_connect(error)),

@@ -1,6 +1,8 @@
-//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C ends the wait.
+//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C or the interpreter's end ends the
+//! wait.
 
 use crate::errors;
+use crate::exit::{cut_short, is_exiting};
 use pyo3::prelude::*;
 use smaclite_ipc::{ClientError, Patience};
 use std::time::Duration;
@@ -14,7 +16,8 @@ pub fn waiting<T: Send>(
     let mut raised = None;
     let outcome = py.detach(|| {
         let mut interrupted = || {
-            raised = Python::attach(|py| py.check_signals()).err();
+            let signals = || Python::attach(|py| py.check_signals()).err();
+            raised = if is_exiting() { Some(cut_short()) } else { signals() };
             raised.is_some()
         };
         wait(Patience { timeout, interrupted: &mut interrupted })

@@ -246,7 +246,7 @@ mod tests {
             let segment = PathBuf::from(format!("{SHM}/{}{left}_1.data", place.shm_prefix()));
             std::fs::write(&segment, "left").unwrap();
             let stay = place.enter().unwrap();
-            assert!(!stay.prefix.ends_with(&format!("{left}_")), "{}", stay.prefix);
+            assert_ne!(stay.prefix, format!("{}{left}_", place.shm_prefix()));
             assert_eq!(segment.exists(), left.len() < MARK_LEN, "{left}");
             drop(stay);
             place.tidy().unwrap();
