@@ -15,6 +15,8 @@ mod limits;
 mod memory;
 #[path = "promises/spectators.rs"]
 mod spectators;
+#[path = "promises/strangers.rs"]
+mod strangers;
 #[path = "promises/supervisors.rs"]
 mod supervisors;
 #[path = "promises/workers.rs"]

@@ -54,7 +54,10 @@ pub use place::{Place, PlaceError, ROOT_VARIABLE, check_name};
 pub use services::{Capacity, IpcError};
 pub use smaclite_pool::Wait;
 pub use spectator::Spectator;
+#[doc(hidden)] // for tests that speak iceoryx2 themselves
+pub use stay::iceoryx;
 pub use supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
+#[doc(hidden)] // for the same tests
 pub use variant::PoolService;
 
 use control::client::ControlClient;

@@ -1,9 +1,6 @@
-//! Where pools of this user live: a private folder for sockets, locks and iceoryx2's files, and a prefix for what
-//! iceoryx2 puts into `/dev/shm`. One user a pool: nothing here can be opened by another. Who uses the place at the
-//! moment is `stay`'s concern.
+//! Where pools of this user live: a private folder for sockets and locks. What iceoryx2 keeps in `/dev/shm`, and who uses
+//! the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened by another.
 
-use crate::stay::MARK_LEN;
-use crate::variant::MAX_ID_DIGITS;
 use rustix::fs::OFlags;
 use std::fs::{File, Metadata};
 use std::io::Error;
@@ -13,9 +10,8 @@ use std::path::{Path, PathBuf};
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
-/// The system limits paths of sockets to 108 bytes with the zero at their end. The longest are iceoryx2's:
-/// `ROOT/PREFIX`, a mark and `_`, the number of a listener, `.event`.
-const MAX_ROOT_LEN: usize = 107 - "/spXXXXXXXX".len() - MARK_LEN - "_".len() - MAX_ID_DIGITS - ".event".len();
+/// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is `ROOT/NAME.sock`.
+const MAX_ROOT_LEN: usize = 60;
 
 /// Of a file that belongs to this user alone.
 pub(crate) const PRIVATE: u32 = 0o600;
@@ -82,7 +78,7 @@ impl Place {
         &self.root
     }
 
-    /// What the names of this place's files in `/dev/shm` begin with; then comes a mark that cannot be guessed.
+    /// What the name of this place's folder in `/dev/shm` begins with; then comes a mark that cannot be guessed.
     pub fn shm_prefix(&self) -> &str {
         &self.prefix
     }

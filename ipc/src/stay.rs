@@ -1,18 +1,17 @@
-//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave removes
-//! what iceoryx2 keeps for good and what its clean-up could not take from processes that were killed.
+//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave removes the
+//! folder in `/dev/shm` that all of iceoryx2's files are in.
 //!
-//! The locked file holds the *mark*, which is part of the name of every file of iceoryx2's. The first process to come
-//! draws it at random, so nobody can put files in the way of a pool before it starts: to learn the mark one must read a
-//! file of mode 0600, or see a name that is already in use.
+//! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random *mark*, so
+//! that they cannot occupy it beforehand; the mark is the content of the locked file.
 
 use crate::place::{Place, is_file_at, lock_file, owner_and_mode};
-use crate::variant::random;
-use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
+use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
-use std::fs::{File, Metadata};
+use rustix::rand::{GetRandomFlags, getrandom};
+use std::fs::{DirBuilder, File};
 use std::io::{Error, ErrorKind, Result};
-use std::os::unix::fs::{FileExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -20,14 +19,11 @@ use std::time::{Duration, Instant};
 const STAY_LOCK: &str = "in-use";
 
 /// Characters of a mark, of 32 different ones.
-pub(crate) const MARK_LEN: usize = 8;
+const MARK_LEN: usize = 16;
 const MARK_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
 
-/// Where iceoryx2 keeps shared memory.
+/// Shared memory.
 const SHM: &str = "/dev/shm";
-
-/// Where iceoryx2 keeps everything else, below the root.
-const ICEORYX_FOLDERS: [&str; 2] = ["nodes", "services"];
 
 /// How long to wait for another process that tidies the place up; it takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -35,29 +31,31 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Held by every process of a place for as long as it uses iceoryx2.
 pub(crate) struct Stay {
     lock: File,
-    place: Place,
-    prefix: String,
+    lock_path: PathBuf,
+    folder: PathBuf,
     owner: u32,
 }
 
 impl Place {
     /// Enters the place; waits while another process tidies it up. The first to come removes what the killed left.
     pub(crate) fn enter(&self) -> Result<Stay> {
-        let path = self.root().join(STAY_LOCK);
+        let path = self.stay_lock();
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
             let lock = lock_file(&path)?;
             if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
-                self.remove_left_overs(self.shm_prefix_of(&lock).as_deref());
-                lock.set_len(0)?;
-                lock.write_all_at(&new_mark()?, 0)?;
+                if let Some(left) = self.folder_of(&lock) {
+                    remove_folder(&left)?;
+                }
+                self.make_folder(&lock)?;
             }
-            // To share the lock is to give it up first: another process may come in between and draw another mark.
+            // To share the lock is to give it up first: another process may come in between and make another folder.
             if try_lock(&lock, FlockOperation::NonBlockingLockShared)?
                 && is_file_at(&lock, &path)
-                && let Some(prefix) = self.shm_prefix_of(&lock)
+                && let Some(folder) = self.folder_of(&lock)
             {
-                return Ok(Stay { lock, place: self.clone(), prefix, owner: std::process::id() });
+                check_folder(&folder)?;
+                return Ok(Stay { lock, lock_path: path, folder, owner: std::process::id() });
             }
             drop(lock);
             std::thread::sleep(Duration::from_millis(1));
@@ -68,84 +66,70 @@ impl Place {
 
     /// Removes what pools left here under this and earlier marks, unless a process uses the place.
     pub(crate) fn tidy(&self) -> Result<()> {
-        let path = self.root().join(STAY_LOCK);
+        let path = self.stay_lock();
         let lock = lock_file(&path)?;
         if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
-            self.remove_left_overs(Some(self.shm_prefix()));
+            self.shm_folders().iter().try_for_each(|folder| remove_folder(folder))?;
             std::fs::remove_file(path)?;
         }
         Ok(())
     }
 
-    /// Files of this user and place in `/dev/shm`, and iceoryx2's in the root and its folders there. All bear the prefix;
-    /// whatever else is kept in the folder is none of our business.
-    pub(crate) fn left_overs(&self) -> Vec<PathBuf> {
-        self.files_with(self.shm_prefix())
+    /// The folder in shared memory of the pools that run here; `None` while no process uses the place.
+    pub fn shm_folder(&self) -> Option<PathBuf> {
+        self.folder_of(&File::open(self.stay_lock()).ok()?)
     }
 
-    fn files_with(&self, prefix: &str) -> Vec<PathBuf> {
-        let mut files = Vec::new();
-        collect_files(Path::new(SHM), prefix, 0, &mut files);
-        collect_files(self.root(), prefix, 0, &mut files);
-        for folder in ICEORYX_FOLDERS {
-            collect_files(&self.root().join(folder), prefix, 1, &mut files);
-        }
-        files
+    /// This user's folders in shared memory that belong to this place by their names.
+    pub(crate) fn shm_folders(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
+        let ours = entries.filter(|entry| {
+            let name = entry.file_name();
+            let mark = name.to_str().and_then(|name| name.strip_prefix(self.shm_prefix()));
+            mark.is_some_and(|mark| is_mark(mark.as_bytes())) && is_ours(&entry.path())
+        });
+        ours.map(|entry| entry.path()).collect()
     }
 
-    /// For the holder of the exclusive lock.
-    fn remove_left_overs(&self, prefix: Option<&str>) {
-        let files = prefix.map_or(Vec::new(), |prefix| self.files_with(prefix));
-        files.iter().for_each(|file| drop(std::fs::remove_file(file)));
-        for folder in ICEORYX_FOLDERS.map(|folder| self.root().join(folder)) {
-            // What is not empty stays.
-            let below = std::fs::read_dir(&folder).into_iter().flatten().flatten();
-            below.for_each(|entry| drop(std::fs::remove_dir(entry.path())));
-            let _ = std::fs::remove_dir(folder);
-        }
+    fn stay_lock(&self) -> PathBuf {
+        self.root().join(STAY_LOCK)
     }
 
-    /// What names begin with by the mark in this file; `None` if there is none yet.
-    fn shm_prefix_of(&self, lock: &File) -> Option<String> {
+    /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process that dies in
+    /// between leaves nothing that is not found. For the holder of the exclusive lock.
+    fn make_folder(&self, lock: &File) -> Result<()> {
+        lock.set_len(0)?;
+        lock.write_all_at(&new_mark()?, 0)?;
+        let folder = self.folder_of(lock).expect("the mark was just written");
+        let made = DirBuilder::new().mode(0o700).create(&folder);
+        made.map_err(|error| Error::new(error.kind(), format!("{}: {error}", folder.display())))
+    }
+
+    /// The folder by the mark in this file; `None` if there is none yet.
+    fn folder_of(&self, lock: &File) -> Option<PathBuf> {
         let mut mark = [0; MARK_LEN];
         lock.read_exact_at(&mut mark, 0).ok()?;
-        let is_mark = mark.iter().all(|letter| MARK_LETTERS.contains(letter));
-        is_mark.then(|| format!("{}{}_", self.shm_prefix(), String::from_utf8_lossy(&mark)))
-    }
-
-    /// What the names of iceoryx2's files here begin with at the moment; `None` while no process uses the place.
-    pub fn shm_prefix_in_use(&self) -> Option<String> {
-        self.shm_prefix_of(&File::open(self.root().join(STAY_LOCK)).ok()?)
+        let name = format!("{}{}", self.shm_prefix(), String::from_utf8_lossy(&mark));
+        is_mark(&mark).then(|| Path::new(SHM).join(name))
     }
 }
 
 impl Stay {
     /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
     pub(crate) fn iceoryx(&self) -> Config {
-        let mut config = Config::default();
-        let root = self.place.root().as_os_str().as_encoded_bytes();
-        config.global.set_root_path(&IceoryxPath::new(root).expect("the length was checked"));
-        config.global.prefix =
-            FileName::new(self.prefix.as_bytes()).expect("letters, digits and an underscore");
-        config
+        iceoryx(&self.folder)
     }
 
-    /// Are the segments here as iceoryx2 made them? It gives a segment its size and only then makes it readable, and
-    /// waits without a limit for the size of one that is readable (`dynamic_storage/posix_shared_memory.rs`).
+    /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are complete. It would
+    /// say no more than that it could not open the service.
     pub(crate) fn check_segments(&self) -> Result<()> {
-        let mut files = Vec::new();
-        collect_files(Path::new(SHM), &self.prefix, 0, &mut files);
-        let is_broken = |file: &Metadata| {
-            !file.is_file() || file.mode() & 0o077 != 0 || (file.mode() & 0o400 != 0 && file.len() == 0)
-        };
-        for path in files {
-            // Gone in the meantime: of a peer that left.
-            let Ok(file) = path.symlink_metadata() else { continue };
-            if is_broken(&file) {
-                let (path, found) = (path.display(), owner_and_mode(&file));
-                let wrong = format!("{path}: a program other than iceoryx2 changed this file of a pool");
+        for entry in std::fs::read_dir(&self.folder)?.flatten() {
+            let Ok(file) = entry.metadata() else { continue }; // of a peer that left meanwhile
+            if file.is_file() && file.len() == 0 && file.mode() & 0o400 != 0 {
+                let (path, found) = (entry.path(), owner_and_mode(&file));
+                let wrong = format!("{}: a program truncated this file of a pool: {found}", path.display());
                 let remedy = "stop the pools of this folder and run `smaclite-pool clean`";
-                return Err(Error::other(format!("{wrong}: {found}; {remedy}")));
+                return Err(Error::other(format!("{wrong}; {remedy}")));
             }
         }
         Ok(())
@@ -157,10 +141,51 @@ impl Drop for Stay {
         if self.owner != std::process::id() {
             return; // a forked child shares its parent's lock
         }
-        if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
-            self.place.remove_left_overs(Some(&self.prefix));
-            let _ = std::fs::remove_file(self.place.root().join(STAY_LOCK));
+        // What cannot be removed is found by its mark later.
+        if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok()
+            && remove_folder(&self.folder).is_ok()
+        {
+            let _ = std::fs::remove_file(&self.lock_path);
         }
+    }
+}
+
+/// The configuration of an iceoryx2 node with its files in this folder.
+pub fn iceoryx(folder: &Path) -> Config {
+    let mut config = Config::default();
+    let folder = folder.as_os_str().as_encoded_bytes();
+    config.global.set_root_path(&IceoryxPath::new(folder).expect("a short path"));
+    config
+}
+
+fn is_ours(folder: &Path) -> bool {
+    let user = rustix::process::getuid().as_raw();
+    folder.symlink_metadata().is_ok_and(|found| found.is_dir() && found.uid() == user)
+}
+
+/// Nobody else can replace the folder: `/dev/shm` is sticky.
+fn check_folder(folder: &Path) -> Result<()> {
+    let named = |error: Error| {
+        let remedy = "stop the pools that use it and run `smaclite-pool clean`";
+        Error::new(error.kind(), format!("{}: {error}; {remedy}", folder.display()))
+    };
+    let found = folder.symlink_metadata().map_err(named)?;
+    if is_ours(folder) && found.mode() & 0o077 == 0 {
+        return Ok(());
+    }
+    Err(named(Error::other(format!("expected a private folder; {}", owner_and_mode(&found)))))
+}
+
+/// Not being there is as good, and so is being another user's, who can take the name of a folder that is gone.
+fn remove_folder(folder: &Path) -> Result<()> {
+    if !is_ours(folder) {
+        return Ok(());
+    }
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(Error::new(error.kind(), format!("{}: {error}", folder.display())))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -174,83 +199,88 @@ fn try_lock(file: &File, operation: FlockOperation) -> Result<bool> {
 }
 
 fn new_mark() -> Result<[u8; MARK_LEN]> {
-    Ok(random()?.to_ne_bytes().map(|byte| MARK_LETTERS[usize::from(byte % 32)]))
+    let mut mark = [0; MARK_LEN];
+    // At most 256 bytes come whole (getrandom(2)).
+    getrandom(&mut mark, GetRandomFlags::empty())?;
+    Ok(mark.map(|byte| MARK_LETTERS[usize::from(byte % 32)]))
 }
 
-/// This user's files whose names begin with `prefix` in a folder and in `depth` levels of folders below it. Links are not
-/// followed.
-fn collect_files(folder: &Path, prefix: &str, depth: usize, files: &mut Vec<PathBuf>) {
-    let user = rustix::process::getuid().as_raw();
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let Ok(file) = entry.metadata() else { continue };
-        if file.is_dir() && depth > 0 {
-            collect_files(&entry.path(), prefix, depth - 1, files);
-        } else if !file.is_dir()
-            && file.uid() == user
-            && entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix))
-        {
-            files.push(entry.path());
-        }
-    }
+fn is_mark(mark: &[u8]) -> bool {
+    mark.len() == MARK_LEN && mark.iter().all(|letter| MARK_LETTERS.contains(letter))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn write(path: PathBuf) -> PathBuf {
-        std::fs::create_dir_all(path.parent().expect("a folder")).unwrap();
-        std::fs::write(&path, "kept").unwrap();
-        path
+    fn place() -> (tempfile::TempDir, Place) {
+        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let place = Place::at(folder.path().to_owned()).unwrap();
+        (folder, place)
     }
 
     /// The clean-up once removed every file in every folder below the root: with the root set to one's home, all of it.
     #[test]
-    fn whoever_leaves_last_removes_nothing_but_what_iceoryx_keeps() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
-        let place = Place::at(folder.path().to_owned()).unwrap();
-        let stay = place.enter().unwrap();
-        let prefix = place.shm_prefix_in_use().expect("the place is in use");
-        let below = |path: &str| place.root().join(path.replace("PREFIX", &prefix));
-        let mine =
-            ["thesis.tex", "nodes/notes", "thesis/PREFIXa", "nodes/1/2/PREFIXa"].map(|p| write(below(p)));
-        let left = ["PREFIXa.event", "services/PREFIXa.service", "nodes/1/PREFIXa"].map(|p| write(below(p)));
-        drop(stay);
-        mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
-        left.iter().for_each(|file| assert!(!file.exists(), "{}", file.display()));
-        assert!(!below("services").exists() && !below("in-use").exists());
-    }
-
-    /// A mark outlives those who use the place and no longer.
-    #[test]
-    fn every_use_of_a_place_has_a_mark_of_its_own() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
-        let place = Place::at(folder.path().to_owned()).unwrap();
+    fn the_last_to_leave_removes_nothing_but_what_iceoryx_keeps() {
+        let (folder, place) = place();
+        std::fs::create_dir(folder.path().join("nodes")).unwrap();
+        let mine = ["thesis.tex", "nodes/notes"].map(|name| folder.path().join(name));
+        mine.iter().for_each(|path| std::fs::write(path, "kept").unwrap());
         let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
-        assert_eq!(first.prefix, second.prefix);
-        assert_eq!(place.shm_prefix_in_use().as_ref(), Some(&first.prefix));
-        let seen = first.prefix.clone();
-        drop((first, second));
-        assert_eq!(place.shm_prefix_in_use(), None);
-        assert_ne!(place.enter().unwrap().prefix, seen);
+        let shm = place.shm_folder().expect("the place is in use");
+        std::fs::create_dir(shm.join("nodes")).unwrap();
+        std::fs::write(shm.join("nodes/1"), "left").unwrap();
+        drop(first);
+        assert!(shm.exists());
+        drop(second);
+        assert!(!shm.exists() && place.shm_folder().is_none());
+        mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
-    /// Killed between making the file and writing the mark; and killed while pools ran.
+    #[test]
+    fn every_use_of_a_place_has_a_private_folder_of_its_own() {
+        let (_root, place) = place();
+        let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
+        assert_eq!(first.folder, second.folder);
+        assert_eq!(first.folder.metadata().unwrap().mode() & 0o7777, 0o700);
+        let seen = first.folder.clone();
+        drop((first, second));
+        assert_ne!(place.enter().unwrap().folder, seen);
+    }
+
+    /// Killed between making the file and writing the mark, before the folder was made, and while pools ran.
     #[test]
     fn a_mark_that_a_killed_process_left_is_replaced() {
-        let folder = tempfile::tempdir_in("/tmp").unwrap();
-        let place = Place::at(folder.path().to_owned()).unwrap();
-        let path = place.root().join(STAY_LOCK);
-        for left in ["", "abc", "abcdefgh"] {
-            lock_file(&path).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
-            let segment = PathBuf::from(format!("{SHM}/{}{left}_1.data", place.shm_prefix()));
-            std::fs::write(&segment, "left").unwrap();
+        let (_root, place) = place();
+        for (left, has_folder) in
+            [("", false), ("abc", false), ("abcdefghijklmnop", false), ("abcdefghijklmnop", true)]
+        {
+            lock_file(&place.stay_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
+            let folder = PathBuf::from(format!("{SHM}/{}{left}", place.shm_prefix()));
+            if has_folder {
+                std::fs::create_dir(&folder).unwrap();
+                std::fs::write(folder.join("1.data"), "left").unwrap();
+            }
             let stay = place.enter().unwrap();
-            assert_ne!(stay.prefix, format!("{}{left}_", place.shm_prefix()));
-            assert_eq!(segment.exists(), left.len() < MARK_LEN, "{left}");
+            assert_ne!(stay.folder, folder);
+            assert!(!folder.exists());
             drop(stay);
-            place.tidy().unwrap();
-            assert!(!segment.exists() && !path.exists());
+            assert!(!place.stay_lock().exists());
         }
+    }
+
+    /// The root folder is gone, by a cleaner of /tmp, and with it the mark.
+    #[test]
+    fn folders_without_a_mark_are_removed_when_no_process_uses_the_place() {
+        let (_root, place) = place();
+        let lost = PathBuf::from(format!("{SHM}/{}abcdefghijklmnop", place.shm_prefix()));
+        std::fs::create_dir(&lost).unwrap();
+        let stay = place.enter().unwrap();
+        place.tidy().unwrap();
+        assert!(lost.exists() && stay.folder.exists());
+        drop(stay);
+        place.tidy().unwrap();
+        assert!(!lost.exists() && !place.stay_lock().exists());
     }
 }

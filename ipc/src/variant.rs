@@ -1,28 +1,31 @@
-//! The variant of iceoryx2's services that pools use: the thread-safe one, with ids made of random numbers.
+//! The variant of iceoryx2's services that pools use: the thread-safe one, with every file in one folder.
 //!
-//! iceoryx2 0.10 draws the id of a node from a counter in `/dev/shm` (`unique_id_generator/unique_system_id.rs`,
-//! `node/global_management_segment.rs`). That counter is the only file of iceoryx2 that is made for all users
-//! (`enable_global_access(true)`; the mode becomes 0666 in `dynamic_storage/posix_shared_memory.rs`, `init_impl`), it
-//! has a fixed name, it is opened if it is there, whoever made it, and one of size 0 is waited for without a limit
-//! (`open_impl`, `MappingSizeIsZero`). With an id generator of our own it is never opened or made. Every other
-//! segment is made with `O_EXCL` and mode 0200 and becomes 0600, so no other user can ever open it.
+//! iceoryx2's own variants put segments directly into `/dev/shm`, where all users see their names and may put files
+//! beside them. That cannot be defended from outside (all of it in iceoryx2 0.10.0 and iceoryx2-cal 0.10.0):
 //!
-//! The names of the other segments hold the ids of the ports they belong to. iceoryx2 makes those from the process
-//! number, the time and a counter; random ones cannot be predicted, so a name cannot be occupied in advance.
+//! - The counter of nodes (`node/global_management_segment.rs`) has a fixed name, is made with access for everybody
+//!   (`dynamic_storage/posix_shared_memory.rs`, `init_impl`), and is used whoever made it.
+//! - Names of connections consist of the ids of two ports, which other names show already; when a process has died, its
+//!   connections are looked for in all of `/dev/shm` and opened, whoever made them
+//!   (`service/stale_resource_cleanup.rs`).
+//! - An empty segment is waited for without a limit (`posix_shared_memory.rs`, `open_impl`, `MappingSizeIsZero`).
+//!
+//! The storages used here map files below the root path of iceoryx2's configuration. That is a folder of mode 0700
+//! in `/dev/shm` (see `stay`), so it is the same memory, and no other user can list, open or make anything in it.
 
-#![allow(unsafe_code)] // iceoryx2 takes an id only on the promise that it is unique
-
-use iceoryx2::config::Config;
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
 use iceoryx2::service::internal::ServiceInternal;
-use iceoryx2::unique_id_generator::{Entity, UniqueId, UniqueIdGenerator, UniqueIdGeneratorGenerateError};
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
-use rustix::rand::{GetRandomFlags, getrandom};
+use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
+use iceoryx2_cal::dynamic_storage::file::Storage;
+use iceoryx2_cal::event::trigger::{State, unix_datagram_socket::GenericUnixDatagramSocketTrigger};
+use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
+use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
+use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
+use iceoryx2_cal::{shared_memory, zero_copy_connection};
 use std::fmt::Debug;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-/// iceoryx2's service for processes whose threads share ports, with [`RandomIds`].
+/// iceoryx2's service for processes whose threads share ports, with all files below the root path.
 #[derive(Clone, Debug)]
 pub struct PoolService {}
 
@@ -32,58 +35,22 @@ impl Service for PoolService {
     type ServiceNameHasher = <Base as Service>::ServiceNameHasher;
     type StaticStorage = <Base as Service>::StaticStorage;
     type ConfigSerializer = <Base as Service>::ConfigSerializer;
-    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        <Base as Service>::PersistentDynamicStorage<T>;
+    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
     type Bag = <Base as Service>::Bag;
-    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
-        <Base as Service>::DynamicStorage<T>;
-    type SharedMemory = <Base as Service>::SharedMemory;
-    type ResizableSharedMemory = <Base as Service>::ResizableSharedMemory;
-    type Connection = <Base as Service>::Connection;
-    type Event = <Base as Service>::Event;
+    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
+    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type ResizableSharedMemory = DynamicMemory<PoolAllocator, Self::SharedMemory>;
+    type Connection = zero_copy_connection::file::Connection;
+    type Event = GenericUnixDatagramSocketTrigger<
+        RelocatableCountingBitSet,
+        Storage<State<RelocatableCountingBitSet, ()>>,
+    >;
     type Monitoring = <Base as Service>::Monitoring;
     type Reactor = <Base as Service>::Reactor;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = <Base as Service>::ArcThreadSafetyPolicy<T>;
-    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> =
-        <Base as Service>::BlackboardMgmt<T>;
-    type BlackboardPayload = <Base as Service>::BlackboardPayload;
-    type UniqueId = RandomIds;
+    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Storage<T>;
+    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
+    type UniqueId = <Base as Service>::UniqueId;
 }
 
 impl ServiceInternal<PoolService> for PoolService {}
-
-/// Ids of 104 bits: 64 random ones, and 40 that count up from a random number.
-///
-/// iceoryx2 calls the upper half of an id its unique value, which must differ within a process; by that of a node's id
-/// it also tells the owners of a service's resources apart. It writes ids into names as decimal numbers, and
-/// [`MAX_ID_DIGITS`] of them must fit into the path of a socket: hence 40 bits and not 64.
-#[derive(Debug)]
-pub struct RandomIds;
-
-/// Bits of an id's unique value.
-const UNIQUE_BITS: u32 = 40;
-
-/// Digits of 2^104 - 1.
-pub(crate) const MAX_ID_DIGITS: usize = 32;
-
-impl UniqueIdGenerator for RandomIds {
-    fn generate<S: Service>(_: Entity, _: &Config) -> Result<UniqueId, UniqueIdGeneratorGenerateError> {
-        static NEXT: OnceLock<AtomicU64> = OnceLock::new();
-        let failed = |_| UniqueIdGeneratorGenerateError::GenerationError;
-        let [secret, start] = [random().map_err(failed)?, random().map_err(failed)?];
-        // Relaxed: the number is all there is.
-        let next = NEXT.get_or_init(|| AtomicU64::new(start)).fetch_add(1, Ordering::Relaxed);
-        let unique = next & ((1 << UNIQUE_BITS) - 1);
-        let value = u128::from(unique) << 64 | u128::from(secret);
-        // SAFETY: the upper half differs for the first 2^40 ids of a process.
-        Ok(unsafe { UniqueId::from_raw_id(value) })
-    }
-}
-
-/// A number from the system's generator.
-pub(crate) fn random() -> std::io::Result<u64> {
-    let mut bytes = [0; 8];
-    // At most 256 bytes come whole (getrandom(2)).
-    getrandom(&mut bytes, GetRandomFlags::empty())?;
-    Ok(u64::from_ne_bytes(bytes))
-}

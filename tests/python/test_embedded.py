@@ -165,7 +165,6 @@ def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(do
     script = f"""
 import threading, time
 import smaclite_pool as sp
-from conftest import run_script
 envs = sp.make("2s3z", num_envs=8, threads=2)
 envs.reset(seed=1)
 def work():

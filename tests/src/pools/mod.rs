@@ -12,6 +12,7 @@ pub mod raw;
 pub mod replay;
 pub mod role;
 pub mod room;
+pub mod stranger;
 pub mod torture;
 
 pub use plan::{LanePlan, PoolPlan};

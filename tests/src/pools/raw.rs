@@ -15,11 +15,7 @@ pub type Ipc = PoolService;
 /// A node at the pool's place.
 pub fn node(place: &Place) -> Node<Ipc> {
     set_log_level(LogLevel::Fatal);
-    let mut config = Config::default();
-    let root = place.root().as_os_str().as_encoded_bytes();
-    config.global.set_root_path(&Path::new(root).expect("a short path"));
-    let prefix = place.shm_prefix_in_use().expect("a pool that runs");
-    config.global.prefix = FileName::new(prefix.as_bytes()).expect("a prefix");
+    let config = smaclite_ipc::iceoryx(&place.shm_folder().expect("a pool that runs"));
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
