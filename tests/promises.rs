@@ -3,6 +3,8 @@
 
 #[path = "promises/actions.rs"]
 mod actions;
+#[path = "promises/crashes.rs"]
+mod crashes;
 #[path = "promises/forks.rs"]
 mod forks;
 #[path = "promises/learners.rs"]

@@ -6,36 +6,14 @@
 use crate::assert_says;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::Signal;
-use smaclite_tests::pools::process::{ROLE_VARIABLE, SOON};
+use smaclite_tests::pools::process::SOON;
 use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
-use std::process::Command;
 use std::time::Instant;
-
-/// A user that no test machine has.
-const STRANGER: &str = "65534";
 
 fn plan() -> PoolPlan {
     PoolPlan::new([LanePlan::new("2s3z", 2)])
-}
-
-/// A stranger that does what `role` says, as another user if this one may become one.
-fn stranger(folder: &Path, role: &str) -> Child {
-    let program = std::env::current_exe().expect("a path of this program");
-    let mut command = if rustix::process::getuid().is_root() {
-        std::fs::set_permissions(folder, PermissionsExt::from_mode(0o755)).expect("an own folder");
-        let copy = folder.join("program");
-        std::fs::copy(program, &copy).expect("a copy others can run");
-        let mut command = Command::new("setpriv");
-        command.args(["--reuid", STRANGER, "--regid", STRANGER, "--clear-groups"]).arg(copy);
-        command
-    } else {
-        println!("not root: the stranger is this user and goes by the modes of files");
-        Command::new(program)
-    };
-    command.args(["--exact", "role", "--ignored", "--nocapture"]).env(ROLE_VARIABLE, role);
-    Child::of_command(&mut command, "stranger")
 }
 
 /// iceoryx2's counter of nodes was open to all users for a moment whenever it was made, under a name that was known
@@ -44,7 +22,7 @@ fn stranger(folder: &Path, role: &str) -> Child {
 fn no_file_is_open_to_a_stranger_while_pools_come_and_go() {
     let room = Room::new();
     let folder = tempfile::tempdir_in("/tmp").expect("a folder");
-    let mut watcher = stranger(folder.path(), &format!("watcher {}", room.place().shm_prefix()));
+    let mut watcher = Child::stranger(folder.path(), &format!("watcher {}", room.place().shm_prefix()));
     assert_eq!(watcher.answer(SOON).as_deref(), Ok("watching"));
     for _ in 0..15 {
         let mut supervisor = Child::supervisor(&room, &plan());
@@ -71,7 +49,7 @@ fn files_that_a_stranger_puts_into_shared_memory_do_no_harm() {
     let folder = tempfile::tempdir_in("/tmp").expect("a folder");
     let counter = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
     for kind in ["file", "fifo", "link", "folder", "counter"] {
-        let mut planter = stranger(folder.path(), "planter");
+        let mut planter = Child::stranger(folder.path(), "planter");
         planter.must(&format!("{kind} iox2_{counter}"));
         planter.must(&format!("{kind} {}{counter}", room.place().shm_prefix()));
         let mut supervisor = Child::supervisor(&room, &plan());

@@ -23,6 +23,8 @@ pub fn play_if_asked() {
             Some(("learner", rest)) => actors::learner(rest),
             Some(("spectator", rest)) => actors::spectator(rest),
             Some(("liar", rest)) => actors::liar(rest),
+            Some(("forker", rest)) => actors::forker(rest),
+            Some(("visitor", rest)) => actors::visitor(rest),
             _ => panic!("there is no such victim: {argument}"),
         },
         other => panic!("there is no role {other}"),

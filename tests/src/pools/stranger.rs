@@ -1,14 +1,47 @@
 //! What another user of the machine does: it opens what it can, and puts files where a pool's may come to be.
 
+use super::Child;
+use super::process::ROLE_VARIABLE;
 use super::role::answer;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const SHM: &str = "/dev/shm";
+
+/// A user that no test machine has.
+const STRANGER: &str = "65534";
+
+impl Child {
+    /// A child of this role as another user, if this one may become one; else as this user, who cannot tell whether
+    /// opening a file would be permitted to others but sees the mode that decides it. A copy of this program goes into
+    /// `folder`.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    pub fn stranger(folder: &Path, role: &str) -> Child {
+        let program = std::env::current_exe().expect("a path of this program");
+        let mut command = if rustix::process::getuid().is_root() {
+            std::fs::set_permissions(folder, PermissionsExt::from_mode(0o755)).expect("an own folder");
+            let copy = folder.join("program");
+            if !copy.exists() {
+                std::fs::copy(program, &copy).expect("a copy others can run");
+            }
+            let mut command = Command::new("setpriv");
+            command.args(["--reuid", STRANGER, "--regid", STRANGER, "--clear-groups"]).arg(copy);
+            command
+        } else {
+            println!("not root: the stranger is this user and goes by the modes of files");
+            Command::new(program)
+        };
+        command.args(["--exact", "role", "--ignored", "--nocapture"]).env(ROLE_VARIABLE, role);
+        Child::of_command(&mut command, "stranger")
+    }
+}
 
 /// Opens every file in `/dev/shm` whose name begins so, again and again, in every way there is. Asked, it says how many
 /// names it saw and what it could open.
