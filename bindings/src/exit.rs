@@ -1,5 +1,6 @@
-//! Pools that are still open when the interpreter ends are closed, because objects may outlive it unfreed: also those
-//! that a daemon thread is using or making, which is frozen in the middle of that when the interpreter is gone.
+//! Pools that are still open when the interpreter ends are closed, because objects may outlive it unfreed:
+//! also those that a daemon thread is using or making, which is frozen in the middle of that when the
+//! interpreter is gone.
 
 use crate::envs::Shared;
 use crate::errors::class;

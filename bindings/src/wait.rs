@@ -1,5 +1,5 @@
-//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C or the interpreter's end ends the
-//! wait.
+//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C or the interpreter's end
+//! ends the wait.
 
 use crate::errors;
 use crate::exit::{cut_short, is_exiting};

@@ -1,5 +1,6 @@
-//! Where pools of this user live: a private folder for sockets and locks. What iceoryx2 keeps in `/dev/shm`, and who uses
-//! the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened by another.
+//! Where pools of this user live: a private folder for sockets and locks. What iceoryx2 keeps in `/dev/shm`,
+//! and who uses the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened
+//! by another.
 
 use rustix::fs::OFlags;
 use std::fs::{File, Metadata};
@@ -10,7 +11,8 @@ use std::path::{Path, PathBuf};
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
-/// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is `ROOT/NAME.sock`.
+/// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is
+/// `ROOT/NAME.sock`.
 const MAX_ROOT_LEN: usize = 60;
 
 /// Of a file that belongs to this user alone.
@@ -78,7 +80,8 @@ impl Place {
         &self.root
     }
 
-    /// What the name of this place's folder in `/dev/shm` begins with; then comes a mark that cannot be guessed.
+    /// What the name of this place's folder in `/dev/shm` begins with; then comes a mark that cannot be
+    /// guessed.
     pub fn shm_prefix(&self) -> &str {
         &self.prefix
     }
@@ -98,8 +101,8 @@ impl Place {
         self.names_of(&[".sock"], |_| true)
     }
 
-    /// Names of the pools that left a socket or a lock here, dead or alive. Files that only happen to be named so are
-    /// none of ours: a pool's files are private, and its lock is empty.
+    /// Names of the pools that left a socket or a lock here, dead or alive. Files that only happen to be
+    /// named so are none of ours: a pool's files are private, and its lock is empty.
     pub(crate) fn names_left(&self) -> Vec<String> {
         let user = rustix::process::getuid().as_raw();
         let is_pools = |file: &Metadata| {
@@ -124,8 +127,8 @@ impl Place {
     }
 }
 
-/// Opens or makes a file to lock, private even where the folder is not: a lock is all another user needs to get in the
-/// way. What is there already must be ours alone and a plain file; a FIFO would be waited for.
+/// Opens or makes a file to lock, private even where the folder is not: a lock is all another user needs to
+/// get in the way. What is there already must be ours alone and a plain file; a FIFO would be waited for.
 pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
     let named = |error: Error| Error::new(error.kind(), format!("{}: {error}", path.display()));
     let careful = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;

@@ -1,8 +1,8 @@
-//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave removes the
-//! folder in `/dev/shm` that all of iceoryx2's files are in.
+//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave
+//! removes the folder in `/dev/shm` that all of iceoryx2's files are in.
 //!
-//! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random *mark*, so
-//! that they cannot occupy it beforehand; the mark is the content of the locked file.
+//! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random
+//! *mark*, so that they cannot occupy it beforehand; the mark is the content of the locked file.
 
 use crate::place::{Place, is_file_at, lock_file, owner_and_mode};
 use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
@@ -37,7 +37,8 @@ pub(crate) struct Stay {
 }
 
 impl Place {
-    /// Enters the place; waits while another process tidies it up. The first to come removes what the killed left.
+    /// Enters the place; waits while another process tidies it up. The first to come removes what the killed
+    /// left.
     pub(crate) fn enter(&self) -> Result<Stay> {
         let path = self.stay_lock();
         let begin = Instant::now();
@@ -49,7 +50,8 @@ impl Place {
                 }
                 self.make_folder(&lock)?;
             }
-            // To share the lock is to give it up first: another process may come in between and make another folder.
+            // To share the lock is to give it up first: another process may come in between and make another
+            // folder.
             if try_lock(&lock, FlockOperation::NonBlockingLockShared)?
                 && is_file_at(&lock, &path)
                 && let Some(folder) = self.folder_of(&lock)
@@ -95,8 +97,8 @@ impl Place {
         self.root().join(STAY_LOCK)
     }
 
-    /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process that dies in
-    /// between leaves nothing that is not found. For the holder of the exclusive lock.
+    /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process
+    /// that dies in between leaves nothing that is not found. For the holder of the exclusive lock.
     fn make_folder(&self, lock: &File) -> Result<()> {
         lock.set_len(0)?;
         lock.write_all_at(&new_mark()?, 0)?;
@@ -120,8 +122,8 @@ impl Stay {
         iceoryx(&self.folder)
     }
 
-    /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are complete. It would
-    /// say no more than that it could not open the service.
+    /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are
+    /// complete. It would say no more than that it could not open the service.
     pub(crate) fn check_segments(&self) -> Result<()> {
         for entry in std::fs::read_dir(&self.folder)?.flatten() {
             let Ok(file) = entry.metadata() else { continue }; // of a peer that left meanwhile
@@ -176,7 +178,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     Err(named(Error::other(format!("expected a private folder; {}", owner_and_mode(&found)))))
 }
 
-/// Not being there is as good, and so is being another user's, who can take the name of a folder that is gone.
+/// Not being there is as good, and so is being another user's, who can take the name of a folder that is
+/// gone.
 fn remove_folder(folder: &Path) -> Result<()> {
     if !is_ours(folder) {
         return Ok(());
@@ -219,7 +222,8 @@ mod tests {
         (folder, place)
     }
 
-    /// The clean-up once removed every file in every folder below the root: with the root set to one's home, all of it.
+    /// The clean-up once removed every file in every folder below the root: with the root set to one's home,
+    /// all of it.
     #[test]
     fn the_last_to_leave_removes_nothing_but_what_iceoryx_keeps() {
         let (folder, place) = place();

@@ -373,8 +373,8 @@ impl Drop for NameLock {
     }
 }
 
-/// Listens at a path that no other user can ever connect to: Linux gives a socket's file the mode that its descriptor had
-/// before it was bound (`unix_bind_bsd` in net/unix/af_unix.c).
+/// Listens at a path that no other user can ever connect to: Linux gives a socket's file the mode that its
+/// descriptor had before it was bound (`unix_bind_bsd` in net/unix/af_unix.c).
 fn private_listener(path: &Path) -> std::io::Result<UnixListener> {
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;

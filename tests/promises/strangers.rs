@@ -1,7 +1,7 @@
 //! Other users of the machine, who see every name in `/dev/shm` and may put files there.
 //!
-//! Where this test runs as root, the stranger is another user; else it is this user, who cannot tell whether opening a
-//! file would be permitted to others but sees the mode that decides it.
+//! Where this test runs as root, the stranger is another user; else it is this user, who cannot tell whether
+//! opening a file would be permitted to others but sees the mode that decides it.
 
 use crate::assert_says;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
@@ -16,8 +16,9 @@ fn plan() -> PoolPlan {
     PoolPlan::new([LanePlan::new("2s3z", 2)])
 }
 
-/// iceoryx2's counter of nodes was open to all users for a moment whenever it was made, under a name that was known
-/// beforehand: a loop around `open` had it within seconds. The stranger here opens whatever it can while pools come and go.
+/// iceoryx2's counter of nodes was open to all users for a moment whenever it was made, under a name that was
+/// known beforehand: a loop around `open` had it within seconds. The stranger here opens whatever it can
+/// while pools come and go.
 #[test]
 fn no_file_is_open_to_a_stranger_while_pools_come_and_go() {
     let room = Room::new();
@@ -37,8 +38,8 @@ fn no_file_is_open_to_a_stranger_while_pools_come_and_go() {
     assert_eq!(opened, "nothing");
 }
 
-/// A file, a FIFO and others in the place of the counter made every start hang or fail, and one that looked genuine was
-/// used. The stranger knows how iceoryx2 names its files, and sees the name of the pools' folder.
+/// A file, a FIFO and others in the place of the counter made every start hang or fail, and one that looked
+/// genuine was used. The stranger knows how iceoryx2 names its files, and sees the name of the pools' folder.
 #[test]
 fn files_that_a_stranger_puts_into_shared_memory_do_no_harm() {
     if !rustix::process::getuid().is_root() {

@@ -1,4 +1,5 @@
-//! Crash points: a supervisor that is killed at a chosen system call, by `strace`, and what must hold afterwards.
+//! Crash points: a supervisor that is killed at a chosen system call, by `strace`, and what must hold
+//! afterwards.
 
 use super::process::{ROLE_VARIABLE, SOON};
 use super::{Child, PoolPlan, Room};
@@ -27,8 +28,8 @@ pub fn has_strace() -> bool {
     traced.is_ok_and(|status| status.success())
 }
 
-/// Starts and ends a pool that is killed before its `nth` system call of this name. Then one `clean` must leave nothing, and
-/// the next start must work. Says whether the pool lived to make that call.
+/// Starts and ends a pool that is killed before its `nth` system call of this name. Then one `clean` must
+/// leave nothing, and the next start must work. Says whether the pool lived to make that call.
 ///
 /// # Errors
 /// What did not hold.

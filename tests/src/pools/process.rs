@@ -37,7 +37,8 @@ impl Child {
         Child::of_command(command.env(smaclite_ipc::ROOT_VARIABLE, room.root()), role)
     }
 
-    /// Starts a child of this role in a process namespace of its own, if that is permitted.
+    /// Starts a child of this role in a process namespace of its own, or in this one if that is not
+    /// permitted.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -46,6 +47,7 @@ impl Child {
         let namespace = ["--pid", "--fork", "--kill-child"];
         let permitted = Command::new("unshare").args(namespace).arg("true").stderr(Stdio::null()).status();
         if !permitted.is_ok_and(|status| status.success()) {
+            println!("no process namespace is permitted here: the {role} is in this one");
             return Child::start(room, role, argument);
         }
         let mut command = Command::new("unshare");

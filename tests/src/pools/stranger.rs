@@ -17,9 +17,9 @@ const SHM: &str = "/dev/shm";
 const STRANGER: &str = "65534";
 
 impl Child {
-    /// A child of this role as another user, if this one may become one; else as this user, who cannot tell whether
-    /// opening a file would be permitted to others but sees the mode that decides it. A copy of this program goes into
-    /// `folder`.
+    /// A child of this role as another user, if this one may become one; else as this user, who cannot tell
+    /// whether opening a file would be permitted to others but sees the mode that decides it. A copy of this
+    /// program goes into `folder`.
     ///
     /// # Panics
     /// If it cannot be started.
@@ -43,8 +43,8 @@ impl Child {
     }
 }
 
-/// Opens every file in `/dev/shm` whose name begins so, again and again, in every way there is. Asked, it says how many
-/// names it saw and what it could open.
+/// Opens every file in `/dev/shm` whose name begins so, again and again, in every way there is. Asked, it
+/// says how many names it saw and what it could open.
 pub fn watcher(prefix: &str) -> i32 {
     static ASKED: AtomicBool = AtomicBool::new(false);
     answer::<_, String>(Ok("watching"));

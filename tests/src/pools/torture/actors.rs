@@ -171,7 +171,7 @@ pub fn forker(argument: &str) -> i32 {
 }
 
 fn forking_session(mut player: Player) -> Result<(), String> {
-    let held: Mutex<Option<Arc<(Batch, Vec<u8>)>>> = Mutex::new(None);
+    let held = Mutex::new(None::<Arc<(Batch, Vec<u8>)>>);
     let ended = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let forks = scope.spawn(|| -> Result<(), String> {

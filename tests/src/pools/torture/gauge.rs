@@ -1,4 +1,5 @@
-//! What a process holds: memory, mappings and file descriptors, early and late in a run; and files of its room.
+//! What a process holds: memory, mappings and file descriptors, early and late in a run; and files of its
+//! room.
 
 use crate::pools::Room;
 use std::path::PathBuf;
@@ -26,8 +27,8 @@ const COMING_AND_GOING: usize = 16;
 /// The same for mappings: connections and data segments of such learners, and stacks and heaps of threads.
 const MAPPINGS_COMING_AND_GOING: usize = 64;
 
-/// The same for files of the room: ports of learners that are there now and were not at the first look, and those of a
-/// process killed lately.
+/// The same for files of the room: ports of learners that are there now and were not at the first look, and
+/// those of a process killed lately.
 const FILES_COMING_AND_GOING: usize = 64;
 
 /// Growth that is no leak: allocator arenas and lists that reach their size late.
@@ -49,7 +50,8 @@ impl Gauge {
             return Err("the surviving supervisor could not be looked at".to_owned());
         };
         let text = format!(
-            "{} then {} file descriptors, {} then {} kB private memory, {} then {} mappings, {} then {} files",
+            "{} then {} file descriptors, {} then {} kB private memory, {} then {} mappings, \
+             {} then {} files",
             early.files.len(),
             late.files.len(),
             early.kilobytes,

@@ -1,10 +1,10 @@
 //! The torture run: pools whose supervisors, learners and spectators are killed, stopped and restarted at random, while
 //! everything that is promised is checked.
 //!
-//! Two pools share a room. The supervisor of `steady` is stopped now and then but never killed, so that what it holds can
-//! be watched; `shaky` loses its supervisor too. Every learner compares every frame with an undisturbed run. One learner
-//! forks while it steps, one comes from another process namespace, another user tries to open all files of the room, and
-//! beside them pools are killed at chosen system calls (`crash`).
+//! Two pools share a room. The supervisor of `steady` is stopped now and then but never killed, so that what
+//! it holds can be watched; `shaky` loses its supervisor too. Every learner compares every frame with an
+//! undisturbed run. One learner forks while it steps, one comes from another process namespace, another user
+//! tries to open all files of the room, and beside them pools are killed at chosen system calls (`crash`).
 
 pub mod actors;
 mod cast;
