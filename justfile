@@ -41,6 +41,10 @@ test-face name *args:
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
 
+# Battles side by side with the published environment (--help; SMACLITE_PYTHON=its interpreter)
+differential *args:
+    PYTHONPATH={{ justfile_directory() }}/tests "${SMACLITE_PYTHON:-{{ python }}}" -m differential {{ args }}
+
 # A random policy on the embedded default: steps/s and returns
 demo *args: install
     {{ python }} bindings/examples/random_policy.py {{ args }}

@@ -3,6 +3,8 @@
 
 #[path = "promises/actions.rs"]
 mod actions;
+#[path = "promises/control.rs"]
+mod control;
 #[path = "promises/crashes.rs"]
 mod crashes;
 #[path = "promises/forks.rs"]

@@ -185,7 +185,7 @@ proptest! {
     }
 
     #[test]
-    fn a_hostile_snapshot_is_refused_or_played(battle in any_battle(), column in 0..12_usize, at: u32, value: f64) {
+    fn a_hostile_snapshot_is_refused_or_played(battle in any_battle(), column in 0..15_usize, at: u32, value: f64) {
         let mut snapshot = battle.save();
         let spoilt = spoil(&mut snapshot, column, at as usize, value);
         let mut other = Battle::new(battle.arena().clone(), 1);
@@ -236,6 +236,19 @@ fn spoil(snapshot: &mut Snapshot, column: usize, at: usize, value: f64) -> bool 
         }
         10 => {
             units.pos.push(glam::Vec2::ZERO);
+            true
+        }
+        11 => {
+            units.planned_vel[unit].x = value as f32;
+            !(value as f32).is_finite()
+        }
+        12 => {
+            units.declared.pop();
+            true
+        }
+        13 => {
+            let plane = &mut snapshot.neighbour_order.planes[at % 3];
+            plane.slots.push(at as u32);
             true
         }
         _ => {

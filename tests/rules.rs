@@ -145,6 +145,53 @@ fn r3_a_healer_goes_as_its_slowest_neighbour() {
     }
 }
 
+/// R3: a medivac among faster stalkers (4.13) wants to go as fast as they do; its maximum limits what comes of it.
+#[test]
+fn r3_a_healer_may_want_to_go_faster_than_it_can() {
+    for (rules, speed) in [(Rules::Smaclite, 4.13), (Rules::Paper, 3.5)] {
+        let mut setting = Setting::new(rules, r#""MARINE": 1"#, r#""MEDIVAC": 1, "STALKER": 1"#);
+        setting.place(0, 2.0, 16.0).place(1, 25.0, 16.0).place(2, 24.0, 16.0);
+        let seen = setting.play(&[STOP], None);
+        assert!((seen.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
+        assert!((seen.units.vel[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", seen.units.vel[1]);
+    }
+}
+
+/// R4: a marine is killed after it declared an attack and before its turn, and healed in the same tick.
+#[test]
+fn r4_an_attack_that_was_declared_before_a_revival_is_held() {
+    let mut setting = last_breath(Rules::Smaclite);
+    let seen = setting.play(&[TARGET + 1, TARGET], Some(&[2, 1, 0]));
+    assert!(seen.units.alive[1] && seen.units.declared[1]);
+    assert_eq!(seen.units.shield[2], 50.0, "the marine had no turn");
+    // It did not move either: the velocity with which it last moved is that of before.
+    assert_eq!(seen.units.vel[1], Vec2::ZERO);
+}
+
+/// R4: the held attack is executed at any distance, in the next turn with a target.
+#[test]
+fn r4_a_held_attack_is_executed_at_any_distance() {
+    for declared in [false, true] {
+        let mut setting = Setting::new(Rules::Smaclite, r#""MARINE": 1"#, r#""MARINE": 1"#);
+        setting.place(0, 9.0, 16.0).place(1, 14.9, 16.0);
+        setting.snapshot.units.declared[0] = declared;
+        let seen = setting.play(&[TARGET], None);
+        assert_eq!(seen.units.hp[1], if declared { 39.0 } else { 45.0 }, "declared: {declared}");
+        assert!(seen.preferred[0].x > 0.0 && !seen.units.declared[0]);
+    }
+}
+
+/// Whether a target is new is a matter of the healer's target field, which is empty under a command to target a dead
+/// unit: with less than 5 energy such a heal still happens, from the second tick after the death on.
+#[test]
+fn five_energy_are_not_asked_for_the_dead() {
+    let mut setting = last_breath(Rules::Smaclite);
+    setting.snapshot.units.energy[0] = 4.0;
+    setting.play(&[TARGET + 1, STOP], Some(&[0, 1, 2]));
+    let units = setting.battle.units();
+    assert!(units.hp[1] > 0.0 && !units.alive[1]);
+}
+
 /// A healer with less than 5 energy turns to no new target, but goes on with the one it has.
 #[test]
 fn five_energy_for_a_new_target() {
@@ -185,6 +232,20 @@ fn what_an_explosion_earns() {
     assert!(!seen.units.alive[0] && !seen.units.alive[1]);
 }
 
+/// Explosions and beams reach every plane: `valid_targets` decides only what a unit may aim at.
+#[test]
+fn explosions_and_beams_hit_units_in_the_air() {
+    let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""BANELING": 1"#);
+    setting.place(0, 17.5, 17.0).place(1, 16.0, 16.0).place(2, 17.0, 16.0);
+    let seen = setting.play(&[STOP; 2], Some(&[2, 0, 1]));
+    assert_eq!(seen.units.hp[0], 150.0 - 79.0, "1 of the 80 goes to armor");
+
+    let mut setting = Setting::new(Rules::Smaclite, r#""COLOSSUS": 1"#, r#""MEDIVAC": 1, "MARINE": 1"#);
+    setting.place(0, 12.0, 16.0).place(1, 17.0, 17.0).place(2, 17.0, 16.0);
+    let seen = setting.play(&[TARGET + 1], Some(&[0]));
+    assert_eq!(seen.units.hp[1], 150.0 - 2.0 * 9.0, "two hits of 10");
+}
+
 /// A colossus goes on firing at a target that died in this step; when nobody else is there, nothing happens.
 #[test]
 fn a_laser_on_the_dead_spends_its_cooldown() {
@@ -197,6 +258,23 @@ fn a_laser_on_the_dead_spends_its_cooldown() {
     let units = setting.battle.units();
     assert!(!units.alive[2]);
     assert!((0.5..1.07).contains(&units.cooldown[0]), "cooldown {}", units.cooldown[0]);
+}
+
+/// In what a healer observes of the enemies stands which allies are within its targeting range, healers included,
+/// though the available actions leave healers out.
+#[test]
+fn a_healers_observation_marks_healers_too() {
+    let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 2, "MARINE": 1"#, r#""MARINE": 3"#);
+    setting.place(0, 9.0, 16.0).place(1, 10.0, 16.0).place(2, 9.0, 17.0);
+    (3..6).for_each(|enemy| _ = setting.place(enemy, 15.0, 14.0 + enemy as f32));
+    setting.battle.restore(&setting.snapshot).expect("a snapshot of this battle");
+    let sizes = setting.battle.arena().sizes();
+    let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
+    setting.battle.write_obs(&mut obs, &mut Scratch::new());
+    // After the four moves, five numbers an enemy; the first is the mark.
+    let marks = |agent: usize| [0, 1, 2].map(|enemy| obs[agent * sizes.obs_size + 4 + 5 * enemy]);
+    assert_eq!([marks(0), marks(1)], [[0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]);
+    assert!(!setting.battle.is_available(0, action::FIRST_TARGET + 1));
 }
 
 /// Healers heal neither themselves nor each other, wherever they stand in their group, and see enemies in the

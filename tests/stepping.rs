@@ -203,7 +203,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
         drop(client.reset(None, None, patience).expect("a reset"));
         let mut actions = vec![0; 10];
         client.sample_actions(None, &mut actions).expect("actions");
-        client.send(&actions, None).expect("sent");
+        client.send(&actions, None, Patience::forever()).expect("sent");
         let timeout = Some(Duration::from_millis(50));
         let error = client.recv(Patience { timeout, interrupted: &mut never }).err().expect("it sleeps");
         assert!(error.to_string().contains("50ms"), "{error}");

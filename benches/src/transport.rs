@@ -47,11 +47,10 @@ fn lane(envs: usize, threads: usize, wait: &str) -> Result<f64, Box<dyn Error>> 
     let name = format!("null-{}", std::process::id());
     let _peer = PeerProcess::start(&["null", &name, &envs.to_string(), &threads.to_string(), wait])?;
     let mut client = connect(&name, wait.parse()?)?;
-    let mut never = || false;
-    client.reset(Some(0), None, Patience { timeout: None, interrupted: &mut never })?;
+    client.reset(Some(0), None, Patience::forever())?;
     let actions = vec![1; envs * SIZES.n_agents];
     timed(&mut || {
-        let patience = Patience { timeout: None, interrupted: &mut never };
+        let patience = Patience::forever();
         client.step(&actions, None, patience).map(drop).map_err(Into::into)
     })
 }

@@ -28,9 +28,10 @@ impl Frame {
 /// What `recv`, `step` and `reset` return: M slots, one environment each, in synchronous mode in the order of the
 /// environments.
 ///
-/// Every field is a read-only numpy array over shared memory: nothing is copied, and the memory stays valid and
-/// unchanged for as long as the batch, or any array or slice of it, is held, also after the pool is gone. A lane lets a
-/// learner hold `frames_held` batches at once; `copy()` what must stay longer.
+/// Every field is a read-only numpy array over shared memory: nothing is copied, and the memory stays valid
+/// and unchanged for as long as the batch, or any array or slice of it, is held, also after the pool is gone.
+/// A lane lets a learner hold `frames_held` batches at once; `copy()` what must stay longer. In a forked
+/// child they stay unchanged only while the parent holds them: `copy()` what the child keeps.
 ///
 /// torch does not know read-only memory, where a write would end the process: `torch()` gives tensors that know.
 //

@@ -5,17 +5,68 @@ use numpy::{
     Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fmt::Display;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// A Python integer as a type with less room.
-pub fn whole<T: TryFrom<i128>>(name: &str, value: i128) -> PyResult<T> {
-    let range = if value < 0 { "cannot be negative" } else { "is too large" };
-    T::try_from(value).map_err(|_| invalid(format!("{name}={value} {range}")))
+/// What was passed for an integer. Extracting it never fails, so that [`whole`] can say what is wrong and
+/// with which argument.
+pub enum Int {
+    Small(i128),
+    /// Beyond what any setting can be.
+    Huge {
+        negative: bool,
+    },
+    /// The name of another type.
+    Other(String),
+}
+
+impl FromPyObject<'_, '_> for Int {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Int> {
+        match given.extract::<i128>() {
+            Ok(value) => Ok(Int::Small(value)),
+            Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => {
+                Ok(Int::Huge { negative: given.lt(0)? })
+            }
+            Err(_) => Ok(Int::Other(type_name(&given))),
+        }
+    }
+}
+
+fn type_name(given: &Bound<'_, PyAny>) -> String {
+    given.get_type().name().map_or_else(|_| "something else".to_owned(), |name| name.to_string())
+}
+
+/// A Python integer as an unsigned type.
+pub fn whole<T: TryFrom<i128>>(name: &str, given: Int) -> PyResult<T> {
+    let most = u128::MAX >> (128 - 8 * size_of::<T>());
+    let (negative, got) = match given {
+        Int::Small(value) => match T::try_from(value) {
+            Ok(fits) => return Ok(fits),
+            Err(_) => (value < 0, value.to_string()),
+        },
+        Int::Huge { negative } => (negative, "an integer of more than 127 bits".to_owned()),
+        Int::Other(kind) => {
+            return Err(PyTypeError::new_err(format!("{name} must be an integer, got {kind}")));
+        }
+    };
+    Err(invalid(match negative {
+        true => format!("{name} must not be negative, got {got}"),
+        false => format!("{name} must be at most {most}, got {got}"),
+    }))
+}
+
+/// A list of names.
+pub fn names(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    given.extract().map_err(|_| {
+        let kind = type_name(given);
+        PyTypeError::new_err(format!("{name} must be a list of strings, such as [\"obs\"], got {kind}"))
+    })
 }
 
 /// One of a few words.
@@ -26,13 +77,34 @@ where
     word.parse::<T>().map_err(invalid)
 }
 
-/// A timeout in seconds; `None` and infinity are no timeout.
-pub fn seconds(timeout: Option<f64>) -> PyResult<Option<Duration>> {
+/// What was passed for a number of seconds; integers beyond a float's range are infinite.
+pub struct Seconds(pub f64);
+
+impl FromPyObject<'_, '_> for Seconds {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Seconds> {
+        match given.extract::<f64>() {
+            Ok(seconds) => Ok(Seconds(seconds)),
+            Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => {
+                Ok(Seconds(if given.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
+            }
+            Err(_) => {
+                let kind = type_name(&given);
+                Err(PyTypeError::new_err(format!("timeout must be a number of seconds or None, got {kind}")))
+            }
+        }
+    }
+}
+
+/// A timeout in seconds; `None` and what a `Duration` cannot hold, such as infinity, are no timeout.
+pub fn seconds(timeout: Option<Seconds>) -> PyResult<Option<Duration>> {
     match timeout {
-        None | Some(f64::INFINITY) => Ok(None),
-        Some(seconds) => Duration::try_from_secs_f64(seconds)
-            .map(Some)
-            .map_err(|_| invalid(format!("timeout={seconds}: a number of seconds from 0, or None"))),
+        None => Ok(None),
+        Some(Seconds(seconds)) if seconds >= Duration::MAX.as_secs_f64() => Ok(None),
+        Some(Seconds(seconds)) => Duration::try_from_secs_f64(seconds).map(Some).map_err(|_| {
+            invalid(format!("timeout must be a number of seconds from 0, or None, got {seconds:?}"))
+        }),
     }
 }
 
@@ -67,9 +139,17 @@ pub fn env_ids<'py>(given: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Ints<'
     given.map(|given| ints("env_id", given, &[None])).transpose()
 }
 
+/// A request that names environments must name at least one.
+pub fn some<C: AsRef<[i32]>>(name: &str, chosen: C) -> PyResult<C> {
+    match chosen.as_ref() {
+        [] => Err(invalid(format!("{name} chooses no environment; at least one is needed"))),
+        _ => Ok(chosen),
+    }
+}
+
 /// The array that actions are written to, if it is fit for that.
 pub fn actions_out<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
-    let wanted = format!("out: a C-contiguous, writeable int32 array of shape {} is taken", tuple(&shape));
+    let wanted = format!("out must be a C-contiguous, writeable int32 array of shape {}", tuple(&shape));
     let Ok(array) = out.cast_into::<PyArray2<i32>>() else { return Err(PyTypeError::new_err(wanted)) };
     let fits = array.shape() == shape && array.is_c_contiguous() && array.try_readwrite().is_ok();
     if fits { Ok(array) } else { Err(invalid(wanted)) }
@@ -81,11 +161,12 @@ fn ints<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Option<usize>]) -> 
     let fits = array.ndim() == shape.len()
         && array.shape().iter().zip(shape).all(|(n, e)| e.is_none_or(|e| *n == e));
     if !fits {
-        return Err(invalid(format!(
-            "{name}: shape {} was given, {} is taken",
-            tuple(array.shape()),
-            wanted(shape)
-        )));
+        let got = match array.dtype().kind() {
+            b'O' => type_name(given), // None, a dict, or what else is no array
+            _ => tuple(array.shape()),
+        };
+        let wanted = wanted(shape);
+        return Err(invalid(format!("{name} must be an integer array of shape {wanted}, got {got}")));
     }
     if let Ok(array) = array.cast::<PyArrayDyn<i32>>()
         && array.is_c_contiguous()
@@ -99,10 +180,8 @@ fn ints<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Option<usize>]) -> 
         b'u' => narrow::<u64>(name, &array.call_method1("astype", ("uint64",))?),
         _ if empty => Ok(Ints(numpy::PyArray::zeros(py, array.shape(), false).try_readonly()?)),
         _ => {
-            let text = format!(
-                "{name}: dtype {} was given, integers are taken (int32 without conversion)",
-                array.dtype()
-            );
+            let dtype = array.dtype();
+            let text = format!("{name} must be an integer array, got {dtype} (int32 avoids a copy)");
             Err(PyTypeError::new_err(text))
         }
     }
@@ -114,7 +193,7 @@ fn as_array<'py>(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, P
     }
     let array = given.py().import("numpy")?.call_method1("asarray", (given,));
     let array = array
-        .map_err(|error| invalid(format!("{name}: cannot be made an array: {}", error.value(given.py()))))?;
+        .map_err(|error| invalid(format!("{name} cannot be made an array: {}", error.value(given.py()))))?;
     Ok(array.cast_into::<PyUntypedArray>()?)
 }
 
@@ -128,7 +207,7 @@ fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
     for (index, element) in wide.as_array().indexed_iter() {
         let value = (*element).try_into().map_err(|_| {
             invalid(format!(
-                "{name}: {element} at index {:?} is beyond int32",
+                "{name} must fit into int32, got {element} at index {:?}",
                 numpy::ndarray::Dimension::slice(&index)
             ))
         })?;
@@ -143,13 +222,16 @@ pub fn masked(mask: &Bound<'_, PyAny>, num_envs: usize) -> PyResult<Vec<i32>> {
     let array = as_array("mask", mask)?;
     if array.shape() != [num_envs] {
         let wanted = tuple(&[num_envs]);
-        return Err(invalid(format!("mask: shape {} was given, {wanted} is taken", tuple(array.shape()))));
+        let got = tuple(array.shape());
+        return Err(invalid(format!("mask must be a bool array of shape {wanted}, got shape {got}")));
     }
     let Ok(array) = array.cast::<PyArrayDyn<bool>>() else {
-        return Err(PyTypeError::new_err(format!("mask: dtype {} was given, bool is taken", array.dtype())));
+        return Err(PyTypeError::new_err(format!("mask must be a bool array, got {}", array.dtype())));
     };
     let array = array.try_readonly()?;
-    Ok(array.as_array().iter().zip(0..).filter(|(chosen, _)| **chosen).map(|(_, env)| env).collect())
+    let chosen =
+        array.as_array().iter().zip(0..).filter(|(chosen, _)| **chosen).map(|(_, env)| env).collect();
+    some("mask", chosen)
 }
 
 /// A shape as Python writes it.
@@ -158,7 +240,7 @@ fn tuple(shape: &[usize]) -> String {
 }
 
 fn wanted(shape: &[Option<usize>]) -> String {
-    let extents: Vec<_> = shape.iter().map(|n| n.map_or("any".to_owned(), |n| n.to_string())).collect();
+    let extents: Vec<_> = shape.iter().map(|n| n.map_or("K".to_owned(), |n| n.to_string())).collect();
     match extents.as_slice() {
         [one] => format!("({one},)"),
         _ => format!("({})", extents.join(", ")),

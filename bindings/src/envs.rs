@@ -1,7 +1,7 @@
 //! A lane's environments in Python: the methods of a client, and what the lane is.
 
 use crate::batch::Batch;
-use crate::convert::{self, Ints, dict_of, env_ids, masked, seconds, whole};
+use crate::convert::{self, Int, Ints, Seconds, dict_of, env_ids, masked, seconds, some, whole};
 use crate::errors::{class, invalid, of_client};
 use crate::exit;
 use crate::wait::waiting;
@@ -93,6 +93,9 @@ impl Envs {
         env_id: Given<'_, 'py>,
     ) -> PyResult<(Ints<'py>, Option<Ints<'py>>)> {
         let ids = env_ids(env_id)?;
+        if let Some(ids) = &ids {
+            some("env_id", ids.as_slice()?)?;
+        }
         let actions = convert::actions(actions, self.count(ids.as_ref()), self.description.n_agents)?;
         Ok((actions, ids))
     }
@@ -111,16 +114,19 @@ impl Envs {
     fn reset(
         &self,
         py: Python<'_>,
-        seed: Option<i128>,
+        seed: Option<Int>,
         mask: Given<'_, '_>,
         env_id: Given<'_, '_>,
-        timeout: Option<f64>,
+        timeout: Option<Seconds>,
     ) -> PyResult<Batch> {
         let (seed, timeout) = (seed.map(|s| whole("seed", s)).transpose()?, seconds(timeout)?);
         let chosen = match (mask, env_id) {
             (Some(_), Some(_)) => return Err(invalid("mask and env_id both choose environments; give one")),
             (Some(mask), None) => Some(masked(mask, self.description.num_envs)?),
-            (None, ids) => env_ids(ids)?.map(|ids| ids.as_slice().map(<[i32]>::to_vec)).transpose()?,
+            (None, ids) => match env_ids(ids)? {
+                Some(ids) => Some(some("env_id", ids.as_slice()?.to_vec())?),
+                None => None,
+            },
         };
         let mut turn = self.shared.turn()?;
         let client = turn.client();
@@ -135,7 +141,7 @@ impl Envs {
         py: Python<'_>,
         actions: &Bound<'_, PyAny>,
         env_id: Given<'_, '_>,
-        timeout: Option<f64>,
+        timeout: Option<Seconds>,
     ) -> PyResult<Batch> {
         let timeout = seconds(timeout)?;
         let (actions, ids) = self.joint(actions, env_id)?;
@@ -157,14 +163,14 @@ impl Envs {
         let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        py.detach(|| client.send(actions, ids)).map_err(of_client)
+        waiting(py, None, |patience| client.send(actions, ids, patience))
     }
 
     /// Wait for the next batch: the M environments that are done first.
     ///
     /// Raises Timeout, PoolDied, TooManyFramesHeld, and InvalidRequest if nothing is to come.
     #[pyo3(signature = (timeout=None))]
-    fn recv(&self, py: Python<'_>, timeout: Option<f64>) -> PyResult<Batch> {
+    fn recv(&self, py: Python<'_>, timeout: Option<Seconds>) -> PyResult<Batch> {
         let timeout = seconds(timeout)?;
         let mut turn = self.shared.turn()?;
         let client = turn.client();
@@ -174,11 +180,11 @@ impl Envs {
 
     /// Ask for a new episode in every environment and return at once; `recv` the first observations.
     #[pyo3(signature = (seed=None))]
-    fn async_reset(&self, py: Python<'_>, seed: Option<i128>) -> PyResult<()> {
+    fn async_reset(&self, py: Python<'_>, seed: Option<Int>) -> PyResult<()> {
         let seed = seed.map(|s| whole("seed", s)).transpose()?;
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        py.detach(|| client.send_reset(seed, None)).map_err(of_client)
+        waiting(py, None, |patience| client.send_reset(seed, None, patience))
     }
 
     /// Draw uniformly random legal actions, int32 [K, n_agents], for environments `env_id`, or all, by what was last
@@ -205,7 +211,7 @@ impl Envs {
     }
 
     /// Seed the generator of `sample_actions`.
-    fn seed_sampler(&self, seed: i128) -> PyResult<()> {
+    fn seed_sampler(&self, seed: Int) -> PyResult<()> {
         let seed = whole("seed", seed)?;
         self.shared.turn()?.client().seed_sampler(seed);
         Ok(())

@@ -65,7 +65,9 @@ pub fn of_connect(error: Connect) -> PyErr {
     match error {
         Connect::Refused(Refusal::LaneTaken { holder, .. }) => class::LaneTaken::new_err((text, holder)),
         Connect::Refused(Refusal::LaneFailed { .. }) => class::LaneFailed::new_err(text),
+        Connect::Control(Control::Name(_)) => invalid(text),
         Connect::Control(Control::NoSuchPool { .. }) => class::NoSuchPool::new_err(text),
+        Connect::Control(Control::Gone { .. }) => class::PoolDied::new_err(text),
         Connect::Memory(_) => class::TooLittleMemory::new_err(text),
         _ => class::ConnectError::new_err(text),
     }

@@ -7,6 +7,7 @@ use crate::errors::class;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Set when the interpreter ends: waits end, and no call begins.
@@ -15,7 +16,10 @@ static EXITING: AtomicBool = AtomicBool::new(false);
 /// Calls of `make` and `connect` that may come to have something to close.
 static BEGINNING: AtomicUsize = AtomicUsize::new(0);
 
-/// How long the end of the interpreter waits for calls of other threads; they look for it every 100 ms.
+/// Threads whose work was given up, which may be about to take back what they made.
+static ABANDONED: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
+
+/// How long the end of the interpreter waits for other threads; their calls look for it every 100 ms.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Locked only while attached to the interpreter, so that a fork never copies it locked.
@@ -43,6 +47,13 @@ pub fn is_exiting() -> bool {
 /// The error of a call that the interpreter's end cut short.
 pub fn cut_short() -> PyErr {
     class::Closed::new_err("the interpreter is at its end; these environments are closed")
+}
+
+/// Has the interpreter's end wait a little for `thread`.
+pub fn abandon(thread: JoinHandle<()>) {
+    let mut abandoned = ABANDONED.lock().unwrap_or_else(PoisonError::into_inner);
+    abandoned.retain(|other| !other.is_finished());
+    abandoned.push(thread);
 }
 
 /// Held by a call that makes something to close, until [`remember`] knows of it.
@@ -73,6 +84,8 @@ fn close_all(py: Python<'_>) {
         }
     };
     py.detach(|| until(&|| BEGINNING.load(Ordering::SeqCst) == 0));
+    let abandoned = std::mem::take(&mut *ABANDONED.lock().unwrap_or_else(PoisonError::into_inner));
+    py.detach(|| until(&|| abandoned.iter().all(JoinHandle::is_finished)));
     let live = std::mem::take(&mut *LIVE.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
         for shared in live.iter().filter_map(Weak::upgrade) {

@@ -1,27 +1,22 @@
 //! The two ways to get environments: of a pool within this process, and of a pool that runs already.
 
-use crate::convert::{seconds, whole, word};
+use crate::convert::{Int, Seconds, names, seconds, whole, word};
 use crate::envs::Envs;
 use crate::errors::{self, invalid};
-use crate::exit::{Beginning, cut_short, is_exiting};
+use crate::exit::Beginning;
 use crate::query::place;
+use crate::wait::{GivenUp, apart};
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
-use smaclite_ipc::{
-    Client, ConnectError, ControlError, Game, LaneConfig, Supervisor, SupervisorConfig, Wait, check_name,
-};
+use smaclite_ipc::{Client, Game, LaneConfig, Patience, Supervisor, SupervisorConfig, Wait, check_name};
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::FieldSet;
 use smaclite_scenarios::Scenario;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 
 /// More threads than any machine has cores are a mistake.
 const MAX_THREADS: usize = 1024;
-
-/// How often `connect` looks for a pool that is not there yet.
-const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
 /// Start a pool within this process and attach to it.
 ///
@@ -46,9 +41,9 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// Raises ScenarioError for a wrong scenario or unit file, InvalidRequest for a setting that cannot be, TooLittleMemory
 /// if /dev/shm is too small, and StartError.
 #[pyfunction]
-#[pyo3(signature = (scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, autoreset="next_step",
-    episode_limit=Some(Limit::Word("default".to_owned())), rules="smaclite", fields=None, frames_held=4,
-    wait="adaptive", name=None))]
+#[pyo3(signature = (scenario, num_envs=Int::Small(64), *, batch_size=None, seed=Int::Small(0), threads=None, autoreset="next_step",
+    episode_limit=Some(Limit::Word("default".to_owned())), rules="smaclite", fields=None,
+    frames_held=Int::Small(4), wait="adaptive", name=None))]
 #[pyo3(
     text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, autoreset='next_step', \
     episode_limit='default', rules='smaclite', fields=None, frames_held=4, wait='adaptive', name=None)"
@@ -57,59 +52,62 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 pub fn make(
     py: Python<'_>,
     scenario: PathBuf,
-    num_envs: i128,
-    batch_size: Option<i128>,
-    seed: i128,
-    threads: Option<i128>,
+    num_envs: Int,
+    batch_size: Option<Int>,
+    seed: Int,
+    threads: Option<Int>,
     autoreset: &str,
     episode_limit: Option<Limit>,
     rules: &str,
-    fields: Option<Vec<String>>,
-    frames_held: i128,
+    fields: Option<Bound<'_, PyAny>>,
+    frames_held: Int,
     wait: &str,
     name: Option<String>,
 ) -> PyResult<Envs> {
     let wait = word::<Wait>(wait)?;
     let threads = threads.map_or(Ok(PoolOptions::default().threads), |n| whole("threads", n))?;
     if !(1..=MAX_THREADS).contains(&threads) {
-        return Err(invalid(format!("threads={threads}: 1 to {MAX_THREADS} are possible")));
+        return Err(invalid(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
     }
-    let scenario = scenario.to_string_lossy();
-    let scenario =
-        Scenario::resolve(&scenario).map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
     let num_envs = whole("num_envs", num_envs)?;
-    let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
-    if let Game::Battle { rules: played, episode_limit: limit, .. } = &mut lane.game {
-        *played = word::<Rules>(rules)?;
-        *limit = limit_of(episode_limit)?;
-    }
-    lane.batch_size = batch_size.map_or(Ok(num_envs), |n| whole("batch_size", n))?;
-    lane.seed = whole("seed", seed)?;
-    lane.autoreset = word(autoreset)?;
-    lane.frames_held = whole("frames_held", frames_held)?;
-    lane.spectators = 0; // nobody knows of it
-    if let Some(names) = fields {
-        lane.fields = FieldSet::from_names(names).map_err(invalid)?;
-    }
+    let batch_size = batch_size.map_or(Ok(num_envs), |n| whole("batch_size", n))?;
+    let (seed, frames_held) = (whole("seed", seed)?, whole("frames_held", frames_held)?);
+    let (rules, autoreset, limit) = (word::<Rules>(rules)?, word(autoreset)?, limit_of(episode_limit)?);
+    let fields = match fields {
+        Some(given) => FieldSet::from_names(names("fields", &given)?).map_err(invalid)?,
+        None => FieldSet::ALL,
+    };
     let options = PoolOptions { threads, wait };
-    let name = name.unwrap_or_else(unique_name);
-    let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place: place()? };
+    let (name, place) = (name.unwrap_or_else(unique_name), place()?);
     let _beginning = Beginning::new()?;
-    py.detach(|| {
-        let supervisor = Supervisor::start(config).map_err(errors::of_start)?;
+    let start = move |given_up: GivenUp<'_>| {
+        let scenario = Scenario::resolve(&scenario.to_string_lossy());
+        let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
+        if let Game::Battle { rules: played, episode_limit, .. } = &mut lane.game {
+            (*played, *episode_limit) = (rules, limit);
+        }
+        lane.spectators = 0; // its name is not told to others
+        let lane = LaneConfig { batch_size, seed, autoreset, fields, frames_held, ..lane };
+        let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place };
+        let prepared = config.prepare().map_err(errors::of_start)?;
+        if given_up() {
+            return Err(errors::class::StartError::new_err("interrupted"));
+        }
+        let supervisor = Supervisor::start_prepared(prepared).map_err(errors::of_start)?;
         let client = Client::connect(supervisor.place(), &name, None, wait).map_err(errors::of_connect)?;
         Ok((client, supervisor))
-    })
-    .map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
+    };
+    apart(py, start)?.map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
 }
 
 /// Steps, or the word that stands for the scenario's own limit.
 #[derive(FromPyObject)]
 pub enum Limit {
-    #[pyo3(annotation = "int")]
-    Steps(i128),
     #[pyo3(annotation = "str")]
     Word(String),
+    #[pyo3(annotation = "int")]
+    Steps(Int),
 }
 
 /// As [`Game::Battle`] has it.
@@ -117,11 +115,11 @@ fn limit_of(limit: Option<Limit>) -> PyResult<Option<Option<u32>>> {
     match limit {
         None => Ok(Some(None)),
         Some(Limit::Word(word)) if word == "default" => Ok(None),
-        Some(Limit::Word(word)) => {
-            Err(invalid(format!("episode_limit is a number of steps, None or \"default\", not `{word}`")))
-        }
-        Some(Limit::Steps(0)) => {
-            Err(invalid("episode_limit=0: an episode takes at least one step; None is no limit"))
+        Some(Limit::Word(word)) => Err(invalid(format!(
+            "episode_limit must be a number of steps, None or \"default\", got `{word}`"
+        ))),
+        Some(Limit::Steps(Int::Small(0))) => {
+            Err(invalid("episode_limit must be at least 1, got 0; None is no limit"))
         }
         Some(Limit::Steps(steps)) => Ok(Some(Some(whole("episode_limit", steps)?))),
     }
@@ -142,29 +140,28 @@ fn unique_name() -> String {
 /// Args:
 ///     pool: the pool's name (`--name`).
 ///     lane: the lane's name; a pool's only lane needs none.
-///     timeout: seconds to wait for the pool to appear.
+///     timeout: seconds to wait for the pool to appear and to answer; None for no limit. With 0, the default, it must run
+///         already, and has 10 seconds to answer.
 ///     wait: how to wait for batches: "adaptive" (spin a little, then block), "spin" or "block".
 ///
-/// The lane is this process's until `close`. Raises NoSuchPool, LaneTaken if the lane has a learner, ConnectError.
+/// The lane is this process's until `close`. Raises NoSuchPool, LaneTaken if the lane has a learner, PoolDied
+/// if the pool ends meanwhile, and ConnectError.
 #[pyfunction]
-#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive"))]
-pub fn connect(py: Python<'_>, pool: &str, lane: Option<&str>, timeout: f64, wait: &str) -> PyResult<Envs> {
-    let (wait, timeout, place) = (word(wait)?, seconds(Some(timeout))?, place()?);
+#[pyo3(
+    signature = (pool, lane=None, *, timeout=Some(Seconds(0.0)), wait="adaptive"),
+    text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive')"
+)]
+pub fn connect(
+    py: Python<'_>,
+    pool: String,
+    lane: Option<String>,
+    timeout: Option<Seconds>,
+    wait: &str,
+) -> PyResult<Envs> {
+    let (wait, timeout, place) = (word(wait)?, seconds(timeout)?, place()?);
     let _beginning = Beginning::new()?;
-    let begin = Instant::now();
-    loop {
-        match py.detach(|| Client::connect(&place, pool, lane, wait)) {
-            Ok(client) => return Ok(Envs::new(client, None)),
-            Err(ConnectError::Control(ControlError::NoSuchPool { .. }))
-                if timeout.is_none_or(|timeout| begin.elapsed() < timeout) =>
-            {
-                py.check_signals()?;
-                if is_exiting() {
-                    return Err(cut_short());
-                }
-                py.detach(|| std::thread::sleep(LOOK_AGAIN));
-            }
-            Err(error) => return Err(errors::of_connect(error)),
-        }
-    }
+    let client = apart(py, move |interrupted| {
+        Client::connect_within(&place, &pool, lane.as_deref(), wait, Patience { timeout, interrupted })
+    })?;
+    Ok(Envs::new(client.map_err(errors::of_connect)?, None))
 }

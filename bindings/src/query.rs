@@ -1,10 +1,11 @@
 //! Questions that need no learner: which scenarios there are, which pools run, how they do.
 
-use crate::convert::dict_of;
+use crate::convert::{Seconds, dict_of, seconds};
 use crate::errors;
+use crate::wait::apart;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_ipc::{ConnectError, ControlError, Place};
+use smaclite_ipc::{Patience, Place, running_pools, status_within};
 use smaclite_scenarios::Scenario;
 
 /// The place of this user's pools.
@@ -12,7 +13,7 @@ pub fn place() -> PyResult<Place> {
     Place::of_this_user().map_err(|error| errors::of_connect(error.into()))
 }
 
-/// Names of the twelve standard scenarios, which `make` takes.
+/// Names of the standard scenarios, the 23 maps of SMAC, which `make` takes.
 #[pyfunction]
 pub fn scenarios() -> Vec<&'static str> {
     Scenario::standard_names().collect()
@@ -24,28 +25,20 @@ pub fn scenarios() -> Vec<&'static str> {
 /// `description` (as `Envs.description`), `holder` (the learner's process or None), `figures` (counts since the start),
 /// `steps_per_s` and `failure`.
 ///
-/// Raises NoSuchPool if no pool of that name runs.
+/// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that
+/// name runs, and ConnectError if it does not answer in time.
 #[pyfunction]
-pub fn status<'py>(py: Python<'py>, pool: &str) -> PyResult<Bound<'py, PyDict>> {
-    let place = place()?;
-    let status = py.detach(|| smaclite_ipc::status(&place, pool)).map_err(errors::of_connect)?;
-    dict_of(py, &status)
+#[pyo3(signature = (pool, *, timeout=Some(Seconds(10.0))), text_signature = "(pool, *, timeout=10.0)")]
+pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResult<Bound<'_, PyDict>> {
+    let (place, timeout) = (place()?, seconds(timeout)?);
+    let status =
+        apart(py, move |interrupted| status_within(&place, &pool, Patience { timeout, interrupted }))?;
+    dict_of(py, &status.map_err(errors::of_connect)?)
 }
 
-/// Names of this user's running pools, sorted; embedded ones too.
+/// Names of this user's running pools, sorted; embedded ones too, and those that are stopped and do not
+/// answer.
 #[pyfunction]
-pub fn pools(py: Python<'_>) -> PyResult<Vec<String>> {
-    let place = place()?;
-    py.detach(|| {
-        let mut running = Vec::new();
-        for name in place.pool_names() {
-            match smaclite_ipc::status(&place, &name) {
-                Ok(_) => running.push(name),
-                Err(ConnectError::Control(ControlError::NoSuchPool { .. })) => {} // left by a dead one
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(running)
-    })
-    .map_err(errors::of_connect)
+pub fn pools() -> PyResult<Vec<String>> {
+    Ok(running_pools(&place()?))
 }

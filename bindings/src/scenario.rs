@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Everything about a scenario that never changes: a standard one by name, or the one in a file.
 ///
@@ -22,9 +22,13 @@ use std::path::PathBuf;
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn scenario(py: Python<'_>, scenario: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let scenario = Scenario::resolve(&scenario.to_string_lossy())
-        .map_err(|error| class::ScenarioError::new_err(error.to_string()))?;
-    dict_of(py, &described(&scenario))
+    dict_of(py, &described(&resolve(py, &scenario)?))
+}
+
+/// A standard scenario, or the one in a file; other Python threads run while it is read.
+pub fn resolve(py: Python<'_>, name_or_path: &Path) -> PyResult<Scenario> {
+    py.detach(|| Scenario::resolve(&name_or_path.to_string_lossy()))
+        .map_err(|error| class::ScenarioError::new_err(error.to_string()))
 }
 
 fn described(scenario: &Scenario) -> Value {

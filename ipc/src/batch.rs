@@ -1,7 +1,7 @@
 //! A received frame, read in place. The memory stays valid and unchanged for as long as the batch lives, also after its
 //! client and its supervisor are gone.
 
-#![allow(unsafe_code)] // `Sync` for a sample that is only read
+#![allow(unsafe_code)] // reads the sample at an address taken once
 
 use crate::services::{FramePort, FrameSample};
 use crate::wire::FrameHeader;
@@ -9,25 +9,38 @@ use faer::MatRef;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{Element, Layout};
 use std::mem::ManuallyDrop;
+use std::ptr::NonNull;
 use std::sync::Arc;
 
 /// One batch: M slots of every field of the lane.
+///
+/// In a forked child it is readable, but only unchanged while the parent holds it: the child's copy holds
+/// nothing, so after the parent's drop a later frame may be written there.
 pub struct Batch {
+    /// Only held. Asking it for its payload locks a mutex of its port, which a thread of the parent may have
+    /// locked at the moment of a fork.
     sample: ManuallyDrop<FrameSample>,
+    /// The sample's payload.
+    bytes: NonNull<[u8]>,
+    header: FrameHeader,
     layout: Arc<Layout>,
     owner: u32,
     port: ManuallyDrop<Arc<FramePort>>,
 }
 
-// SAFETY: a `FrameSample` is not `Sync` only because of its reference count, which is touched when it is dropped, and
-// that takes the batch by value. The port is only held, and let go of with the batch. Everything a shared batch does is reading the payload and header, which are mapped
-// read-only and not written again before the sample is given back.
+// SAFETY: everything but `bytes` and `sample` is `Send` by itself. `sample` is, too: iceoryx2 declares it.
+// `bytes` is the address of memory that any thread may read.
+unsafe impl Send for Batch {}
+
+// SAFETY: a shared batch reads `bytes`, `header` and `layout`, which nothing changes, and leaves `sample` and
+// `port` alone until it is dropped, which takes the batch by value.
 unsafe impl Sync for Batch {}
 
 impl Batch {
     pub(crate) fn new(sample: FrameSample, layout: Arc<Layout>, port: Arc<FramePort>) -> Batch {
+        let (bytes, header) = (NonNull::from(sample.payload()), *sample.user_header());
         let (sample, port) = (ManuallyDrop::new(sample), ManuallyDrop::new(port));
-        Batch { sample, layout, owner: std::process::id(), port }
+        Batch { sample, bytes, header, layout, owner: std::process::id(), port }
     }
 
     /// Where each field lies.
@@ -37,12 +50,16 @@ impl Batch {
 
     /// The frame's bytes in shared memory.
     pub fn bytes(&self) -> &[u8] {
-        self.sample.payload()
+        // SAFETY: `new` took the address from the sample, whose memory is mapped, initialised, and written by
+        // no process until the sample is given back; `drop` does that, and the borrow is that of the batch. A
+        // forked child never gives it back, so there it stays mapped; what the parent may do there, the
+        // type's documentation says.
+        unsafe { self.bytes.as_ref() }
     }
 
     /// The frame's header.
     pub fn header(&self) -> &FrameHeader {
-        self.sample.user_header()
+        &self.header
     }
 
     /// Counts the frames of the lane, from 1.

@@ -133,21 +133,19 @@ impl Legal {
         action < self.n_actions && self.bits[word] >> (action % 64) & 1 == 1
     }
 
-    /// Marks environments busy with a reset: all of them, whatever they do, or those of `env_ids`.
-    pub(crate) fn take_reset(&mut self, number: u64, env_ids: Option<&[i32]>) -> Result<(), Rejection> {
-        let Some(ids) = env_ids else {
-            self.was_reset = true;
-            self.envs.fill(EnvState { busy: Some(number), over: false });
-            self.outstanding = self.envs.len();
-            return Ok(());
-        };
+    /// Marks all environments busy with a reset, whatever they do.
+    pub(crate) fn take_whole_reset(&mut self, number: u64) {
+        self.was_reset = true;
+        self.envs.fill(EnvState { busy: Some(number), over: false });
+        self.outstanding = self.envs.len();
+    }
+
+    /// Marks the environments of `env_ids` busy with a reset.
+    pub(crate) fn take_reset(&mut self, number: u64, ids: &[i32]) -> Result<(), Rejection> {
         if !self.was_reset {
             return Err(Rejection::NotReset);
         }
         some_chosen(ids.len())?;
-        if self.all_are_named(ids) {
-            return self.take_reset(number, None);
-        }
         let taken = ids.iter().try_for_each(|id| {
             let env = self.env_of(*id)?;
             self.take_env(number, env)
@@ -166,7 +164,9 @@ impl Legal {
         Ok(())
     }
 
-    fn all_are_named(&self, ids: &[i32]) -> bool {
+    /// Does a reset of `env_ids` reset every environment, however they are named?
+    pub(crate) fn is_whole(&self, env_ids: Option<&[i32]>) -> bool {
+        let Some(ids) = env_ids else { return true };
         let mut named = vec![false; self.envs.len()];
         ids.len() == named.len()
             && ids
@@ -220,6 +220,9 @@ impl Legal {
 
     /// Writes a uniformly random legal action for every agent of the environments (all, if `None`).
     pub(crate) fn sample(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), Rejection> {
+        if !self.was_reset {
+            return Err(Rejection::NotReset);
+        }
         for (i, row) in out.chunks_exact_mut(self.n_agents).enumerate() {
             let env = match env_ids {
                 Some(ids) => self.env_of(ids[i])?,
@@ -298,10 +301,11 @@ mod tests {
         let sizes = Sizes { n_agents: 1, n_enemies: 1, n_units: 2, n_actions: 7, obs_size: 1, state_size: 1 };
         let layout = Layout::new(sizes, 2, FieldSet::ALL);
         let mut legal = Legal::new(&layout, 3, Autoreset::NextStep);
-        legal.take_reset(1, None).unwrap();
-        assert!(matches!(legal.take_reset(2, Some(&[0, 1])), Err(Rejection::BusyEnv { env: 0 })));
-        assert!(legal.take_reset(3, Some(&[0, 1, 1])).is_err());
-        legal.take_reset(4, Some(&[2, 0, 1])).unwrap();
+        assert!(legal.is_whole(None) && legal.is_whole(Some(&[2, 0, 1])));
+        assert!(!legal.is_whole(Some(&[0, 1])) && !legal.is_whole(Some(&[0, 1, 1])));
+        legal.take_whole_reset(1);
+        assert!(matches!(legal.take_reset(2, &[0, 1]), Err(Rejection::BusyEnv { env: 0 })));
+        legal.take_whole_reset(3);
         assert_eq!(legal.outstanding(), 3);
     }
 }

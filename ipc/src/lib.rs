@@ -16,12 +16,11 @@
 //! let supervisor = Supervisor::start(config)?;
 //!
 //! let mut client = Client::connect(&place, "train", None, Default::default())?;
-//! let mut never = || false;
-//! let batch = client.reset(Some(1), None, Patience { timeout: None, interrupted: &mut never })?;
+//! let batch = client.reset(Some(1), None, Patience::forever())?;
 //! assert_eq!(batch.obs_matrix().nrows(), 4 * 5);
 //! let mut actions = vec![0; 4 * 5];
 //! client.sample_actions(None, &mut actions)?;
-//! let batch = client.step(&actions, None, Patience { timeout: None, interrupted: &mut never })?;
+//! let batch = client.step(&actions, None, Patience::forever())?;
 //! assert_eq!(batch.env_id(), [0, 1, 2, 3]);
 //! # drop(supervisor);
 //! # Ok(())
@@ -34,6 +33,7 @@ mod batch;
 pub mod cli;
 mod client;
 pub mod control;
+mod error;
 mod legal;
 mod memory;
 mod place;
@@ -56,18 +56,28 @@ pub use smaclite_pool::Wait;
 pub use spectator::Spectator;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
 pub use stay::iceoryx;
-pub use supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
+pub use supervisor::{Game, LaneConfig, PreparedPool, StartError, Supervisor, SupervisorConfig};
 #[doc(hidden)] // for the same tests
 pub use variant::PoolService;
 
-use control::client::ControlClient;
+use control::client::{ANSWER_TIME, ControlClient};
 use control::protocol::{Answer, Ask};
 
-/// What a pool is doing.
+/// What a pool is doing. It has 10 seconds to answer.
 pub fn status(place: &Place, pool: &str) -> Result<PoolStatus, ConnectError> {
-    match ControlClient::connect(place, pool)?.ask(&Ask::Status)? {
+    status_within(place, pool, Patience { timeout: Some(ANSWER_TIME), interrupted: &mut || false })
+}
+
+/// What a pool is doing, if it answers in time.
+pub fn status_within(place: &Place, pool: &str, patience: Patience<'_>) -> Result<PoolStatus, ConnectError> {
+    match ControlClient::ask(place, pool, &Ask::Status, patience)?.1 {
         Answer::Status(status) => Ok(status),
         Answer::Refused(refusal) => Err(refusal.into()),
-        other => Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+        other => Err(Refusal::unexpected(&other).into()),
     }
+}
+
+/// Names of the pools that run at a place, sorted. A supervisor that is stopped runs.
+pub fn running_pools(place: &Place) -> Vec<String> {
+    control::client::running_pools(place)
 }

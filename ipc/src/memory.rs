@@ -32,7 +32,9 @@ pub(crate) fn check_room(needed: usize, for_what: &str) -> Result<(), TooLittleM
 }
 
 fn too_little(needed: u64, available: u64, for_what: &str) -> TooLittleMemory {
-    let suggested = (needed * 5 / 4) / (1 << 20) + 64;
+    // What others use there counts too: the size is that of the whole.
+    let used = rustix::fs::statvfs(SHM).map_or(0, |stat| (stat.f_blocks - stat.f_bavail) * stat.f_frsize);
+    let suggested = (used + needed * 5 / 4) / (1 << 20) + 64;
     TooLittleMemory { needed, available, for_what: for_what.to_owned(), suggested }
 }
 

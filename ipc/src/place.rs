@@ -164,7 +164,8 @@ pub fn check_name(name: &str) -> Result<(), String> {
     let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.is_empty() || name.len() > 40 || !name.chars().all(fine) || name.starts_with('.') {
         return Err(format!(
-            "`{name}` cannot be a name: it takes 1 to 40 letters, digits, `-`, `_` or `.`, not `.` at the start"
+            "`{}` cannot be a name: a name has 1 to 40 letters, digits, `-`, `_` or `.`, and no `.` at the start",
+            name.chars().take(60).collect::<String>().escape_debug()
         ));
     }
     Ok(())

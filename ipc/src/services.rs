@@ -5,9 +5,12 @@
 //! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
 //! never meets what a learner still holds of its predecessor.
 
+pub use crate::error::IpcError;
+pub(crate) use crate::error::doing;
 use crate::place::Place;
 use crate::stay::Stay;
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -46,19 +49,6 @@ const TAKE_BACK: Duration = Duration::from_secs(1);
 /// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache lines).
 const CHUNK_OVERHEAD: usize = 192;
 
-/// An error of iceoryx2, with what was being done.
-#[derive(Debug, thiserror::Error)]
-#[error("{doing}: {cause}")]
-pub struct IpcError {
-    doing: &'static str,
-    cause: String,
-}
-
-/// Says what was being done when iceoryx2 refused.
-pub(crate) fn doing<E: std::fmt::Debug>(doing: &'static str) -> impl FnOnce(E) -> IpcError {
-    move |cause| IpcError { doing, cause: format!("{cause:?}") }
-}
-
 /// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a subscriber that
 /// is dropped, whoever still reads them. Dropped in this order.
 pub(crate) struct FramePort {
@@ -75,16 +65,16 @@ pub(crate) struct Guest {
 /// A node without signal handlers, under our own configuration.
 pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
     quiet();
+    let entering = format!("entering the folder {}", place.root().display());
     let stay = place.enter().and_then(|stay| stay.check_segments().map(|()| stay));
-    let stay =
-        stay.map_err(|error| IpcError { doing: "entering the pools' folder", cause: error.to_string() })?;
-    let stay = Arc::new(stay);
+    let stay = Arc::new(stay.map_err(doing(entering)).map_err(|error| error.at(place))?);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
         .config(&stay.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(doing("creating an iceoryx2 node"))?;
+        .map_err(doing("creating an iceoryx2 node"))
+        .map_err(|error| error.at(place))?;
     Ok(Guest { node, stay })
 }
 
@@ -119,12 +109,12 @@ impl Capacity {
     ) -> Self {
         let synchronous = num_envs == batch_size;
         // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or at the last
-        // slot of a full one. One more for a rejection.
+        // slot of a full one. One more for a rejection, and one that is kept back to report a failure.
         let writing = threads.min(num_envs);
         Capacity {
             frames_held,
             frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 1 } else { writing + 2 },
+            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
             spectators,
             requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
         }
@@ -153,8 +143,8 @@ impl Capacity {
 }
 
 fn still_held() -> IpcError {
-    let cause = "too many clients that are gone still have their frames held; drop those batches and every array over them";
-    IpcError { doing: "subscribing to a lane's frames", cause: cause.to_owned() }
+    let what = "too many clients that are gone still have their frames held";
+    IpcError::new("subscribing to a lane's frames", what, "drop those batches and every array over them")
 }
 
 fn service_name(instance: &str, lane: &str, what: &str) -> Result<ServiceName, IpcError> {
@@ -313,6 +303,9 @@ impl LaneServices {
     }
 
     pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
-        self.requests.subscriber_builder().create().map_err(doing("subscribing to a lane's requests"))
+        let builder = self.requests.subscriber_builder();
+        // `receive` fails for a learner whose requests cannot be read; iceoryx2's default ignores it.
+        let builder = builder.set_degradation_handler(|_, _| DegradationAction::DegradeAndFail);
+        builder.create().map_err(doing("subscribing to a lane's requests"))
     }
 }

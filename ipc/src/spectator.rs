@@ -1,8 +1,8 @@
 //! Watching a lane: read-only, as many frames as the watcher has time for, without anyone noticing.
 
 use crate::batch::Batch;
-use crate::client::{ClientError, ConnectError, checked_layout};
-use crate::control::client::ControlClient;
+use crate::client::{ClientError, ConnectError, Patience, checked_layout};
+use crate::control::client::{ANSWER_TIME, ControlClient};
 use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
 use crate::memory::{PORTS, check_room};
 use crate::place::Place;
@@ -12,7 +12,7 @@ use smaclite_pool::layout::Layout;
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
-/// A watcher of a lane. Frames that it does not fetch in time are replaced by newer ones; it holds one at a time.
+/// A watcher of a lane. It holds the newest batch that it fetched; older ones that it did not fetch are lost.
 pub struct Spectator {
     parts: ManuallyDrop<Parts>,
     owner: u32,
@@ -32,17 +32,18 @@ struct Parts {
 impl Spectator {
     /// Watches a lane of a pool: its only lane, if none is named.
     pub fn connect(place: &Place, pool: &str, lane: Option<&str>) -> Result<Spectator, ConnectError> {
-        let mut control = ControlClient::connect(place, pool)?;
-        let description = match control.ask(&Ask::Watch { lane: lane.map(str::to_owned) })? {
+        let patience = Patience { timeout: Some(ANSWER_TIME), interrupted: &mut || false };
+        let question = Ask::Watch { lane: lane.map(str::to_owned) };
+        let (control, answer) = ControlClient::ask(place, pool, &question, patience)?;
+        let description = match answer {
             Answer::Lane(lane) => *lane,
             Answer::Refused(refusal) => return Err(refusal.into()),
-            other => return Err(Refusal::Malformed { what: format!("unexpected answer {other:?}") }.into()),
+            other => return Err(Refusal::unexpected(&other).into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
-        check_room(PORTS, "a spectator")?;
-        let guest = enter(place, &format!("spectator of {pool}"))?;
-        let services = LaneServices::open(&guest.node, &description.instance, &description.lane)?;
-        let frames = Arc::new(services.frame_port(1, &guest)?);
+        let ports = open_ports(place, &description).map_err(|error| control.cause_of(error))?;
+        let (frames, services, guest) = ports;
+        let frames = Arc::new(frames);
         let parts =
             Parts { current: None, frames, _services: services, _guest: guest, control, description, layout };
         Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
@@ -53,28 +54,36 @@ impl Spectator {
         &self.parts.description
     }
 
-    /// The newest frame, `None` before the first. Never blocks. Whose session it belongs to does not matter here.
+    /// The newest batch of any session, `None` before the first. Never blocks.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         if self.owner != std::process::id() {
             return Err(ClientError::Forked { owner: self.owner });
         }
         let parts = &mut *self.parts;
-        // The held frame is given back before another is taken. With a buffer of one there is at most one newer.
-        let newer = parts.frames.subscriber.has_samples().map_err(doing("looking for a frame"))?;
-        if newer {
-            parts.current = None;
-            if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-                let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
-                if content == Some(Content::Batch) {
-                    parts.current =
-                        Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
-                }
+        // The buffer holds one frame, so at most one is newer. It is read before the held batch is given
+        // back, which stays if the newer frame is an error report. A subscriber may hold two frames or more.
+        if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+            let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
+            if content == Some(Content::Batch) {
+                parts.current =
+                    Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
             }
         } else if !parts.control.is_alive() {
             return Err(ClientError::PoolDied { pool: parts.description.pool.clone() });
         }
         Ok(parts.current.as_ref())
     }
+}
+
+/// What a spectator needs of iceoryx2.
+fn open_ports(
+    place: &Place,
+    lane: &LaneDescription,
+) -> Result<(FramePort, LaneServices, Guest), ConnectError> {
+    check_room(PORTS, "a spectator")?;
+    let guest = enter(place, &format!("spectator of {}", lane.pool))?;
+    let services = LaneServices::open(&guest.node, &lane.instance, &lane.lane)?;
+    Ok((services.frame_port(1, &guest)?, services, guest))
 }
 
 impl Drop for Spectator {

@@ -1,5 +1,6 @@
 //! Starting and stopping a supervisor: everything is checked and set aside first, then threads and services begin.
 
+use crate::control::client::{of_process, process_of};
 use crate::control::protocol::LaneDescription;
 use crate::control::server::{Host, HostedLane, serve};
 use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
@@ -15,6 +16,7 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::fs::File;
+use std::net::Shutdown;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -93,19 +95,22 @@ impl LaneConfig {
         let bad = |what: String| Err(StartError::Lane { lane: self.name.clone(), what });
         check_name(&self.name).or_else(bad)?;
         if self.num_envs == 0 || self.num_envs > MAX_ENVS {
-            return bad(format!("{} environments; 1 to {MAX_ENVS} are possible", self.num_envs));
+            return bad(format!(
+                "the number of environments must be between 1 and {MAX_ENVS}, got {}",
+                self.num_envs
+            ));
         }
         if self.batch_size == 0 || self.batch_size > self.num_envs {
             return bad(format!(
-                "batch size {}; 1 to {} (the number of environments) are possible",
-                self.batch_size, self.num_envs
+                "the batch size must be between 1 and {} (the number of environments), got {}",
+                self.num_envs, self.batch_size
             ));
         }
         if !(2..=1024).contains(&self.frames_held) {
-            return bad(format!("{} held frames; 2 to 1024 are possible", self.frames_held));
+            return bad(format!("frames_held must be between 2 and 1024, got {}", self.frames_held));
         }
         if self.spectators > 64 {
-            return bad(format!("{} spectators; 0 to 64 are possible", self.spectators));
+            return bad(format!("spectators must be between 0 and 64, got {}", self.spectators));
         }
         Ok(())
     }
@@ -206,35 +211,43 @@ pub enum StartError {
     System { doing: String, source: std::io::Error },
 }
 
-fn of_process(pid: Option<u32>) -> String {
-    pid.map_or(String::new(), |pid| format!(" (process {pid})"))
-}
-
 /// A running supervisor. Dropping it stops it and takes everything of it out of `/dev/shm` and the root folder.
 pub struct Supervisor {
     name: String,
     lanes: Vec<LaneDescription>,
     shared_memory: usize,
     threads: usize,
-    /// Closed to stop the control thread.
-    stop: Option<UnixStream>,
+    /// Shut down to stop the control thread.
+    stop: UnixStream,
     control: Option<JoinHandle<()>>,
     place: Place,
     owner: u32,
     _name: NameLock,
 }
 
-impl Supervisor {
-    /// Starts a pool.
-    pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
+/// A pool whose settings are checked and whose maps are computed, which may take a second. Nothing of it
+/// exists yet.
+pub struct PreparedPool {
+    /// Without its lanes.
+    config: SupervisorConfig,
+    options: PoolOptions,
+    instance: String,
+    lanes: Vec<(LaneSpec, LaneDescription)>,
+    shared_memory: usize,
+}
+
+impl SupervisorConfig {
+    /// Does everything that needs no file, process or shared memory.
+    pub fn prepare(mut self) -> Result<PreparedPool, StartError> {
+        let config = &mut self;
         check_name(&config.name).map_err(StartError::Name)?;
         check_lanes(&config.lanes)?;
-        let name_lock = NameLock::take(&config.place, &config.name)?;
         let options = PoolOptions { threads: config.options.threads.max(1), ..config.options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{}.{}.{since_epoch:x}", config.name, std::process::id());
         let shared = Shared { pool: &config.name, instance: &instance, threads: options.threads };
-        let lanes: Vec<_> = config.lanes.into_iter().map(|lane| lane.prepare(&shared)).collect();
+        let lanes = std::mem::take(&mut config.lanes);
+        let lanes: Vec<_> = lanes.into_iter().map(|lane| lane.prepare(&shared)).collect();
         let needs = lanes.iter().map(|(spec, d)| d.capacity.frame_memory(&spec.layout()));
         let shared_memory = needs.sum();
         let guests = lanes.iter().map(|(spec, d)| {
@@ -244,10 +257,27 @@ impl Supervisor {
             shared_memory + guests.sum::<usize>(),
             "frames of all lanes and their learners' requests",
         )?;
+        Ok(PreparedPool { options, instance, lanes, shared_memory, config: self })
+    }
+}
 
+impl Supervisor {
+    /// Starts a pool.
+    pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
+        Supervisor::start_prepared(config.prepare()?)
+    }
+
+    /// Starts a prepared pool.
+    pub fn start_prepared(prepared: PreparedPool) -> Result<Supervisor, StartError> {
+        let PreparedPool { config, options, instance, lanes, shared_memory } = prepared;
+        let name_lock = NameLock::take(&config.place, &config.name)?;
         let guest = enter(&config.place, &config.name)?;
         let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
-        let (pool, services) = start_pool(&guest.node, &instance, lanes, options)?;
+        let (pool, services) =
+            start_pool(&guest.node, &instance, lanes, options).map_err(|error| match error {
+                StartError::Ipc(error) => StartError::Ipc(error.at(&config.place)),
+                other => other,
+            })?;
         reserve_segments(&config.place, "frames of all lanes")?;
 
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
@@ -273,7 +303,7 @@ impl Supervisor {
             lanes: descriptions,
             shared_memory,
             threads: options.threads,
-            stop: Some(stop),
+            stop,
             control: Some(control),
             place: config.place,
             owner: std::process::id(),
@@ -312,7 +342,8 @@ impl Drop for Supervisor {
         if self.owner != std::process::id() {
             return; // a forked child has no threads to stop and must not remove its parent's files
         }
-        self.stop.take();
+        // Closing it would not do: a forked child has a copy that keeps the socket open.
+        let _ = self.stop.shutdown(Shutdown::Both);
         if let Some(control) = self.control.take() {
             let _ = control.join();
         }
@@ -343,10 +374,7 @@ pub(crate) struct NameLock {
 impl NameLock {
     fn take(place: &Place, name: &str) -> Result<NameLock, StartError> {
         let lock = NameLock::try_take(place, name).map_err(system("opening the pool's lock"))?;
-        lock.ok_or_else(|| {
-            let pid = crate::status(place, name).ok().map(|status| status.pid);
-            StartError::NameTaken { pool: name.to_owned(), pid }
-        })
+        lock.ok_or_else(|| StartError::NameTaken { pool: name.to_owned(), pid: process_of(place, name) })
     }
 
     /// `None` if another process has it.

@@ -6,16 +6,12 @@ use crate::services::{
     FrameLoan, FramePublisher, IpcListener, IpcNotifier, RequestSample, RequestSubscriber,
 };
 use crate::wire::{FrameHeader, MAGIC, read_request};
-use iceoryx2::port::LoanError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Outlet, Request, Round, Transport};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// Dead processes are cleaned up every 100 ms; a frame that is not to be had after this never will be.
-const RECLAIM_TIME: Duration = Duration::from_secs(2);
+use std::time::Duration;
 
 /// Lanes over iceoryx2.
 pub(crate) struct Iceoryx;
@@ -35,10 +31,9 @@ pub(crate) struct RequestInlet {
 impl Inlet for RequestInlet {
     type Message = RequestMessage;
 
-    fn receive(&mut self) -> Option<RequestMessage> {
-        // A broken connection is a learner that died; its successor brings a new one.
-        let sample = self.subscriber.receive().ok().flatten()?;
-        Some(RequestMessage { sample, layout: Arc::clone(&self.layout) })
+    fn receive(&mut self) -> Result<Option<RequestMessage>, String> {
+        let sample = self.subscriber.receive().map_err(|error| format!("{error:?}"))?;
+        Ok(sample.map(|sample| RequestMessage { sample, layout: Arc::clone(&self.layout) }))
     }
 }
 
@@ -71,20 +66,11 @@ pub(crate) struct FrameOutlet {
 unsafe impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
-    /// The memory suffices by calculation, but when learners are killed one after the other theirs comes back only with
-    /// the next look-around; so waits for it a little.
     fn loan(&mut self) -> Result<FrameLoan, String> {
-        let begin = Instant::now();
-        loop {
-            match self.publisher.loan_slice_uninit(self.layout.bytes()) {
-                Ok(loan) => return Ok(loan),
-                Err(LoanError::OutOfMemory) if begin.elapsed() < RECLAIM_TIME => {
-                    let _ = self.publisher.update_connections(); // takes back what clean-up freed
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-                Err(error) => return Err(format!("no memory for a frame: {error:?}")),
-            }
-        }
+        self.publisher.loan_slice_uninit(self.layout.bytes()).map_err(|error| {
+            let _ = self.publisher.update_connections(); // takes back what clean-up freed
+            format!("no memory for a frame: {error:?}")
+        })
     }
 
     fn payload(loan: &mut FrameLoan) -> &mut [u8] {

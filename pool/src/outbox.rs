@@ -1,5 +1,6 @@
-//! The frames of a lane that are being filled. Workers claim slots, write them, and say when they are written; the
-//! last one of a frame publishes it. All calls are made under the lane's lock, the writing is not.
+//! The frames of a lane that are being filled. Workers claim slots, write them, and say when they are
+//! written; the last one of a frame publishes it. All calls are made under the lane's lock and none of them
+//! blocks; the writing, and the wait for a frame where there is none, are not made under it.
 
 use crate::slot::FrameMemory;
 use crate::transport::{Content, Outlet, Round};
@@ -32,11 +33,14 @@ pub(crate) struct Outbox<O: Outlet> {
     open: VecDeque<OpenFrame<O::Loan>>,
     next_number: u64,
     round: Round,
+    /// Kept back to report the lane's failure in, which may be that there is no frame.
+    spare: Option<O::Loan>,
 }
 
 impl<O: Outlet> Outbox<O> {
-    pub(crate) fn new(outlet: O, slots: usize) -> Self {
-        Outbox { outlet, slots, open: VecDeque::new(), next_number: 0, round: Round::default() }
+    pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, String> {
+        let spare = Some(outlet.loan()?);
+        Ok(Outbox { outlet, slots, open: VecDeque::new(), next_number: 0, round: Round::default(), spare })
     }
 
     /// Discards everything that is under way: from now on only work of `round` finds a slot.
@@ -81,14 +85,28 @@ impl<O: Outlet> Outbox<O> {
         !frame.stale
     }
 
-    /// Sends a frame that holds the reason why `request` was refused instead of a batch.
-    pub(crate) fn report(&mut self, request: u64, text: &[u8]) -> Result<(), String> {
-        let mut loan = self.outlet.loan()?;
+    /// Sends a frame that holds the reason why `request` of `session` was refused instead of a batch, unless
+    /// that session is over.
+    pub(crate) fn report(&mut self, session: u64, request: u64, text: &[u8]) -> Result<(), String> {
+        if session == self.round.session {
+            let loan = self.outlet.loan()?;
+            self.publish_text(loan, request, text);
+        }
+        Ok(())
+    }
+
+    /// Sends the reason why the lane failed. It fails once, so the frame kept back for this is there.
+    pub(crate) fn report_failure(&mut self, text: &[u8]) {
+        if let Some(loan) = self.spare.take() {
+            self.publish_text(loan, 0, text);
+        }
+    }
+
+    fn publish_text(&mut self, mut loan: O::Loan, request: u64, text: &[u8]) {
         let payload = O::payload(&mut loan);
         let len = text.len().min(payload.len());
         payload[..len].copy_from_slice(&text[..len]);
         self.outlet.publish(loan, self.round, Content::Rejection { request, len });
-        Ok(())
     }
 
     fn open_frame(&mut self) -> Result<usize, String> {

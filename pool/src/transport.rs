@@ -18,8 +18,8 @@ pub trait Transport: Send + Sync + 'static {
 pub trait Inlet: Send + 'static {
     /// A received request, kept alive while it is read.
     type Message: Message;
-    /// The next request, if one is there. Never blocks.
-    fn receive(&mut self) -> Option<Self::Message>;
+    /// The next request, if one is there; the error says what kept the lane from looking. Never blocks.
+    fn receive(&mut self) -> Result<Option<Self::Message>, String>;
 }
 
 /// A message from a process that need not be honest.
@@ -70,7 +70,7 @@ pub enum RequestKind {
 pub unsafe trait Outlet: Send + 'static {
     /// The memory of a frame being filled, aligned to [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
     type Loan: Send;
-    /// A frame to fill; the error says why there is none.
+    /// A frame to fill; the error says why there is none now. Never blocks.
     fn loan(&mut self) -> Result<Self::Loan, String>;
     /// The payload of a loaned frame; its address does not change until it is published.
     fn payload(loan: &mut Self::Loan) -> &mut [u8];

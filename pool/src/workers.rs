@@ -4,6 +4,7 @@ use crate::hand_off::{HandOff, Lead, Wait, Woken};
 use crate::lane::{Entry, Lane, LaneFigures, LaneSpec, panic_text};
 use crate::transport::{Doorbell, Transport};
 use smaclite_engine::Scratch;
+use std::io::Error;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -47,13 +48,15 @@ struct Shared<T: Transport> {
 }
 
 impl<T: Transport> Pool<T> {
-    /// Builds the lanes and starts the threads; an error is the operating system's refusal of a thread.
+    /// Builds the lanes and starts the threads; an error is the operating system's refusal of a thread, or
+    /// the transport's of a lane's first frame.
     pub fn start(
         lanes: Vec<(LaneSpec, T::Inlet, T::Outlet)>,
         doorbell: T::Doorbell,
         options: PoolOptions,
     ) -> std::io::Result<Pool<T>> {
-        let lanes: Vec<_> = lanes.into_iter().map(|(spec, i, o)| Lane::new(&spec, i, o)).collect();
+        let lanes = lanes.into_iter().map(|(spec, i, o)| Lane::new(&spec, i, o).map_err(Error::other));
+        let lanes = lanes.collect::<std::io::Result<Vec<_>>>()?;
         let threads = options.threads.max(1);
         let hand_off = HandOff::new(threads, lanes.len());
         let spin = options.wait.spin_time(threads);

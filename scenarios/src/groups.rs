@@ -1,10 +1,11 @@
 //! The `groups` of a scenario file: which units there are and where they start.
 
 use crate::layout::layout;
+use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Placement, ScenarioError, Terrain};
-use smaclite_units::UnitType;
-use smaclite_units::file::{Limits, Node};
+use smaclite_units::file::{FileError, Limits, Node};
+use smaclite_units::{Plane, UnitType};
 use std::collections::HashSet;
 
 /// Wider than any map; where the units then stand is checked against the map itself.
@@ -16,6 +17,8 @@ pub(crate) struct Roster {
     pub(crate) unit_types: Vec<UnitType>,
     /// Where each of `unit_types` comes from.
     pub(crate) sources: Vec<UnitSource>,
+    /// Where the file first names each of `unit_types`.
+    keys: Vec<String>,
     pub(crate) units: Vec<Placement>,
     n_allies: usize,
     n_enemies: usize,
@@ -37,7 +40,33 @@ impl Roster {
                     .into());
             }
         }
+        roster.check_sight(files, terrain)?;
         Ok(roster)
+    }
+
+    /// Checks that no type sees so many obstacles that a battle would be no use.
+    fn check_sight(&self, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
+        let range = |unit_type: &UnitType| unit_type.speed + unit_type.radius();
+        let types =
+            self.unit_types.iter().enumerate().filter(|(_, unit_type)| unit_type.plane == Plane::Ground);
+        let Some((i, farthest)) = types.max_by(|a, b| range(a.1).total_cmp(&range(b.1))) else {
+            return Ok(());
+        };
+        let outlines = Outlines::of(terrain);
+        if outlines.most_in_sight(range(farthest)) <= MAX_OUTLINE_IN_SIGHT {
+            return Ok(());
+        }
+        let largest = f64::from(outlines.largest_range());
+        let (key, value, limit) = match largest - farthest.radius() {
+            speed if speed >= 0.0 => ("speed", farthest.speed, speed),
+            _ => ("size", farthest.size, 2.0 * largest),
+        };
+        let expected = format!(
+            "at most {limit} on this map: ground units see obstacles within `speed` plus half of `size`, \
+             and within more than {largest} squares there are too many"
+        );
+        let (file, key, value) = (self.sources[i].to_string(), key.into(), value.to_string());
+        Err(files.wrong(&self.keys[i], FileError::Invalid { file, key, value, expected }))
     }
 
     /// Checks a file's count of units against the groups.
@@ -86,13 +115,15 @@ impl Roster {
                 None => {
                     self.unit_types.push(files.load(&source, &count)?);
                     self.sources.push(source);
+                    self.keys.push(count.key().into());
                     self.sources.len() - 1
                 }
             };
             let n = count.integer(1, MAX_UNITS)? as usize;
             if self.units.len() + types.len() + n > MAX_UNITS as usize {
-                let expected = format!("less: a scenario has at most {MAX_UNITS} units");
-                return Err(count.invalid(expected).into());
+                let total = self.units.len() + types.len() + n;
+                let conflict = format!("makes {total} units; a scenario has at most {MAX_UNITS}");
+                return Err(count.conflict(conflict).into());
             }
             types.extend(std::iter::repeat_n(unit_type, n));
         }
@@ -113,14 +144,15 @@ impl Roster {
         let [x, y] = position.map(|coordinate| coordinate as f32);
         let (width, height) = (terrain.width(), terrain.height());
         let UnitType { name, plane, .. } = &self.unit_types[unit_type];
-        let at = format!("a group that puts a {name} at ({x}, {y})");
         if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
-            let expected = format!("where all of its units start on the {width} x {height} map");
-            return Err(group.invalid_value(at, expected).into());
+            let conflict = format!("puts a {name} at ({x}, {y}), outside the {width} x {height} map");
+            return Err(group.conflict(conflict).into());
         }
         // Collision avoidance has no direction in which two bodies on one point could part.
         if !self.taken.insert((*plane as u8, x.to_bits(), y.to_bits())) {
-            return Err(group.invalid_value(at, "away from the unit that starts on that very point").into());
+            let conflict =
+                format!("puts a {name} at ({x}, {y}), where another {plane} unit starts; move the group");
+            return Err(group.conflict(conflict).into());
         }
         Ok(())
     }

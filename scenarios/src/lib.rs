@@ -1,4 +1,4 @@
-//! Scenarios: who fights where. The twelve standard scenarios, the eight terrain presets, and the reader of
+//! Scenarios: who fights where. The 23 standard scenarios, the eight terrain presets, and the reader of
 //! scenario files.
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles. Nothing in
@@ -22,12 +22,14 @@ mod layout;
 mod obstacles;
 mod read;
 mod scenario;
+mod sight;
 mod standard;
 mod terrain;
 mod unit_files;
 
 pub use error::ScenarioError;
 pub use scenario::{Faction, Placement, Scenario};
+pub use sight::MAX_OUTLINE_IN_SIGHT;
 pub use terrain::{MAX_SIDE, Rect, Terrain};
 
 /// The most units that a scenario may have, both sides together.

@@ -3,7 +3,9 @@
 use crate::groups::Roster;
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Scenario, ScenarioError, Terrain};
-use smaclite_units::file::{FileError, Json, Limits, Node, Object, read_text};
+use smaclite_units::file::{
+    FileError, Json, Limits, MAX_SCENARIO_BYTES, Node, Object, read_text, shown_path,
+};
 use std::path::Path;
 
 /// Every key of a scenario file.
@@ -25,6 +27,12 @@ const KEYS: [&str; 15] = [
     "episode_limit",
 ];
 
+/// The longest name of a scenario, in bytes.
+const MAX_NAME: usize = 100;
+
+/// The longest path, in bytes; no system takes longer ones.
+const MAX_PATH: usize = 4096;
+
 impl Scenario {
     /// Reads a scenario file's text. `source` is what error messages call the file; unit files are looked for from
     /// `base_dir`, the folder the file lies in.
@@ -32,10 +40,15 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] for the first thing that is wrong with the file or with a unit file that it names.
     pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
+        Scenario::read(text, source, Some(base_dir))
+    }
+
+    /// As [`from_json`](Self::from_json); without `base_dir` all unit types are standard ones.
+    pub(crate) fn read(text: &str, source: &str, base_dir: Option<&Path>) -> Result<Scenario, ScenarioError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;
-        let name = file.require("name", "what the scenario is called")?.text()?;
-        let custom_unit_path = file.get("custom_unit_path").map(|node| node.text()).transpose()?;
+        let name = file.require("name", "the scenario's name")?.text(MAX_NAME)?;
+        let custom_unit_path = file.get("custom_unit_path").map(|node| node.text(MAX_PATH)).transpose()?;
         let files = UnitFiles::new(source, base_dir, custom_unit_path);
         let terrain = Terrain::read(&file)?;
         let groups = file.require("groups", "a list of groups with `x`, `y`, `faction` and `units`")?;
@@ -64,7 +77,7 @@ impl Scenario {
     /// As [`from_json`](Self::from_json), and for a file that cannot be read.
     pub fn load(path: &Path) -> Result<Scenario, ScenarioError> {
         let base_dir = path.parent().unwrap_or(Path::new(""));
-        Scenario::from_json(&read_text(path)?, &path.display().to_string(), base_dir)
+        Scenario::from_json(&read_text(path, MAX_SCENARIO_BYTES)?, &shown_path(path), base_dir)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The map: which squares can be walked on, the eight presets, and the reader of inline maps.
 
 use crate::obstacles;
+use crate::sight::Outlines;
 use smaclite_units::Word;
 use smaclite_units::file::{FileError, Json, Node, Object};
 
@@ -89,6 +90,12 @@ impl Terrain {
         &self.obstacles
     }
 
+    /// How many squares of obstacle outline may be within `range` of a square, at most. No scenario file has
+    /// a ground unit with more than [`MAX_OUTLINE_IN_SIGHT`](crate::MAX_OUTLINE_IN_SIGHT) in sight.
+    pub fn outline_in_sight(&self, range: f64) -> usize {
+        Outlines::of(self).most_in_sight(range)
+    }
+
     /// Reads `terrain_preset` or `terrain`, `width` and `height` of a scenario file.
     pub(crate) fn read(file: &Object) -> Result<Terrain, FileError> {
         let width = side(file, "width")?;
@@ -173,7 +180,7 @@ fn read_rows(rows: &Node, width: u32, height: u32) -> Result<Terrain, FileError>
 
 fn row_text(row: &Node) -> Result<String, FileError> {
     let Json::Array(_) = row.json() else {
-        return row.text().map(str::to_owned).map_err(|_| row.invalid("a string of `_` and `X`"));
+        return row.text(usize::MAX).map(str::to_owned).map_err(|_| row.invalid("a string of `_` and `X`"));
     };
-    row.items()?.iter().map(|item| item.text()).collect()
+    row.items()?.iter().map(|item| item.text(MAX_SIDE as usize)).collect()
 }

@@ -2,8 +2,12 @@
 
 use crate::ScenarioError;
 use smaclite_units::UnitType;
-use smaclite_units::file::{Node, did_you_mean};
+use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
+use std::fmt;
 use std::path::{Path, PathBuf};
+
+/// The standard type that the published environment lacks. There the name means a file, so a file comes first.
+const ADDED: &str = "HYDRALISK";
 
 /// What identifies a unit type: two names that mean the same file mean the same type.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,22 +16,33 @@ pub(crate) enum UnitSource {
     File(PathBuf),
 }
 
+impl fmt::Display for UnitSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            UnitSource::Standard(name) => f.write_str(name),
+            UnitSource::File(path) => f.write_str(&shown_path(path)),
+        }
+    }
+}
+
 /// Where a scenario's unit files are looked for.
 pub(crate) struct UnitFiles<'a> {
     scenario: &'a str,
-    base_dir: &'a Path,
+    /// None for an embedded scenario, which uses no unit files.
+    base_dir: Option<&'a Path>,
     custom_unit_path: Option<PathBuf>,
 }
 
 impl<'a> UnitFiles<'a> {
     /// For the scenario file called `scenario` in the folder `base_dir`.
-    pub(crate) fn new(scenario: &'a str, base_dir: &'a Path, custom_unit_path: Option<&str>) -> Self {
+    pub(crate) fn new(scenario: &'a str, base_dir: Option<&'a Path>, custom_unit_path: Option<&str>) -> Self {
         UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
     }
 
-    /// What `name`, the key of entry `node`, means. Standard names come first.
+    /// What `name`, the key of entry `node`, means. Standard names come first, except [`ADDED`].
     pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, ScenarioError> {
-        if UnitType::standard_names().any(|standard| standard == name) {
+        let is_standard = UnitType::standard_names().any(|standard| standard == name);
+        if is_standard && name != ADDED {
             return Ok(UnitSource::Standard(name.into()));
         }
         let candidates = self.candidates(name);
@@ -35,7 +50,10 @@ impl<'a> UnitFiles<'a> {
             // Canonical, so that two names of one file are equal.
             return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
         }
-        let tried: Vec<_> = candidates.iter().map(|path| path.display().to_string()).collect();
+        if is_standard {
+            return Ok(UnitSource::Standard(name.into()));
+        }
+        let tried: Vec<_> = candidates.iter().map(|path| shown_path(path)).collect();
         Err(ScenarioError::UnknownUnit {
             file: self.scenario.into(),
             key: node.key().into(),
@@ -52,11 +70,12 @@ impl<'a> UnitFiles<'a> {
             }
             UnitSource::File(path) => UnitType::load(path),
         };
-        loaded.map_err(|error| ScenarioError::UnitFile {
-            scenario: self.scenario.into(),
-            key: node.key().into(),
-            error: Box::new(error),
-        })
+        loaded.map_err(|error| self.wrong(node.key(), error))
+    }
+
+    /// The complaint about the type that the scenario names at `key`.
+    pub(crate) fn wrong(&self, key: &str, error: FileError) -> ScenarioError {
+        ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
     /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the scenario
@@ -64,11 +83,14 @@ impl<'a> UnitFiles<'a> {
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();
+        let Some(base_dir) = self.base_dir else {
+            return candidates;
+        };
         if let Some(custom) = &self.custom_unit_path {
-            candidates.push(self.base_dir.join(custom).join(&name));
+            candidates.push(base_dir.join(custom).join(&name));
             candidates.push(custom.join(&name));
         }
-        candidates.push(self.base_dir.join(&name));
+        candidates.push(base_dir.join(&name));
         candidates.push(PathBuf::from(name));
         // Neighbours are equal for absolute paths and for a scenario file in the working directory.
         candidates.dedup();

@@ -97,7 +97,7 @@ fn check(cases: &[Case]) {
 fn bad_keys_and_values() {
     check(&[
         (&[("grups", "[]")], "unknown key `grups`; did you mean `groups`?"),
-        (&[("name", "")], "`name` is missing; it should be what the scenario is called"),
+        (&[("name", "")], "`name` is missing; it should be the scenario's name"),
         (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but should be true or false"),
         (
             &[("attack_point", "[9]")],
@@ -118,7 +118,8 @@ fn bad_terrain() {
     check(&[
         (
             &[("terrain_preset", "\"SIMPEL\"")],
-            "`terrain_preset` is \"SIMPEL\", but should be a known word; did you mean `SIMPLE`?",
+            "`terrain_preset` is \"SIMPEL\", but should be one of ALL_GREEN, CHECKERBOARD, \
+             CORRIDOR, NARROW, OCTAGON, PENTAGON, RAVINE, SIMPLE; did you mean `SIMPLE`?",
         ),
         (
             &[("terrain_preset", "")],
@@ -145,7 +146,10 @@ fn bad_terrain() {
             "`terrain[1]` is \"_.\", but should be made of `_` (walkable) and `X` (blocked), without '.'",
         ),
         (&inline(r#"["__", 3]"#), "`terrain[1]` is 3, but should be a string of `_` and `X`"),
-        (&inline(r#"["__", ["_", 1]]"#), "`terrain[1][1]` is 1, but should be a string that is not empty"),
+        (
+            &inline(r#"["__", ["_", 1]]"#),
+            "`terrain[1][1]` is 1, but should be a string of 1 to 1024 bytes, on one line",
+        ),
     ]);
 }
 
@@ -157,13 +161,11 @@ fn bad_groups() {
     let cases = [
         (
             one(&at("40", r#"{"ZEALOT": 1}"#)),
-            "`groups[0]` is a group that puts a ZEALOT at (40, 16), but should be \
-             where all of its units start on the 32 x 32 map",
+            "`groups[0]` puts a ZEALOT at (40, 16), outside the 32 x 32 map",
         ),
         (
             format!("[{}, {enemy}]", at("9", r#"{"ZEALOT": 1}"#)),
-            "`groups[1]` is a group that puts a ZEALOT at (9, 16), but should be \
-             away from the unit that starts on that very point",
+            "`groups[1]` puts a ZEALOT at (9, 16), where another GROUND unit starts; move the group",
         ),
         (
             one(&at("9", r#"{"ZEALOT": -1}"#)),
@@ -171,7 +173,7 @@ fn bad_groups() {
         ),
         (
             one(&at("9", r#"{"ZEALOT": 1000, "MARINE": 1}"#)),
-            "`groups[0].units.MARINE` is 1, but should be less: a scenario has at most 1000 units",
+            "`groups[0].units.MARINE` makes 1001 units; a scenario has at most 1000",
         ),
         (
             one(&at("9", "{}")),
@@ -180,7 +182,7 @@ fn bad_groups() {
         (one(&at("\"9\"", "{}")), "`groups[0].x` is \"9\", but should be a number from -1000000 to 1000000"),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("ALLY", "ALY")),
-            "`groups[0].faction` is \"ALY\", but should be a known word; did you mean `ALLY`?",
+            "`groups[0].faction` is \"ALY\", but should be one of ALLY, ENEMY; did you mean `ALLY`?",
         ),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("faction", "side")),
@@ -269,6 +271,19 @@ fn unit_files_are_found() {
     }
 }
 
+/// The published environment has no HYDRALISK, so scenarios for it bring a file of that name. That file is
+/// meant, although HYDRALISK is a standard type here; for the other standard types files are not read.
+#[test]
+fn a_hydralisk_file_comes_before_the_standard_type() {
+    let (folder, standard) = folder("HYDRALISK", "");
+    assert_eq!(standard.unwrap().unit_types[0].hp, 80.0);
+    fs::write(folder.path().join("HYDRALISK.json"), SCOUT).unwrap();
+    fs::write(folder.path().join("STALKER.json"), SCOUT).unwrap();
+    let scenario = Scenario::load(&folder.path().join("duel.json")).unwrap();
+    let hp_of = |name| scenario.unit_types.iter().find(|unit_type| unit_type.name == name).unwrap().hp;
+    assert_eq!((hp_of("HYDRALISK"), hp_of("STALKER")), (45.0, 80.0));
+}
+
 /// The example files of the SMAClite paper's appendix.
 #[test]
 fn the_papers_example_is_read() {
@@ -323,4 +338,57 @@ fn names_and_paths_that_lead_nowhere() {
     for (name, message) in cases {
         assert_eq!(Scenario::resolve(name).unwrap_err().to_string(), message);
     }
+}
+
+/// A scenario of one unit a side on a map of this side with every other square blocked.
+fn on_a_checkerboard(side: usize, unit: &str) -> String {
+    let row =
+        |y: usize| (0..side).map(|x| if (x + y).is_multiple_of(2) { '_' } else { 'X' }).collect::<String>();
+    let rows: Vec<String> = (0..side).map(row).collect();
+    let group =
+        |x, faction| format!(r#"{{"x": {x}, "y": 0, "faction": {faction:?}, "units": {{{unit:?}: 1}}}}"#);
+    let groups = format!("[{}, {}]", group(0, "ALLY"), group(2, "ENEMY"));
+    let (side, rows) = (side.to_string(), format!("{rows:?}"));
+    let map = [("terrain_preset", ""), ("terrain", &rows), ("width", &side), ("height", &side)];
+    let units = [("groups", groups.as_str()), ("num_enemy_units", "1"), ("attack_point", "[0, 0]")];
+    file(&[&map[..], &units[..]].concat())
+}
+
+/// A speed of 315, mistyped for 3.15, once asked for terabytes of obstacle edges in sight.
+#[test]
+fn a_unit_that_would_see_too_many_obstacles_is_refused() {
+    let (folder, _) = folder("scout", "");
+    let load = |side, scout: &str| {
+        fs::write(folder.path().join("scout.json"), scout).unwrap();
+        Scenario::from_json(&on_a_checkerboard(side, "scout"), "duel.json", folder.path())
+            .map_err(|error| error.to_string())
+    };
+    let fast = SCOUT.replace("3.15", "315");
+    let error = load(1024, &fast).unwrap_err();
+    assert!(error.starts_with("duel.json: `groups[0].units.scout`: "), "{error}");
+    let expected = "scout.json: `speed` is 315, but should be at most 87.5 on this map: ground units see \
+                    obstacles within `speed` plus half of `size`, and within more than 89 squares there are \
+                    too many";
+    assert!(error.ends_with(expected), "{error}");
+    let error = load(1024, &SCOUT.replace("\"size\": 3", "\"size\": 300")).unwrap_err();
+    assert!(error.contains("scout.json: `size` is 300, but should be at most 178 on this map"), "{error}");
+
+    load(1024, SCOUT).unwrap();
+    load(1024, &SCOUT.replace("3.15", "87.5")).unwrap();
+    load(64, &fast).unwrap();
+    let flying = fast.replacen('{', "{\"plane\": \"AIR\", ", 1);
+    load(1024, &flying).unwrap();
+}
+
+/// A name of 1 MB was accepted and went into every answer of the pool.
+#[test]
+fn a_scenario_has_a_short_name() {
+    let named = |name: &str| read(&[("name", &format!("{name:?}"))]).map(|scenario| scenario.name);
+    assert_eq!(named(&"n".repeat(100)), Ok("n".repeat(100)));
+    let shown = "n".repeat(60);
+    let error =
+        format!("duel.json: `name` is \"{shown}...\", but should be a string of 1 to 100 bytes, on one line");
+    assert_eq!(named(&"n".repeat(101)), Err(error));
+    let error = "duel.json: `name` is \"two?lines\", but should be a string of 1 to 100 bytes, on one line";
+    assert_eq!(named("two\nlines"), Err(error.into()));
 }

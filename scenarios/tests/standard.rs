@@ -1,16 +1,29 @@
-//! The embedded scenarios and terrains hold the published figures.
+//! The embedded scenarios and terrains hold the published figures, and those of the SMAC maps that the
+//! published environment lacks.
 
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 /// name, allies and enemies by type, attack point, one-hot types by id, shields (ally, enemy), step limit
 type Row = (&'static str, &'static str, &'static str, [f64; 2], &'static str, (bool, bool), u32);
 
-const FIGURES: [Row; 12] = [
+const FIGURES: [Row; 23] = [
     ("10m_vs_11m", "10 MARINE", "11 MARINE", [9.0, 16.0], "", (false, false), 150),
+    (
+        "1c3s5z",
+        "1 COLOSSUS 3 STALKER 5 ZEALOT",
+        "1 COLOSSUS 3 STALKER 5 ZEALOT",
+        [9.0, 16.0],
+        "COLOSSUS STALKER ZEALOT",
+        (true, true),
+        180,
+    ),
+    ("25m", "25 MARINE", "25 MARINE", [9.0, 16.0], "", (false, false), 150),
     ("27m_vs_30m", "27 MARINE", "30 MARINE", [9.0, 16.0], "", (false, false), 180),
     ("2c_vs_64zg", "2 COLOSSUS", "64 ZERGLING", [16.0, 16.0], "", (true, false), 400),
+    ("2m_vs_1z", "2 MARINE", "1 ZEALOT", [16.0, 12.0], "", (false, true), 150),
     ("2s3z", "2 STALKER 3 ZEALOT", "2 STALKER 3 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 120),
     ("2s_vs_1sc", "2 STALKER", "1 SPINE_CRAWLER", [13.92, 20.04], "", (true, false), 300),
+    ("3m", "3 MARINE", "3 MARINE", [9.0, 16.0], "", (false, false), 60),
     ("3s5z", "3 STALKER 5 ZEALOT", "3 STALKER 5 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 150),
     (
         "3s5z_vs_3s6z",
@@ -21,7 +34,13 @@ const FIGURES: [Row; 12] = [
         (true, true),
         170,
     ),
+    ("3s_vs_3z", "3 STALKER", "3 ZEALOT", [9.0, 16.0], "", (true, true), 150),
+    ("3s_vs_4z", "3 STALKER", "4 ZEALOT", [9.0, 16.0], "", (true, true), 200),
     ("3s_vs_5z", "3 STALKER", "5 ZEALOT", [9.0, 16.0], "", (true, true), 250),
+    ("5m_vs_6m", "5 MARINE", "6 MARINE", [9.0, 16.0], "", (false, false), 70),
+    ("6h_vs_8z", "6 HYDRALISK", "8 ZEALOT", [14.6, 9.49], "", (false, true), 150),
+    ("8m", "8 MARINE", "8 MARINE", [9.0, 16.0], "", (false, false), 120),
+    ("8m_vs_9m", "8 MARINE", "9 MARINE", [9.0, 16.0], "", (false, false), 120),
     (
         "bane_vs_bane",
         "20 ZERGLING 4 BANELING",
@@ -50,6 +69,7 @@ const FIGURES: [Row; 12] = [
         (false, false),
         180,
     ),
+    ("so_many_baneling", "7 ZEALOT", "32 BANELING", [4.47, 4.33], "", (true, false), 100),
 ];
 
 /// `2 STALKER 3 ZEALOT`: the units of a side in id order, runs of a type counted.
@@ -95,13 +115,22 @@ fn figures_of_every_scenario() {
 fn terrain_and_group_order_of_every_scenario() {
     let expected = [
         ("10m_vs_11m", "SIMPLE", Faction::Ally),
+        ("1c3s5z", "SIMPLE", Faction::Ally),
+        ("25m", "SIMPLE", Faction::Ally),
         ("27m_vs_30m", "SIMPLE", Faction::Ally),
         ("2c_vs_64zg", "RAVINE", Faction::Ally),
+        ("2m_vs_1z", "OCTAGON", Faction::Ally),
         ("2s3z", "SIMPLE", Faction::Ally),
         ("2s_vs_1sc", "PENTAGON", Faction::Enemy),
+        ("3m", "SIMPLE", Faction::Ally),
         ("3s5z", "SIMPLE", Faction::Ally),
         ("3s5z_vs_3s6z", "SIMPLE", Faction::Ally),
+        ("3s_vs_3z", "ALL_GREEN", Faction::Ally),
+        ("3s_vs_4z", "ALL_GREEN", Faction::Ally),
         ("3s_vs_5z", "ALL_GREEN", Faction::Ally),
+        ("5m_vs_6m", "SIMPLE", Faction::Ally),
+        ("8m", "SIMPLE", Faction::Ally),
+        ("8m_vs_9m", "SIMPLE", Faction::Ally),
         ("bane_vs_bane", "OCTAGON", Faction::Enemy),
         ("corridor", "CORRIDOR", Faction::Enemy),
         ("MMM", "SIMPLE", Faction::Ally),
@@ -111,6 +140,55 @@ fn terrain_and_group_order_of_every_scenario() {
         let scenario = Scenario::standard(name).unwrap();
         assert_eq!(Some(scenario.terrain), Terrain::preset(terrain), "{name}");
         assert_eq!(scenario.units[0].faction, first, "{name}");
+    }
+    for name in ["6h_vs_8z", "so_many_baneling"] {
+        assert_eq!(Scenario::standard(name).unwrap().units[0].faction, Faction::Ally, "{name}");
+    }
+}
+
+#[test]
+fn rows_of_the_terrains_that_are_no_presets() {
+    // First and last row, and the walkable range of each of them; all other rows are blocked.
+    let hydralisks: &[(i64, i64, [i64; 2])] = &[
+        (7, 7, [10, 20]),
+        (8, 8, [9, 21]),
+        (9, 9, [8, 22]),
+        (10, 17, [7, 23]),
+        (18, 18, [8, 22]),
+        (19, 19, [9, 21]),
+        (20, 20, [10, 20]),
+    ];
+    let banelings: &[(i64, i64, [i64; 2])] = &[
+        (1, 1, [2, 8]),
+        (2, 2, [1, 9]),
+        (3, 3, [1, 12]),
+        (4, 6, [1, 13]),
+        (7, 7, [1, 16]),
+        (8, 8, [2, 17]),
+        (9, 10, [3, 17]),
+        (11, 11, [3, 20]),
+        (12, 12, [4, 21]),
+        (13, 15, [7, 21]),
+        (16, 16, [8, 21]),
+        (17, 17, [9, 26]),
+        (18, 18, [10, 27]),
+        (19, 20, [13, 27]),
+        (21, 21, [13, 30]),
+        (22, 22, [14, 31]),
+        (23, 23, [15, 31]),
+        (24, 24, [16, 31]),
+        (25, 27, [19, 31]),
+        (28, 28, [20, 31]),
+        (29, 29, [21, 31]),
+        (30, 30, [22, 30]),
+    ];
+    for (name, rows) in [("6h_vs_8z", hydralisks), ("so_many_baneling", banelings)] {
+        let terrain = Scenario::standard(name).unwrap().terrain;
+        for y in 0..32 {
+            let row = rows.iter().find(|(first, last, _)| (*first..=*last).contains(&y));
+            let expected: Vec<_> = row.map(|(.., range)| *range).into_iter().collect();
+            assert_eq!(walkable(&terrain, y), expected, "{name}, y = {y}");
+        }
     }
 }
 

@@ -17,18 +17,20 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("2s3z", 4) }]);
         let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
         let mut client = Client::connect(room.place(), "train", None, Wait::default()).expect("a client");
-        let error = client.send(&[1; 20], None).expect_err("nothing was reset").to_string();
+        let error =
+            client.send(&[1; 20], None, Patience::forever()).expect_err("nothing was reset").to_string();
         assert_says(&error, &["reset"]);
         let mut never = || false;
         let mut length = vec![0; 4];
-        client.send_reset(None, None).expect("sent");
+        client.send_reset(None, None, Patience::forever()).expect("sent");
         for _ in 0..4 / batch_size {
             drop(client.recv(patience(&mut never)).expect("a first observation"));
         }
         let mut actions = vec![0; 20];
         client.sample_actions(None, &mut actions).expect("actions");
         let mut refused = |actions: &[i32], envs: Option<&[i32]>, parts: &[&str]| {
-            let error = client.send(actions, envs).expect_err("wrong actions").to_string();
+            let error =
+                client.send(actions, envs, Patience::forever()).expect_err("wrong actions").to_string();
             assert_says(&error, parts);
         };
         for wrong in [99, -1, 11, i32::MIN, 6] {
@@ -47,7 +49,7 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         refused(&actions, Some(&[0, 1, 2, 1]), &["environment 1", "twice"]);
         let nothing = client.recv(patience(&mut never)).err().expect("nothing was sent");
         assert!(matches!(nothing, ClientError::NothingToReceive { outstanding: 0, .. }), "{nothing}");
-        client.send(&actions, None).expect("legal actions");
+        client.send(&actions, None, Patience::forever()).expect("legal actions");
         for _ in 0..4 / batch_size {
             let batch = client.recv(patience(&mut never)).expect("a step");
             let lengths = batch.field::<i32>(smaclite_pool::fields::Field::EpisodeLength).expect("a field");
@@ -71,9 +73,11 @@ fn an_environment_at_work_or_over_takes_no_actions() {
     let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     player.send_to(&[0]).expect("sent");
-    let error = player.client().send(&[1; 5], Some(&[0])).expect_err("at work").to_string();
+    let error =
+        player.client().send(&[1; 5], Some(&[0]), Patience::forever()).expect_err("at work").to_string();
     assert_says(&error, &["environment 0", "earlier request"]);
-    let error = player.client().send_reset(None, Some(&[0])).expect_err("at work").to_string();
+    let error =
+        player.client().send_reset(None, Some(&[0]), Patience::forever()).expect_err("at work").to_string();
     assert_says(&error, &["environment 0", "earlier request"]);
     let outstanding = player.recv(SOON).err().expect("one is not a batch").to_string();
     assert_says(&outstanding, &["1 results", "batch takes 2"]);
@@ -84,7 +88,8 @@ fn an_environment_at_work_or_over_takes_no_actions() {
         player.recv(SOON).expect("a batch");
     }
     assert!(player.replay().is_over(0) && player.replay().is_over(3));
-    let error = player.client().send(&[1; 10], Some(&[1, 3])).expect_err("over").to_string();
+    let error =
+        player.client().send(&[1; 10], Some(&[1, 3]), Patience::forever()).expect_err("over").to_string();
     assert_says(&error, &["environment 3", "finished", "reset"]);
     player.send_reset(&[0, 3], Some(99)).expect("a reset of some");
     player.recv(SOON).expect("a batch");

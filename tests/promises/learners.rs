@@ -1,10 +1,13 @@
 //! Learners that die, stop, hold too much, or come second.
 
 use crate::assert_says;
-use rustix::process::Signal;
-use smaclite_ipc::status;
-use smaclite_tests::pools::process::eventually;
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
+use smaclite_ipc::{ROOT_VARIABLE, status};
+use smaclite_tests::pools::process::{ROLE_VARIABLE, SOON, eventually, eventually_within};
+use smaclite_tests::pools::raw::{node, requests};
 use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
+use std::path::Path;
+use std::process::Command;
 
 /// Attaches as soon as the lane is free.
 fn attach_when_free(child: &mut Child) {
@@ -152,4 +155,32 @@ fn frames_of_a_client_that_is_gone_stay_as_they_are() {
     learner.must("reset");
     learner.must("step 10");
     supervisor.kill();
+}
+
+/// A lane that could not read a learner's requests once waited without a word, and so did the learner.
+#[test]
+fn requests_that_cannot_be_read_are_logged() {
+    let room = Room::new();
+    let log = tempfile::NamedTempFile::new().expect("a file");
+    let mut program = Command::new(std::env::current_exe().expect("a path of this program"));
+    program.args(["--exact", "role", "--ignored", "--nocapture"]).env(ROOT_VARIABLE, room.root());
+    program.env(ROLE_VARIABLE, "program smaclite-pool serve 2s3z:2 --name train --threads 1");
+    program.stderr(log.reopen().expect("the same file"));
+    let mut program = Child::of_command(&mut program, "program");
+    assert!(eventually_within(SOON * 2, || status(room.place(), "train").is_ok()), "it does not serve");
+    let lane = status(room.place(), "train").expect("a status").lanes.remove(0).description;
+    let node = node(room.place());
+    // Without file descriptors it cannot open what the learner writes to.
+    let pid = Pid::from_raw(program.pid() as i32).expect("a process number");
+    let is_free = |number: &u64| !Path::new(&format!("/proc/{}/fd/{number}", program.pid())).exists();
+    let before = getrlimit(Resource::Nofile);
+    let first_free = (0..).find(is_free);
+    prlimit(Some(pid), Resource::Nofile, Rlimit { current: first_free, ..before }).expect("a limit");
+    let _requests = requests(&node, &lane, 1 << 12);
+    let log_says = |part: &str| std::fs::read_to_string(log.path()).is_ok_and(|text| text.contains(part));
+    let logged = eventually(|| log_says("requests could not be received"));
+    prlimit(Some(pid), Resource::Nofile, before).expect("the limit of before");
+    assert!(logged, "{}", std::fs::read_to_string(log.path()).unwrap_or_default());
+    program.signal(Signal::TERM);
+    assert_eq!(program.wait(SOON).and_then(|status| status.code()), Some(0));
 }

@@ -47,13 +47,31 @@ fn wrong_settings_are_errors_before_anything_starts() {
         assert_says(&error, parts);
         room.assert_empty();
     };
-    check("serve 2s3z:0", 1, &["2s3z", "0 environments"]);
+    check("serve 2s3z:0", 1, &["2s3z", "environments", "got 0"]);
     check("serve 2s3z:many", 1, &["many"]);
     check("serve 2s3z:4 2s3z:4", 1, &["2s3z", "two lanes"]);
-    check("serve 2s3z:4 --batch-size 5", 1, &["batch size 5", "1 to 4"]);
+    check("serve 2s3z:4 --batch-size 5", 1, &["batch size", "between 1 and 4", "got 5"]);
     check("serve 2s3z:4 --name a/b", 1, &["`a/b`"]);
     check("serve 2s3z:4 --autoreset perhaps", 2, &["perhaps", "next_step"]);
     check("serve 2s3z:4 --fields obs,hp", 1, &["`hp`", "avail_actions"]);
+}
+
+/// iceoryx2 calls a lack of file descriptors an internal error, and a read-only disk was shown as a Rust
+/// value.
+#[test]
+fn too_few_file_descriptors_are_named_as_the_cause() {
+    let room = Room::new();
+    for limit in [9, 14, 20, 26, 32] {
+        let limited = format!("ulimit -n {limit} && exec \"$0\" --exact role --ignored --nocapture");
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited]).arg(std::env::current_exe().expect("a path of this program"));
+        command.env(ROLE_VARIABLE, "program smaclite-pool serve 2s3z:2 --name train --threads 1");
+        let output = command.env(smaclite_ipc::ROOT_VARIABLE, room.root()).output().expect("a child process");
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "with {limit}: {error}");
+        assert!(error.contains("file descriptors") || error.contains("Too many open files"), "{error}");
+        assert!(!error.contains("Os {"), "{error}");
+    }
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! Spectators that never read, stop, or die.
 
 use rustix::process::Signal;
+use smaclite_ipc::{Spectator, Supervisor};
+use smaclite_tests::pools::games::Oddity;
 use smaclite_tests::pools::process::SOON;
 use smaclite_tests::pools::raw::{frame_subscriber, node};
 use smaclite_tests::pools::role::WATCHING;
-use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
+use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
 
 #[test]
 fn nobody_notices_a_spectator_that_never_reads() {
@@ -63,4 +65,26 @@ fn nobody_notices_spectators_that_stop_or_die() {
     learner.end();
     supervisor.end();
     room.assert_empty();
+}
+
+/// `latest` gave the batch it held back before it had read the newer frame, and was left with nothing if that
+/// was an error report.
+#[test]
+fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
+    let room = Room::new();
+    let broken = LanePlan { oddity: Oddity::Panics { env: 2, step: 4 }, ..LanePlan::new("2s3z", 4) };
+    let plan = PoolPlan::new([broken]);
+    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
+    let mut spectator = Spectator::connect(room.place(), "train", None).expect("a spectator");
+    let mut newest = || spectator.latest().expect("the pool lives").map(|batch| batch.sequence());
+    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    assert_eq!(newest(), None);
+    player.reset(None, SOON).expect("a reset");
+    for sequence in 2..=4 {
+        player.step(SOON).expect("a step");
+        assert_eq!([newest(), newest()], [Some(sequence); 2]);
+    }
+    let error = player.step(SOON).err().expect("it panics");
+    assert!(error.to_string().contains("environment 2 broke"), "{error}");
+    assert_eq!([newest(), newest()], [Some(4); 2]);
 }

@@ -2,8 +2,10 @@
 
 use crate::assert_says;
 use rustix::process::Signal;
+use smaclite_ipc::{Client, ClientError, Patience, Supervisor, Wait};
+use smaclite_tests::pools::games::Oddity;
 use smaclite_tests::pools::process::{SOON, eventually_within};
-use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
+use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
 use std::time::{Duration, Instant};
 
 fn two_lanes() -> PoolPlan {
@@ -80,7 +82,7 @@ fn a_restart_meets_learners_of_the_dead_and_leaves_nothing_of_it() {
 #[test]
 fn a_waiting_learner_hears_of_a_supervisor_that_died() {
     let room = Room::new();
-    let slow = smaclite_tests::pools::games::Oddity::Sleeps { env: 0, millis: 60_000 };
+    let slow = Oddity::Sleeps { env: 0, millis: 60_000 };
     let plan = PoolPlan::new([LanePlan { oddity: slow, ..LanePlan::new("2s3z", 2) }]);
     for wait in ["adaptive", "block", "spin"] {
         let mut supervisor = Child::supervisor(&room, &plan);
@@ -106,10 +108,94 @@ fn a_stopped_supervisor_is_waited_for_as_long_as_the_learner_likes() {
     supervisor.signal(Signal::STOP);
     learner.must("send");
     let error = learner.ask("recv 300").expect_err("nobody answers");
-    assert_says(&error, &["300ms"]);
+    assert_says(&error, &["within 0.3 s"]);
     supervisor.signal(Signal::CONT);
     learner.must("recv 5000"); // the result that was late
     learner.must("step 10");
+}
+
+/// The client began the new round before the reset was sent. When it was not, the client dropped all that
+/// came of the round that went on, and its next step hung.
+#[test]
+fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
+    let room = Room::new();
+    let plan = PoolPlan::new([
+        LanePlan { batch_size: 1, ..LanePlan::new("2s3z", 4) },
+        LanePlan { name: "synchronous".to_owned(), ..LanePlan::new("2s3z", 4) },
+    ]);
+    let supervisor = Child::supervisor(&room, &plan);
+    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let mut other =
+        Client::connect(room.place(), "train", Some("synchronous"), Wait::default()).expect("a client");
+    player.reset(None, SOON).expect("a reset");
+    recv_of_all(&mut other, |client| client.send_reset(Some(1), None, Patience::forever()));
+    supervisor.signal(Signal::STOP);
+    // Of the lane with batches of one, a step of every environment waits, and there is no room for more.
+    (0..4).for_each(|env| player.send_to(&[env]).expect("sent"));
+    let refused = player.client().send_reset(Some(5), None, Patience::forever());
+    assert!(matches!(refused, Err(ClientError::NotAccepted { .. })), "{refused:?}");
+    // Of the other, as many resets as there is room for.
+    let refused =
+        std::iter::repeat_with(|| other.send_reset(Some(5), None, Patience::forever())).find_map(Result::err);
+    assert!(matches!(refused, Some(ClientError::NotAccepted { .. })), "{refused:?}");
+    supervisor.signal(Signal::CONT);
+    (0..4).for_each(|_| drop(player.recv(SOON).expect("the result of a step")));
+    player.send_to(&[0]).expect("sent");
+    player.recv(SOON).expect("the result of one more");
+    recv_of_all(&mut other, |_| Ok(())); // of the last reset that was sent
+    let mut actions = vec![0; 4 * other.description().n_agents];
+    other.sample_actions(None, &mut actions).expect("legal actions");
+    recv_of_all(&mut other, |client| client.send(&actions, None, Patience::forever()));
+}
+
+/// A request to a supervisor that has stopped reading waited for five seconds, whatever the caller's timeout and Ctrl-C.
+#[test]
+fn a_wait_to_send_keeps_to_the_timeout_and_can_be_interrupted() {
+    let room = Room::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
+    let supervisor = Child::supervisor(&room, &plan);
+    let mut client = Client::connect(room.place(), "train", None, Wait::default()).expect("a client");
+    supervisor.signal(Signal::STOP);
+    let mut refused_after = |timeout: Option<Duration>, interrupt: bool| {
+        loop {
+            let begin = Instant::now();
+            let patience = Patience { timeout, interrupted: &mut || interrupt };
+            if let Err(error) = client.send_reset(None, None, patience) {
+                return (error, begin.elapsed());
+            }
+        }
+    };
+    let (error, time) = refused_after(Some(Duration::from_millis(20)), false);
+    assert!(matches!(error, ClientError::NotAccepted { .. }), "{error}");
+    assert!(time < Duration::from_secs(3), "{time:?}");
+    let (error, time) = refused_after(None, true);
+    assert!(matches!(error, ClientError::Interrupted), "{error}");
+    assert!(time < Duration::from_secs(3), "{time:?}");
+    supervisor.signal(Signal::CONT);
+    client
+        .recv(Patience { timeout: Some(SOON), interrupted: &mut || false })
+        .expect("of the last reset that was sent");
+}
+
+fn recv_of_all(client: &mut Client, send: impl FnOnce(&mut Client) -> Result<(), ClientError>) {
+    send(client).expect("sent");
+    let batch = client.recv(Patience { timeout: Some(SOON), interrupted: &mut || false }).expect("a batch");
+    assert_eq!(batch.env_id(), [0, 1, 2, 3]);
+}
+
+/// A timeout that reaches beyond what a clock can hold once was a panic, but only where the answer came late.
+#[test]
+fn a_timeout_beyond_any_clock_is_no_limit() {
+    let room = Room::new();
+    let slow = Oddity::Sleeps { env: 0, millis: 300 };
+    let plan = PoolPlan::new([LanePlan { oddity: slow, ..LanePlan::new("2s3z", 2) }]);
+    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
+    for wait in [Wait::Adaptive, Wait::Block, Wait::Spin] {
+        let mut player =
+            Player::connect_waiting(room.place(), "train", &plan.lanes[0], wait).expect("a client");
+        player.reset(None, Duration::MAX).expect("a reset");
+        player.step(Duration::MAX).expect("a step that takes its time");
+    }
 }
 
 #[test]

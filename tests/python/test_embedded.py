@@ -41,7 +41,7 @@ def test_properties_and_description_agree() -> None:
 
 
 def test_every_standard_scenario_plays() -> None:
-    assert len(sp.scenarios()) == 12
+    assert len(sp.scenarios()) == 23
     for name in sp.scenarios():
         with sp.make(name, num_envs=1) as envs:
             batch = envs.reset(seed=1)

@@ -44,39 +44,48 @@ Call = Callable[[sp.Envs], Any]
 @pytest.mark.parametrize(
     ("call", "error", "match"),
     [
-        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest, r"shape \(2, 4\) was given, \(2, 5\) is taken"),
-        (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(10,\) was given, \(2, 5\) is taken"),
-        (lambda e: e.step([]), sp.InvalidRequest, r"shape \(0,\) was given"),
-        (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest, "cannot be made an array"),
-        (lambda e: e.step(None), sp.InvalidRequest, r"shape \(\) was given"),
-        (lambda e: e.step(np.ones((2, 5))), TypeError, "actions: dtype float64 was given"),
-        (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions: dtype bool was given"),
-        (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions: dtype <U1 was given"),
-        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest, r"1099511627776 at index \[0, 0\] is beyond"),
+        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
+        (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
+        (lambda e: e.step([]), sp.InvalidRequest, r"got \(0,\)"),
+        (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest, "actions cannot be made an array"),
+        (lambda e: e.step(None), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got NoneType"),
+        (lambda e: e.step({}), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
+        (lambda e: e.step([[1] * 5], env_id=3), sp.InvalidRequest, r"env_id must be .* shape \(K,\), got \(\)"),
+        (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id chooses no environment"),
+        (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
+        (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
+        (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
+        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest, r"fit into int32, got 1099511627776 at index \[0, 0\]"),
         (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), sp.InvalidRequest, "9223372036854775808 at index"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), sp.InvalidRequest, "environment 2 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), sp.InvalidRequest, "environment -1 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), sp.InvalidRequest, "environment 1 is given twice"),
         (lambda e: e.step([[1] * 5], env_id=[1]), sp.InvalidRequest, "takes all 2 at once"),
-        (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id: shape \(1, 1\) was given"),
-        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError, "env_id: dtype float64"),
+        (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id must be .*, got \(1, 1\)"),
+        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError, "env_id must be an integer array, got float64"),
         (lambda e: e.recv(), sp.InvalidRequest, "send actions first"),
-        (lambda e: e.recv(timeout=-1), sp.InvalidRequest, "timeout=-1"),
-        (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout=NaN"),
-        (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed=-1 cannot be negative"),
-        (lambda e: e.reset(seed=2**64), sp.InvalidRequest, "is too large"),
-        (lambda e: e.reset(mask=[True]), sp.InvalidRequest, r"mask: shape \(1,\) was given, \(2,\)"),
-        (lambda e: e.reset(mask=[1, 0]), TypeError, "mask: dtype int64 was given, bool"),
+        (lambda e: e.recv(timeout=-1), sp.InvalidRequest, "timeout must be .* from 0, or None, got -1.0"),
+        (lambda e: e.recv(timeout=-(10**400)), sp.InvalidRequest, "timeout must be .*, got -inf"),
+        (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
+        (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout must be .*, got NaN"),
+        (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed must not be negative, got -1"),
+        (lambda e: e.reset(seed=2**64), sp.InvalidRequest, "seed must be at most 18446744073709551615, got 184467"),
+        (lambda e: e.reset(seed=2**200), sp.InvalidRequest, "seed must be at most .*, got an integer of more than 127"),
+        (lambda e: e.reset(seed=-(2**200)), sp.InvalidRequest, "seed must not be negative"),
+        (lambda e: e.reset(seed=1.5), TypeError, "seed must be an integer, got float"),
+        (lambda e: e.seed_sampler(10**300), sp.InvalidRequest, "seed must be at most"),
+        (lambda e: e.reset(mask=[True]), sp.InvalidRequest, r"mask must be a bool array of shape \(2,\), got shape \(1,\)"),
+        (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
         (lambda e: e.reset(mask=[True, False], env_id=[0]), sp.InvalidRequest, "give one"),
         (lambda e: e.reset(env_id=[5]), sp.InvalidRequest, "environment 5 does not exist"),
-        (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest, "no environment was chosen"),
-        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest, "no environment was chosen"),
+        (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest, "env_id chooses no environment"),
+        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest, "mask chooses no environment"),
         (lambda e: e.sample_actions(out=np.zeros((2, 5))), TypeError, "int32 array of shape"),
-        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest, r"shape \(2, 5\) is taken"),
+        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest, r"out must be .* shape \(2, 5\)"),
         (lambda e: e.sample_actions(env_id=[7]), sp.InvalidRequest, "environment 7 does not exist"),
     ],
 )
-def test_a_wrong_request_says_what_is_taken(envs: sp.Envs, call: Call, error: type[Exception], match: str) -> None:
+def test_a_wrong_request_says_what_is_accepted(envs: sp.Envs, call: Call, error: type[Exception], match: str) -> None:
     with pytest.raises(error, match=match):
         call(envs)
     assert envs.step([[1] * 5] * 2).episode_length.tolist() == [1, 1], "and the next right one works"
@@ -87,21 +96,24 @@ def test_a_wrong_request_says_what_is_taken(envs: sp.Envs, call: Call, error: ty
     [
         ({"scenario": "2s3"}, sp.ScenarioError, "did you mean `2s3z`"),
         ({"scenario": "./no/such.json"}, sp.ScenarioError, "such.json"),
-        ({"num_envs": 0}, sp.InvalidRequest, "0 environments; 1 to"),
-        ({"num_envs": -3}, sp.InvalidRequest, "num_envs=-3 cannot be negative"),
-        ({"batch_size": 9}, sp.InvalidRequest, "batch size 9; 1 to 2"),
-        ({"threads": 0}, sp.InvalidRequest, "threads=0: 1 to"),
+        ({"num_envs": 0}, sp.InvalidRequest, "environments must be between 1 and 1000000, got 0"),
+        ({"num_envs": -3}, sp.InvalidRequest, "num_envs must not be negative, got -3"),
+        ({"num_envs": 2**127}, sp.InvalidRequest, "num_envs must be at most"),
+        ({"num_envs": 64.0}, TypeError, "num_envs must be an integer, got float"),
+        ({"batch_size": 9}, sp.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
+        ({"threads": 0}, sp.InvalidRequest, "threads must be between 1 and 1024, got 0"),
         ({"autoreset": "never"}, sp.InvalidRequest, "not `never`"),
         ({"rules": "mine"}, sp.InvalidRequest, "mine"),
         ({"wait": "sleep"}, sp.InvalidRequest, "not `sleep`"),
         ({"fields": ["obz"]}, sp.InvalidRequest, "no field is named `obz`; the fields are env_id"),
-        ({"fields": "obs"}, TypeError, "str"),
-        ({"episode_limit": 0}, sp.InvalidRequest, "at least one step"),
-        ({"episode_limit": "none"}, sp.InvalidRequest, "not `none`"),
-        ({"episode_limit": 2**40}, sp.InvalidRequest, "too large"),
-        ({"frames_held": 1}, sp.InvalidRequest, "2 to 1024"),
+        ({"fields": "obs"}, TypeError, r"fields must be a list of strings, such as \[\"obs\"\], got str"),
+        ({"episode_limit": 0}, sp.InvalidRequest, "at least 1, got 0"),
+        ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer, got float"),
+        ({"episode_limit": "none"}, sp.InvalidRequest, "got `none`"),
+        ({"episode_limit": 2**40}, sp.InvalidRequest, "at most 4294967295"),
+        ({"frames_held": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
-        ({"seed": -1}, sp.InvalidRequest, "seed=-1"),
+        ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
         ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "frames_held": 1000}, sp.TooLittleMemory, "bytes"),
     ],
 )
@@ -120,8 +132,19 @@ def test_a_wrong_scenario_file_names_file_key_and_value(place: Path) -> None:
 
 
 def test_stepping_before_the_first_reset() -> None:
-    with sp.make("2s3z", num_envs=1) as envs, pytest.raises(sp.InvalidRequest, match="call reset first"):
-        envs.step([[1] * 5])
+    """Before it, `sample_actions` once drew actions that no environment would accept."""
+    with sp.make("2s3z", num_envs=1) as envs:
+        for call in (lambda: envs.step([[1] * 5]), envs.sample_actions):
+            with pytest.raises(sp.InvalidRequest, match="call reset first"):
+                call()
+
+
+def test_a_name_that_no_pool_can_have() -> None:
+    for name in ("../../etc", "a\0b", "", "a\nb", "x" * 1000):
+        for call in (sp.connect, sp.status):
+            with pytest.raises(sp.InvalidRequest, match="cannot be a name") as caught:
+                call(name)
+            assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
 
 
 def test_a_name_or_lane_that_is_taken(envs: sp.Envs) -> None:

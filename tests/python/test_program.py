@@ -15,8 +15,9 @@ from conftest import Serve
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
-def run(*command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=100, check=False)
+def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    whole = [sys.executable, *command]
+    return subprocess.run(whole, capture_output=True, text=True, timeout=100, check=False, cwd=cwd)
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -25,6 +26,13 @@ def test_the_program_runs_as_a_module_and_as_a_script() -> None:
     script = Path(sys.executable).parent / "smaclite-pool"
     done = subprocess.run([script, "scenarios"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, module.stdout)
+
+
+def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_path: Path) -> None:
+    # 6h_vs_8z has hydralisks, and a unit file of that name comes before the standard type in scenario files.
+    (tmp_path / "HYDRALISK.json").write_text("not a unit")
+    listed = run("-m", "smaclite_pool", "scenarios", cwd=tmp_path)
+    assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr
 
 
 def test_exit_codes_mean_something() -> None:

@@ -24,7 +24,7 @@ ray = pytest.importorskip("ray")
 
 import smaclite_pool.ray
 from ray.cluster_utils import Cluster
-from smaclite_pool.ray import Fleet, actor_name, attach, start
+from smaclite_pool.ray import Fleet, Supervisor, actor_name, attach, start
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
 
@@ -160,6 +160,43 @@ def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
     with pytest.raises(sp.StartError, match="2s3zz.* is neither a standard scenario"):
         start("2s3zz", name="wrong")
     start("2s3z", 2, name="wrong").stop()  # nothing is in the way
+
+
+class Watched(Supervisor):
+    """A supervisor outside of an actor, whose pool is a program that ends at once."""
+
+    def __init__(self, program: str) -> None:
+        self.starts: list[float] = []
+        self._pool, self._seeds, self._command = "watched", {}, [sys.executable, "-c", program]
+        self._begin()
+
+    def _run_once(self) -> str:
+        self.starts.append(time.monotonic())
+        return super()._run_once()
+
+
+def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was started twenty times a second, without end, and every one of its last words was kept."""
+    monkeypatch.setattr("smaclite_pool.ray.MAX_FAILURES", 5)
+    watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")
+    watched._watch.join(60)
+    assert not watched._watch.is_alive() and len(watched.starts) == 5
+    pauses = [later - sooner for sooner, later in zip(watched.starts, watched.starts[1:])]
+    assert all(pause >= 0.05 * 2**i for i, pause in enumerate(pauses)), pauses
+    with pytest.raises(sp.StartError, match=r"given up after 5 starts.*no luck") as caught:
+        watched.running(timeout=1)
+    assert len(str(caught.value)) < 5000
+    watched.stop()
+
+
+def test_a_pool_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("smaclite_pool.ray.TIME_TO_STOP", 0.5)
+    watched = Watched("import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(100)")
+    while watched._child is None:
+        time.sleep(0.01)
+    time.sleep(0.5)
+    watched.stop()
+    assert watched._child.returncode is not None
 
 
 def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:

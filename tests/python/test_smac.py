@@ -55,6 +55,35 @@ def test_takes_every_option_of_smac_with_its_default() -> None:
     assert ours == SMAC_DEFAULTS
 
 
+def test_smacs_default_map_plays() -> None:
+    # SMAC's own examples name no map and get 8m. That map was missing, so they failed on their first line.
+    env = MultiAgentEnv()
+    env.reset()
+    assert (env.map_name, env.n_agents, env.n_enemies, env.episode_limit) == ("8m", 8, 8, 120)
+    env.step([1] * 8)
+    env.close()
+
+
+# SMAC's table of maps: agents, enemies, limit, and length of the type one-hot.
+MAP_PARAMS = {
+    "3m": (3, 3, 60, 0), "8m": (8, 8, 120, 0), "25m": (25, 25, 150, 0), "5m_vs_6m": (5, 6, 70, 0),
+    "8m_vs_9m": (8, 9, 120, 0), "10m_vs_11m": (10, 11, 150, 0), "27m_vs_30m": (27, 30, 180, 0),
+    "MMM": (10, 10, 150, 3), "MMM2": (10, 12, 180, 3), "2s3z": (5, 5, 120, 2), "3s5z": (8, 8, 150, 2),
+    "3s5z_vs_3s6z": (8, 9, 170, 2), "3s_vs_3z": (3, 3, 150, 0), "3s_vs_4z": (3, 4, 200, 0),
+    "3s_vs_5z": (3, 5, 250, 0), "1c3s5z": (9, 9, 180, 3), "2m_vs_1z": (2, 1, 150, 0), "corridor": (6, 24, 400, 0),
+    "6h_vs_8z": (6, 8, 150, 0), "2s_vs_1sc": (2, 1, 300, 0), "so_many_baneling": (7, 32, 100, 0),
+    "bane_vs_bane": (24, 24, 200, 2), "2c_vs_64zg": (2, 64, 400, 0),
+}  # fmt: skip
+
+
+def test_knows_every_map_of_smac() -> None:
+    assert set(MAP_PARAMS) == set(sp.scenarios())
+    for name, expected in MAP_PARAMS.items():
+        params = get_map_params(name)
+        found = (params["n_agents"], params["n_enemies"], params["limit"], params["unit_type_bits"])
+        assert found == expected, name
+
+
 @pytest.mark.parametrize("scenario", sp.scenarios())
 def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=3)

@@ -1,4 +1,4 @@
-//! Setting a battle beside a recorded frame of it.
+//! Comparing a battle with a recorded one, bit for bit.
 
 use std::fmt;
 
@@ -6,27 +6,16 @@ use smaclite_engine::{Battle, Scratch, Units};
 
 use crate::Recording;
 
-/// How far figures may be apart.
-#[derive(Clone, Copy, Debug)]
-pub struct Bounds {
-    /// Health, shield, energy, cooldowns, healing and rewards.
-    pub figures: f64,
-    /// Positions, observations and state.
-    pub places: f64,
-}
-
 /// What [`units`] and [`frame`] found.
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
-    /// The first difference in who lives, targets, availability or figures.
-    pub discrete: Option<Difference>,
-    /// The first difference in positions, observations or state.
-    pub places: Option<Difference>,
-    /// The largest difference of a living unit's coordinate.
+    /// The first quantity whose bits differ.
+    pub difference: Option<Difference>,
+    /// The largest difference of a living unit's coordinate, in squares.
     pub worst_position: f64,
 }
 
-/// One thing that differs.
+/// One quantity that differs.
 #[derive(Clone, Debug)]
 pub struct Difference {
     /// What, and of which unit or agent.
@@ -43,99 +32,103 @@ impl fmt::Display for Difference {
     }
 }
 
-impl Comparison {
-    /// The first difference of any kind.
-    pub fn difference(&self) -> Option<&Difference> {
-        self.discrete.as_ref().or(self.places.as_ref())
-    }
+/// Equality of bits: 0.0 is not -0.0, and NaN is itself.
+pub trait SameBits: fmt::Debug {
+    /// Whether both have the same bits.
+    fn same_bits(&self, other: &Self) -> bool;
+}
 
-    /// Compares two figures, and notes the difference if none is noted yet.
-    pub fn figure(&mut self, what: impl fmt::Display, recorded: f64, found: f64, bound: f64) {
-        if (recorded - found).abs() > bound || found.is_nan() {
-            note(&mut self.discrete, what, recorded, found);
+macro_rules! same_bits {
+    ($($name:ty: $bits:expr),* $(,)?) => {$(
+        impl SameBits for $name {
+            fn same_bits(&self, other: &Self) -> bool {
+                let bits: fn(&$name) -> _ = $bits;
+                bits(self) == bits(other)
+            }
         }
-    }
+    )*};
+}
 
-    /// Compares two things that must be equal.
-    pub fn equal<T: PartialEq + fmt::Debug>(&mut self, what: impl fmt::Display, recorded: T, found: T) {
-        if recorded != found {
-            note(&mut self.discrete, what, recorded, found);
-        }
-    }
+same_bits! {
+    f32: |x| x.to_bits(),
+    f64: |x| x.to_bits(),
+    glam::Vec2: |v| v.to_array().map(f32::to_bits),
+    bool: |x| *x,
+    u8: |x| *x,
+    Option<u32>: |x| *x,
+}
 
-    fn place(&mut self, what: impl fmt::Display, recorded: f32, found: f32, bound: f64) -> f64 {
-        let error = (f64::from(recorded) - f64::from(found)).abs();
-        if error > bound || error.is_nan() {
-            note(&mut self.places, what, recorded, found);
-        }
-        error
+impl SameBits for &[u32] {
+    fn same_bits(&self, other: &Self) -> bool {
+        self == other
     }
 }
 
-fn note<T: fmt::Debug>(slot: &mut Option<Difference>, what: impl fmt::Display, recorded: T, found: T) {
-    slot.get_or_insert_with(|| Difference {
-        what: what.to_string(),
-        recorded: format!("{recorded:?}"),
-        found: format!("{found:?}"),
-    });
+impl Comparison {
+    /// Compares two values, and notes the difference if it is the first.
+    pub fn same<T: SameBits>(&mut self, what: impl fmt::Display, recorded: T, found: T) {
+        if !recorded.same_bits(&found) {
+            self.difference.get_or_insert_with(|| Difference {
+                what: what.to_string(),
+                recorded: format!("{recorded:?}"),
+                found: format!("{found:?}"),
+            });
+        }
+    }
 }
 
 /// Compares units with recorded ones. Of the dead only health counts: their other values are stale.
-pub fn units(recorded: &Units, found: &Units, bounds: Bounds) -> Comparison {
+///
+/// `declared` is compared where the recording has it.
+pub fn units(recorded: &Units, found: &Units) -> Comparison {
     let mut comparison = Comparison::default();
     for unit in 0..recorded.alive.len() {
-        comparison.equal(format_args!("alive of unit {unit}"), recorded.alive[unit], found.alive[unit]);
-        comparison.figure(
-            format_args!("hp of unit {unit}"),
-            recorded.hp[unit],
-            found.hp[unit],
-            bounds.figures,
-        );
+        comparison.same(format_args!("alive of unit {unit}"), recorded.alive[unit], found.alive[unit]);
+        comparison.same(format_args!("hp of unit {unit}"), recorded.hp[unit], found.hp[unit]);
         if !recorded.alive[unit] {
             continue;
         }
-        comparison.equal(format_args!("target of unit {unit}"), recorded.target[unit], found.target[unit]);
-        let columns = [
+        comparison.same(format_args!("target of unit {unit}"), recorded.target[unit], found.target[unit]);
+        if let Some(&declared) = recorded.declared.get(unit) {
+            comparison.same(format_args!("declared of unit {unit}"), declared, found.declared[unit]);
+        }
+        for (column, recorded, found) in [
             ("shield", &recorded.shield, &found.shield),
             ("energy", &recorded.energy, &found.energy),
             ("cooldown", &recorded.cooldown, &found.cooldown),
             ("shield_cooldown", &recorded.shield_cooldown, &found.shield_cooldown),
             ("healing", &recorded.healing, &found.healing),
-        ];
-        for (column, recorded, found) in columns {
-            let what = format_args!("{column} of unit {unit}");
-            comparison.figure(what, recorded[unit], found[unit], bounds.figures);
+        ] {
+            comparison.same(format_args!("{column} of unit {unit}"), recorded[unit], found[unit]);
         }
-        for (axis, x) in [(0, "x"), (1, "y")] {
-            let what = format_args!("{x} of unit {unit}");
-            let error =
-                comparison.place(what, recorded.pos[unit][axis], found.pos[unit][axis], bounds.places);
-            comparison.worst_position = comparison.worst_position.max(error);
-        }
+        comparison.same(format_args!("pos of unit {unit}"), recorded.pos[unit], found.pos[unit]);
+        comparison.same(format_args!("vel of unit {unit}"), recorded.vel[unit], found.vel[unit]);
+        let apart = (recorded.pos[unit].as_dvec2() - found.pos[unit].as_dvec2()).abs().max_element();
+        comparison.worst_position = comparison.worst_position.max(apart);
     }
     comparison
 }
 
-/// Compares a battle, units and what agents see of them, with what was recorded before step `t`.
-pub fn frame(recording: &Recording, t: usize, battle: &Battle, bounds: Bounds) -> Comparison {
-    let mut comparison = units(&recording.frames[t], battle.units(), bounds);
+/// Compares a battle, its units and what agents see of them, with what was recorded before step `t`.
+pub fn frame(recording: &Recording, t: usize, battle: &Battle) -> Comparison {
+    let mut comparison = units(&recording.frames[t], battle.units());
     let sizes = battle.arena().sizes();
     let mut avail = vec![0; sizes.n_agents * sizes.n_actions];
     battle.write_avail_actions(&mut avail);
     for (i, (&recorded, found)) in recording.avail[t].iter().zip(avail).enumerate() {
         let (agent, action) = (i / sizes.n_actions, i % sizes.n_actions);
-        comparison.equal(format_args!("availability of action {action} to agent {agent}"), recorded, found);
+        comparison.same(format_args!("avail_actions[{action}] of agent {agent}"), recorded, found);
     }
     let mut obs = vec![f32::NAN; sizes.n_agents * sizes.obs_size];
     battle.write_obs(&mut obs, &mut Scratch::new());
     for (i, (&recorded, found)) in recording.obs[t].iter().zip(obs).enumerate() {
         let (agent, entry) = (i / sizes.obs_size, i % sizes.obs_size);
-        comparison.place(format_args!("obs[{entry}] of agent {agent}"), recorded, found, bounds.places);
+        comparison.same(format_args!("obs[{entry}] of agent {agent}"), recorded, found);
     }
     let mut state = vec![f32::NAN; sizes.state_size];
     battle.write_state(&mut state);
     for (entry, (&recorded, found)) in recording.state[t].iter().zip(state).enumerate() {
-        comparison.place(format_args!("state[{entry}]"), recorded, found, bounds.places);
+        comparison.same(format_args!("state[{entry}]"), recorded, found);
     }
     comparison
 }

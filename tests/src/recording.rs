@@ -9,7 +9,7 @@ use glam::Vec2;
 use npyz::NpyFile;
 use npyz::TypeChar;
 use serde_json::Value;
-use smaclite_engine::{Generator, Snapshot, TICKS_PER_STEP, Units};
+use smaclite_engine::{Battle, Generator, NeighbourOrder, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;
 use zip::ZipArchive;
 
@@ -172,11 +172,28 @@ impl Recording {
         self.actions.len()
     }
 
-    /// The battle before step `t`.
-    pub fn snapshot(&self, t: usize) -> Snapshot {
+    /// The battle before step `t`. What the recording does not hold comes from `played`, the same battle played up to
+    /// there: the neighbour order, planned velocities, and in older files the declared attacks.
+    ///
+    /// If `played` is not that battle, because it differs from the recording, the order without a history is used.
+    pub fn snapshot(&self, t: usize, played: &Battle) -> Snapshot {
         let last = t.checked_sub(1).map(|last| &self.actions[last]);
+        let mut units = self.frames[t].clone();
+        for (unit, planned_vel) in units.planned_vel.iter_mut().enumerate() {
+            if *planned_vel == played.units().vel[unit] {
+                *planned_vel = played.units().planned_vel[unit];
+            }
+        }
+        if units.declared.is_empty() {
+            units.declared.clone_from(&played.units().declared);
+        }
+        let neighbour_order = match units.alive == played.units().alive {
+            true => played.save().neighbour_order,
+            false => NeighbourOrder::new(played.arena(), &units),
+        };
         Snapshot {
-            units: self.frames[t].clone(),
+            units,
+            neighbour_order,
             last_actions: (0..self.sizes[0]).map(|agent| last.map(|actions| actions[agent] as u32)).collect(),
             generator: Generator::new(self.seed),
             episode_length: t as u32,
@@ -201,9 +218,14 @@ fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Uni
     let alive = rows(flags(archive, &name("alive"))?, n_units);
     let target = integers(archive, &name("target"))?.into_iter().map(|id| u32::try_from(id).ok()).collect();
     let target: Vec<Vec<Option<u32>>> = rows(target, n_units);
+    let declared = match archive.index_for_name(&format!("{}.npy", name("declared"))) {
+        Some(_) => rows(flags(archive, &name("declared"))?, n_units),
+        None => vec![Vec::new(); pos.len()],
+    };
     let frame = |t: usize| Units {
         pos: pos[t].clone(),
         vel: vel[t].clone(),
+        planned_vel: vel[t].clone(),
         hp: hp[t].clone(),
         shield: shield[t].clone(),
         energy: energy[t].clone(),
@@ -212,6 +234,7 @@ fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Uni
         healing: healing[t].clone(),
         alive: alive[t].clone(),
         target: target[t].clone(),
+        declared: declared[t].clone(),
     };
     Ok((0..pos.len()).map(frame).collect())
 }

@@ -7,34 +7,44 @@
 mod error;
 mod json;
 mod node;
+mod shown;
 
 pub use error::{FileError, did_you_mean};
 pub use json::Json;
 pub use node::{Limits, Node, Object};
+pub use shown::{shortened, shown_path};
 
+use rustix::fs::{Mode, OFlags};
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The largest file that is read, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to something huge
+/// The largest scenario file, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to something huge
 /// does not fill the memory.
-pub const MAX_FILE_BYTES: u64 = 8 << 20;
+pub const MAX_SCENARIO_BYTES: u64 = 8 << 20;
 
-/// The text of a file of at most [`MAX_FILE_BYTES`].
+/// The largest unit file, in bytes. A scenario may name a thousand of them.
+pub const MAX_UNIT_BYTES: u64 = 64 << 10;
+
+/// The text of a file of at most `max_bytes`. Every file is read by this function.
 ///
 /// # Errors
 /// [`FileError::Unreadable`] if it is no regular file, too large, not UTF-8, or cannot be opened.
-pub fn read_text(path: &Path) -> Result<String, FileError> {
-    let unreadable = |reason: String| FileError::Unreadable { file: path.display().to_string(), reason };
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
+    let unreadable = |reason: String| FileError::Unreadable { file: shown_path(path), reason };
     let metadata = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    let file = std::fs::File::open(path).map_err(|error| unreadable(error.to_string()))?;
+    // Some files that claim to be regular wait when they are read, as /proc/kmsg does; this makes it an error.
+    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
+    let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
+    let file = File::from(file);
     let mut bytes = Vec::new();
     // One byte over the limit shows a file that grew since its size was asked for.
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(unreadable(format!("it is larger than {} MiB", MAX_FILE_BYTES >> 20)));
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;
+    if bytes.len() as u64 > max_bytes {
+        return Err(unreadable(format!("it is larger than {} KiB", max_bytes >> 10)));
     }
     String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into()))
 }

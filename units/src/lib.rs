@@ -1,4 +1,4 @@
-//! Unit types: what a body in a battle is made of, the nine standard types, and the reader of unit files.
+//! Unit types: what a body in a battle is made of, the ten standard types, and the reader of unit files.
 //!
 //! Nothing here moves or fights; a [`UnitType`] is a table of figures that the engine reads. The checked JSON
 //! reader in [`mod@file`] serves unit files here and scenario files in `smaclite-scenarios`, so that both speak of

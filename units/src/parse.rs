@@ -1,6 +1,6 @@
 //! The reader of unit files: which keys there are, their defaults, and what is refused.
 
-use crate::file::{Json, Limits, Node, Object, read_text};
+use crate::file::{Json, Limits, MAX_UNIT_BYTES, Node, Object, read_text, shown_path};
 use crate::{Attribute, CombatType, Plane, Targeter, UnitError, UnitType, Word};
 use std::path::Path;
 
@@ -53,12 +53,12 @@ impl UnitType {
     /// use smaclite_units::UnitType;
     ///
     /// let text = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
-    ///                "size": 3, "attributes": ["LIHGT"], "valid_targets": ["GROUND", "AIR"]}"#;
-    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
-    /// let expected = r#"scout.json: `attributes[0]` is "LIHGT", but should be a known word; did you mean `LIGHT`?"#;
-    /// assert_eq!(error.to_string(), expected);
+    ///                "size": 3, "attributes": ["LIGHT"], "valid_targets": ["GROUND", "ARI"]}"#;
+    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err(); let expected =
+    /// r#"scout.json: `valid_targets[1]` is "ARI", but should be one of GROUND, AIR, COLOSSUS"#;
+    /// assert_eq!(error.to_string(), format!("{expected}; did you mean `AIR`?"));
     ///
-    /// let scout = UnitType::from_json(&text.replace("LIHGT", "LIGHT"), "scout", "scout.json").unwrap();
+    /// let scout = UnitType::from_json(&text.replace("ARI", "AIR"), "scout", "scout.json").unwrap();
     /// assert_eq!((scout.name.as_str(), scout.attacks, scout.shield), ("scout", 1, 0.0));
     /// ```
     ///
@@ -100,7 +100,7 @@ impl UnitType {
     /// As [`from_json`](Self::from_json), and for a file that cannot be read.
     pub fn load(path: &Path) -> Result<UnitType, UnitError> {
         let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        UnitType::from_json(&read_text(path)?, &name, &path.display().to_string())
+        UnitType::from_json(&read_text(path, MAX_UNIT_BYTES)?, &name, &shown_path(path))
     }
 }
 

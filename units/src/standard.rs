@@ -1,11 +1,15 @@
-//! The nine standard unit types, embedded from `units/data`.
+//! The ten standard unit types, embedded from `units/data`.
+//!
+//! Nine are the published environment's. HYDRALISK is added for SMAC's map 6h_vs_8z: its health is that of
+//! the map, its other figures are the game's public unit statistics, which are also the source of the nine.
 
 use crate::UnitType;
 
 /// Names and files, in the order they are listed to people.
-const STANDARD: [(&str, &str); 9] = [
+const STANDARD: [(&str, &str); 10] = [
     ("BANELING", include_str!("../data/BANELING.json")),
     ("COLOSSUS", include_str!("../data/COLOSSUS.json")),
+    ("HYDRALISK", include_str!("../data/HYDRALISK.json")),
     ("MARAUDER", include_str!("../data/MARAUDER.json")),
     ("MARINE", include_str!("../data/MARINE.json")),
     ("MEDIVAC", include_str!("../data/MEDIVAC.json")),
@@ -19,7 +23,7 @@ impl UnitType {
     /// The standard type of that name (`"MARINE"`, in capitals), if there is one.
     pub fn standard(name: &str) -> Option<UnitType> {
         let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
-        // A test reads all nine, so an embedded file never fails here.
+        // A test reads all ten, so an embedded file never fails here.
         UnitType::from_json(text, name, &format!("units/data/{name}.json")).ok()
     }
 

@@ -5,9 +5,10 @@ use smaclite_units::{Attribute, CombatType, Plane, Targeter, UnitType, Word};
 /// name, hp, shield, armor, damage, attacks, cooldown, speed, attack range, size
 type Row = (&'static str, f64, f64, f64, f64, u32, f64, f64, f64, f64);
 
-const FIGURES: [Row; 9] = [
+const FIGURES: [Row; 10] = [
     ("BANELING", 30.0, 0.0, 0.0, 80.0, 1, 1.0, 3.15, 0.25, 0.75),
     ("COLOSSUS", 200.0, 150.0, 1.0, 10.0, 2, 1.07, 3.15, 7.0, 2.0),
+    ("HYDRALISK", 80.0, 0.0, 0.0, 12.0, 1, 0.59, 3.15, 5.0, 1.25),
     ("MARAUDER", 125.0, 0.0, 1.0, 10.0, 1, 1.07, 3.15, 6.0, 1.125),
     ("MARINE", 45.0, 0.0, 0.0, 6.0, 1, 0.61, 3.15, 5.0, 0.75),
     ("MEDIVAC", 150.0, 0.0, 1.0, 0.0, 1, 0.0, 3.5, 4.0, 1.5),
@@ -44,7 +45,8 @@ fn check<T: PartialEq + std::fmt::Debug>(figure: impl Fn(&UnitType) -> T, defaul
 
 #[test]
 fn figures_of_a_few_types() {
-    let regenerating = [("BANELING", 0.38), ("SPINE_CRAWLER", 0.38), ("ZERGLING", 0.38)];
+    let zerg = ["BANELING", "HYDRALISK", "SPINE_CRAWLER", "ZERGLING"];
+    let regenerating = zerg.map(|name| (name, 0.38));
     check(|t| t.hp_regen, 0.0, &regenerating);
     check(|t| (t.energy, t.initial_energy), (0.0, 0.0), &[("MEDIVAC", (200.0, 50.0))]);
     check(|t| t.minimum_scan_range, 5.0, &[("SPINE_CRAWLER", 10.0)]);
@@ -69,7 +71,7 @@ fn figures_of_a_few_types() {
 #[test]
 fn planes_and_attributes_of_every_type() {
     let attackable = |t: &UnitType| [Plane::Ground, Plane::Air, Plane::Colossus].map(|p| t.can_attack(p));
-    let shooters = [("MARINE", [true; 3]), ("STALKER", [true; 3])];
+    let shooters = ["HYDRALISK", "MARINE", "STALKER"].map(|name| (name, [true; 3]));
     check(attackable, [true, false, true], &shooters);
     let attributes = |t: &UnitType| {
         let words = Attribute::WORDS.iter().filter(|(_, attribute)| t.attributes.contains(*attribute));

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ._native import Envs
 from ._sights import SIGHTS
-from .errors import Closed
+from .errors import Closed, InvalidRequest
 
 
 class LegalActions(spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
@@ -35,8 +35,8 @@ class LegalActions(spaces.Tuple):  # type: ignore[type-arg] # not generic at run
         if mask is None and probability is None:
             try:
                 return tuple(self._envs.sample_actions()[0].astype(np.int64))
-            except Closed:
-                pass  # any action will do
+            except (Closed, InvalidRequest):
+                pass  # nothing is legal before the first reset and after the end; any action will do
         return super().sample(mask, probability)
 
     def __reduce__(self) -> tuple[type[spaces.Space[Any]], tuple[Any]]:
@@ -61,7 +61,7 @@ class LegalActionsBatch(spaces.Box):
         """Random actions that are legal by what the last step or reset returned."""
         try:
             return self._envs.sample_actions().astype(self.dtype)
-        except Closed:
+        except (Closed, InvalidRequest):  # before the first reset, after the end
             return super().sample(mask, probability)
 
     def __reduce__(self) -> tuple[type[spaces.Box], tuple[Any, ...]]:

@@ -21,10 +21,11 @@
         rollouts = fleet.spawn(Rollout)                 # one actor a lane, each on the node of its pool
         print(ray.get([rollout.collect.remote(100) for rollout in rollouts]))
 
-An actor a node, named after Ray's id of the node, starts the pool and watches it: it costs no CPU, and no step passes
-through it. When a pool dies it is started again, with empty lanes: a rollout actor gets PoolDied, calls
-`lane.reattach()` and resets. When the driver ends, so do actors and pools. `bindings/examples/ray_rollouts.py` trains
-by PPO this way.
+An actor a node, named after Ray's id of the node, starts the pool and watches it: it costs no CPU, and no
+step passes through it. When a pool dies it is started again, with empty lanes: a rollout actor gets PoolDied,
+calls `lane.reattach()` and resets. The pause before each start doubles while starts fail, up to 30 s; after
+ten failures in a row there is no further one, and `running` raises StartError with the pool's last words.
+When the driver ends, so do actors and pools. `bindings/examples/ray_rollouts.py` trains by PPO this way.
 
 Sizing. Give every lane an actor, and a node as many worker threads (`threads`) as it has cores less its lanes: learner
 and workers take turns at a batch, so one lane of many environments is better than several small ones unless the
@@ -50,7 +51,7 @@ import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from ._native import Envs, connect, status
-from .errors import ConnectError, LaneTaken, NoSuchPool, PoolError, StartError
+from .errors import ConnectError, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
 
 __all__ = ["Fleet", "Lane", "Supervisor", "attach", "on", "start"]
 
@@ -58,7 +59,22 @@ LOOK_AGAIN = 0.05
 """Seconds between looks at something that is awaited."""
 
 HOPELESS = 3
-"""Starts in a row that failed, after which a pool is not expected to start."""
+"""Starts in a row that failed, after which callers are told that the pool does not run."""
+
+MAX_FAILURES = 10
+"""Starts in a row that failed, after which the pool is not started again."""
+
+LONGEST_PAUSE = 30.0
+"""Seconds between two starts at most: the pause is LOOK_AGAIN at first and doubles with each failure."""
+
+HEALTHY = 10.0
+"""Seconds of life after which a pool that ends counts as one that had started."""
+
+LAST_WORDS = 4096
+"""Bytes of a pool's messages that are kept, the last ones."""
+
+TIME_TO_STOP = 10.0
+"""Seconds a pool has to end cleanly before it is killed."""
 
 GONE = ray.exceptions.ActorUnschedulableError
 """What an actor that is tied to a node says when the node has left the cluster."""
@@ -104,38 +120,61 @@ class Supervisor:
         self._pool = f"{fleet}-{node[:16]}"  # a pool's name has 40 characters at most
         self._command = [sys.executable, "-c", PROGRAM, "serve", *arguments, "--name", self._pool]
         self._seeds = seeds
-        self._child: subprocess.Popen[str] | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._child: subprocess.Popen[bytes] | None = None
         self._generation = 0
-        self._failures: list[str] = []  # of the last starts, as long as none succeeded
+        self._failures = 0  # in a row
+        self._last_words = ""
         self._stopped = threading.Event()
         self._watch = threading.Thread(target=self._keep_running, daemon=True)
         self._watch.start()
 
     def _keep_running(self) -> None:
-        while not self._stopped.is_set():
-            child = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-            self._child, self._generation = child, self._generation + 1
-            _, told = child.communicate()
-            self._failures.append(told.strip() or f"the pool ended with {child.returncode}")
-            self._stopped.wait(LOOK_AGAIN)
+        while not self._stopped.is_set() and self._failures < MAX_FAILURES:
+            begin = time.monotonic()
+            try:
+                told = self._run_once()
+            except OSError as error:  # no memory or file for another process
+                told = str(error)
+            if time.monotonic() - begin >= HEALTHY:
+                self._failures = 0
+            self._failures, self._last_words = self._failures + 1, told
+            self._stopped.wait(min(LOOK_AGAIN * 2 ** (self._failures - 1), LONGEST_PAUSE))
+
+    def _run_once(self) -> str:
+        """Starts the pool, waits for its end and returns its last words."""
+        child = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, bufsize=0)
+        self._child, self._generation = child, self._generation + 1
+        if self._stopped.is_set():
+            child.terminate()  # `stop` may not have seen it
+        tail = b""
+        assert child.stderr is not None
+        with child.stderr as told:
+            while some := told.read(LAST_WORDS):
+                tail = (tail + some)[-LAST_WORDS:]
+        code = child.wait()
+        return tail.decode(errors="replace").strip() or f"the pool ended with {code}"
 
     def running(self, timeout: float = 60.0) -> Running:
         """The node's pool, once it answers. Raises StartError if it cannot start or does not answer in time."""
         end = time.monotonic() + timeout
         while True:
-            generation, pid = self._generation, self._answering()
+            generation, pid = self._generation, self._answering(max(end - time.monotonic(), LOOK_AGAIN))
             if pid is not None and self._child is not None and pid == self._child.pid:
-                self._failures.clear()
+                self._failures = 0
                 return Running(self._pool, pid, generation, self._seeds)
-            if time.monotonic() >= end or len(self._failures) >= HOPELESS:
+            if time.monotonic() >= end or self._failures >= HOPELESS:
                 break
             time.sleep(LOOK_AGAIN)
-        why = self._failures[-1] if self._failures else f"it did not answer within {timeout:g} s"
-        raise StartError(f"pool `{self._pool}` does not run: {why}")
+        why = self._last_words if self._failures else f"it did not answer within {timeout:g} s"
+        given_up = f" (given up after {MAX_FAILURES} starts)" if self._failures >= MAX_FAILURES else ""
+        raise StartError(f"pool `{self._pool}` does not run{given_up}: {why}")
 
-    def _answering(self) -> int | None:
+    def _answering(self, timeout: float) -> int | None:
         try:
-            return int(status(self._pool)["pid"])
+            return int(status(self._pool, timeout=timeout)["pid"])
         except PoolError:
             return None
 
@@ -148,7 +187,10 @@ class Supervisor:
         self._stopped.set()
         if self._child is not None:
             self._child.terminate()
-        self._watch.join()
+        self._watch.join(TIME_TO_STOP)
+        if self._watch.is_alive() and self._child is not None:
+            self._child.kill()
+            self._watch.join()
 
 
 class Fleet:
@@ -284,7 +326,7 @@ class Lane:
         while True:
             try:
                 return self._attach(node, max(0.0, end - time.monotonic()))
-            except ConnectError:  # no actor or pool yet, or an earlier holder is still on its way out
+            except (ConnectError, PoolDied):  # no actor or pool yet, or an earlier holder is still on its way out
                 if time.monotonic() >= end:
                     raise
                 time.sleep(LOOK_AGAIN)

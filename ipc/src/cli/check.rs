@@ -5,6 +5,7 @@ use clap::Args;
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::Scenario;
 use smaclite_units::UnitType;
+use smaclite_units::file::{Json, MAX_SCENARIO_BYTES, Node, read_text, shown_path};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -20,7 +21,7 @@ impl Check {
         let mut wrong = 0;
         for file in &self.files {
             match describe(file) {
-                Ok(summary) => out!("{}: {summary}", file.display())?,
+                Ok(summary) => out!("{}: {summary}", shown_path(file))?,
                 Err(error) => {
                     eprintln!("{error}");
                     wrong += 1;
@@ -34,10 +35,11 @@ impl Check {
 
 /// A scenario has groups, a unit does not.
 fn describe(file: &Path) -> Result<String, Box<dyn Error>> {
-    let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
-    let is_scenario = serde_json::from_str::<serde_json::Value>(&text)
-        .map_or(text.contains("\"groups\""), |value| value.get("groups").is_some());
-    if !is_scenario {
+    let json = Json::parse(&read_text(file, MAX_SCENARIO_BYTES)?, &shown_path(file))?;
+    let Json::Object(entries) = &json else {
+        return Err(Node::root(&shown_path(file), &json).invalid("a unit or a scenario, { ... }").into());
+    };
+    if !entries.iter().any(|(key, _)| key == "groups") {
         let unit = UnitType::load(file)?;
         return Ok(format!(
             "a correct unit: {} hp, {} damage, range {}, speed {}",
@@ -50,4 +52,43 @@ fn describe(file: &Path) -> Result<String, Box<dyn Error>> {
         "a correct scenario: {} agents against {} enemies, {} actions, obs {}, state {}",
         s.n_agents, s.n_enemies, s.n_actions, s.obs_size, s.state_size
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+    fn check(file: &Path, message: &str) {
+        let error = describe(file).unwrap_err().to_string();
+        assert_eq!(error, format!("{}: {message}", file.display()));
+    }
+
+    /// The file was read without a limit before the readers with limits saw it: /dev/zero filled the memory,
+    /// and a FIFO waited for a writer for ever.
+    #[test]
+    fn a_file_is_read_with_the_limits_of_its_reader() {
+        check(Path::new("/dev/zero"), "cannot be read: it is not a regular file");
+        let folder = tempfile::tempdir().unwrap();
+        let fifo = folder.path().join("fifo.json");
+        mknodat(CWD, &fifo, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        check(&fifo, "cannot be read: it is not a regular file");
+        let large = folder.path().join("large.json");
+        std::fs::File::create(&large).unwrap().set_len(10 << 30).unwrap();
+        check(&large, "cannot be read: it is larger than 8192 KiB");
+    }
+
+    #[test]
+    fn what_is_neither_unit_nor_scenario() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("one.json");
+        std::fs::write(&file, "1").unwrap();
+        check(&file, "the whole file is 1, but should be a unit or a scenario, { ... }");
+        std::fs::write(&file, "{").unwrap();
+        check(&file, "line 1, column 1: EOF while parsing an object");
+        std::fs::write(&file, "{\"groups\": 3}").unwrap();
+        check(&file, "`name` is missing; it should be the scenario's name");
+        std::fs::write(&file, "{}").unwrap();
+        check(&file, "`hp` is missing; it should be a number above 0 and at most 1000000");
+    }
 }

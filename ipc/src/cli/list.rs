@@ -2,7 +2,7 @@
 
 use super::{Outcome, heading, megabytes, place, print_table};
 use crate::control::client::ControlError;
-use crate::{ConnectError, LaneStatus, Place, PoolStatus, status};
+use crate::{ConnectError, LaneStatus, Place, PoolStatus, running_pools, status};
 use clap::Args;
 
 #[derive(Args)]
@@ -24,31 +24,40 @@ pub(super) struct Status {
 
 impl List {
     pub(super) fn run(self) -> Outcome {
-        let pools = living_pools(&place()?)?;
+        let (pools, silent) = ask_all(&place()?);
         if self.json {
-            return pools.iter().try_for_each(|pool| Ok(out!("{}", serde_json::to_string(pool)?)?));
-        }
-        if pools.is_empty() {
-            out!("no pool runs here")?;
-            return Ok(());
-        }
-        let mut rows = vec![heading(["pool", "process", "lane", "environments", "learner", "steps/s"])];
-        for pool in &pools {
-            for lane in &pool.lanes {
-                let d = &lane.description;
-                rows.push(vec![
-                    pool.pool.clone(),
-                    pool.pid.to_string(),
-                    d.lane.clone(),
-                    format!("{} x {}", d.num_envs, d.scenario),
-                    learner(lane),
-                    format!("{:.0}", lane.steps_per_s),
-                ]);
+            for pool in &pools {
+                out!("{}", serde_json::to_string(pool)?)?;
             }
+        } else if !pools.is_empty() {
+            print_pools(&pools)?;
+        } else if silent.is_empty() {
+            out!("no pool runs here")?;
         }
-        print_table(&rows)?;
-        Ok(())
+        silent.iter().for_each(|error| eprintln!("smaclite-pool: {error}"));
+        match silent.len() {
+            0 => Ok(()),
+            count => Err(format!("of {} pools, {count} did not answer", pools.len() + count).into()),
+        }
     }
+}
+
+fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
+    let mut rows = vec![heading(["pool", "process", "lane", "environments", "learner", "steps/s"])];
+    for pool in pools {
+        for lane in &pool.lanes {
+            let d = &lane.description;
+            rows.push(vec![
+                pool.pool.clone(),
+                pool.pid.to_string(),
+                d.lane.clone(),
+                format!("{} x {}", d.num_envs, d.scenario),
+                learner(lane),
+                format!("{:.0}", lane.steps_per_s),
+            ]);
+        }
+    }
+    print_table(&rows)
 }
 
 impl Status {
@@ -116,15 +125,21 @@ fn learner(lane: &LaneStatus) -> String {
     }
 }
 
-/// The pools that answer; what a dead one left is skipped.
-fn living_pools(place: &Place) -> Result<Vec<PoolStatus>, ConnectError> {
-    let mut pools = Vec::new();
-    for name in place.pool_names() {
-        match status(place, &name) {
+/// The pools that answer, and why the others that run do not. All are asked at the same time, so that those
+/// that are stopped cost their 10 seconds together.
+fn ask_all(place: &Place) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+    let names = running_pools(place);
+    let answers: Vec<_> = std::thread::scope(|scope| {
+        let asked: Vec<_> = names.iter().map(|name| scope.spawn(move || status(place, name))).collect();
+        asked.into_iter().map(|thread| thread.join().expect("asking does not panic")).collect()
+    });
+    let (mut pools, mut silent) = (Vec::new(), Vec::new());
+    for answer in answers {
+        match answer {
             Ok(pool) => pools.push(pool),
-            Err(ConnectError::Control(ControlError::NoSuchPool { .. })) => {}
-            Err(error) => eprintln!("smaclite-pool: {error}"),
+            Err(ConnectError::Control(ControlError::NoSuchPool { .. } | ControlError::Gone { .. })) => {}
+            Err(error) => silent.push(error),
         }
     }
-    Ok(pools)
+    (pools, silent)
 }

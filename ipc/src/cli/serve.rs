@@ -75,9 +75,10 @@ const DEFAULT_ENVS: usize = 64;
 
 impl Serve {
     pub(super) fn run(self) -> Outcome {
-        // Registered before anything is made, so that an early signal still cleans up.
+        let prepared = self.config(place()?)?.prepare()?;
+        // Until here a signal ends the program at once. From here on there is something to clean up.
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
-        let supervisor = Supervisor::start(self.config(place()?)?)?;
+        let supervisor = Supervisor::start_prepared(prepared)?;
         print_start(&supervisor);
         signals.forever().next();
         let _ = out!("stopping");
@@ -88,7 +89,7 @@ impl Serve {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         if !(1..=1024).contains(&threads) {
-            return Err(format!("--threads {threads}: 1 to 1024 are possible").into());
+            return Err(format!("--threads must be between 1 and 1024, got {threads}").into());
         }
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, place })

@@ -1,6 +1,6 @@
 //! Why a learner could not attach, reset, send or receive.
 
-use crate::control::client::ControlError;
+use crate::control::client::{ControlError, in_seconds};
 use crate::control::protocol::Refusal;
 use crate::memory::TooLittleMemory;
 use crate::place::PlaceError;
@@ -37,10 +37,11 @@ pub enum ClientError {
     Rejected(#[from] Rejection),
     #[error("{given} actions were given; {envs} environments of {n_agents} agents take {expected}")]
     WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
-    #[error("nothing came within {0:?}")]
+    #[error("no batch arrived within {} s; it is still under way: receive it later, or reset", in_seconds(*.0))]
     Timeout(Duration),
     #[error(
-        "the pool took no request for {time:?}: its supervisor is stopped or has no time; nothing was sent, try again"
+        "the pool took no request for {} s: its supervisor is stopped or overloaded; nothing was sent, try again",
+        in_seconds(*time)
     )]
     NotAccepted { time: Duration },
     #[error("the wait was interrupted")]

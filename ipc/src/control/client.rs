@@ -1,22 +1,36 @@
-//! The asking end of the control socket.
+//! The asking end of the control socket. Its waits are cut into slices, after each of which the caller may
+//! stop: a supervisor that is stopped must not stop those who ask it.
 
-use super::protocol::{Answer, Ask, MAX_LINE};
-use crate::place::Place;
+use super::protocol::{Answer, Ask, MAX_ANSWER};
+use crate::client::{ConnectError, Patience};
+use crate::place::{Place, check_name};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{PidfdFlags, pidfd_open};
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::os::fd::OwnedFd;
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
+use std::io::{ErrorKind, Read, Write};
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::time::Duration;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
-/// A supervisor answers at once or is stopped.
-const ANSWER_TIME: Duration = Duration::from_secs(10);
+/// How long a supervisor may take to answer a caller that sets no time: it answers at once, or is stopped or
+/// overloaded.
+pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(10);
+
+/// How often a wait asks whether its caller wants to stop.
+const SLICE: Duration = Duration::from_millis(50);
+
+/// How long after the end of a connection the end of its process may show.
+const LAST_MOMENTS: Duration = Duration::from_millis(200);
 
 /// A connection to a supervisor. While it is open the supervisor knows that its owner lives, and the other way round.
 pub(crate) struct ControlClient {
-    stream: BufReader<UnixStream>,
+    /// Non-blocking.
+    stream: UnixStream,
     /// Readable when the supervisor's process ends, even if a forked child of it keeps the socket open.
     process: Option<OwnedFd>,
+    pid: Option<u32>,
+    place: Place,
     pool: String,
 }
 
@@ -24,10 +38,25 @@ pub(crate) struct ControlClient {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlError {
+    #[error("pool name: {0}")]
+    Name(String),
     #[error("no pool named `{pool}` runs here{}", hint(running))]
     NoSuchPool { pool: String, running: Vec<String> },
-    #[error("pool `{pool}` did not answer: {source}")]
-    NoAnswer { pool: String, source: std::io::Error },
+    #[error(
+        "pool `{pool}`{} did not answer within {} s: it is stopped (`kill -CONT` resumes it) or overloaded",
+        of_process(*pid), in_seconds(*time)
+    )]
+    Silent { pool: String, pid: Option<u32>, time: Duration },
+    #[error("the supervisor of pool `{pool}` is gone: it ended while this process attached; start it again")]
+    Gone { pool: String },
+    #[error("pool `{pool}` closed the connection without an answer: too many idle ones are open; try again")]
+    Closed { pool: String },
+    #[error("pool `{pool}` cannot be asked through {}: {source}", socket.display())]
+    Unreachable { pool: String, socket: PathBuf, source: std::io::Error },
+    #[error("pool `{pool}` gave an answer that this release does not know ({source}); run the same release")]
+    Answer { pool: String, source: serde_json::Error },
+    #[error("the wait for an answer of pool `{pool}` was interrupted")]
+    Interrupted { pool: String },
 }
 
 fn hint(pools: &[String]) -> String {
@@ -38,40 +67,208 @@ fn hint(pools: &[String]) -> String {
     }
 }
 
-impl ControlClient {
-    pub(crate) fn connect(place: &Place, pool: &str) -> Result<Self, ControlError> {
-        match UnixStream::connect(place.socket(pool)) {
-            Ok(stream) => {
-                let peer = rustix::net::sockopt::socket_peercred(&stream).ok();
-                let process = peer.and_then(|p| pidfd_open(p.pid, PidfdFlags::empty()).ok());
-                Ok(ControlClient { stream: BufReader::new(stream), process, pool: pool.to_owned() })
-            }
-            Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused) => {
-                let alive = |name: &String| UnixStream::connect(place.socket(name)).is_ok();
-                let running = place.pool_names().into_iter().filter(alive).collect();
-                Err(ControlError::NoSuchPool { pool: pool.to_owned(), running })
-            }
-            Err(source) => Err(ControlError::NoAnswer { pool: pool.to_owned(), source }),
-        }
-    }
+/// Seconds, to the millisecond.
+pub(crate) fn in_seconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e3).round() / 1e3
+}
 
-    pub(crate) fn ask(&mut self, question: &Ask) -> Result<Answer, ControlError> {
+/// ` (process 7)`, if it is known.
+pub(crate) fn of_process(pid: Option<u32>) -> String {
+    pid.map_or(String::new(), |pid| format!(" (process {pid})"))
+}
+
+/// Connects without blocking: a supervisor that is stopped leaves its queue of connections full, which is
+/// [`ErrorKind::WouldBlock`].
+fn try_connect(place: &Place, pool: &str) -> std::io::Result<UnixStream> {
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(place.socket(pool))?)?;
+    Ok(UnixStream::from(socket))
+}
+
+/// Is there no process behind the pool's socket?
+fn is_absent(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused)
+}
+
+/// Names of the pools whose supervisors live, whether or not they answer.
+pub(crate) fn running_pools(place: &Place) -> Vec<String> {
+    let mut names = place.pool_names();
+    names.retain(|name| !try_connect(place, name).is_err_and(|error| is_absent(&error)));
+    names
+}
+
+/// The process of a pool's supervisor, as the kernel knows it: no answer is needed.
+pub(crate) fn process_of(place: &Place, pool: &str) -> Option<u32> {
+    peer_of(&try_connect(place, pool).ok()?).ok()?.pid
+}
+
+/// The process at the other end of a socket.
+pub(crate) struct Peer {
+    /// `None` if it is in a process namespace whose processes cannot be seen from this one.
+    pub(crate) pid: Option<u32>,
+    pub(crate) uid: u32,
+}
+
+pub(crate) fn peer_of(stream: &impl AsFd) -> std::io::Result<Peer> {
+    // Not by rustix, whose type for process numbers cannot hold the kernel's 0 for "not in this namespace".
+    let peer = nix::sys::socket::getsockopt(&stream.as_fd(), nix::sys::socket::sockopt::PeerCredentials)?;
+    Ok(Peer { pid: u32::try_from(peer.pid()).ok().filter(|pid| *pid != 0), uid: peer.uid() })
+}
+
+/// Readable when the process ends.
+pub(crate) fn watch_process(pid: u32) -> Option<OwnedFd> {
+    let pid = Pid::from_raw(i32::try_from(pid).ok()?)?;
+    pidfd_open(pid, PidfdFlags::empty()).ok()
+}
+
+/// Is this process over? Never blocks.
+pub(crate) fn has_ended(process: &OwnedFd) -> bool {
+    is_ready(process, PollFlags::IN, Duration::ZERO)
+}
+
+fn is_ready(fd: &impl AsFd, flags: PollFlags, within: Duration) -> bool {
+    let timeout = Timespec { tv_sec: within.as_secs() as _, tv_nsec: within.subsec_nanos().into() };
+    // An interrupted wait found nothing; its caller looks again.
+    poll(&mut [PollFd::new(fd, flags)], Some(&timeout)).is_ok_and(|ready| ready > 0)
+}
+
+/// A caller's patience from now on.
+struct Waiting<'a> {
+    begin: Instant,
+    patience: Patience<'a>,
+    pool: String,
+    pid: Option<u32>,
+}
+
+impl Waiting<'_> {
+    /// How long the next slice may last, if there is to be one.
+    fn slice(&mut self) -> Result<Duration, ControlError> {
         let pool = self.pool.clone();
-        self.exchange(question).map_err(|source| ControlError::NoAnswer { pool, source })
+        if (self.patience.interrupted)() {
+            return Err(ControlError::Interrupted { pool });
+        }
+        let Some(time) = self.patience.timeout else { return Ok(SLICE) };
+        match time.checked_sub(self.begin.elapsed()) {
+            None | Some(Duration::ZERO) => Err(ControlError::Silent { pool, pid: self.pid, time }),
+            Some(left) => Ok(left.min(SLICE)),
+        }
+    }
+}
+
+impl ControlClient {
+    /// Connects to a pool and asks it a question.
+    pub(crate) fn ask(
+        place: &Place,
+        pool: &str,
+        question: &Ask,
+        patience: Patience<'_>,
+    ) -> Result<(ControlClient, Answer), ControlError> {
+        check_name(pool).map_err(ControlError::Name)?;
+        let mut waiting = Waiting { begin: Instant::now(), patience, pool: pool.to_owned(), pid: None };
+        let mut client = ControlClient::connect(place, &mut waiting)?;
+        waiting.pid = client.pid;
+        let mut line = serde_json::to_vec(question).expect("questions are plain data");
+        line.push(b'\n');
+        client.write(&line, &mut waiting)?;
+        let answer = client.read_line(&mut waiting)?;
+        let answer = serde_json::from_slice(&answer);
+        let answer = answer.map_err(|source| ControlError::Answer { pool: pool.to_owned(), source })?;
+        Ok((client, answer))
     }
 
-    fn exchange(&mut self, question: &Ask) -> std::io::Result<Answer> {
-        let stream = self.stream.get_mut();
-        stream.set_read_timeout(Some(ANSWER_TIME))?;
-        let mut line = serde_json::to_vec(question)?;
-        line.push(b'\n');
-        stream.write_all(&line)?;
-        let mut answer = Vec::new();
-        (&mut self.stream).take(MAX_LINE as u64).read_until(b'\n', &mut answer)?;
-        if answer.last() != Some(&b'\n') {
-            return Err(ErrorKind::UnexpectedEof.into());
+    fn connect(place: &Place, waiting: &mut Waiting<'_>) -> Result<ControlClient, ControlError> {
+        let pool = waiting.pool.clone();
+        let unreachable =
+            |source| ControlError::Unreachable { pool: pool.clone(), socket: place.socket(&pool), source };
+        let stream = loop {
+            match try_connect(place, &pool) {
+                Ok(stream) => break stream,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    std::thread::sleep(waiting.slice()?.min(Duration::from_millis(10)));
+                }
+                Err(error) if is_absent(&error) => {
+                    return Err(ControlError::NoSuchPool { pool, running: running_pools(place) });
+                }
+                Err(source) => return Err(unreachable(source)),
+            }
+        };
+        let pid = peer_of(&stream).map_err(unreachable)?.pid;
+        Ok(ControlClient { stream, process: pid.and_then(watch_process), pid, place: place.clone(), pool })
+    }
+
+    fn write(&mut self, mut line: &[u8], waiting: &mut Waiting<'_>) -> Result<(), ControlError> {
+        while !line.is_empty() {
+            match self.stream.write(line) {
+                Ok(written) => line = &line[written..],
+                Err(error) => self.wait_after(error, PollFlags::OUT, waiting)?,
+            }
         }
-        Ok(serde_json::from_slice(&answer)?)
+        Ok(())
+    }
+
+    fn read_line(&mut self, waiting: &mut Waiting<'_>) -> Result<Vec<u8>, ControlError> {
+        let mut line = Vec::new();
+        let mut chunk = [0; 1 << 16];
+        while line.last() != Some(&b'\n') {
+            match self.stream.read(&mut chunk) {
+                Ok(0) => return Err(self.hung_up()),
+                Ok(read) => line.extend_from_slice(&chunk[..read]),
+                Err(error) => self.wait_after(error, PollFlags::IN, waiting)?,
+            }
+            if line.len() > MAX_ANSWER {
+                let source = std::io::Error::other(format!("it answers with more than {MAX_ANSWER} bytes"));
+                return Err(self.unreachable(source));
+            }
+        }
+        Ok(line)
+    }
+
+    /// After a read or write that could do nothing: waits for a slice, if waiting helps.
+    fn wait_after(
+        &self,
+        error: std::io::Error,
+        flags: PollFlags,
+        waiting: &mut Waiting<'_>,
+    ) -> Result<(), ControlError> {
+        match error.kind() {
+            ErrorKind::Interrupted => Ok(()),
+            ErrorKind::WouldBlock if self.process.as_ref().is_some_and(has_ended) => Err(self.gone()),
+            ErrorKind::WouldBlock => {
+                is_ready(&self.stream, flags, waiting.slice()?);
+                Ok(())
+            }
+            ErrorKind::BrokenPipe | ErrorKind::ConnectionReset => Err(self.hung_up()),
+            _ => Err(self.unreachable(error)),
+        }
+    }
+
+    fn unreachable(&self, source: std::io::Error) -> ControlError {
+        let socket = self.place.socket(&self.pool);
+        ControlError::Unreachable { pool: self.pool.clone(), socket, source }
+    }
+
+    fn gone(&self) -> ControlError {
+        ControlError::Gone { pool: self.pool.clone() }
+    }
+
+    /// What went wrong after it answered: if it has ended since, that is the cause.
+    pub(crate) fn cause_of(&self, error: ConnectError) -> ConnectError {
+        if self.is_alive() { error } else { self.gone().into() }
+    }
+
+    /// The supervisor closed the connection: because it ended, or although it lives on. A process closes its
+    /// files shortly before its end is visible.
+    fn hung_up(&self) -> ControlError {
+        let begin = Instant::now();
+        while begin.elapsed() < LAST_MOMENTS {
+            let ended = self.process.as_ref().is_some_and(has_ended);
+            if ended || try_connect(&self.place, &self.pool).is_err_and(|error| is_absent(&error)) {
+                return self.gone();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        ControlError::Closed { pool: self.pool.clone() }
     }
 
     /// Is the supervisor still there? Never blocks.
@@ -81,22 +278,16 @@ impl ControlClient {
         }
         let mut byte = [0u8; 1];
         let flags = rustix::net::RecvFlags::PEEK | rustix::net::RecvFlags::DONTWAIT;
-        match rustix::net::recv(self.stream.get_ref(), &mut byte[..], flags) {
+        match rustix::net::recv(&self.stream, &mut byte[..], flags) {
             Ok((received, _)) => received > 0,
             Err(e) => matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR),
         }
     }
 }
 
-/// Is this process over? Never blocks.
-pub(crate) fn has_ended(process: &OwnedFd) -> bool {
-    let mut fds = [PollFd::new(process, PollFlags::IN)];
-    poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })).is_ok_and(|ready| ready > 0)
-}
-
 impl Drop for ControlClient {
     /// Says good-bye at once, even if a forked child still holds a copy of the socket.
     fn drop(&mut self) {
-        let _ = self.stream.get_ref().shutdown(std::net::Shutdown::Both);
+        let _ = self.stream.shutdown(std::net::Shutdown::Both);
     }
 }

@@ -10,8 +10,11 @@ use smaclite_pool::{Autoreset, LaneFigures};
 /// Counts up when a question or answer changes.
 pub const PROTOCOL_VERSION: u32 = 1;
 
-/// The longest line either side reads.
-pub(crate) const MAX_LINE: usize = 1 << 20;
+/// The longest question that a supervisor reads; the longest real one names a lane.
+pub(crate) const MAX_QUESTION: usize = 1 << 16;
+
+/// The longest answer that a client reads: the status of more lanes than a process has file descriptors for.
+pub(crate) const MAX_ANSWER: usize = 1 << 30;
 
 /// A question to a supervisor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -71,8 +74,20 @@ pub enum Refusal {
     Version { supervisor: u32, client: u32 },
     #[error("lane `{lane}` failed and serves no more: {text}")]
     LaneFailed { lane: String, text: String },
+    #[error(
+        "this process runs in another process namespace than pool `{pool}`, which could not notice its end; run both \
+         in the same one (`docker run --pid=container:NAME`)"
+    )]
+    OtherNamespace { pool: String },
     #[error("not understood: {what}")]
     Malformed { what: String },
+}
+
+impl Refusal {
+    /// An answer that does not belong to the question.
+    pub(crate) fn unexpected(answer: &Answer) -> Refusal {
+        Refusal::Malformed { what: format!("unexpected answer {answer:?}") }
+    }
 }
 
 fn names(lanes: &[String]) -> String {

@@ -1,14 +1,15 @@
 //! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when a
 //! learner's process ends, and has iceoryx2 take back what dead processes left.
 
-use super::client::has_ended;
+use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
-    Answer, Ask, LaneDescription, LaneStatus, MAX_LINE, PROTOCOL_VERSION, PoolStatus, Refusal,
+    Answer, Ask, LaneDescription, LaneStatus, MAX_QUESTION, PROTOCOL_VERSION, PoolStatus, Refusal,
 };
 use crate::services::{Guest, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use smaclite_pool::{LaneFigures, Pool};
+use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -17,8 +18,12 @@ use std::time::{Duration, Instant};
 /// How often dead processes are looked for; nothing else does it for us.
 const LOOK_AROUND: Duration = Duration::from_millis(100);
 
-/// Connections at once: enough for any pool, too few to use up the process's file descriptors.
-const MAX_CONNECTIONS: usize = 512;
+/// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too
+/// few to use up the process's file descriptors. Learners and spectators have limits of their own.
+const MAX_VISITORS: usize = 128;
+
+/// Of these, how many one process may have, so that it cannot drive out the others.
+const MAX_VISITORS_OF_A_PROCESS: usize = 32;
 
 /// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use go, and
 /// the node goes last.
@@ -59,11 +64,18 @@ impl HostedLane {
 }
 
 struct Connection {
+    /// Non-blocking.
     stream: UnixStream,
-    pid: u32,
-    /// Readable when the process ends, even if a forked child keeps the socket open.
+    /// The peer's process; `None` if it is in another process namespace.
+    pid: Option<u32>,
+    /// Readable when the process of a learner or spectator ends, even if a forked child keeps the socket
+    /// open.
     process: Option<OwnedFd>,
     received: Vec<u8>,
+    /// What is still to be written of the last answer. Until then no other question is read.
+    unwritten: VecDeque<u8>,
+    /// When it last did something.
+    active: Instant,
     role: Role,
 }
 
@@ -75,7 +87,7 @@ enum Role {
     Spectator(usize),
 }
 
-/// Serves until `stop` is closed by the other end.
+/// Serves until `stop` is shut down at the other end.
 pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
@@ -92,10 +104,13 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
         }
         if ready.listener {
             match listener.accept() {
-                Ok((stream, _)) => connections
-                    .extend(Connection::new(stream).filter(|_| connections.len() < MAX_CONNECTIONS)),
-                // Out of file descriptors, it would be ready again at once.
-                Err(_) => std::thread::sleep(Duration::from_millis(10)),
+                Ok((stream, _)) => admit(&mut connections, stream),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                // Out of file descriptors; it would be ready again at once.
+                Err(_) => {
+                    close_idlest(&mut connections, 0, |_| true);
+                    std::thread::sleep(Duration::from_millis(10));
+                }
             }
         }
         if last_look.elapsed() >= LOOK_AROUND {
@@ -103,6 +118,26 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
             host.guest.node.try_cleanup_dead_nodes();
             host.measure();
         }
+    }
+}
+
+/// Takes a new connection in, in the place of an idle one if there are too many.
+fn admit(connections: &mut Vec<Connection>, stream: UnixStream) {
+    let Some(connection) = Connection::new(stream) else { return };
+    let pid = connection.pid;
+    close_idlest(connections, MAX_VISITORS_OF_A_PROCESS - 1, |other| other.pid == pid);
+    close_idlest(connections, MAX_VISITORS - 1, |_| true);
+    connections.push(connection);
+}
+
+/// If more than `limit` visitors are of that kind, closes the one that has been idle for longest.
+fn close_idlest(connections: &mut Vec<Connection>, limit: usize, kind: impl Fn(&Connection) -> bool) {
+    let visitors = connections.iter().enumerate().filter(|(_, c)| c.role == Role::None && kind(c));
+    if visitors.clone().count() > limit
+        && let Some((index, _)) = visitors.min_by_key(|(_, c)| c.active)
+    {
+        tracing::debug!(pid = connections[index].pid, "idle connection closed in favour of another");
+        connections.swap_remove(index);
     }
 }
 
@@ -116,7 +151,8 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
     let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
     let mut owner = Vec::new();
     for (index, connection) in connections.iter().enumerate() {
-        fds.push(PollFd::new(&connection.stream, PollFlags::IN));
+        let wanted = if connection.unwritten.is_empty() { PollFlags::IN } else { PollFlags::OUT };
+        fds.push(PollFd::new(&connection.stream, wanted));
         owner.push(index);
         if let Some(process) = &connection.process {
             fds.push(PollFd::new(process, PollFlags::IN));
@@ -132,62 +168,84 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
     Ready { stop: happened(&fds[0]), listener: happened(&fds[1]), connections }
 }
 
+impl Drop for Connection {
+    /// Hangs up at once, even if a forked child of this process holds a copy of the socket.
+    fn drop(&mut self) {
+        let _ = self.stream.shutdown(std::net::Shutdown::Both);
+    }
+}
+
 impl Connection {
     /// `None` for a process of another user, should one get past the folder's permissions.
     fn new(stream: UnixStream) -> Option<Connection> {
-        let peer = rustix::net::sockopt::socket_peercred(&stream).ok()?;
-        if peer.uid != rustix::process::getuid() {
-            tracing::warn!(uid = peer.uid.as_raw(), "connection of another user refused");
+        let peer = peer_of(&stream).ok()?;
+        if peer.uid != rustix::process::getuid().as_raw() {
+            tracing::warn!(uid = peer.uid, "connection of another user refused");
             return None;
         }
         stream.set_nonblocking(true).ok()?;
-        let process = rustix::process::pidfd_open(peer.pid, rustix::process::PidfdFlags::empty()).ok();
-        let pid = peer.pid.as_raw_nonzero().get() as u32;
-        Some(Connection { stream, pid, process, received: Vec::new(), role: Role::None })
+        let (received, unwritten) = (Vec::new(), VecDeque::new());
+        let (pid, process, active, role) = (peer.pid, None, Instant::now(), Role::None);
+        Some(Connection { stream, pid, process, received, unwritten, active, role })
     }
 
     fn process_ended(&self) -> bool {
         self.process.as_ref().is_some_and(has_ended)
     }
 
-    /// Reads what is there; `false` when the peer hung up.
+    /// Reads some of what is there; `false` when the peer hung up or asks too long a question.
     fn read(&mut self) -> bool {
         let mut chunk = [0u8; 4096];
-        loop {
-            match self.stream.read(&mut chunk) {
-                Ok(0) => return false,
-                Ok(n) if self.received.len() + n > MAX_LINE => return false,
-                Ok(n) => self.received.extend_from_slice(&chunk[..n]),
-                Err(e) => return matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
+        match self.stream.read(&mut chunk) {
+            Ok(0) => false,
+            Ok(n) => {
+                self.received.extend_from_slice(&chunk[..n]);
+                self.received.len() <= MAX_QUESTION
             }
+            Err(e) => matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
         }
     }
 
-    fn expect_no_role(&self) -> Result<(), Refusal> {
-        match self.role {
-            Role::None => Ok(()),
-            _ => Err(Refusal::Malformed { what: "this connection has a lane already".to_owned() }),
+    /// Writes as much of the last answer as the peer has room for; `false` when it hung up.
+    fn write(&mut self) -> bool {
+        while !self.unwritten.is_empty() {
+            match self.stream.write(self.unwritten.as_slices().0) {
+                Ok(n) => drop(self.unwritten.drain(..n)),
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return e.kind() == ErrorKind::WouldBlock,
+            }
         }
+        true
+    }
+
+    /// The peer becomes the learner or spectator of a lane: from now on the end of its process counts.
+    fn take_role(&mut self, role: Role) {
+        self.process = self.pid.and_then(watch_process);
+        self.role = role;
     }
 
     fn next_line(&mut self) -> Option<Vec<u8>> {
         let end = self.received.iter().position(|b| *b == b'\n')?;
         Some(self.received.drain(..=end).collect())
     }
-
-    /// `false` when the peer does not read its answers.
-    fn answer(&mut self, answer: &Answer) -> bool {
-        let mut line = serde_json::to_vec(answer).expect("answers are plain data");
-        line.push(b'\n');
-        self.stream.write_all(&line).is_ok()
-    }
 }
 
 impl Host {
-    /// Answers what a connection asked; `false` when it is over.
+    /// Answers what a connection asked, one question after the other has been answered in full; `false` when
+    /// it is over.
     fn converse(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
-        let open = connection.read() && !connection.process_ended();
-        while let Some(line) = connection.next_line() {
+        connection.active = Instant::now();
+        let reads = connection.unwritten.is_empty();
+        let open = (!reads || connection.read()) && !connection.process_ended();
+        loop {
+            if !connection.write() {
+                return false;
+            }
+            if !connection.unwritten.is_empty() {
+                // A visitor may be done with asking, and still read.
+                return open || connection.role == Role::None;
+            }
+            let Some(line) = connection.next_line() else { return open };
             let answer = match serde_json::from_slice::<Ask>(&line) {
                 Ok(Ask::Status) => Answer::Status(self.status()),
                 Ok(Ask::Watch { lane }) => self.watch(connection, lane).unwrap_or_else(Answer::Refused),
@@ -196,11 +254,10 @@ impl Host {
                 }
                 Err(error) => Answer::Refused(Refusal::Malformed { what: error.to_string() }),
             };
-            if !connection.answer(&answer) {
-                return false;
-            }
+            let mut line = serde_json::to_vec(&answer).expect("answers are plain data");
+            line.push(b'\n');
+            connection.unwritten = line.into();
         }
-        open
     }
 
     fn attach(
@@ -213,7 +270,7 @@ impl Host {
         if version != PROTOCOL_VERSION {
             return Err(Refusal::Version { supervisor: PROTOCOL_VERSION, client: version });
         }
-        connection.expect_no_role()?;
+        let pid = self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let name = lane.description.lane.clone();
@@ -224,15 +281,15 @@ impl Host {
             return Err(Refusal::LaneFailed { lane: name, text: text.to_owned() });
         }
         *sessions += 1;
-        lane.holder = Some(connection.pid);
-        connection.role = Role::Learner(index);
+        lane.holder = Some(pid);
+        connection.take_role(Role::Learner(index));
         self.pool.set_session(index, Some(*sessions));
-        tracing::info!(lane = name, pid = connection.pid, "learner attached");
+        tracing::info!(lane = name, pid, "learner attached");
         Ok(Answer::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
     }
 
     fn watch(&mut self, connection: &mut Connection, lane: Option<String>) -> Result<Answer, Refusal> {
-        connection.expect_no_role()?;
+        self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let limit = lane.description.capacity.spectators;
@@ -240,8 +297,16 @@ impl Host {
             return Err(Refusal::TooManySpectators { lane: lane.description.lane.clone(), limit });
         }
         lane.spectators += 1;
-        connection.role = Role::Spectator(index);
+        connection.take_role(Role::Spectator(index));
         Ok(Answer::Lane(Box::new(lane.description.clone())))
+    }
+
+    /// The process of a connection that may become a learner or spectator.
+    fn candidate(&self, connection: &Connection) -> Result<u32, Refusal> {
+        if connection.role != Role::None {
+            return Err(Refusal::Malformed { what: "this connection has a lane already".to_owned() });
+        }
+        connection.pid.ok_or_else(|| Refusal::OtherNamespace { pool: self.name.clone() })
     }
 
     fn find(&self, lane: Option<String>) -> Result<usize, Refusal> {

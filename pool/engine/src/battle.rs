@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::arena::Arena;
 use crate::command::{Command, IllegalAction};
 use crate::encode::{self, Available};
+use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::scratch::Scratch;
 use crate::snapshot::{Snapshot, SnapshotError};
@@ -20,6 +21,7 @@ pub struct Battle {
     arena: Arc<Arena>,
     units: Units,
     living: Living,
+    neighbour_order: NeighbourOrder,
     last_actions: Vec<Option<u32>>,
     available: Available,
     generator: Generator,
@@ -74,6 +76,7 @@ impl Battle {
             arena,
             units: Units::default(),
             living: Living::default(),
+            neighbour_order: NeighbourOrder::default(),
             last_actions: Vec::new(),
             generator: Generator::new(seed),
             episode_length: 0,
@@ -96,6 +99,7 @@ impl Battle {
     /// Begins a new episode. The generator goes on where it was.
     pub fn reset(&mut self) {
         self.units.reset(&self.arena);
+        self.neighbour_order.reset(&self.arena, &self.units);
         refill(&mut self.last_actions, self.arena.agents.iter().map(|_| None));
         self.episode_length = 0;
         self.episode_return = 0.0;
@@ -174,6 +178,7 @@ impl Battle {
                 arena: &self.arena,
                 units: &mut self.units,
                 living: &mut self.living,
+                neighbour_order: &mut self.neighbour_order,
                 plan: &mut scratch.plan,
             };
             let earned_now = tick::run(world);
@@ -331,6 +336,7 @@ impl Battle {
     pub fn save(&self) -> Snapshot {
         Snapshot {
             units: self.units.clone(),
+            neighbour_order: self.neighbour_order.clone(),
             last_actions: self.last_actions.clone(),
             generator: self.generator.clone(),
             episode_length: self.episode_length,
@@ -345,6 +351,7 @@ impl Battle {
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
         snapshot.check(&self.arena)?;
         self.units.clone_from(&snapshot.units);
+        self.neighbour_order.clone_from(&snapshot.neighbour_order);
         self.last_actions.clone_from(&snapshot.last_actions);
         self.generator = snapshot.generator.clone();
         self.episode_length = snapshot.episode_length;

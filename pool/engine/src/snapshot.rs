@@ -1,8 +1,10 @@
 //! A battle at rest between two steps, as plain data, and the check that it fits an arena.
 
+use smaclite_units::Plane;
 use thiserror::Error;
 
 use crate::arena::{Arena, Kind};
+use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
 use crate::units::Units;
 
@@ -11,6 +13,8 @@ use crate::units::Units;
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,
+    /// The order of equally near neighbours. After a change of who is alive, make it by [`NeighbourOrder::new`].
+    pub neighbour_order: NeighbourOrder,
     /// The last action of each agent; `None` after a reset.
     pub last_actions: Vec<Option<u32>>,
     /// The generator of execution orders.
@@ -68,6 +72,17 @@ pub enum SnapshotError {
         /// How many actions there are.
         n_actions: usize,
     },
+    /// The neighbour order is not one of the living units.
+    #[error(
+        "snapshot field 'neighbour_order': list and slots of plane {plane} must each hold every living unit of that \
+         plane exactly once, got {given:?}"
+    )]
+    NeighbourOrder {
+        /// The plane.
+        plane: Plane,
+        /// Its orders.
+        given: PlaneOrder,
+    },
     /// The return is not a number.
     #[error("snapshot field 'episode_return' is {value}, which is not finite")]
     Return {
@@ -90,6 +105,7 @@ impl Snapshot {
         let columns = [
             ("pos", units.pos.len(), n_units),
             ("vel", units.vel.len(), n_units),
+            ("planned_vel", units.planned_vel.len(), n_units),
             ("hp", units.hp.len(), n_units),
             ("shield", units.shield.len(), n_units),
             ("energy", units.energy.len(), n_units),
@@ -98,6 +114,7 @@ impl Snapshot {
             ("healing", units.healing.len(), n_units),
             ("alive", units.alive.len(), n_units),
             ("target", units.target.len(), n_units),
+            ("declared", units.declared.len(), n_units),
             ("last_actions", self.last_actions.len(), n_agents),
         ];
         match columns.into_iter().find(|(_, given, expected)| given != expected) {
@@ -111,12 +128,15 @@ impl Snapshot {
         for (id, unit) in arena.unit_ids().zip(0..) {
             let kind: &Kind = arena.kind(id);
             let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
+            let planned_vel = units.planned_vel[unit].as_dvec2();
             let anything = f64::from(f32::MAX);
             let figures = [
                 ("pos", pos.x, -anything, anything),
                 ("pos", pos.y, -anything, anything),
                 ("vel", vel.x, -anything, anything),
                 ("vel", vel.y, -anything, anything),
+                ("planned_vel", planned_vel.x, -anything, anything),
+                ("planned_vel", planned_vel.y, -anything, anything),
                 ("hp", units.hp[unit], 0.0, kind.hp),
                 ("shield", units.shield[unit], 0.0, kind.shield),
                 ("energy", units.energy[unit], 0.0, kind.energy),
@@ -143,6 +163,10 @@ impl Snapshot {
             if let Some(target) = target.filter(|&target| target as usize >= n_units) {
                 return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
             }
+        }
+        if let Some(plane) = self.neighbour_order.wrong_plane(arena, &self.units) {
+            let given = self.neighbour_order.planes[plane as usize].clone();
+            return Err(SnapshotError::NeighbourOrder { plane, given });
         }
         for (agent, &action) in self.last_actions.iter().enumerate() {
             if let Some(action) = action.filter(|&action| action as usize >= n_actions) {

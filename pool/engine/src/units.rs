@@ -13,8 +13,11 @@ use crate::arena::Arena;
 pub struct Units {
     /// Position in terrain squares; x grows east, y north.
     pub pos: Vec<Vec2>,
-    /// Velocity in the last tick, in squares per second.
+    /// Velocity with which the unit last moved, in squares per second.
     pub vel: Vec<Vec2>,
+    /// Velocity planned for the last tick, which other units assume that it has. It is `vel` but for a unit that was
+    /// killed before it could move, and healed to life in the same tick (R2).
+    pub planned_vel: Vec<Vec2>,
     /// Health, from 0 to the type's maximum.
     pub hp: Vec<f64>,
     /// Shield, from 0 to the type's maximum.
@@ -31,6 +34,9 @@ pub struct Units {
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,
+    /// Whether the unit holds an attack that it declared and has not executed. Between ticks only a unit does that
+    /// was killed before its turn and healed to life in the same tick (R4).
+    pub declared: Vec<bool>,
 }
 
 impl Units {
@@ -39,6 +45,7 @@ impl Units {
         let kinds = || arena.unit_ids().map(|id| arena.kind(id));
         refill(&mut self.pos, arena.starts.iter().copied());
         refill(&mut self.vel, kinds().map(|_| Vec2::ZERO));
+        refill(&mut self.planned_vel, kinds().map(|_| Vec2::ZERO));
         refill(&mut self.hp, kinds().map(|kind| kind.hp));
         refill(&mut self.shield, kinds().map(|kind| kind.shield));
         refill(&mut self.energy, kinds().map(|kind| kind.initial_energy));
@@ -47,6 +54,7 @@ impl Units {
         }
         refill(&mut self.alive, kinds().map(|_| true));
         refill(&mut self.target, kinds().map(|_| None));
+        refill(&mut self.declared, kinds().map(|_| false));
     }
 
     /// Whether the unit still has health. In the middle of a tick that is not the same as `alive`.

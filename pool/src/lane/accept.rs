@@ -66,9 +66,13 @@ struct Checking<'a> {
 impl<T: Transport> Lane<T> {
     /// Accepts the next request, if there is one, and gives its entries to `share_out`. `false` if there was none.
     pub(crate) fn accept(&self, share_out: impl FnOnce(&[Entry])) -> bool {
-        let mut intake = lock(&self.intake);
-        let intake = &mut *intake;
-        let Some(message) = intake.inlet.receive() else { return false };
+        let mut guard = lock(&self.intake);
+        let intake = &mut *guard;
+        let message = intake.inlet.receive().unwrap_or_else(|error| {
+            tracing::warn!(lane = self.name, error, "requests could not be received");
+            None
+        });
+        let Some(message) = message else { return false };
         let request = match message.request() {
             Ok(request) => request,
             Err(rejection) => {
@@ -98,7 +102,8 @@ impl<T: Transport> Lane<T> {
             }
             Err(rejection) => {
                 self.give_up(&intake.accepted);
-                self.reject(request.number, &rejection);
+                drop(guard); // the answer may wait for a frame, the control thread must not
+                self.reject(&request, &rejection);
             }
         }
         true

@@ -14,12 +14,16 @@ use crate::outbox::{Claim, Outbox};
 use crate::rejection::Rejection;
 use crate::seat::{Autoreset, Seat, Tally};
 use crate::sync::{Mutex, lock};
-use crate::transport::{Round, Transport};
+use crate::transport::{Request, Round, Transport};
 use accept::Intake;
 use figures::Counters;
 use smaclite_engine::{Scratch, Sizes, Step};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+/// How long to wait for a frame. Memory that a dead process held comes back within 100 ms.
+const RECLAIM_TIME: Duration = Duration::from_secs(2);
 
 /// How to build a lane.
 pub struct LaneSpec {
@@ -53,6 +57,7 @@ impl LaneSpec {
 }
 
 pub(crate) struct Lane<T: Transport> {
+    name: String,
     num_envs: usize,
     seed: u64,
     autoreset: Autoreset,
@@ -65,18 +70,20 @@ pub(crate) struct Lane<T: Transport> {
 }
 
 impl<T: Transport> Lane<T> {
-    pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Self {
-        Lane {
+    /// An error is the transport's, which has no frame.
+    pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Result<Self, String> {
+        Ok(Lane {
+            name: spec.name.clone(),
             num_envs: spec.num_envs,
             seed: spec.seed,
             autoreset: spec.autoreset,
             layout: spec.layout(),
             seats: (0..spec.num_envs).map(|i| Mutex::new(Seat::new((spec.make)(i)))).collect(),
             intake: Mutex::new(Intake::new(inlet)),
-            outbox: Mutex::new(Outbox::new(outlet, spec.batch_size)),
+            outbox: Mutex::new(Outbox::new(outlet, spec.batch_size)?),
             failure: OnceLock::new(),
             counters: Counters::default(),
-        }
+        })
     }
 
     pub(crate) fn num_envs(&self) -> usize {
@@ -109,12 +116,29 @@ impl<T: Transport> Lane<T> {
         self.seats.iter().for_each(|seat| lock(seat).busy = None);
     }
 
-    fn reject(&self, request: u64, rejection: &Rejection) {
+    /// Answers a request with the reason why it was refused. May wait for a frame: the caller holds no lock.
+    fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
         tracing::debug!(%rejection, "request rejected");
         self.counters.rejected();
-        let text = serde_json::to_vec(rejection).expect("a rejection is plain data");
-        if let Err(error) = lock(&self.outbox).report(request, &text) {
-            tracing::error!(%error, "a rejection could not be sent");
+        let text = text_of(rejection);
+        let sent = self.when_a_frame_is_there(|outbox| outbox.report(request.session, request.number, &text));
+        sent.unwrap_or_else(|error| self.fail(error));
+    }
+
+    /// Retries what needs a frame for as long as there is none, up to [`RECLAIM_TIME`]. The lane's memory
+    /// suffices by calculation, but what a killed learner held comes back only when the control thread cleans
+    /// up after it, and for that it may need any lock of this lane. So the caller holds none.
+    fn when_a_frame_is_there<R>(
+        &self,
+        mut attempt: impl FnMut(&mut Outbox<T::Outlet>) -> Result<R, String>,
+    ) -> Result<R, String> {
+        let mut begin = None; // a clock is read only where there is no frame
+        loop {
+            let outcome = attempt(&mut lock(&self.outbox));
+            if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= RECLAIM_TIME {
+                return outcome;
+            }
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 
@@ -144,7 +168,7 @@ impl<T: Transport> Lane<T> {
     /// Synchronous: all slots of the run are claimed at once, since environment i has slot i of the one open frame.
     fn serve_run(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
         let Some(first) = run.first() else { return Ok(()) };
-        let claim = lock(&self.outbox).claim(first.round, run.len())?;
+        let claim = self.when_a_frame_is_there(|outbox| outbox.claim(first.round, run.len()))?;
         for entry in run {
             self.serve_seat(entry, scratch, tally, |env| Ok(claim.map(|claim| (claim, env))))?;
         }
@@ -155,8 +179,10 @@ impl<T: Transport> Lane<T> {
     /// Asynchronous: whoever finishes first gets the next slot.
     fn serve_each(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
         for entry in run {
-            let claim_slot =
-                |_| Ok(lock(&self.outbox).claim(entry.round, 1)?.map(|claim| (claim, claim.first)));
+            let claim_slot = |_| {
+                let claim = self.when_a_frame_is_there(|outbox| outbox.claim(entry.round, 1))?;
+                Ok(claim.map(|claim| (claim, claim.first)))
+            };
             let claim = self.serve_seat(entry, scratch, tally, claim_slot)?;
             claim.into_iter().for_each(|claim| self.finish(claim));
         }
@@ -171,10 +197,12 @@ impl<T: Transport> Lane<T> {
         claim_slot: impl FnOnce(usize) -> Result<Option<(Claim, usize)>, String>,
     ) -> Result<Option<Claim>, String> {
         let env = entry.env as usize;
-        let mut seat = lock(&self.seats[env]);
-        let step: Option<Step> = seat.run(entry.task, self.autoreset, scratch);
+        let step: Option<Step> = lock(&self.seats[env]).run(entry.task, self.autoreset, scratch);
         tally.count(step);
-        let Some((claim, index)) = claim_slot(env)? else {
+        // Meanwhile a new round may give the seat another task, but only this worker carries it out.
+        let claimed = claim_slot(env)?;
+        let mut seat = lock(&self.seats[env]);
+        let Some((claim, index)) = claimed else {
             seat.forgo(self.autoreset);
             return Ok(None);
         };
@@ -196,10 +224,15 @@ impl<T: Transport> Lane<T> {
 
     /// Takes the lane out of service; its learner is told, other lanes go on.
     pub(crate) fn fail(&self, text: String) {
-        tracing::error!(text, "lane failed");
-        let text = self.failure.get_or_init(|| text).clone();
-        self.reject(0, &Rejection::LaneFailed { text });
+        tracing::error!(lane = self.name, text, "lane failed");
+        if self.failure.set(text.clone()).is_ok() {
+            lock(&self.outbox).report_failure(&text_of(&Rejection::LaneFailed { text }));
+        }
     }
+}
+
+fn text_of(rejection: &Rejection) -> Vec<u8> {
+    serde_json::to_vec(rejection).expect("a rejection is plain data")
 }
 
 pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {

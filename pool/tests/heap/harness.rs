@@ -8,6 +8,7 @@ use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Doorbell, RequestKind};
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, Wait};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Long enough for valgrind and Miri; only a test that fails waits for it.
@@ -167,6 +168,16 @@ impl Learner {
         let (request, rejection) = self.frame().rejection().expect("a rejection, not a batch");
         assert_eq!(request, self.number, "{rejection}");
         rejection
+    }
+
+    /// Takes the lane's frames away, or gives them back.
+    pub fn set_shortage(&self, on: bool) {
+        self.ends.shortage.on.store(on, Ordering::SeqCst);
+    }
+
+    /// Waits until a worker asks for a frame in vain.
+    pub fn wait_for_shortage(&self) {
+        settle("a worker wants a frame", || self.ends.shortage.refused.load(Ordering::SeqCst) > 0);
     }
 
     /// Is there nothing to receive?

@@ -6,6 +6,7 @@ mod harness;
 mod lanes;
 mod refusals;
 mod rounds;
+mod shortage;
 mod stepping;
 mod transport;
 

@@ -7,7 +7,7 @@ use smaclite_pool::transport::{
     Content, Doorbell, Inlet, Message, Outlet, Request, RequestKind, Round, Transport,
 };
 use smaclite_pool::{LaneSpec, Rejection};
-use std::sync::atomic::AtomicI32;
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -58,10 +58,10 @@ pub struct HeapInlet(Receiver<HeapMessage>);
 impl Inlet for HeapInlet {
     type Message = Received;
 
-    fn receive(&mut self) -> Option<Received> {
-        let message = self.0.try_recv().ok()?;
+    fn receive(&mut self) -> Result<Option<Received>, String> {
+        let Ok(message) = self.0.try_recv() else { return Ok(None) };
         let atomics = |values: &[i32]| values.iter().map(|v| AtomicI32::new(*v)).collect();
-        Some(Received { env_ids: atomics(&message.env_ids), actions: atomics(&message.actions), message })
+        Ok(Some(Received { env_ids: atomics(&message.env_ids), actions: atomics(&message.actions), message }))
     }
 }
 
@@ -85,10 +85,19 @@ impl Memory {
     }
 }
 
+/// While it is on, an outlet has no frames to fill.
+#[derive(Default)]
+pub struct Shortage {
+    pub on: AtomicBool,
+    /// How often a frame was asked for in vain.
+    pub refused: AtomicUsize,
+}
+
 /// A lane's frames.
 pub struct HeapOutlet {
     frames: Sender<Frame>,
     len: usize,
+    shortage: Arc<Shortage>,
 }
 
 // SAFETY: a loan owns its vector, which is not resized; moving the loan does not move what the vector points to.
@@ -97,6 +106,10 @@ unsafe impl Outlet for HeapOutlet {
     type Loan = Memory;
 
     fn loan(&mut self) -> Result<Memory, String> {
+        if self.shortage.on.load(Ordering::SeqCst) {
+            self.shortage.refused.fetch_add(1, Ordering::SeqCst);
+            return Err("all frames are in use".to_owned());
+        }
         Ok(Memory::new(self.len))
     }
 
@@ -157,6 +170,8 @@ pub struct Ends {
     pub requests: Sender<HeapMessage>,
     /// Where frames come from.
     pub frames: Receiver<Frame>,
+    /// Takes the lane's frames away.
+    pub shortage: Arc<Shortage>,
 }
 
 /// What [`smaclite_pool::Pool::start`] takes for a lane, and the learner's ends of it.
@@ -164,5 +179,7 @@ pub fn lane(spec: LaneSpec) -> ((LaneSpec, HeapInlet, HeapOutlet), Ends) {
     let (requests, inlet) = channel();
     let (outlet, frames) = channel();
     let len = spec.layout().bytes();
-    ((spec, HeapInlet(inlet), HeapOutlet { frames: outlet, len }), Ends { requests, frames })
+    let shortage = Arc::new(Shortage::default());
+    let outlet = HeapOutlet { frames: outlet, len, shortage: Arc::clone(&shortage) };
+    ((spec, HeapInlet(inlet), outlet), Ends { requests, frames, shortage })
 }

@@ -50,9 +50,10 @@ struct RawMessage {
 impl Inlet for RawInlet {
     type Message = RawMessage;
 
-    fn receive(&mut self) -> Option<RawMessage> {
-        let (header, words, len) = self.messages.try_recv().ok()?;
-        Some(RawMessage { header, words, len, layout: self.layout.clone() })
+    fn receive(&mut self) -> Result<Option<RawMessage>, String> {
+        let message = self.messages.try_recv().ok();
+        let layout = &self.layout;
+        Ok(message.map(|(header, words, len)| RawMessage { header, words, len, layout: layout.clone() }))
     }
 }
 

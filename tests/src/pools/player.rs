@@ -82,7 +82,7 @@ impl Player {
     /// # Errors
     /// The client's, or a wrong frame.
     pub fn reset(&mut self, seed: Option<u64>, timeout: Duration) -> Result<(), Trouble> {
-        self.client.send_reset(seed, None)?;
+        self.client.send_reset(seed, None, Patience::forever())?;
         self.replay.reset_all(seed);
         self.ready.clear();
         self.sequence = 0; // the client leaves out what is still to come of before
@@ -96,7 +96,7 @@ impl Player {
     /// # Errors
     /// The client's.
     pub fn send_reset(&mut self, envs: &[i32], seed: Option<u64>) -> Result<(), Trouble> {
-        self.client.send_reset(seed, Some(envs))?;
+        self.client.send_reset(seed, Some(envs), Patience::forever())?;
         if self.synchronous {
             self.ready.drain(..).for_each(|env| self.replay.observe(env as usize));
         } else {
@@ -125,7 +125,7 @@ impl Player {
             self.replay.step(*env as usize, row);
         }
         let ids = if self.synchronous { None } else { Some(envs) };
-        Ok(self.client.send(&actions, ids)?)
+        Ok(self.client.send(&actions, ids, Patience::forever())?)
     }
 
     /// Receives a batch and compares it.

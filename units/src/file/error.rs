@@ -44,29 +44,52 @@ pub enum FileError {
         expected: String,
     },
     /// A value of the wrong type, out of range or at odds with another one.
-    #[error("{file}: `{key}` is {value}, but should be {expected}")]
+    #[error("{file}: {} is {value}, but should be {expected}", if key.is_empty() {
+        "the whole file".into()
+    } else {
+        format!("`{key}`")
+    })]
     Invalid {
         /// The file as it was named.
         file: String,
-        /// Path of the key in the file.
+        /// Path of the key in the file; empty for the file's whole content.
         key: String,
         /// The value as the file has it, shortened if long.
         value: String,
         /// What would be right.
         expected: String,
     },
+    /// A value that is at odds with the rest of the file.
+    #[error("{file}: `{key}` {conflict}")]
+    Conflict {
+        /// The file as it was named.
+        file: String,
+        /// Path of the key in the file.
+        key: String,
+        /// What the value does, and what it is at odds with.
+        conflict: String,
+    },
 }
 
 /// ``did you mean `hp`?`` if one of the valid words is near to `word`, else the list of them all.
 pub fn did_you_mean<'a>(word: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
     let valid: Vec<&str> = valid.into_iter().collect();
+    match nearest(word, &valid) {
+        Some(nearest) => format!("did you mean `{nearest}`?"),
+        None => format!("valid are {}", valid.join(", ")),
+    }
+}
+
+/// The valid word that `word` is a slip of, if there is one.
+pub(super) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
+    // More than a third of the letters wrong is another word, not a slip.
+    let most_slips = |candidate: &str| (candidate.len() / 3).max(1);
+    let length = word.chars().count();
+    // The lengths of two words differ by no more than their distance, which takes long to work out for long
+    // words.
+    let similar = valid.iter().filter(|candidate| candidate.len().abs_diff(length) <= most_slips(candidate));
     let lower = word.to_lowercase();
     let distance = |candidate: &str| strsim::damerau_levenshtein(&lower, &candidate.to_lowercase());
-    match valid.iter().map(|candidate| (distance(candidate), *candidate)).min() {
-        // More than a third of the letters wrong is another word, not a slip.
-        Some((distance, nearest)) if distance <= (nearest.len() / 3).max(1) => {
-            format!("did you mean `{nearest}`?")
-        }
-        _ => format!("valid are {}", valid.join(", ")),
-    }
+    let (distance, nearest) = similar.map(|candidate| (distance(candidate), *candidate)).min()?;
+    (distance <= most_slips(nearest)).then_some(nearest)
 }

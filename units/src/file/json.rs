@@ -1,6 +1,6 @@
 //! A JSON value whose objects keep their order and refuse a key given twice.
 
-use super::FileError;
+use super::{FileError, shortened};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::collections::HashSet;
 use std::fmt;
@@ -48,10 +48,7 @@ impl fmt::Display for Json {
             // Debug, since Display would write 1e300 with all of its zeros.
             Json::Number(value) if value.abs() >= 1e15 => write!(f, "{value:?}"),
             Json::Number(value) => write!(f, "{value}"),
-            Json::String(value) if value.chars().count() > 60 => {
-                write!(f, "{:?}...", value.chars().take(60).collect::<String>())
-            }
-            Json::String(value) => write!(f, "{value:?}"),
+            Json::String(value) => write!(f, "\"{}\"", shortened(value)),
             Json::Array(items) => write!(f, "a list of length {}", items.len()),
             Json::Object(entries) => write!(f, "an object of size {}", entries.len()),
         }
@@ -110,7 +107,7 @@ impl<'de> Visitor<'de> for JsonVisitor {
         let mut seen = HashSet::new();
         while let Some((key, value)) = entries.next_entry::<String, Json>()? {
             if !seen.insert(key.clone()) {
-                return Err(A::Error::custom(format_args!("key `{key}` is given twice")));
+                return Err(A::Error::custom(format_args!("key `{}` is given twice", shortened(&key))));
             }
             object.push((key, value));
         }

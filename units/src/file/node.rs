@@ -1,6 +1,7 @@
 //! A value together with its place in the file, so that every complaint can say where it is.
 
-use super::{FileError, Json, did_you_mean};
+use super::error::nearest;
+use super::{FileError, Json, did_you_mean, shortened};
 use crate::Word;
 
 /// The range a number must lie in; `above` excludes `from` itself.
@@ -63,17 +64,17 @@ impl<'a> Node<'a> {
 
     /// The complaint that this value is not what it should be.
     pub fn invalid(&self, expected: impl Into<String>) -> FileError {
-        self.invalid_value(self.json, expected)
-    }
-
-    /// As [`invalid`](Self::invalid), where another description of the value says more.
-    pub fn invalid_value(&self, value: impl ToString, expected: impl Into<String>) -> FileError {
         FileError::Invalid {
             file: self.file.into(),
-            key: if self.key.is_empty() { "the file".into() } else { self.key.clone() },
-            value: value.to_string(),
+            key: self.key.clone(),
+            value: self.json.to_string(),
             expected: expected.into(),
         }
+    }
+
+    /// The complaint that this value is at odds with others: what it does, in words.
+    pub fn conflict(&self, conflict: String) -> FileError {
+        FileError::Conflict { file: self.file.into(), key: self.key.clone(), conflict }
     }
 
     /// A number within `limits`.
@@ -104,21 +105,24 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// A string that is not empty.
-    pub fn text(&self) -> Result<&'a str, FileError> {
+    /// A line of text that is not empty and has at most `most` bytes.
+    pub fn text(&self, most: usize) -> Result<&'a str, FileError> {
         match self.json {
-            Json::String(value) if !value.is_empty() => Ok(value),
-            _ => Err(self.invalid("a string that is not empty")),
+            Json::String(value) if (1..=most).contains(&value.len()) && !value.contains(char::is_control) => {
+                Ok(value)
+            }
+            _ => Err(self.invalid(format!("a string of 1 to {most} bytes, on one line"))),
         }
     }
 
     /// What this string, one of the words of `T`, stands for.
     pub fn word<T: Word>(&self) -> Result<T, FileError> {
-        let Json::String(text) = self.json else {
-            return Err(self.invalid(format!("one of {}", words::<T>().join(", "))));
-        };
-        find_word(text)
-            .ok_or_else(|| self.invalid(format!("a known word; {}", did_you_mean(text, words::<T>()))))
+        let text = if let Json::String(text) = self.json { text } else { "" };
+        find_word(text).ok_or_else(|| {
+            let words = words::<T>();
+            let hint = nearest(text, &words).map(|word| format!("; did you mean `{word}`?"));
+            self.invalid(format!("one of {}{}", words.join(", "), hint.unwrap_or_default()))
+        })
     }
 
     /// What `name`, the key of this entry and one of the words of `T`, stands for.
@@ -159,8 +163,7 @@ impl<'a> Node<'a> {
     }
 
     fn child(&self, key: &str, json: &'a Json) -> Node<'a> {
-        // A message stays one line whatever the file's keys hold.
-        let key = key.replace(|c: char| c.is_control(), "?");
+        let key = shortened(key);
         let path = if self.key.is_empty() { key } else { format!("{}.{key}", self.key) };
         Node { file: self.file, key: path, json }
     }

@@ -26,7 +26,7 @@ use std::time::Duration;
     process; `attached` runs it in another and measures from here."
 )]
 pub(super) struct Bench {
-    /// Scenarios: standard names or files [default: the twelve standard ones]
+    /// Scenarios: standard names or files [default: the standard ones]
     #[arg(value_name = "SCENARIO")]
     scenarios: Vec<String>,
     /// What the agents do

@@ -69,7 +69,7 @@ fn sampled(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Err
     let mut actions = vec![0; task.batch_size * sizes.n_agents];
     let mut ids = vec![0; task.batch_size];
     let mut measured = Measured { steps: 0, unit_ticks: 0, time: Duration::ZERO, rss_bytes: 0 };
-    client.send_reset(Some(SEED), None)?;
+    client.send_reset(Some(SEED), None, patience(&mut || false))?;
     let begin = Instant::now();
     while measured.steps == 0 || begin.elapsed() < task.time {
         let batch = client.recv(patience(&mut || false))?;
@@ -78,7 +78,7 @@ fn sampled(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Err
         measured.unit_ticks += (living(&batch) * TICKS_PER_STEP) as u64;
         drop(batch);
         client.sample_actions(Some(&ids), &mut actions)?;
-        client.send(&actions, Some(&ids))?;
+        client.send(&actions, Some(&ids), patience(&mut || false))?;
         task.check_on()?;
     }
     measured.time = begin.elapsed();

@@ -5,6 +5,8 @@
 mod cells;
 mod edges;
 mod kind;
+mod line_choice;
+mod partition;
 
 use glam::Vec2;
 use smaclite_scenarios::{Faction, Scenario, Terrain};
@@ -141,9 +143,9 @@ impl Arena {
         self.max_reward
     }
 
-    /// The reward of a step that earned this much unscaled.
+    /// The reward of a step that earned this much unscaled. In this order: the last bit depends on it.
     pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
-        REWARD_SCALE * earned / self.max_reward
+        earned / (self.max_reward / REWARD_SCALE)
     }
 
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {

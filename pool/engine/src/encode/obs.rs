@@ -1,9 +1,12 @@
 //! Observations: what each agent sees from where it stands.
 
+use glam::Vec2;
+
 use super::{View, write_body};
-use crate::SIGHT_RANGE;
 use crate::arena::Sizes;
 use crate::command::action;
+use crate::units::distance_squared;
+use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
 /// Working memory: what is to be seen of every unit, so that it is worked out once and not once an observer.
 #[derive(Debug, Default)]
@@ -15,8 +18,8 @@ pub(crate) struct Sights {
 /// The units of one side, by in-faction id.
 #[derive(Debug, Default)]
 struct Side {
-    /// Positions; the dead are at infinity, where nobody sees them and they see nobody.
-    positions: Vec<[f64; 2]>,
+    /// Positions; the dead are at infinity, out of sight of every unit.
+    positions: Vec<Vec2>,
     /// Health, \[shield\], \[type\] of one unit after the other.
     bodies: Vec<f32>,
     body_size: usize,
@@ -30,8 +33,7 @@ impl Side {
         for (&id, body) in ids.iter().zip(self.bodies.chunks_exact_mut(body_size)) {
             write_body(view, id, body);
             let alive = view.units.alive[id as usize];
-            let position = view.units.pos[id as usize].as_dvec2().to_array();
-            self.positions.push(if alive { position } else { [f64::INFINITY; 2] });
+            self.positions.push(if alive { view.units.pos[id as usize] } else { Vec2::INFINITY });
         }
     }
 
@@ -71,14 +73,26 @@ fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
     }
 }
 
+/// Writes what an agent sees of the enemies.
+///
+/// A healer targets allies, and the mark beside enemy i says whether ally i is near enough. It says so of healers too,
+/// which the available actions leave out.
 fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
     let Sights { allies, enemies } = sights;
+    let own = allies.positions[agent];
+    let is_healer = view.arena.kind(view.arena.agents[agent]).is_healer;
     let blocks = row[4..].chunks_exact_mut(enemies.block_size());
     for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
-        if let Some(sight) = Sight::of(allies.positions[agent], position) {
-            // A healer's target actions are allies; SMAC puts them next to the enemies all the same.
-            let targetable = bit(view.available.has(agent, action::FIRST_TARGET + enemy));
-            sight.write(targetable, enemies.body(enemy), block);
+        if let Some(sight) = Sight::of(own, position) {
+            let targetable = if is_healer {
+                allies
+                    .positions
+                    .get(enemy)
+                    .is_some_and(|&ally| enemy != agent && in_targeting_range(own, ally))
+            } else {
+                view.available.has(agent, action::FIRST_TARGET + enemy)
+            };
+            sight.write(bit(targetable), enemies.body(enemy), block);
         }
     }
 }
@@ -113,17 +127,18 @@ struct Sight {
 
 impl Sight {
     /// `None` if the other is out of sight, or either is at infinity.
-    fn of(from: [f64; 2], to: [f64; 2]) -> Option<Sight> {
-        let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        let squared = dx * dx + dy * dy;
+    ///
+    /// The distance is computed in f64 and rounded once, dx and dy are f32 throughout: so they are recorded.
+    fn of(from: Vec2, to: Vec2) -> Option<Sight> {
+        let squared = distance_squared(from, to);
         // The root of a greater number is not less than the sight range.
         if squared < SIGHT_RANGE * SIGHT_RANGE {
             let distance = squared.sqrt();
-            let share = |d: f64| (d / SIGHT_RANGE) as f32;
+            let offset = to - from;
             return (distance < SIGHT_RANGE).then(|| Sight {
-                distance: share(distance),
-                dx: share(dx),
-                dy: share(dy),
+                distance: (distance / SIGHT_RANGE) as f32,
+                dx: offset.x / SIGHT_RANGE as f32,
+                dy: offset.y / SIGHT_RANGE as f32,
             });
         }
         None
@@ -139,6 +154,10 @@ impl Sight {
         place.copy_from_slice(&[mark, self.distance, self.dx, self.dy]);
         rest.copy_from_slice(body);
     }
+}
+
+fn in_targeting_range(from: Vec2, to: Vec2) -> bool {
+    distance_squared(from, to).sqrt() <= TARGETING_RANGE
 }
 
 fn bit(is_set: bool) -> f32 {

@@ -29,7 +29,7 @@ pub(super) struct Lookout {
 }
 
 pub(super) fn look_around(world: &mut World) {
-    let World { arena, units, living, plan } = world;
+    let World { arena, units, living, plan, .. } = world;
     let is_healer = |&id: &u32| arena.kind(id).is_healer;
     let Lookout { agents, is_hunted, agents_heal, someone_searches } = &mut plan.lookout;
     agents.clear();
@@ -144,14 +144,16 @@ fn candidate(world: &World, id: u32, other: u32, squared: f64, retaliate: bool) 
 }
 
 /// Whom a healer without a target heals: of those in scan range that are hurt or fight, the one with least health.
+///
+/// Other healers and itself are among them, if its valid targets name their plane: only agents' actions leave
+/// healers out.
 fn most_hurt(world: &World, id: u32) -> Option<u32> {
     let (arena, units) = (world.arena, &*world.units);
     let healer = arena.kind(id);
     let position = units.pos[id as usize];
     let qualifies = |&other: &u32| {
         let kind = arena.kind(other);
-        !kind.is_healer
-            && arena.can_attack(id, other)
+        arena.can_attack(id, other)
             && distance_squared(position, units.pos[other as usize]).sqrt() < healer.scan_range + kind.radius
             && (units.hp[other as usize] < kind.hp || units.target[other as usize].is_some())
     };
@@ -160,15 +162,20 @@ fn most_hurt(world: &World, id: u32) -> Option<u32> {
     candidates.min_by(|a, b| health(a).total_cmp(&health(b)))
 }
 
-/// The speed of an attack-moving unit, before it chooses a target; full for all but healers (R3).
+/// The speed at which an attack-moving unit wants to go, before it chooses a target; full for all but healers (R3).
 pub(super) fn speed(world: &World, id: u32) -> f64 {
     let kind = world.arena.kind(id);
     if kind.is_healer { speed_of_healer(world, id) } else { kind.speed }
 }
 
+/// Rule R3. Under `smaclite` it may be more than the healer's own maximum: collision avoidance limits the velocity
+/// that comes out, not the preferred one.
 fn speed_of_healer(world: &World, id: u32) -> f64 {
     let arena = world.arena;
     let kind = arena.kind(id);
+    if kind.speed == 0.0 {
+        return 0.0;
+    }
     let found = |&other: &u32| {
         let (a, b) = (world.units.pos[id as usize], world.units.pos[other as usize]);
         distance_squared(a, b) <= kind.search_radius * kind.search_radius
@@ -176,10 +183,10 @@ fn speed_of_healer(world: &World, id: u32) -> f64 {
     let reaches = |&other: &u32| arena.can_attack(id, other);
     let side = || world.living.side_of(arena, id).iter().copied();
     let slowest = |of: &mut dyn Iterator<Item = u32>| {
-        of.map(|other| arena.kind(other).speed).fold(kind.speed, f64::min)
+        of.map(|other| arena.kind(other).speed).reduce(f64::min).unwrap_or(kind.speed)
     };
     match (arena.rules, world.units.target[id as usize]) {
-        (Rules::Paper, _) => slowest(&mut side().filter(found)),
+        (Rules::Paper, _) => slowest(&mut side().filter(found)).min(kind.speed),
         (Rules::Smaclite, None) => slowest(&mut side().filter(found).filter(reaches)),
         (Rules::Smaclite, Some(_)) if world.plan.lookout.someone_searches => {
             let after_me = |&other: &u32| world.units.target[other as usize] == Some(id);

@@ -4,7 +4,7 @@ use super::World;
 
 #[inline(never)] // so that profiles show it
 pub(super) fn take_out(world: &mut World) {
-    let World { arena, units, living, .. } = world;
+    let World { arena, units, living, neighbour_order, .. } = world;
     let mut anyone = false;
     for &id in &living.all {
         if !units.has_health(id) {
@@ -14,5 +14,6 @@ pub(super) fn take_out(world: &mut World) {
     }
     if anyone {
         living.gather(arena, units);
+        neighbour_order.remove_dead(units);
     }
 }

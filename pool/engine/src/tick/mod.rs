@@ -15,6 +15,7 @@ use glam::Vec2;
 
 use crate::arena::Arena;
 use crate::command::Command;
+use crate::neighbour_order::NeighbourOrder;
 use crate::units::{Living, Units, make_room};
 
 /// What a tick works on.
@@ -22,6 +23,7 @@ pub(crate) struct World<'a> {
     pub arena: &'a Arena,
     pub units: &'a mut Units,
     pub living: &'a mut Living,
+    pub neighbour_order: &'a mut NeighbourOrder,
     pub plan: &'a mut Plan,
 }
 
@@ -40,8 +42,6 @@ pub(crate) struct Plan {
     start: Vec<Vec2>,
     /// Preferred velocity, of phase 2.
     pub preferred: Vec<Vec2>,
-    /// Whom the unit declared in phase 2 to attack or heal.
-    attack: Vec<Option<u32>>,
     lookout: choose::Lookout,
     avoid: avoid::Memory,
 }
@@ -57,7 +57,6 @@ impl Plan {
         self.lookout.fit(n_units);
         self.avoid.fit(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);
-        self.attack.resize(n_units, None);
     }
 }
 

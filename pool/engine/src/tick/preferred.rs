@@ -14,9 +14,8 @@ pub(super) fn declare(world: &mut World) {
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         let unit = id as usize;
-        world.plan.attack[unit] = None;
         let speed = world.arena.kind(id).speed;
-        world.plan.preferred[unit] = match world.plan.commands[unit] {
+        let preferred = match world.plan.commands[unit] {
             Command::Stop => Vec2::ZERO,
             Command::MoveTo(destination) => towards_point(world.units.pos[unit], destination, speed),
             Command::Target(target) => close_in(world, id, target, speed),
@@ -29,13 +28,15 @@ pub(super) fn declare(world: &mut World) {
                 }
             }
         };
+        // Zero without a sign, unlike that of a healer which goes at the speed of a unit that cannot move (R3).
+        world.plan.preferred[unit] = if speed == 0.0 { Vec2::ZERO } else { preferred };
     }
 }
 
 /// Declares an attack on a target within reach, or walks to it.
 fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
     if world.arena.can_attack(id, target) && in_reach(world, id, target) {
-        world.plan.attack[id as usize] = Some(target);
+        world.units.declared[id as usize] = true;
         return Vec2::ZERO;
     }
     towards_unit(world.units.pos[id as usize], world.units.pos[target as usize], speed)
@@ -51,7 +52,7 @@ pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
 fn towards_point(from: Vec2, to: [f64; 2], speed: f64) -> Vec2 {
     let (dx, dy) = (to[0] - f64::from(from.x), to[1] - f64::from(from.y));
     let length = (dx * dx + dy * dy).sqrt();
-    if length == 0.0 || speed == 0.0 {
+    if length == 0.0 {
         return Vec2::ZERO;
     }
     Vec2::new((dx * speed / length) as f32, (dy * speed / length) as f32)
@@ -61,7 +62,7 @@ fn towards_point(from: Vec2, to: [f64; 2], speed: f64) -> Vec2 {
 fn towards_unit(from: Vec2, to: Vec2, speed: f64) -> Vec2 {
     let (way, speed) = (to - from, speed as f32);
     let length = way.length();
-    if length == 0.0 || speed == 0.0 {
+    if length == 0.0 {
         return Vec2::ZERO;
     }
     Vec2::new(way.x * speed / length, way.y * speed / length)

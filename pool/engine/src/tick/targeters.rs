@@ -47,7 +47,7 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     to_shield + to_health + if killed { KILL_REWARD } else { 0.0 }
 }
 
-/// KAMIKAZE: dies, and hits everyone of the other side around it that it may attack.
+/// KAMIKAZE: dies, and hits every unit of the other side around it, whatever its plane.
 fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     let arena = world.arena;
     let health = std::mem::take(&mut world.units.hp[id as usize]);
@@ -56,8 +56,8 @@ fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     let search_radius = radius + arena.largest_radius;
     for i in 0..world.living.opponents(arena, id).len() {
         let victim = world.living.opponents(arena, id)[i];
-        let found = arena.can_attack(id, victim)
-            && distance_squared(centre, world.plan.start[victim as usize]) <= search_radius * search_radius;
+        let start = world.plan.start[victim as usize];
+        let found = distance_squared(centre, start) <= search_radius * search_radius;
         let reach = radius + arena.kind(victim).radius;
         if found && distance(centre, world.units.pos[victim as usize]) <= reach {
             earned += attack(world, id, victim);
@@ -66,8 +66,8 @@ fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     earned
 }
 
-/// LASER_BEAM: hits everyone of the other side that it may attack and whose circle touches a rectangle across the line
-/// of fire.
+/// LASER_BEAM: hits every unit of the other side, whatever its plane, whose circle touches a rectangle across the
+/// line of fire.
 fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) -> f64 {
     let arena = world.arena;
     let centre = world.units.pos[target as usize];
@@ -76,8 +76,7 @@ fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) 
     let mut earned = 0.0;
     for i in 0..world.living.opponents(arena, id).len() {
         let victim = world.living.opponents(arena, id)[i];
-        let found = arena.can_attack(id, victim)
-            && distance_squared(centre, world.plan.start[victim as usize]) <= search_radius_squared;
+        let found = distance_squared(centre, world.plan.start[victim as usize]) <= search_radius_squared;
         if found && beam.touches(world.units.pos[victim as usize], arena.kind(victim).radius) {
             earned += attack(world, id, victim);
         }
@@ -117,7 +116,8 @@ impl Beam {
 fn heal(world: &mut World, id: u32, target: u32) {
     let (units, i, patient) = (&mut *world.units, id as usize, target as usize);
     let full = world.arena.kind(target).hp;
-    let is_new = world.plan.previous_target[i] != Some(target);
+    // Of the target fields: under a command to target a unit out of the battle both are empty, and nothing is new.
+    let is_new = world.plan.previous_target[i] != units.target[i];
     if units.hp[patient] == full || is_new && units.energy[i] < MIN_ENERGY_FOR_NEW_TARGET {
         units.target[i] = None;
         return;

@@ -9,7 +9,8 @@ use super::tree::Tree;
 use crate::lanes::{Floats, LANES, PART, Vectors, mask};
 use crate::units::make_room;
 
-/// The living units of a plane, in ascending order of id; a unit's *place* is its number in that order.
+/// The living units of a plane, in the order of [`NeighbourOrder`](crate::NeighbourOrder); a unit's *place* is its number
+/// in that order.
 #[derive(Debug, Default)]
 pub(super) struct Crowd {
     /// The members; once packed, behind them [`LANES`] nobodies at infinity.
@@ -21,7 +22,7 @@ pub(super) struct Crowd {
     /// The positions of all members, four an entry. The last entry is filled up with positions at infinity, which
     /// no search finds.
     positions: Vec<Vectors>,
-    /// Answers which of two equally near units comes first; grown when that is first asked in a tick.
+    /// Answers which of two equally near units comes first, if there are more units than a leaf holds.
     tree: Tree,
     /// Memory for the tree's answer.
     met: Vec<u32>,
@@ -100,10 +101,16 @@ impl Crowd {
         self.members.clear();
         self.movers.clear();
         self.positions.clear();
-        self.tree.clear();
     }
 
-    /// Adds a unit; ids must come ascending. When all are there, the crowd is to be [packed](Self::pack).
+    /// Partitions the ids of the units to come, as the order of equally near neighbours asks.
+    pub fn sort(&mut self, ids: &mut [u32], positions: &[Vec2]) {
+        if ids.len() > Tree::LEAF_SIZE {
+            self.tree.grow(ids, positions);
+        }
+    }
+
+    /// Adds a unit, in the order of the sorted ids. When all are there, the crowd is to be [packed](Self::pack).
     pub fn push(&mut self, member: Member, stays: bool) {
         self.movers.push(self.members.len() as u32);
         keep_last_if(!stays, &mut self.movers);
@@ -185,10 +192,7 @@ impl Crowd {
     /// The same in the order of the tree where distances are equal.
     #[cold]
     fn find_by_tree(&mut self, place: usize, range_squared: f32, found: &mut Found) {
-        let Crowd { members, n_members, tree, met, .. } = self;
-        if tree.is_empty() {
-            tree.grow(members[..*n_members].iter().map(Member::position));
-        }
+        let Crowd { members, tree, met, .. } = self;
         found.clear();
         met.clear();
         tree.find(members[place].position(), range_squared, |distance_squared, other| {
@@ -210,12 +214,14 @@ pub(super) fn keep_last_if<T: Copy>(condition: bool, list: &mut Vec<T>) {
 mod tests {
     use super::*;
 
+    /// A crowd of units with ids from 0 up.
     fn crowd(positions: &[Vec2]) -> Crowd {
         let mut crowd = Crowd::default();
-        positions
-            .iter()
-            .zip(0..)
-            .for_each(|(&position, id)| crowd.push(Member::new(id, position, Vec2::ZERO, 0.5, false), false));
+        let mut ids: Vec<u32> = (0..positions.len() as u32).collect();
+        crowd.sort(&mut ids, positions);
+        for &id in &ids {
+            crowd.push(Member::new(id, positions[id as usize], Vec2::ZERO, 0.5, false), false);
+        }
         crowd.pack();
         crowd
     }
@@ -234,6 +240,7 @@ mod tests {
         for n in [1, 4, 9, 10, 11, 97] {
             let mut crowd = crowd(&positions[..n]);
             for place in 0..n {
+                let positions: Vec<Vec2> = crowd.members().iter().map(Member::position).collect();
                 let away = |other: &usize| (positions[place] - positions[*other]).length_squared();
                 for range_squared in [0.0, 0.1, 1.3, 100.0] {
                     let mut found = find(&mut crowd, place, range_squared);

@@ -3,7 +3,8 @@
 //!
 //! Every moving unit collects half-planes of permitted velocities, first from obstacle edges (`obstacles`), then
 //! from neighbouring units (`neighbours`), and takes the permitted velocity nearest to the preferred one
-//! (`program`). All plan against the same frozen positions and velocities; then all velocities change at once.
+//! (`program`). All plan against the same frozen positions and velocities; each unit takes its new velocity up in its
+//! turn of phase 4.
 //!
 //! Most units meet a few others and no obstacle. Their velocities are found four at a time (`programs`), to the same
 //! bits; [`Planner`] sorts out which those are.
@@ -25,6 +26,7 @@ use glam::Vec2;
 use super::World;
 use crate::arena::{Arena, AvoidKind};
 use crate::lanes::{Floats, LANES, Vectors};
+use crate::neighbour_order::PlaneOrder;
 use crate::units::make_room;
 use crowd::{Crowd, Few, Member, keep_last_if};
 use found::Found;
@@ -51,6 +53,7 @@ impl Memory {
         self.planes.iter_mut().for_each(|crowd| crowd.fit(n_units));
         make_room(&mut self.accompanied, n_units);
         make_room(&mut self.impeded, n_units);
+        make_room(&mut self.search.near_edges, n_edges);
         self.search.found.fit(n_units.max(n_edges));
         for lines in [&mut self.search.lines, &mut self.search.projected] {
             // Lines of units are added four at a time.
@@ -62,6 +65,8 @@ impl Memory {
 /// Working memory for the velocity of one unit.
 #[derive(Debug, Default)]
 struct Search {
+    /// Numbers of edges that may be in sight.
+    near_edges: Vec<u32>,
     /// Edges or units in sight.
     found: Found,
     lines: Vec<Line>,
@@ -96,7 +101,7 @@ struct Impeded {
     max_speed: f32,
 }
 
-/// Sets the velocity of every living unit.
+/// Plans the velocity of every living unit.
 ///
 /// One question after another is put to all units: who moves, who has neighbours, whom do they impede. Each makes a
 /// shorter list for the next one. There is no foretelling the answers, so a processor that had to do with one unit
@@ -108,7 +113,7 @@ pub(super) fn plan_velocities(world: &mut World) {
     let Memory { planes, accompanied, impeded, search } = &mut plan.avoid;
     for crowd in planes.iter_mut().filter(|crowd| !crowd.movers().is_empty()) {
         let mut planner =
-            Planner { arena, crowd, preferred: &plan.preferred, velocities: &mut units.vel, search };
+            Planner { arena, crowd, preferred: &plan.preferred, velocities: &mut units.planned_vel, search };
         planner.look_around(accompanied);
         planner.meet(accompanied, impeded);
         planner.give_way(impeded);
@@ -117,19 +122,25 @@ pub(super) fn plan_velocities(world: &mut World) {
 
 /// Takes down where all living units are and what they do.
 fn take_down(world: &mut World) {
-    let World { arena, units, living, plan } = world;
-    let planes = &mut plan.avoid.planes;
-    planes.iter_mut().for_each(Crowd::clear);
-    for &id in &living.all {
-        let (i, kind) = (id as usize, arena.kind(id));
-        let Vec2 { x, y } = plan.preferred[i];
-        let stays = (x == 0.0) & (y == 0.0);
-        let member = Member::new(id, units.pos[i], units.vel[i], kind.avoid.radius, stays);
-        planes[kind.plane as usize].push(member, stays);
-        // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
-        units.vel[i] = Vec2::ZERO;
+    let World { arena, units, neighbour_order, plan, .. } = world;
+    for (crowd, PlaneOrder { list, .. }) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
+        crowd.clear();
+        crowd.sort(list, &units.pos);
+        for &id in &*list {
+            let i = id as usize;
+            let Vec2 { x, y } = plan.preferred[i];
+            let stays = (x == 0.0) & (y == 0.0);
+            crowd.push(
+                Member::new(id, units.pos[i], units.planned_vel[i], arena.kind(id).avoid.radius, stays),
+                stays,
+            );
+            // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
+            units.planned_vel[i] = plan.preferred[i];
+        }
+        if !crowd.movers().is_empty() {
+            crowd.pack();
+        }
     }
-    planes.iter_mut().filter(|crowd| !crowd.movers().is_empty()).for_each(Crowd::pack);
 }
 
 /// Finds the velocities of the units of a plane.
@@ -157,9 +168,9 @@ impl Planner<'_> {
         for i in 0..self.crowd.movers().len() {
             let place = self.crowd.movers()[i] as usize;
             let (id, mover) = self.mover(place);
-            let Search { found, lines, .. } = &mut *self.search;
+            let Search { near_edges, found, lines, .. } = &mut *self.search;
             lines.clear();
-            obstacles::lines(self.arena, &mover, found, lines);
+            obstacles::lines(self.arena, &mover, near_edges, found, lines);
             if !lines.is_empty() || !self.crowd.is_small() {
                 self.avoid_all(place);
                 continue;
@@ -215,7 +226,7 @@ impl Planner<'_> {
     /// Finds the velocity of a unit in any situation; the lines of obstacles are there already.
     fn avoid_all(&mut self, place: usize) {
         let (id, mover) = self.mover(place);
-        let Search { found, lines, projected } = &mut *self.search;
+        let Search { found, lines, projected, .. } = &mut *self.search;
         let n_hard = lines.len();
         self.crowd.find(place, mover.kind.neighbour_range_squared, found);
         neighbours::lines(&mover, self.crowd.members(), found.places(), lines);

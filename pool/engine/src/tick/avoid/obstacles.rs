@@ -7,10 +7,16 @@ use super::program::{Line, unit};
 use super::{EPSILON, Mover};
 use crate::arena::{Arena, Edge, left_of};
 
-/// The lines of the obstacles that `mover` sees; `found` is working memory.
-pub(super) fn lines(arena: &Arena, mover: &Mover, found: &mut Found, lines: &mut Vec<Line>) {
+/// The lines of the obstacles that `mover` sees; `searched` and `found` are working memory.
+pub(super) fn lines(
+    arena: &Arena,
+    mover: &Mover,
+    searched: &mut Vec<u32>,
+    found: &mut Found,
+    lines: &mut Vec<Line>,
+) {
     let Some(range) = mover.kind.edge_range_squared else { return };
-    let near = arena.edges.near(mover.position);
+    let near = arena.edges.near(mover.position, searched);
     find(arena, mover, near, range, found);
     for place in found.places() {
         if let Some(line) = line(mover, arena.edges.edge(near[place]), lines) {

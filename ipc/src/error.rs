@@ -1,0 +1,73 @@
+//! Errors of iceoryx2. Its own say little ("InternalError"), so each is kept together with what was being
+//! done and, where it can be measured, the shortage that is its likely cause.
+
+use crate::place::Place;
+use rustix::fs::{StatVfsMountFlags, statvfs};
+use rustix::process::{Resource, getrlimit};
+use std::error::Error;
+use std::fmt::Display;
+
+/// iceoryx2 closes what it had opened before it reports a failure; fewer free file descriptors than this were
+/// too few.
+const FEW_DESCRIPTORS: u64 = 16;
+
+/// Less than one segment or file of iceoryx2 needs.
+const FEW_BYTES: u64 = 64 << 10;
+
+/// An error of iceoryx2, with what was being done and its likely cause.
+#[derive(Debug, thiserror::Error)]
+#[error("{doing} failed: {source}; {advice}")]
+pub struct IpcError {
+    doing: String,
+    source: Box<dyn Error + Send + Sync>,
+    advice: String,
+}
+
+/// Says what was being done when iceoryx2 refused.
+pub(crate) fn doing<E: Error + Send + Sync + 'static>(
+    doing: impl Into<String>,
+) -> impl FnOnce(E) -> IpcError {
+    move |source| {
+        let shortage =
+            few_descriptors().or_else(|| full("/dev/shm", "give it more (`mount -o remount,size=...`)"));
+        let advice = shortage.unwrap_or_else(|| "IOX2_LOG_LEVEL=debug makes iceoryx2 say more".to_owned());
+        IpcError { doing: doing.into(), source: Box::new(source), advice }
+    }
+}
+
+impl IpcError {
+    /// An error that iceoryx2 does not have.
+    pub(crate) fn new(doing: impl Into<String>, what: &str, advice: &str) -> IpcError {
+        IpcError { doing: doing.into(), source: what.into(), advice: advice.to_owned() }
+    }
+
+    /// The same where the disk of the pools' folder may be the cause.
+    pub(crate) fn at(self, place: &Place) -> IpcError {
+        let full =
+            full(place.root().display(), "make room there or set SMACLITE_POOL_ROOT to another folder");
+        IpcError { advice: full.unwrap_or(self.advice), ..self }
+    }
+}
+
+fn few_descriptors() -> Option<String> {
+    let limit = getrlimit(Resource::Nofile).current?;
+    // Counting takes a file descriptor itself.
+    let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |entries| entries.count() as u64);
+    (open + FEW_DESCRIPTORS > limit).then(|| {
+        format!("this process has {open} of {limit} file descriptors in use: raise the limit (`ulimit -n`)")
+    })
+}
+
+fn full(folder: impl Display, remedy: &str) -> Option<String> {
+    let stat = statvfs(folder.to_string()).ok()?;
+    let free = stat.f_bavail * stat.f_frsize;
+    if stat.f_flag.contains(StatVfsMountFlags::RDONLY) {
+        Some(format!("{folder} is on a read-only file system: {remedy}"))
+    } else if free < FEW_BYTES {
+        Some(format!("{folder} has {free} bytes free: {remedy}"))
+    } else if stat.f_files > 0 && stat.f_favail == 0 {
+        Some(format!("{folder} has no room for another file: {remedy}"))
+    } else {
+        None
+    }
+}

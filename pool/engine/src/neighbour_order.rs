@@ -1,0 +1,103 @@
+//! The order in which collision avoidance keeps the units of each plane, and its history.
+//!
+//! Two neighbours that are equally near are answered in the order in which a k-d tree meets them, and the order in
+//! which its leaves hold units has a history: the list from which the tree is built begins an episode with
+//! ascending ids, every tick partitions it in place (`tick::avoid`), and a unit that dies is replaced by the last
+//! of the list. Nothing else resets it. So the list is part of a battle, and of a snapshot.
+//!
+//! Where several units die in one tick, the order of their removal decides which is replaced by which. Units are
+//! removed by descending slot. Slots are a numbering with a history of its own: a plane's units begin an episode in
+//! the slots 0, 1, ... by ascending id, and the slot of a unit that dies goes to the unit in the last slot.
+
+use smaclite_units::Plane;
+
+use crate::arena::Arena;
+use crate::units::{Units, refill};
+
+/// All planes, by `Plane as usize`.
+const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];
+
+/// The living units of each plane, in the orders that collision avoidance keeps.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NeighbourOrder {
+    /// By plane: `GROUND`, `AIR`, `COLOSSUS`.
+    pub planes: [PlaneOrder; PLANES.len()],
+}
+
+/// The living units of one plane by battle-wide id, in two orders.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PlaneOrder {
+    /// The list that the tree partitions.
+    pub list: Vec<u32>,
+    /// The unit in each slot.
+    pub slots: Vec<u32>,
+}
+
+impl NeighbourOrder {
+    /// The order without a history: the units that are alive in `units`, by ascending id.
+    ///
+    /// # Panics
+    /// If `units` has fewer units than the arena.
+    pub fn new(arena: &Arena, units: &Units) -> NeighbourOrder {
+        let mut order = NeighbourOrder::default();
+        order.reset(arena, units);
+        order
+    }
+
+    /// Forgets the history, as a new episode does.
+    pub(crate) fn reset(&mut self, arena: &Arena, units: &Units) {
+        for (plane, order) in PLANES.into_iter().zip(&mut self.planes) {
+            refill(&mut order.list, living_in(arena, units, plane));
+            refill(&mut order.slots, living_in(arena, units, plane));
+        }
+    }
+
+    /// Removes the units that are no longer alive.
+    pub(crate) fn remove_dead(&mut self, units: &Units) {
+        for PlaneOrder { list, slots } in &mut self.planes {
+            for slot in (0..slots.len()).rev() {
+                let id = slots[slot];
+                if !units.alive[id as usize] {
+                    slots.swap_remove(slot);
+                    if let Some(i) = list.iter().position(|&other| other == id) {
+                        list.swap_remove(i);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The first plane whose orders do not hold exactly the living units of that plane, if any.
+    pub(crate) fn wrong_plane(&self, arena: &Arena, units: &Units) -> Option<Plane> {
+        let is_right = |(plane, order): &(Plane, &PlaneOrder)| {
+            [&order.list, &order.slots].into_iter().all(|ids| {
+                let mut ids = ids.clone();
+                ids.sort_unstable();
+                ids.into_iter().eq(living_in(arena, units, *plane))
+            })
+        };
+        PLANES.into_iter().zip(&self.planes).find(|plane| !is_right(plane)).map(|(plane, _)| plane)
+    }
+}
+
+fn living_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = u32> {
+    let belongs = move |&id: &u32| units.alive[id as usize] && arena.kind(id).plane == plane;
+    arena.unit_ids().filter(belongs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Units 2 and 0 have exchanged their slots, because of deaths before; the one in the higher slot goes first.
+    #[test]
+    fn of_two_deaths_in_a_tick_the_higher_slot_is_removed_first() {
+        let mut order = NeighbourOrder::default();
+        order.planes[0] = PlaneOrder { list: vec![2, 1, 0, 3, 4], slots: vec![2, 1, 0, 4, 3] };
+        let mut alive = vec![true; 5];
+        (alive[0], alive[2]) = (false, false);
+        order.remove_dead(&Units { alive, ..Units::default() });
+        // Unit 0, in slot 2, was replaced by 4; then unit 2, in slot 0, by 3.
+        assert_eq!(order.planes[0], PlaneOrder { list: vec![3, 1, 4], slots: vec![4, 1, 3] });
+    }
+}
