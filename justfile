@@ -62,6 +62,9 @@ figures *args:
 torture minutes seed:
     cargo run --release --quiet -p smaclite-tests --bin torture -- {{ minutes }} {{ seed }}
 
+# The same for 15 minutes, long enough for what grows slowly to show
+soak seed="1": (torture "15" seed)
+
 # Every interleaving of the hand-off between threads, by loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --release -p smaclite-pool --target-dir target/loom hand_off

@@ -5,6 +5,8 @@
 mod actions;
 #[path = "promises/control.rs"]
 mod control;
+#[path = "promises/crashes.rs"]
+mod crashes;
 #[path = "promises/forks.rs"]
 mod forks;
 #[path = "promises/learners.rs"]
@@ -17,6 +19,8 @@ mod limits;
 mod memory;
 #[path = "promises/spectators.rs"]
 mod spectators;
+#[path = "promises/strangers.rs"]
+mod strangers;
 #[path = "promises/supervisors.rs"]
 mod supervisors;
 #[path = "promises/workers.rs"]

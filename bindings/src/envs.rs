@@ -35,6 +35,9 @@ impl Shared {
     /// The client, for one call. Never waits: a thread that waited for another's `recv` with a signal handler in
     /// between could wait for itself.
     fn turn(&self) -> PyResult<Turn<'_>> {
+        if exit::is_exiting() {
+            return Err(exit::cut_short());
+        }
         match self.0.try_lock() {
             Ok(attached) if attached.is_some() => Ok(Turn(attached)),
             Ok(_) => Err(class::Closed::new_err("these environments are closed")),

@@ -3,6 +3,7 @@
 use crate::convert::{Int, Seconds, names, seconds, whole, word};
 use crate::envs::Envs;
 use crate::errors::{self, invalid};
+use crate::exit::Beginning;
 use crate::query::place;
 use crate::wait::{GivenUp, apart};
 use pyo3::prelude::*;
@@ -78,6 +79,7 @@ pub fn make(
     };
     let options = PoolOptions { threads, wait };
     let (name, place) = (name.unwrap_or_else(unique_name), place()?);
+    let _beginning = Beginning::new()?;
     let start = move |given_up: GivenUp<'_>| {
         let scenario = Scenario::resolve(&scenario.to_string_lossy());
         let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
@@ -157,6 +159,7 @@ pub fn connect(
     wait: &str,
 ) -> PyResult<Envs> {
     let (wait, timeout, place) = (word(wait)?, seconds(timeout)?, place()?);
+    let _beginning = Beginning::new()?;
     let client = apart(py, move |interrupted| {
         Client::connect_within(&place, &pool, lane.as_deref(), wait, Patience { timeout, interrupted })
     })?;

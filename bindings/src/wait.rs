@@ -1,4 +1,5 @@
-//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C ends the wait.
+//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C or the interpreter's end
+//! ends the wait.
 
 use crate::{errors, exit};
 use pyo3::prelude::*;
@@ -35,7 +36,7 @@ pub fn apart<T: Send + 'static>(
         match outcome {
             Ok(outcome) => return Ok(outcome),
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(error) = py.check_signals() {
+                if let Err(error) = look(py) {
                     given_up.store(true, Ordering::Relaxed);
                     exit::abandon(thread);
                     return Err(error);
@@ -49,6 +50,11 @@ pub fn apart<T: Send + 'static>(
     }
 }
 
+/// Why a wait must end, if it must.
+fn look(py: Python<'_>) -> PyResult<()> {
+    if exit::is_exiting() { Err(exit::cut_short()) } else { py.check_signals() }
+}
+
 /// Runs a wait of a client detached from the interpreter; a signal handler's exception ends it.
 pub fn waiting<T: Send>(
     py: Python<'_>,
@@ -58,7 +64,7 @@ pub fn waiting<T: Send>(
     let mut raised = None;
     let outcome = py.detach(|| {
         let mut interrupted = || {
-            raised = Python::attach(|py| py.check_signals()).err();
+            raised = Python::attach(look).err();
             raised.is_some()
         };
         wait(Patience { timeout, interrupted: &mut interrupted })

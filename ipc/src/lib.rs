@@ -39,8 +39,10 @@ mod memory;
 mod place;
 mod services;
 mod spectator;
+mod stay;
 mod supervisor;
 mod transport;
+mod variant;
 pub mod wire;
 
 pub use batch::Batch;
@@ -52,7 +54,11 @@ pub use place::{Place, PlaceError, ROOT_VARIABLE, check_name};
 pub use services::{Capacity, IpcError};
 pub use smaclite_pool::Wait;
 pub use spectator::Spectator;
+#[doc(hidden)] // for tests that speak iceoryx2 themselves
+pub use stay::iceoryx;
 pub use supervisor::{Game, LaneConfig, PreparedPool, StartError, Supervisor, SupervisorConfig};
+#[doc(hidden)] // for the same tests
+pub use variant::PoolService;
 
 use control::client::{ANSWER_TIME, ControlClient};
 use control::protocol::{Answer, Ask};

@@ -1,26 +1,22 @@
-//! Where pools of this user live: a private folder for sockets, locks and iceoryx2's files, and a prefix for what
-//! iceoryx2 puts into `/dev/shm`. One user a pool: nothing here can be opened by another.
+//! Where pools of this user live: a private folder for sockets and locks. What iceoryx2 keeps in `/dev/shm`,
+//! and who uses the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened
+//! by another.
 
-use iceoryx2::prelude::{Config, FileName, Path, SemanticString};
-use rustix::fs::{FlockOperation, flock};
-use std::fs::{File, Permissions};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
-use std::path::{Path as FsPath, PathBuf};
+use rustix::fs::OFlags;
+use std::fs::{File, Metadata};
+use std::io::Error;
+use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
 
 /// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
-/// Locked by every process that uses iceoryx2 here.
-const STAY_LOCK: &str = "in-use";
-
-/// Where iceoryx2 keeps shared memory.
-const SHM: &str = "/dev/shm";
-
-/// Where iceoryx2 keeps everything else, below the root.
-const ICEORYX_FOLDERS: [&str; 2] = ["nodes", "services"];
-
-/// iceoryx2 builds socket paths below the folder, which the system limits to 108 bytes.
+/// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is
+/// `ROOT/NAME.sock`.
 const MAX_ROOT_LEN: usize = 60;
+
+/// Of a file that belongs to this user alone.
+pub(crate) const PRIVATE: u32 = 0o600;
 
 /// The folder of this user's pools.
 #[derive(Clone, Debug)]
@@ -73,18 +69,19 @@ impl Place {
             return Err(PlaceError::Open { root, mode: folder.mode() & 0o7777 });
         }
         // Two folders must not share names in /dev/shm, where the folder does not show.
-        let mark = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
+        let hash = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
         });
-        Ok(Place { prefix: format!("smaclite{user}_{:08x}_", mark as u32), root })
+        Ok(Place { prefix: format!("sp{:08x}", hash as u32), root })
     }
 
     /// The folder.
-    pub fn root(&self) -> &FsPath {
+    pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// What the names of this place's files in `/dev/shm` begin with.
+    /// What the name of this place's folder in `/dev/shm` begins with; then comes a mark that cannot be
+    /// guessed.
     pub fn shm_prefix(&self) -> &str {
         &self.prefix
     }
@@ -101,100 +98,65 @@ impl Place {
 
     /// Names of the pools that have a socket here, dead or alive.
     pub fn pool_names(&self) -> Vec<String> {
+        self.names_of(&[".sock"], |_| true)
+    }
+
+    /// Names of the pools that left a socket or a lock here, dead or alive. Files that only happen to be
+    /// named so are none of ours: a pool's files are private, and its lock is empty.
+    pub(crate) fn names_left(&self) -> Vec<String> {
+        let user = rustix::process::getuid().as_raw();
+        let is_pools = |file: &Metadata| {
+            let is_lock = file.is_file() && file.len() == 0;
+            (is_lock || file.file_type().is_socket()) && file.uid() == user && file.mode() & 0o7777 == PRIVATE
+        };
+        self.names_of(&[".sock", ".lock"], is_pools)
+    }
+
+    fn names_of(&self, suffixes: &[&str], is_pools: impl Fn(&Metadata) -> bool) -> Vec<String> {
         let entries = std::fs::read_dir(&self.root).into_iter().flatten().flatten();
-        let names = entries.filter_map(|e| e.file_name().to_str()?.strip_suffix(".sock").map(str::to_owned));
+        let entries = entries.filter(|entry| entry.metadata().is_ok_and(|file| is_pools(&file)));
+        let names = entries.filter_map(|entry| {
+            let file = entry.file_name().into_string().ok()?;
+            let name = suffixes.iter().find_map(|suffix| file.strip_suffix(suffix))?;
+            check_name(name).is_ok().then(|| name.to_owned())
+        });
         let mut names: Vec<_> = names.collect();
         names.sort();
+        names.dedup();
         names
     }
-
-    /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
-    pub(crate) fn iceoryx(&self) -> Config {
-        let mut config = Config::default();
-        let root = self.root.as_os_str().as_encoded_bytes();
-        config.global.set_root_path(&Path::new(root).expect("the length was checked"));
-        config.global.prefix =
-            FileName::new(self.prefix.as_bytes()).expect("letters, digits and underscores");
-        config
-    }
 }
 
-/// Held by every process of a place for as long as it uses iceoryx2. The last one to leave removes what iceoryx2 keeps for
-/// good, and what its clean-up could not take from processes that were killed.
-pub(crate) struct Stay {
-    lock: File,
-    place: Place,
-    owner: u32,
+/// Opens or makes a file to lock, private even where the folder is not: a lock is all another user needs to
+/// get in the way. What is there already must be ours alone and a plain file; a FIFO would be waited for.
+pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
+    let named = |error: Error| Error::new(error.kind(), format!("{}: {error}", path.display()));
+    let careful = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let mut options = File::options();
+    options.create(true).truncate(false).read(true).write(true).mode(PRIVATE).custom_flags(careful);
+    let file = options.open(path).map_err(named)?;
+    let found = file.metadata().map_err(named)?;
+    let user = rustix::process::getuid().as_raw();
+    if found.is_file() && found.uid() == user && found.mode() & 0o077 == 0 {
+        return Ok(file);
+    }
+    Err(Error::other(format!("{}: expected a private file; {}", path.display(), owner_and_mode(&found))))
 }
 
-impl Place {
-    /// Enters the place; waits while another process tidies it up.
-    pub(crate) fn enter(&self) -> std::io::Result<Stay> {
-        let path = self.root.join(STAY_LOCK);
-        loop {
-            let lock = lock_file(&path)?;
-            flock(&lock, FlockOperation::LockShared)?;
-            if is_file_at(&lock, &path) {
-                return Ok(Stay { lock, place: self.clone(), owner: std::process::id() });
-            }
-        }
-    }
-
-    /// Files of this place in `/dev/shm` and iceoryx2's in the root and its folders there. All bear the prefix; whatever
-    /// else somebody keeps in the folder is none of our business.
-    pub(crate) fn left_overs(&self) -> Vec<PathBuf> {
-        let mut files = Vec::new();
-        collect_files(FsPath::new(SHM), &self.prefix, 0, &mut files);
-        collect_files(&self.root, &self.prefix, 0, &mut files);
-        for folder in ICEORYX_FOLDERS {
-            collect_files(&self.root.join(folder), &self.prefix, 1, &mut files);
-        }
-        files
-    }
-
-    /// iceoryx2 counts its nodes in a file that every user may write to; here nobody else has a node to count.
-    pub(crate) fn close_counter(&self) {
-        let mut files = Vec::new();
-        collect_files(FsPath::new(SHM), &self.prefix, 0, &mut files);
-        for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "global_mgmt")) {
-            let _ = std::fs::set_permissions(file, Permissions::from_mode(0o600)); // gone, or another user's
-        }
-    }
-}
-
-impl Drop for Stay {
-    fn drop(&mut self) {
-        if self.owner != std::process::id() {
-            return; // a forked child shares its parent's lock
-        }
-        if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
-            self.place.left_overs().iter().for_each(|file| drop(std::fs::remove_file(file)));
-            let _ = std::fs::remove_file(self.place.root.join(STAY_LOCK));
-        }
-    }
-}
-
-/// Opens a file to lock, private even where the folder is not: a lock is all another user needs to get in the way.
-pub(crate) fn lock_file(path: &FsPath) -> std::io::Result<File> {
-    File::options().create(true).truncate(false).write(true).mode(0o600).open(path)
+/// For messages about files that are not as they must be.
+pub(crate) fn owner_and_mode(file: &Metadata) -> String {
+    let (user, mode, bytes) = (rustix::process::getuid().as_raw(), file.mode() & 0o7777, file.len());
+    let kind = if file.is_file() { "it" } else { "it is not a plain file and" };
+    format!(
+        "{kind} belongs to user {} (this is user {user}), has mode {mode:o} and {bytes} bytes",
+        file.uid()
+    )
 }
 
 /// Is this still the file at `path`? Between opening a lock's file and locking it, its last holder may have removed it.
-pub(crate) fn is_file_at(file: &File, path: &FsPath) -> bool {
-    let same = |a: &std::fs::Metadata, b: &std::fs::Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
+    let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
-}
-
-/// Files whose names begin with `prefix` in a folder and in `depth` levels of folders below it. Links are not followed.
-fn collect_files(folder: &FsPath, prefix: &str, depth: usize, files: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
-        if is_folder && depth > 0 {
-            collect_files(&entry.path(), prefix, depth - 1, files);
-        } else if !is_folder && entry.file_name().to_str().is_some_and(|name| name.starts_with(prefix)) {
-            files.push(entry.path());
-        }
-    }
 }
 
 /// May this be a pool's or lane's name? Names become parts of file names and of messages to people.
@@ -212,26 +174,8 @@ pub fn check_name(name: &str) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn write(path: PathBuf) -> PathBuf {
-        std::fs::create_dir_all(path.parent().expect("a folder")).unwrap();
-        std::fs::write(&path, "kept").unwrap();
-        path
-    }
-
-    /// The clean-up once removed every file in every folder below the root: with the root set to one's home, all of it.
-    #[test]
-    fn whoever_leaves_last_removes_nothing_but_what_iceoryx_keeps() {
-        let folder = tempfile::tempdir().unwrap();
-        let place = Place::at(folder.path().to_owned()).unwrap();
-        let below = |path: &str| place.root().join(path.replace("PREFIX", place.shm_prefix()));
-        let mine =
-            ["thesis.tex", "nodes/notes", "thesis/PREFIXa", "nodes/1/2/PREFIXa"].map(|p| write(below(p)));
-        let left = ["PREFIXa.event", "services/PREFIXa.service", "nodes/1/PREFIXa"].map(|p| write(below(p)));
-        drop(place.enter().unwrap());
-        mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
-        left.iter().for_each(|file| assert!(!file.exists(), "{}", file.display()));
-    }
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt;
 
     #[test]
     fn a_folder_that_others_can_write_to_is_refused() {

@@ -7,7 +7,8 @@
 
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
-use crate::place::{Place, Stay};
+use crate::place::Place;
+use crate::stay::Stay;
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
@@ -24,8 +25,7 @@ use std::mem::MaybeUninit;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Worker threads share ports, so the variant with locks.
-pub(crate) type Ipc = ipc_threadsafe::Service;
+pub(crate) type Ipc = crate::variant::PoolService;
 pub(crate) type FrameLoan = SampleMutUninit<Ipc, [MaybeUninit<u8>], FrameHeader>;
 pub(crate) type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;
@@ -66,15 +66,15 @@ pub(crate) struct Guest {
 pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
     quiet();
     let entering = format!("entering the folder {}", place.root().display());
-    let stay = Arc::new(place.enter().map_err(doing(entering)).map_err(|error| error.at(place))?);
+    let stay = place.enter().and_then(|stay| stay.check_segments().map(|()| stay));
+    let stay = Arc::new(stay.map_err(doing(entering)).map_err(|error| error.at(place))?);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
-        .config(&place.iceoryx())
+        .config(&stay.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(doing("creating an iceoryx2 node"))
         .map_err(|error| error.at(place))?;
-    place.close_counter();
     Ok(Guest { node, stay })
 }
 

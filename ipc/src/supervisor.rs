@@ -4,11 +4,12 @@ use crate::control::client::{of_process, process_of};
 use crate::control::protocol::LaneDescription;
 use crate::control::server::{Host, HostedLane, serve};
 use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
-use crate::place::{Place, PlaceError, check_name, is_file_at, lock_file};
+use crate::place::{PRIVATE, Place, PlaceError, check_name, is_file_at, lock_file};
 use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, enter};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use iceoryx2::prelude::Node;
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, Mode, fchmod, flock};
+use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, listen, socket_with};
 use smaclite_engine::{Arena, Battle, Rules, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::fields::FieldSet;
@@ -16,15 +17,17 @@ use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::fs::File;
 use std::net::Shutdown;
-use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Environments of a lane at most; ids travel as i32 and a frame must fit into memory.
 const MAX_ENVS: usize = 1_000_000;
+
+/// Connections to the control socket that may wait to be accepted, as the standard library has it.
+const CALLERS_WAITING: i32 = 128;
 
 /// What the environments of a lane are.
 pub enum Game {
@@ -280,10 +283,7 @@ impl Supervisor {
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
         let socket = config.place.socket(&config.name);
         let _ = std::fs::remove_file(&socket); // of a dead pool: the lock is ours
-        let listener = UnixListener::bind(&socket).map_err(system("opening the control socket"))?;
-        listener.set_nonblocking(true).map_err(system("opening the control socket"))?;
-        let private = std::fs::set_permissions(&socket, PermissionsExt::from_mode(0o600));
-        private.map_err(system("closing the control socket to others"))?;
+        let listener = private_listener(&socket).map_err(system("opening the control socket"))?;
         let host = Host {
             pool,
             lanes: descriptions.iter().cloned().map(HostedLane::new).collect(),
@@ -399,6 +399,17 @@ impl Drop for NameLock {
             self.files.iter().for_each(|file| drop(std::fs::remove_file(file)));
         }
     }
+}
+
+/// Listens at a path that no other user can ever connect to: Linux gives a socket's file the mode that its
+/// descriptor had before it was bound (`unix_bind_bsd` in net/unix/af_unix.c).
+fn private_listener(path: &Path) -> std::io::Result<UnixListener> {
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    fchmod(&socket, Mode::from_raw_mode(PRIVATE))?;
+    bind(&socket, &SocketAddrUnix::new(path)?)?;
+    listen(&socket, CALLERS_WAITING)?;
+    Ok(UnixListener::from(socket))
 }
 
 type Services = (WorkEvent, Vec<LaneServices>);

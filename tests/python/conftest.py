@@ -16,11 +16,11 @@ import pytest
 
 
 def shm_prefix(root: Path) -> str:
-    """What names in /dev/shm begin with: user and FNV-1a of the folder, as ipc/src/place.rs has it."""
-    mark = 0xCBF29CE484222325
+    """What the name of the folder in /dev/shm begins with: FNV-1a of `root`, as ipc/src/place.rs has it."""
+    folder = 0xCBF29CE484222325
     for byte in str(root).encode():
-        mark = ((mark ^ byte) * 0x100000001B3) % 2**64
-    return f"smaclite{os.getuid()}_{mark % 2**32:08x}_"
+        folder = ((folder ^ byte) * 0x100000001B3) % 2**64
+    return f"sp{folder % 2**32:08x}"
 
 
 def left_over(root: Path) -> list[str]:
@@ -38,8 +38,8 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     gc.collect()  # a failed test's traceback may be in a cycle with its environments
     left = left_over(root)
     shutil.rmtree(root)
-    for path in left:
-        Path(path).unlink(missing_ok=True)
+    for path in map(Path, left):
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     assert not left
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from conftest import run_script
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -155,3 +156,23 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
             counts[batch.env_id] += 1
             envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
         assert counts.sum() == 120 and counts.min() > 0
+
+
+@pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
+def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
+    """Only what was idle was closed at exit: a thread in the middle of `step` kept its pool's files until the next
+    start. The fixture `place` fails this test if a file is left."""
+    script = f"""
+import threading, time
+import smaclite_pool as sp
+envs = sp.make("2s3z", num_envs=8, threads=2)
+envs.reset(seed=1)
+def work():
+    while True:
+        {doing}
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.3)
+"""
+    for _ in range(3):
+        done = run_script(script)
+        assert done.returncode == 0, done.stderr

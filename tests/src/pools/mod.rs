@@ -3,7 +3,9 @@
 //! A child is the running program itself, started again with a role (`process`, `role`); the parent tells it what to do
 //! by lines of text. Every test has a room of its own (`room`), so that nothing of one test is seen by another.
 
+pub mod crash;
 pub mod dice;
+pub mod fork;
 pub mod games;
 pub mod plan;
 pub mod player;
@@ -12,6 +14,7 @@ pub mod raw;
 pub mod replay;
 pub mod role;
 pub mod room;
+pub mod stranger;
 pub mod torture;
 
 pub use plan::{LanePlan, PoolPlan};

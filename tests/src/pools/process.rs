@@ -37,6 +37,26 @@ impl Child {
         Child::of_command(command.env(smaclite_ipc::ROOT_VARIABLE, room.root()), role)
     }
 
+    /// Starts a child of this role in a process namespace of its own, or in this one if that is not
+    /// permitted.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    pub fn start_in_namespace(room: &super::Room, role: &str, argument: &str) -> Child {
+        // --kill-child: the child dies with `unshare`.
+        let namespace = ["--pid", "--fork", "--kill-child"];
+        let permitted = Command::new("unshare").args(namespace).arg("true").stderr(Stdio::null()).status();
+        if !permitted.is_ok_and(|status| status.success()) {
+            println!("no process namespace is permitted here: the {role} is in this one");
+            return Child::start(room, role, argument);
+        }
+        let mut command = Command::new("unshare");
+        command.args(namespace).arg(std::env::current_exe().expect("a path of this program"));
+        command.args(["--exact", "role", "--ignored", "--nocapture"]);
+        command.env(ROLE_VARIABLE, format!("{role} {argument}"));
+        Child::of_command(command.env(smaclite_ipc::ROOT_VARIABLE, room.root()), role)
+    }
+
     /// Starts a supervisor and waits until it serves.
     ///
     /// # Panics

@@ -5,20 +5,17 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
-use smaclite_ipc::{LaneDescription, Place};
+use smaclite_ipc::{LaneDescription, Place, PoolService};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
 /// The variant the pool uses.
-pub type Ipc = ipc_threadsafe::Service;
+pub type Ipc = PoolService;
 
 /// A node at the pool's place.
 pub fn node(place: &Place) -> Node<Ipc> {
     set_log_level(LogLevel::Fatal);
-    let mut config = Config::default();
-    let root = place.root().as_os_str().as_encoded_bytes();
-    config.global.set_root_path(&Path::new(root).expect("a short path"));
-    config.global.prefix = FileName::new(place.shm_prefix().as_bytes()).expect("a prefix");
+    let config = smaclite_ipc::iceoryx(&place.shm_folder().expect("a pool that runs"));
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)

@@ -3,7 +3,7 @@
 use super::player::Player;
 use super::process::{ANSWER, ROLE_VARIABLE, SOON};
 use super::torture::actors;
-use super::{LanePlan, PoolPlan};
+use super::{LanePlan, PoolPlan, stranger};
 use smaclite_ipc::{Batch, ConnectError, Place, Spectator, Supervisor};
 use std::io::Write;
 use std::time::Duration;
@@ -17,10 +17,14 @@ pub fn play_if_asked() {
         "program" => smaclite_ipc::cli::run(argument.split(' ').map(Into::into)),
         "learner" => learner(argument),
         "spectator" => spectator(argument),
+        "watcher" => stranger::watcher(argument),
+        "planter" => stranger::planter(),
         "tortured" => match argument.split_once(' ') {
             Some(("learner", rest)) => actors::learner(rest),
             Some(("spectator", rest)) => actors::spectator(rest),
             Some(("liar", rest)) => actors::liar(rest),
+            Some(("forker", rest)) => actors::forker(rest),
+            Some(("visitor", rest)) => actors::visitor(rest),
             _ => panic!("there is no such victim: {argument}"),
         },
         other => panic!("there is no role {other}"),

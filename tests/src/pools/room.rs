@@ -31,9 +31,10 @@ impl Room {
         self.folder.path()
     }
 
-    /// Files of this room in `/dev/shm` and its folder.
+    /// Files of this room in `/dev/shm` and its folder, and the folders of the former.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut files = shared_memory_files(&self.place);
+        let mut files = shared_memory_folders(&self.place);
+        files.clone().iter().for_each(|folder| collect_files(folder, &mut files));
         collect_files(self.root(), &mut files);
         files.sort();
         files
@@ -57,11 +58,11 @@ impl Default for Room {
 
 impl Drop for Room {
     fn drop(&mut self) {
-        shared_memory_files(&self.place).iter().for_each(|file| drop(std::fs::remove_file(file)));
+        shared_memory_folders(&self.place).iter().for_each(|folder| drop(std::fs::remove_dir_all(folder)));
     }
 }
 
-fn shared_memory_files(place: &Place) -> Vec<PathBuf> {
+fn shared_memory_folders(place: &Place) -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
     let ours = entries.filter(|e| e.file_name().to_str().is_some_and(|n| n.starts_with(place.shm_prefix())));
     ours.map(|e| e.path()).collect()

@@ -2,6 +2,7 @@
 //! hang, and an `error` when something is as it must not be.
 
 use crate::pools::dice::Dice;
+use crate::pools::fork::child_reads;
 use crate::pools::player::{Player, Trouble};
 use crate::pools::raw;
 use crate::pools::role::answer;
@@ -10,6 +11,7 @@ use smaclite_ipc::wire::RequestHeader;
 use smaclite_ipc::{Batch, ClientError, Place, Spectator, status};
 use smaclite_pool::transport::RequestKind;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Set when the parent wants this process to leave.
@@ -145,6 +147,77 @@ fn unchanged(held: &[(Batch, Vec<u8>)]) -> Result<(), String> {
         Some((batch, _)) => Err(format!("WRONG: frame {} changed while it was held", batch.sequence())),
         None => Ok(()),
     }
+}
+
+/// A learner of the plan's only lane that forks while it receives; the children read what it holds.
+pub fn forker(argument: &str) -> i32 {
+    let (pool, _, plan) = parse(argument);
+    listen();
+    let Ok(place) = Place::of_this_user() else { return 1 };
+    while !leaves() {
+        match Player::connect(&place, &pool, &plan.lanes[0]) {
+            Ok(player) => {
+                if let Err(error) = forking_session(player) {
+                    return complain(error);
+                }
+            }
+            Err(error) => {
+                say(format!("waits: {error}"));
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        }
+    }
+    0
+}
+
+fn forking_session(mut player: Player) -> Result<(), String> {
+    let held = Mutex::new(None::<Arc<(Batch, Vec<u8>)>>);
+    let ended = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let forks = scope.spawn(|| -> Result<(), String> {
+            while !leaves() && !ended.load(Ordering::Relaxed) {
+                let batch = held.lock().expect("no panic").clone();
+                if let Some(held) = batch {
+                    child_reads(&held.0, &held.1, LONG / 12)?;
+                    say("forked");
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            Ok(())
+        });
+        let mut played = player.reset(None, LONG);
+        while played.is_ok() && !leaves() && !forks.is_finished() {
+            played = player.step(LONG).map(|batch| {
+                let bytes = batch.bytes().to_vec();
+                *held.lock().expect("no panic") = Some(Arc::new((batch, bytes)));
+            });
+        }
+        ended.store(true, Ordering::Relaxed);
+        forks.join().expect("no panic")?;
+        match played {
+            Ok(()) | Err(Trouble::Client(ClientError::PoolDied { .. })) => Ok(()),
+            Err(error) => Err(error.to_string()),
+        }
+    })
+}
+
+/// A process in a process namespace of its own: it may be served or refused, but is answered.
+pub fn visitor(argument: &str) -> i32 {
+    let (pool, _, plan) = parse(argument);
+    listen();
+    let Ok(place) = Place::of_this_user() else { return 1 };
+    while !leaves() {
+        let visited = match Player::connect(&place, &pool, &plan.lanes[0]) {
+            Ok(mut player) => player.reset(None, LONG).and_then(|()| player.step(LONG).map(drop)),
+            Err(_) => Ok(()),
+        };
+        match visited {
+            Ok(()) | Err(Trouble::Client(ClientError::PoolDied { .. })) => say("visited"),
+            Err(error) => return complain(error),
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    0
 }
 
 /// A spectator of the plan's only lane, that reads at times.

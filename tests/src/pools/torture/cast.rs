@@ -50,14 +50,19 @@ impl<'a> Cast<'a> {
         let hosts = pools.map(|plan| Host { child: Child::supervisor(room, &plan), plan, stopped: None });
         let mut cast = Cast { room, hosts, actors: Vec::new(), started: 0, hang };
         for host in [STEADY, SHAKY] {
-            for lane in 0..2 {
+            let last = cast.hosts[host].plan.lanes.len() - 1;
+            for lane in 0..last {
                 let mut plan = cast.hosts[host].plan.clone();
                 plan.lanes = vec![plan.lanes[lane].clone()];
                 cast.add("tortured learner", plan.clone());
                 cast.add("tortured spectator", plan);
             }
             let plan = cast.hosts[host].plan.clone();
-            cast.add("tortured liar", plan);
+            cast.add("tortured liar", plan.clone());
+            // The last lane is for what other processes do to it and to themselves.
+            let lanes = vec![plan.lanes[last].clone()];
+            let role = if host == STEADY { "tortured forker" } else { "tortured visitor" };
+            cast.add(role, PoolPlan { lanes, ..plan });
         }
         Ok(cast)
     }
@@ -83,7 +88,8 @@ impl<'a> Cast<'a> {
         self.started += 1;
         let plan = serde_json::to_string(plan).expect("plain data");
         let (kind, which) = role.split_once(' ').expect("two words");
-        Child::start(self.room, kind, &format!("{which} {} {plan}", self.started))
+        let start = if which == "visitor" { Child::start_in_namespace } else { Child::start };
+        start(self.room, kind, &format!("{which} {} {plan}", self.started))
     }
 
     /// Does something to somebody.
@@ -216,7 +222,9 @@ impl Actor {
                 Ok(line) => {
                     self.heard = now;
                     note(&line, summary);
-                    self.went_on |= ["frames ", "looked", "lied"].iter().any(|verb| line.starts_with(verb));
+                    self.went_on |= ["frames ", "looked", "lied", "forked", "visited"]
+                        .iter()
+                        .any(|verb| line.starts_with(verb));
                     self.said = line;
                 }
                 Err(error) if error.starts_with("no answer") => break,
@@ -246,6 +254,8 @@ fn note(line: &str, summary: &mut Summary) {
     let frames = number.parse::<u64>().unwrap_or(0);
     match verb {
         "session" => summary.sessions += 1,
+        "forked" => summary.forks += 1,
+        "visited" => summary.visits += 1,
         "frames" => summary.frames += frames,
         "died" => {
             summary.frames += frames;

@@ -1,5 +1,7 @@
-//! What a process holds: memory and file descriptors, early and late in a run.
+//! What a process holds: memory, mappings and file descriptors, early and late in a run; and files of its
+//! room.
 
+use crate::pools::Room;
 use std::path::PathBuf;
 
 /// Compares what a process holds at two moments of peace, when the same others are attached to it.
@@ -13,11 +15,21 @@ struct Held {
     /// What the descriptors are open on, sorted.
     files: Vec<String>,
     kilobytes: u64,
+    mappings: usize,
+    /// Files of the room.
+    shared: usize,
 }
 
 /// Descriptors of learners that were between two sessions at the first look, eight each; a leak would show one for each of
 /// dozens of killed processes.
 const COMING_AND_GOING: usize = 16;
+
+/// The same for mappings: connections and data segments of such learners, and stacks and heaps of threads.
+const MAPPINGS_COMING_AND_GOING: usize = 64;
+
+/// The same for files of the room: ports of learners that are there now and were not at the first look, and
+/// those of a process killed lately.
+const FILES_COMING_AND_GOING: usize = 64;
 
 /// Growth that is no leak: allocator arenas and lists that reach their size late.
 const ROOM_TO_GROW: u64 = 4096;
@@ -28,9 +40,9 @@ impl Gauge {
     }
 
     /// Looks now. The first look is the early one, the last the late one.
-    pub(super) fn look(&mut self) {
+    pub(super) fn look(&mut self, room: &Room) {
         let place = if self.early.is_none() { &mut self.early } else { &mut self.late };
-        *place = held(&self.process);
+        *place = held(&self.process, room.files().len());
     }
 
     pub(super) fn verdict(&self) -> Result<String, String> {
@@ -38,14 +50,21 @@ impl Gauge {
             return Err("the surviving supervisor could not be looked at".to_owned());
         };
         let text = format!(
-            "{} then {} file descriptors, {} then {} kB private memory",
+            "{} then {} file descriptors, {} then {} kB private memory, {} then {} mappings, \
+             {} then {} files",
             early.files.len(),
             late.files.len(),
             early.kilobytes,
-            late.kilobytes
+            late.kilobytes,
+            early.mappings,
+            late.mappings,
+            early.shared,
+            late.shared
         );
         let flat = late.files.len() <= early.files.len() + COMING_AND_GOING
-            && late.kilobytes <= early.kilobytes * 11 / 10 + ROOM_TO_GROW;
+            && late.kilobytes <= early.kilobytes * 11 / 10 + ROOM_TO_GROW
+            && late.mappings <= early.mappings + MAPPINGS_COMING_AND_GOING
+            && late.shared <= early.shared + FILES_COMING_AND_GOING;
         if flat {
             return Ok(text);
         }
@@ -57,7 +76,7 @@ impl Gauge {
 }
 
 /// Open files, and memory that is not shared.
-fn held(process: &std::path::Path) -> Option<Held> {
+fn held(process: &std::path::Path, shared: usize) -> Option<Held> {
     let links = std::fs::read_dir(process.join("fd")).ok()?.flatten();
     let name = |link: std::fs::DirEntry| Some(link.path().read_link().ok()?.to_string_lossy().into_owned());
     let mut files: Vec<_> = links.filter_map(name).collect();
@@ -65,5 +84,6 @@ fn held(process: &std::path::Path) -> Option<Held> {
     let status = std::fs::read_to_string(process.join("status")).ok()?;
     let anonymous = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;
     let kilobytes = anonymous.trim().trim_end_matches(" kB").parse().ok()?;
-    Some(Held { files, kilobytes })
+    let mappings = std::fs::read_to_string(process.join("maps")).ok()?.lines().count();
+    Some(Held { files, kilobytes, mappings, shared })
 }

@@ -1,0 +1,290 @@
+//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave
+//! removes the folder in `/dev/shm` that all of iceoryx2's files are in.
+//!
+//! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random
+//! *mark*, so that they cannot occupy it beforehand; the mark is the content of the locked file.
+
+use crate::place::{Place, is_file_at, lock_file, owner_and_mode};
+use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use rustix::rand::{GetRandomFlags, getrandom};
+use std::fs::{DirBuilder, File};
+use std::io::{Error, ErrorKind, Result};
+use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Locked by every process that uses iceoryx2 here; its content is the mark.
+const STAY_LOCK: &str = "in-use";
+
+/// Characters of a mark, of 32 different ones.
+const MARK_LEN: usize = 16;
+const MARK_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
+
+/// Shared memory.
+const SHM: &str = "/dev/shm";
+
+/// How long to wait for another process that tidies the place up; it takes milliseconds.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Held by every process of a place for as long as it uses iceoryx2.
+pub(crate) struct Stay {
+    lock: File,
+    lock_path: PathBuf,
+    folder: PathBuf,
+    owner: u32,
+}
+
+impl Place {
+    /// Enters the place; waits while another process tidies it up. The first to come removes what the killed
+    /// left.
+    pub(crate) fn enter(&self) -> Result<Stay> {
+        let path = self.stay_lock();
+        let begin = Instant::now();
+        while begin.elapsed() < PATIENCE {
+            let lock = lock_file(&path)?;
+            if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
+                if let Some(left) = self.folder_of(&lock) {
+                    remove_folder(&left)?;
+                }
+                self.make_folder(&lock)?;
+            }
+            // To share the lock is to give it up first: another process may come in between and make another
+            // folder.
+            if try_lock(&lock, FlockOperation::NonBlockingLockShared)?
+                && is_file_at(&lock, &path)
+                && let Some(folder) = self.folder_of(&lock)
+            {
+                check_folder(&folder)?;
+                return Ok(Stay { lock, lock_path: path, folder, owner: std::process::id() });
+            }
+            drop(lock);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let locked = format!("{}: another process has held it locked for {PATIENCE:?}", path.display());
+        Err(Error::new(ErrorKind::TimedOut, locked))
+    }
+
+    /// Removes what pools left here under this and earlier marks, unless a process uses the place.
+    pub(crate) fn tidy(&self) -> Result<()> {
+        let path = self.stay_lock();
+        let lock = lock_file(&path)?;
+        if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
+            self.shm_folders().iter().try_for_each(|folder| remove_folder(folder))?;
+            std::fs::remove_file(path)?;
+        }
+        Ok(())
+    }
+
+    /// The folder in shared memory of the pools that run here; `None` while no process uses the place.
+    pub fn shm_folder(&self) -> Option<PathBuf> {
+        self.folder_of(&File::open(self.stay_lock()).ok()?)
+    }
+
+    /// This user's folders in shared memory that belong to this place by their names.
+    pub(crate) fn shm_folders(&self) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
+        let ours = entries.filter(|entry| {
+            let name = entry.file_name();
+            let mark = name.to_str().and_then(|name| name.strip_prefix(self.shm_prefix()));
+            mark.is_some_and(|mark| is_mark(mark.as_bytes())) && is_ours(&entry.path())
+        });
+        ours.map(|entry| entry.path()).collect()
+    }
+
+    fn stay_lock(&self) -> PathBuf {
+        self.root().join(STAY_LOCK)
+    }
+
+    /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process
+    /// that dies in between leaves nothing that is not found. For the holder of the exclusive lock.
+    fn make_folder(&self, lock: &File) -> Result<()> {
+        lock.set_len(0)?;
+        lock.write_all_at(&new_mark()?, 0)?;
+        let folder = self.folder_of(lock).expect("the mark was just written");
+        let made = DirBuilder::new().mode(0o700).create(&folder);
+        made.map_err(|error| Error::new(error.kind(), format!("{}: {error}", folder.display())))
+    }
+
+    /// The folder by the mark in this file; `None` if there is none yet.
+    fn folder_of(&self, lock: &File) -> Option<PathBuf> {
+        let mut mark = [0; MARK_LEN];
+        lock.read_exact_at(&mut mark, 0).ok()?;
+        let name = format!("{}{}", self.shm_prefix(), String::from_utf8_lossy(&mark));
+        is_mark(&mark).then(|| Path::new(SHM).join(name))
+    }
+}
+
+impl Stay {
+    /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
+    pub(crate) fn iceoryx(&self) -> Config {
+        iceoryx(&self.folder)
+    }
+
+    /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are
+    /// complete. It would say no more than that it could not open the service.
+    pub(crate) fn check_segments(&self) -> Result<()> {
+        for entry in std::fs::read_dir(&self.folder)?.flatten() {
+            let Ok(file) = entry.metadata() else { continue }; // of a peer that left meanwhile
+            if file.is_file() && file.len() == 0 && file.mode() & 0o400 != 0 {
+                let (path, found) = (entry.path(), owner_and_mode(&file));
+                let wrong = format!("{}: a program truncated this file of a pool: {found}", path.display());
+                let remedy = "stop the pools of this folder and run `smaclite-pool clean`";
+                return Err(Error::other(format!("{wrong}; {remedy}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Stay {
+    fn drop(&mut self) {
+        if self.owner != std::process::id() {
+            return; // a forked child shares its parent's lock
+        }
+        // What cannot be removed is found by its mark later.
+        if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok()
+            && remove_folder(&self.folder).is_ok()
+        {
+            let _ = std::fs::remove_file(&self.lock_path);
+        }
+    }
+}
+
+/// The configuration of an iceoryx2 node with its files in this folder.
+pub fn iceoryx(folder: &Path) -> Config {
+    let mut config = Config::default();
+    let folder = folder.as_os_str().as_encoded_bytes();
+    config.global.set_root_path(&IceoryxPath::new(folder).expect("a short path"));
+    config
+}
+
+fn is_ours(folder: &Path) -> bool {
+    let user = rustix::process::getuid().as_raw();
+    folder.symlink_metadata().is_ok_and(|found| found.is_dir() && found.uid() == user)
+}
+
+/// Nobody else can replace the folder: `/dev/shm` is sticky.
+fn check_folder(folder: &Path) -> Result<()> {
+    let named = |error: Error| {
+        let remedy = "stop the pools that use it and run `smaclite-pool clean`";
+        Error::new(error.kind(), format!("{}: {error}; {remedy}", folder.display()))
+    };
+    let found = folder.symlink_metadata().map_err(named)?;
+    if is_ours(folder) && found.mode() & 0o077 == 0 {
+        return Ok(());
+    }
+    Err(named(Error::other(format!("expected a private folder; {}", owner_and_mode(&found)))))
+}
+
+/// Not being there is as good, and so is being another user's, who can take the name of a folder that is
+/// gone.
+fn remove_folder(folder: &Path) -> Result<()> {
+    if !is_ours(folder) {
+        return Ok(());
+    }
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(Error::new(error.kind(), format!("{}: {error}", folder.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `false` if another process has it.
+fn try_lock(file: &File, operation: FlockOperation) -> Result<bool> {
+    match flock(file, operation) {
+        Ok(()) => Ok(true),
+        Err(Errno::WOULDBLOCK) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn new_mark() -> Result<[u8; MARK_LEN]> {
+    let mut mark = [0; MARK_LEN];
+    // At most 256 bytes come whole (getrandom(2)).
+    getrandom(&mut mark, GetRandomFlags::empty())?;
+    Ok(mark.map(|byte| MARK_LETTERS[usize::from(byte % 32)]))
+}
+
+fn is_mark(mark: &[u8]) -> bool {
+    mark.len() == MARK_LEN && mark.iter().all(|letter| MARK_LETTERS.contains(letter))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place() -> (tempfile::TempDir, Place) {
+        let folder = tempfile::tempdir_in("/tmp").unwrap();
+        let place = Place::at(folder.path().to_owned()).unwrap();
+        (folder, place)
+    }
+
+    /// The clean-up once removed every file in every folder below the root: with the root set to one's home,
+    /// all of it.
+    #[test]
+    fn the_last_to_leave_removes_nothing_but_what_iceoryx_keeps() {
+        let (folder, place) = place();
+        std::fs::create_dir(folder.path().join("nodes")).unwrap();
+        let mine = ["thesis.tex", "nodes/notes"].map(|name| folder.path().join(name));
+        mine.iter().for_each(|path| std::fs::write(path, "kept").unwrap());
+        let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
+        let shm = place.shm_folder().expect("the place is in use");
+        std::fs::create_dir(shm.join("nodes")).unwrap();
+        std::fs::write(shm.join("nodes/1"), "left").unwrap();
+        drop(first);
+        assert!(shm.exists());
+        drop(second);
+        assert!(!shm.exists() && place.shm_folder().is_none());
+        mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn every_use_of_a_place_has_a_private_folder_of_its_own() {
+        let (_root, place) = place();
+        let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
+        assert_eq!(first.folder, second.folder);
+        assert_eq!(first.folder.metadata().unwrap().mode() & 0o7777, 0o700);
+        let seen = first.folder.clone();
+        drop((first, second));
+        assert_ne!(place.enter().unwrap().folder, seen);
+    }
+
+    /// Killed between making the file and writing the mark, before the folder was made, and while pools ran.
+    #[test]
+    fn a_mark_that_a_killed_process_left_is_replaced() {
+        let (_root, place) = place();
+        for (left, has_folder) in
+            [("", false), ("abc", false), ("abcdefghijklmnop", false), ("abcdefghijklmnop", true)]
+        {
+            lock_file(&place.stay_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
+            let folder = PathBuf::from(format!("{SHM}/{}{left}", place.shm_prefix()));
+            if has_folder {
+                std::fs::create_dir(&folder).unwrap();
+                std::fs::write(folder.join("1.data"), "left").unwrap();
+            }
+            let stay = place.enter().unwrap();
+            assert_ne!(stay.folder, folder);
+            assert!(!folder.exists());
+            drop(stay);
+            assert!(!place.stay_lock().exists());
+        }
+    }
+
+    /// The root folder is gone, by a cleaner of /tmp, and with it the mark.
+    #[test]
+    fn folders_without_a_mark_are_removed_when_no_process_uses_the_place() {
+        let (_root, place) = place();
+        let lost = PathBuf::from(format!("{SHM}/{}abcdefghijklmnop", place.shm_prefix()));
+        std::fs::create_dir(&lost).unwrap();
+        let stay = place.enter().unwrap();
+        place.tidy().unwrap();
+        assert!(lost.exists() && stay.folder.exists());
+        drop(stay);
+        place.tidy().unwrap();
+        assert!(!lost.exists() && !place.stay_lock().exists());
+    }
+}

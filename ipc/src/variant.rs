@@ -1,0 +1,59 @@
+//! The variant of iceoryx2's services that pools use: the thread-safe one, with every file in one folder.
+//!
+//! iceoryx2's own variants put segments directly into `/dev/shm`, where all users see their names and may put
+//! files beside them. That cannot be defended from outside (all of it in iceoryx2 0.10.0 and iceoryx2-cal
+//! 0.10.0):
+//!
+//! - The counter of nodes (`node/global_management_segment.rs`) has a fixed name, is made with access for
+//!   everybody (`dynamic_storage/posix_shared_memory.rs`, `init_impl`), and is used whoever made it.
+//! - Names of connections consist of the ids of two ports, which other names show already; when a process has
+//!   died, its connections are looked for in all of `/dev/shm` and opened, whoever made them
+//!   (`service/stale_resource_cleanup.rs`).
+//! - An empty segment is waited for without a limit (`posix_shared_memory.rs`, `open_impl`,
+//!   `MappingSizeIsZero`).
+//!
+//! The storages used here map files below the root path of iceoryx2's configuration. That is a folder of mode
+//! 0700 in `/dev/shm` (see `stay`), so it is the same memory, and no other user can list, open or make
+//! anything in it.
+
+use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
+use iceoryx2::service::internal::ServiceInternal;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
+use iceoryx2_cal::dynamic_storage::file::Storage;
+use iceoryx2_cal::event::trigger::{State, unix_datagram_socket::GenericUnixDatagramSocketTrigger};
+use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
+use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
+use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
+use iceoryx2_cal::{shared_memory, zero_copy_connection};
+use std::fmt::Debug;
+
+/// iceoryx2's service for processes whose threads share ports, with all files below the root path.
+#[derive(Clone, Debug)]
+pub struct PoolService {}
+
+type Base = ipc_threadsafe::Service;
+
+impl Service for PoolService {
+    type ServiceNameHasher = <Base as Service>::ServiceNameHasher;
+    type StaticStorage = <Base as Service>::StaticStorage;
+    type ConfigSerializer = <Base as Service>::ConfigSerializer;
+    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
+    type Bag = <Base as Service>::Bag;
+    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
+    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type ResizableSharedMemory = DynamicMemory<PoolAllocator, Self::SharedMemory>;
+    type Connection = zero_copy_connection::file::Connection;
+    type Event = GenericUnixDatagramSocketTrigger<
+        RelocatableCountingBitSet,
+        Storage<State<RelocatableCountingBitSet, ()>>,
+    >;
+    type Monitoring = <Base as Service>::Monitoring;
+    type Reactor = <Base as Service>::Reactor;
+    type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = <Base as Service>::ArcThreadSafetyPolicy<T>;
+    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Storage<T>;
+    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
+    type UniqueId = <Base as Service>::UniqueId;
+}
+
+impl ServiceInternal<PoolService> for PoolService {}
