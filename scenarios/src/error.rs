@@ -2,7 +2,8 @@
 
 use smaclite_units::FileError;
 
-/// Why a scenario was refused; the message is one line that says where the mistake is and what would be right.
+/// Why a scenario was refused; the message is one line that says where the mistake is and what would be
+/// right.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScenarioError {
     /// Something is wrong with the scenario file itself.

@@ -5,8 +5,9 @@ const GAP: f64 = 0.05;
 
 /// Start positions of a group's units around its centre, in the order of their `radii`.
 ///
-/// The group fills a square grid of side ceil(sqrt(n)) row by row. `direction` is +1.0 for allies, who fill it from
-/// the south-west, and -1.0 for enemies, who fill it from the north-east, so equal groups are point-symmetric.
+/// The group fills a square grid of side ceil(sqrt(n)) row by row. `direction` is +1.0 for allies, who fill
+/// it from the south-west, and -1.0 for enemies, who fill it from the north-east, so equal groups are
+/// point-symmetric.
 pub(crate) fn layout(centre: [f64; 2], direction: f64, radii: &[f64]) -> Vec<[f64; 2]> {
     let side = (1..).find(|side| side * side >= radii.len()).unwrap_or(1);
     let rows: Vec<&[f64]> = radii.chunks(side).collect();

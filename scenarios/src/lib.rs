@@ -1,8 +1,9 @@
 //! Scenarios: who fights where. The 23 standard scenarios, the eight terrain presets, and the reader of
 //! scenario files.
 //!
-//! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles. Nothing in
-//! here plays a battle, and everything the engine relies on (ids, counts, positions on the map) is checked here.
+//! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles.
+//! Nothing in here plays a battle, and everything the engine relies on (ids, counts, positions on the map) is
+//! checked here.
 //!
 //! ```
 //! use smaclite_scenarios::Scenario;

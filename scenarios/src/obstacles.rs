@@ -2,10 +2,10 @@
 
 use crate::{Rect, Terrain};
 
-/// The obstacle rectangles of a map, by the rule that the recorded battles follow: scan rows from y = 0 and each
-/// row from x = 0; a blocked square that no rectangle has yet starts one, which grows east while blocked, then north
-/// while its whole width is blocked. Growth goes over squares that other rectangles already have, so rectangles may
-/// overlap.
+/// The obstacle rectangles of a map, by the rule that the recorded battles follow: scan rows from y = 0 and
+/// each row from x = 0; a blocked square that no rectangle has yet starts one, which grows east while
+/// blocked, then north while its whole width is blocked. Growth goes over squares that other rectangles
+/// already have, so rectangles may overlap.
 ///
 /// Rectangles that start in one row are disjoint, and so are those that start in one column. Hence their
 /// widths sum to at most one map, so do their heights, and a loop over the widths of all of them takes one
@@ -111,7 +111,8 @@ mod tests {
 
     #[test]
     fn a_rectangle_extends_east_over_squares_that_are_taken() {
-        // The column at x = 2 takes (2, 0) to (2, 2); the run from (0, 1) passes over it, and north over row 2.
+        // The column at x = 2 takes (2, 0) to (2, 2); the run from (0, 1) passes over it, and north over row
+        // 2.
         check(&["XXX_", "XXXX", "__X_"], &[[2, 0, 3, 3], [0, 1, 4, 2], [0, 2, 3, 3]]);
         check(&["XXX", "XXX", "__X"], &[[2, 0, 3, 3], [0, 1, 3, 3]]);
     }

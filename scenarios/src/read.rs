@@ -34,8 +34,8 @@ const MAX_NAME: usize = 100;
 const MAX_PATH: usize = 4096;
 
 impl Scenario {
-    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are looked for from
-    /// `base_dir`, the folder the file lies in.
+    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are looked for
+    /// from `base_dir`, the folder the file lies in.
     ///
     /// # Errors
     /// [`ScenarioError`] for the first thing that is wrong with the file or with a unit file that it names.

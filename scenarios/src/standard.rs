@@ -1,8 +1,8 @@
 //! The 23 standard scenarios, embedded from `scenarios/data`, and the lookup of a scenario by name or path.
 //!
 //! They are the maps of SMAC. Twelve are the published environment's own; it plays the other eleven as custom
-//! scenarios. In SMAC's 2m_vs_1z the enemies march to a random point between the marines; here it is the point
-//! midway between them.
+//! scenarios. In SMAC's 2m_vs_1z the enemies march to a random point between the marines; here it is the
+//! point midway between them.
 
 use crate::{Scenario, ScenarioError};
 use smaclite_units::file::{did_you_mean, shortened};

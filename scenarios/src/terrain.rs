@@ -85,7 +85,8 @@ impl Terrain {
         inside && self.walkable[y as usize * self.width as usize + x as usize]
     }
 
-    /// The blocked squares as rectangles, which may overlap, in the order a scan from the south-west finds them.
+    /// The blocked squares as rectangles, which may overlap, in the order a scan from the south-west finds
+    /// them.
     pub fn obstacles(&self) -> &[Rect] {
         &self.obstacles
     }

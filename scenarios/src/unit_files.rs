@@ -6,7 +6,8 @@ use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The standard type that the published environment lacks. There the name means a file, so a file comes first.
+/// The standard type that the published environment lacks. There the name means a file, so a file comes
+/// first.
 const ADDED: &str = "HYDRALISK";
 
 /// What identifies a unit type: two names that mean the same file mean the same type.
@@ -78,8 +79,9 @@ impl<'a> UnitFiles<'a> {
         ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
-    /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the scenario
-    /// file or to the working directory, then beside the scenario file, then in the working directory.
+    /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the
+    /// scenario file or to the working directory, then beside the scenario file, then in the working
+    /// directory.
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();

@@ -1,4 +1,5 @@
-//! Custom scenario files: what is accepted, where unit files are found, and the message for everything refused.
+//! Custom scenario files: what is accepted, where unit files are found, and the message for everything
+//! refused.
 
 use smaclite_scenarios::{Faction, Scenario};
 use std::fs;

@@ -256,7 +256,8 @@ fn obstacles_cover_exactly_the_blocked_squares() {
 
 #[test]
 fn start_positions_of_a_mixed_scenario() {
-    // 2s3z: side 3; rows S S Z and Z Z: width 3.5, height 2 * (0.625 + 0.5) + 0.1 = 2.35, corner (7.25, 14.825).
+    // 2s3z: side 3; rows S S Z and Z Z: width 3.5, height 2 * (0.625 + 0.5) + 0.1 = 2.35, corner (7.25,
+    // 14.825).
     let scenario = Scenario::standard("2s3z").unwrap();
     let expected = [[7.875, 15.45], [9.175, 15.45], [10.35, 15.45], [7.75, 16.625], [8.8, 16.625]];
     for (unit, expected) in scenario.units.iter().zip(expected) {

@@ -1,7 +1,7 @@
 //! Reading JSON files of a known shape: what is wrong with a file, in one line that a person can act on.
 //!
-//! Objects keep the order of their keys, because the order of unit types in a group places the units, and a key
-//! given twice is an error. What the keys mean is the business of the readers in `parse` and in
+//! Objects keep the order of their keys, because the order of unit types in a group places the units, and a
+//! key given twice is an error. What the keys mean is the business of the readers in `parse` and in
 //! `smaclite-scenarios`.
 
 mod error;
@@ -36,7 +36,8 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    // Some files that claim to be regular wait when they are read, as /proc/kmsg does; this makes it an error.
+    // Some files that claim to be regular wait when they are read, as /proc/kmsg does; this makes it an
+    // error.
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
     let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
     let file = File::from(file);

@@ -36,8 +36,8 @@ impl fmt::Display for Plane {
 pub struct PlaneSet(u8);
 
 impl PlaneSet {
-    /// Whether `plane` was put into the set. The rule that everyone may attack `COLOSSUS` is not in here but in
-    /// [`UnitType::can_attack`](crate::UnitType::can_attack).
+    /// Whether `plane` was put into the set. The rule that everyone may attack `COLOSSUS` is not in here but
+    /// in [`UnitType::can_attack`](crate::UnitType::can_attack).
     pub fn contains(self, plane: Plane) -> bool {
         self.0 & (1 << plane as u8) != 0
     }

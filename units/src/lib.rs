@@ -1,8 +1,8 @@
 //! Unit types: what a body in a battle is made of, the ten standard types, and the reader of unit files.
 //!
 //! Nothing here moves or fights; a [`UnitType`] is a table of figures that the engine reads. The checked JSON
-//! reader in [`mod@file`] serves unit files here and scenario files in `smaclite-scenarios`, so that both speak of
-//! mistakes in the same way.
+//! reader in [`mod@file`] serves unit files here and scenario files in `smaclite-scenarios`, so that both
+//! speak of mistakes in the same way.
 //!
 //! ```
 //! use smaclite_units::UnitType;

@@ -43,11 +43,12 @@ const MELEE_RANGE: f64 = 0.1;
 const DEFAULT_SCAN_RANGE: f64 = 5.0;
 
 impl UnitType {
-    /// Reads a unit file's text. `name` becomes the type's name; `source` is what error messages call the file.
+    /// Reads a unit file's text. `name` becomes the type's name; `source` is what error messages call the
+    /// file.
     ///
-    /// `hp`, `armor`, `damage`, `cooldown`, `speed`, `attack_range`, `size`, `valid_targets` and `attributes` are
-    /// required; the other keys have defaults. `starting_energy` is another name for `initial_energy`, and `MELEE`
-    /// an attack range of 0.1.
+    /// `hp`, `armor`, `damage`, `cooldown`, `speed`, `attack_range`, `size`, `valid_targets` and `attributes`
+    /// are required; the other keys have defaults. `starting_energy` is another name for `initial_energy`,
+    /// and `MELEE` an attack range of 0.1.
     ///
     /// ```
     /// use smaclite_units::UnitType;
@@ -63,8 +64,8 @@ impl UnitType {
     /// ```
     ///
     /// # Errors
-    /// [`UnitError`] for the first thing that is wrong: no JSON, a key that is unknown or missing, a value of the
-    /// wrong type or out of range, or values at odds with one another.
+    /// [`UnitError`] for the first thing that is wrong: no JSON, a key that is unknown or missing, a value of
+    /// the wrong type or out of range, or values at odds with one another.
     pub fn from_json(text: &str, name: &str, source: &str) -> Result<UnitType, UnitError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;

@@ -64,8 +64,8 @@ impl UnitType {
         plane == Plane::Colossus || self.valid_targets.contains(plane)
     }
 
-    /// Damage of one hit on `victim`: `damage` and the bonus for each attribute that the victim has. Shield and
-    /// armor are not in it.
+    /// Damage of one hit on `victim`: `damage` and the bonus for each attribute that the victim has. Shield
+    /// and armor are not in it.
     pub fn damage_against(&self, victim: &UnitType) -> f64 {
         let bonuses = self.bonuses.iter().filter(|(attribute, _)| victim.attributes.contains(*attribute));
         bonuses.fold(self.damage, |damage, (_, bonus)| damage + bonus)

@@ -13,7 +13,7 @@ use super::play::Play;
 const PHASES: [(&str, &str); 10] = [
     ("order", "battle::Battle::set_order"),
     ("targets", "tick::targets::clean_up"),
-    ("wishes", "tick::preferred::declare"),
+    ("preferred", "tick::preferred::declare"),
     ("avoid", "tick::avoid::plan_velocities"),
     ("execute", "tick::execute::all"),
     ("deaths", "tick::deaths::take_out"),

@@ -12,7 +12,7 @@ use crate::random::Generator;
 use crate::scratch::Scratch;
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::tick::{self, World};
-use crate::units::{Living, Units, refill};
+use crate::units::{AliveIds, Units, refill};
 use crate::{TICKS_PER_STEP, WIN_REWARD};
 
 /// One battle. A clone goes on independently, to the same bits.
@@ -20,7 +20,7 @@ use crate::{TICKS_PER_STEP, WIN_REWARD};
 pub struct Battle {
     arena: Arc<Arena>,
     units: Units,
-    living: Living,
+    living: AliveIds,
     neighbour_order: NeighbourOrder,
     last_actions: Vec<Option<u32>>,
     available: Available,
@@ -68,14 +68,14 @@ pub struct Tick<'a> {
 }
 
 impl Battle {
-    /// A battle at the start of its first episode. Its execution orders are those of the published environment
-    /// with that seed.
+    /// A battle at the start of its first episode. Its execution orders are those of the published
+    /// environment with that seed.
     pub fn new(arena: Arc<Arena>, seed: u64) -> Battle {
         let mut battle = Battle {
             available: Available::new(&arena.sizes()),
             arena,
             units: Units::default(),
-            living: Living::default(),
+            living: AliveIds::default(),
             neighbour_order: NeighbourOrder::default(),
             last_actions: Vec::new(),
             generator: Generator::new(seed),
@@ -103,11 +103,11 @@ impl Battle {
         refill(&mut self.last_actions, self.arena.agents.iter().map(|_| None));
         self.episode_length = 0;
         self.episode_return = 0.0;
-        self.take_stock();
+        self.refresh_derived();
     }
 
     /// Works out what follows from the units: who lives, and what agents can do.
-    fn take_stock(&mut self) {
+    fn refresh_derived(&mut self) {
         self.living.gather(&self.arena, &self.units);
         self.available.update(&self.arena, &self.units, &self.living);
     }
@@ -136,8 +136,8 @@ impl Battle {
 
     /// Plays one step of eight ticks; all are played even if one side is gone before the last.
     ///
-    /// An episode that is over can be stepped further as long as its actions are legal; whoever drives the battle
-    /// decides when to reset.
+    /// An episode that is over can be stepped further as long as its actions are legal; whoever drives the
+    /// battle decides when to reset.
     ///
     /// # Errors
     /// As [`check`](Self::check); then nothing was stepped.
@@ -201,7 +201,7 @@ impl Battle {
         plan.fit(arena);
         refill(&mut plan.commands, arena.unit_ids().map(|_| Command::AttackMove));
         for (&id, &action) in arena.agents.iter().zip(actions) {
-            let targets = if arena.kind(id).is_healer { &arena.agents } else { &arena.enemies };
+            let targets = if arena.stats(id).is_healer { &arena.agents } else { &arena.enemies };
             let position = self.units.pos[id as usize];
             plan.commands[id as usize] = Command::from_action(action as usize, position, targets);
         }
@@ -261,10 +261,11 @@ impl Battle {
 
     /// Writes what the agents observe: f32 `[n_agents, obs_size]`, all zeros for the dead.
     ///
-    /// A row has, with distances divided by the sight range 9 (a unit is seen if nearer) and health and shield by
-    /// their maximum: whether the moves north, south, east, west are available; for each enemy: whether target
-    /// action of its number is available, distance, dx, dy, health, \[shield\], \[type\]; for each other ally: 1,
-    /// distance, dx, dy, health, \[shield\], \[type\]; own health, \[shield\], \[type\]. Unseen blocks are zero.
+    /// A row has, with distances divided by the sight range 9 (a unit is seen if nearer) and health and
+    /// shield by their maximum: whether the moves north, south, east, west are available; for each enemy:
+    /// whether target action of its number is available, distance, dx, dy, health, \[shield\], \[type\]; for
+    /// each other ally: 1, distance, dx, dy, health, \[shield\], \[type\]; own health, \[shield\], \[type\].
+    /// Unseen blocks are zero.
     ///
     /// # Panics
     /// If `out` has another size.
@@ -274,9 +275,10 @@ impl Battle {
 
     /// Writes the state: f32 `[state_size]`.
     ///
-    /// It has for each agent: health, cooldown (energy for healers), x, y from the centre of the map in shares of
-    /// its sides, \[shield\], \[type\]; for each enemy the same without cooldown; and for each agent a one-hot of its
-    /// last action, all zeros after a reset. Blocks of the dead are zero, but for the last action.
+    /// It has for each agent: health, cooldown (energy for healers), x, y from the centre of the map in
+    /// shares of its sides, \[shield\], \[type\]; for each enemy the same without cooldown; and for each
+    /// agent a one-hot of its last action, all zeros after a reset. Blocks of the dead are zero, but for the
+    /// last action.
     ///
     /// # Panics
     /// If `out` has another size.
@@ -356,7 +358,7 @@ impl Battle {
         self.generator = snapshot.generator.clone();
         self.episode_length = snapshot.episode_length;
         self.episode_return = snapshot.episode_return;
-        self.take_stock();
+        self.refresh_derived();
         Ok(())
     }
 }

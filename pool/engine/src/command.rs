@@ -41,8 +41,8 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// The command that an action is for a unit at `position`; `targets` are the units that its target actions
-    /// mean, by in-faction id.
+    /// The command that an action is for a unit at `position`; `targets` are the units that its target
+    /// actions mean, by in-faction id.
     pub fn from_action(action: usize, position: Vec2, targets: &[u32]) -> Command {
         match action {
             action::NORTH..action::FIRST_TARGET => {

@@ -1,11 +1,11 @@
 //! One battle: the rules of the game, exactly, and what agents see of it.
 //!
-//! An [`Arena`] is a scenario made ready, shared by all its battles; a [`Battle`] is one episode after another,
-//! stepped by joint actions. The engine knows nothing of threads, shared memory or files, and it cannot fail but
-//! by an [`IllegalAction`].
+//! An [`Arena`] is a scenario made ready, shared by all its battles; a [`Battle`] is one episode after
+//! another, stepped by joint actions. The engine knows nothing of threads, shared memory or files, and it
+//! cannot fail but by an [`IllegalAction`].
 //!
-//! Equal seeds and actions give equal bits, on every machine: arithmetic is in f32 or f64 as the rules say, never
-//! fused, and nothing is drawn but the execution order of a tick.
+//! Equal seeds and actions give equal bits, on every machine: arithmetic is in f32 or f64 as the rules say,
+//! never fused, and nothing is drawn but the execution order of a tick.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -25,12 +25,12 @@ mod arena;
 mod battle;
 mod command;
 mod encode;
-mod lanes;
 mod neighbour_order;
 pub mod policy;
 mod random;
 mod rules;
 mod scratch;
+mod simd;
 mod snapshot;
 mod tick;
 mod units;

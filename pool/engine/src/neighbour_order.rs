@@ -1,13 +1,15 @@
 //! The order in which collision avoidance keeps the units of each plane, and its history.
 //!
-//! Two neighbours that are equally near are answered in the order in which a k-d tree meets them, and the order in
-//! which its leaves hold units has a history: the list from which the tree is built begins an episode with
-//! ascending ids, every tick partitions it in place (`tick::avoid`), and a unit that dies is replaced by the last
-//! of the list. Nothing else resets it. So the list is part of a battle, and of a snapshot.
+//! Two neighbours that are equally near are answered in the order in which a k-d tree meets them, and the
+//! order in which its leaves hold units has a history: the list from which the tree is built begins an
+//! episode with ascending ids, every tick partitions it in place (`tick::avoid`), and a unit that dies is
+//! replaced by the last of the list. Nothing else resets it. So the list is part of a battle, and of a
+//! snapshot.
 //!
-//! Where several units die in one tick, the order of their removal decides which is replaced by which. Units are
-//! removed by descending slot. Slots are a numbering with a history of its own: a plane's units begin an episode in
-//! the slots 0, 1, ... by ascending id, and the slot of a unit that dies goes to the unit in the last slot.
+//! Where several units die in one tick, the order of their removal decides which is replaced by which. Units
+//! are removed by descending slot. Slots are a numbering with a history of its own: a plane's units begin an
+//! episode in the slots 0, 1, ... by ascending id, and the slot of a unit that dies goes to the unit in the
+//! last slot.
 
 use smaclite_units::Plane;
 
@@ -81,7 +83,7 @@ impl NeighbourOrder {
 }
 
 fn living_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = u32> {
-    let belongs = move |&id: &u32| units.alive[id as usize] && arena.kind(id).plane == plane;
+    let belongs = move |&id: &u32| units.alive[id as usize] && arena.stats(id).plane == plane;
     arena.unit_ids().filter(belongs)
 }
 
@@ -89,7 +91,8 @@ fn living_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item =
 mod tests {
     use super::*;
 
-    /// Units 2 and 0 have exchanged their slots, because of deaths before; the one in the higher slot goes first.
+    /// Units 2 and 0 have exchanged their slots, because of deaths before; the one in the higher slot goes
+    /// first.
     #[test]
     fn of_two_deaths_in_a_tick_the_higher_slot_is_removed_first() {
         let mut order = NeighbourOrder::default();

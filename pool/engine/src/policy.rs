@@ -48,7 +48,8 @@ pub fn pick(bits: &[u64], word: u64) -> usize {
 }
 
 /// Writes an action for each agent: target the nearest enemy that can be targeted; without one, the move that
-/// leads nearest to the nearest living enemy. Healers target the most hurt ally they can, or follow their side.
+/// leads nearest to the nearest living enemy. Healers target the most hurt ally they can, or follow their
+/// side.
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
@@ -64,13 +65,13 @@ fn choose(battle: &Battle, agent: usize) -> usize {
     }
     let arena = battle.arena();
     let id = arena.agents[agent];
-    let is_healer = arena.kind(id).is_healer;
+    let is_healer = arena.stats(id).is_healer;
     let others = if is_healer { &arena.agents } else { &arena.enemies };
     let units = battle.units();
     let away = |other: u32| distance_squared(units.pos[id as usize], units.pos[other as usize]);
     // How little a unit is worth walking to: the less health a patient has the better, then the nearer.
     let rank = |other: u32| {
-        let share = if is_healer { units.hp[other as usize] / arena.kind(other).hp } else { 0.0 };
+        let share = if is_healer { units.hp[other as usize] / arena.stats(other).hp } else { 0.0 };
         (share, away(other))
     };
     let by_rank = |&a: &(usize, u32), &b: &(usize, u32)| {
@@ -82,7 +83,7 @@ fn choose(battle: &Battle, agent: usize) -> usize {
         return action::FIRST_TARGET + target;
     }
     let fits = |other: u32| {
-        units.alive[other as usize] && other != id && !(is_healer && arena.kind(other).is_healer)
+        units.alive[other as usize] && other != id && !(is_healer && arena.stats(other).is_healer)
     };
     match candidates()
         .filter(|&(_, other)| fits(other))

@@ -33,8 +33,9 @@ impl Generator {
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         let mut last = items.len().saturating_sub(1);
         while last > 0 {
-            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it. When a word is
-            // rejected, an item changes places with itself: there is no foretelling that, so there is no branch.
+            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it.
+            // When a word is rejected, an item changes places with itself: there is no foretelling that, so
+            // there is no branch.
             let mask = usize::MAX >> last.leading_zeros();
             let word = self.next_word() as usize & mask;
             let fits = word <= last;
@@ -53,7 +54,8 @@ impl Generator {
     }
 }
 
-/// `SeedSequence(seed).generate_state(4, uint64)`: Melissa O'Neill's `seed_seq_fe` hash with a pool of 4 words.
+/// `SeedSequence(seed).generate_state(4, uint64)`: Melissa O'Neill's `seed_seq_fe` hash with a pool of 4
+/// words.
 fn seed_words(seed: u64) -> [u64; 4] {
     let pool = seed_pool([seed as u32, (seed >> 32) as u32, 0, 0]);
     let mut hash = HashConstant { value: 0x8b51_f9dd, multiplier: 0x58f3_8ded };

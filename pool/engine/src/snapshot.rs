@@ -3,17 +3,19 @@
 use smaclite_units::Plane;
 use thiserror::Error;
 
-use crate::arena::{Arena, Kind};
+use crate::arena::{Arena, UnitStats};
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
 use crate::units::Units;
 
-/// All of a battle that changes. It can be edited, or made from a recording; what it is restored into checks it.
+/// All of a battle that changes. It can be edited, or made from a recording; what it is restored into checks
+/// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,
-    /// The order of equally near neighbours. After a change of who is alive, make it by [`NeighbourOrder::new`].
+    /// The order of equally near neighbours. After a change of who is alive, make it by
+    /// [`NeighbourOrder::new`].
     pub neighbour_order: NeighbourOrder,
     /// The last action of each agent; `None` after a reset.
     pub last_actions: Vec<Option<u32>>,
@@ -126,7 +128,7 @@ impl Snapshot {
     fn check_figures(&self, arena: &Arena) -> Result<(), SnapshotError> {
         let units = &self.units;
         for (id, unit) in arena.unit_ids().zip(0..) {
-            let kind: &Kind = arena.kind(id);
+            let stats: &UnitStats = arena.stats(id);
             let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
             let planned_vel = units.planned_vel[unit].as_dvec2();
             let anything = f64::from(f32::MAX);
@@ -137,9 +139,9 @@ impl Snapshot {
                 ("vel", vel.y, -anything, anything),
                 ("planned_vel", planned_vel.x, -anything, anything),
                 ("planned_vel", planned_vel.y, -anything, anything),
-                ("hp", units.hp[unit], 0.0, kind.hp),
-                ("shield", units.shield[unit], 0.0, kind.shield),
-                ("energy", units.energy[unit], 0.0, kind.energy),
+                ("hp", units.hp[unit], 0.0, stats.hp),
+                ("shield", units.shield[unit], 0.0, stats.shield),
+                ("energy", units.energy[unit], 0.0, stats.energy),
                 ("cooldown", units.cooldown[unit], 0.0, f64::MAX),
                 ("shield_cooldown", units.shield_cooldown[unit], 0.0, f64::MAX),
                 ("healing", units.healing[unit], 0.0, f64::MAX),

@@ -15,8 +15,8 @@ pub struct Units {
     pub pos: Vec<Vec2>,
     /// Velocity with which the unit last moved, in squares per second.
     pub vel: Vec<Vec2>,
-    /// Velocity planned for the last tick, which other units assume that it has. It is `vel` but for a unit that was
-    /// killed before it could move, and healed to life in the same tick (R2).
+    /// Velocity planned for the last tick, which other units assume that it has. It is `vel` but for a unit
+    /// that was killed before it could move, and healed to life in the same tick (R2).
     pub planned_vel: Vec<Vec2>,
     /// Health, from 0 to the type's maximum.
     pub hp: Vec<f64>,
@@ -34,27 +34,27 @@ pub struct Units {
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,
-    /// Whether the unit holds an attack that it declared and has not executed. Between ticks only a unit does that
-    /// was killed before its turn and healed to life in the same tick (R4).
+    /// Whether the unit holds an attack that it declared and has not executed. Between ticks only a unit does
+    /// that was killed before its turn and healed to life in the same tick (R4).
     pub declared: Vec<bool>,
 }
 
 impl Units {
     /// Puts every unit where and as it starts an episode.
     pub(crate) fn reset(&mut self, arena: &Arena) {
-        let kinds = || arena.unit_ids().map(|id| arena.kind(id));
+        let all_stats = || arena.unit_ids().map(|id| arena.stats(id));
         refill(&mut self.pos, arena.starts.iter().copied());
-        refill(&mut self.vel, kinds().map(|_| Vec2::ZERO));
-        refill(&mut self.planned_vel, kinds().map(|_| Vec2::ZERO));
-        refill(&mut self.hp, kinds().map(|kind| kind.hp));
-        refill(&mut self.shield, kinds().map(|kind| kind.shield));
-        refill(&mut self.energy, kinds().map(|kind| kind.initial_energy));
+        refill(&mut self.vel, all_stats().map(|_| Vec2::ZERO));
+        refill(&mut self.planned_vel, all_stats().map(|_| Vec2::ZERO));
+        refill(&mut self.hp, all_stats().map(|stats| stats.hp));
+        refill(&mut self.shield, all_stats().map(|stats| stats.shield));
+        refill(&mut self.energy, all_stats().map(|stats| stats.initial_energy));
         for column in [&mut self.cooldown, &mut self.shield_cooldown, &mut self.healing] {
-            refill(column, kinds().map(|_| 0.0));
+            refill(column, all_stats().map(|_| 0.0));
         }
-        refill(&mut self.alive, kinds().map(|_| true));
-        refill(&mut self.target, kinds().map(|_| None));
-        refill(&mut self.declared, kinds().map(|_| false));
+        refill(&mut self.alive, all_stats().map(|_| true));
+        refill(&mut self.target, all_stats().map(|_| None));
+        refill(&mut self.declared, all_stats().map(|_| false));
     }
 
     /// Whether the unit still has health. In the middle of a tick that is not the same as `alive`.
@@ -74,8 +74,8 @@ pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
     dx * dx + dy * dy
 }
 
-/// The greatest number whose root is at most `distance`: a square can be compared with it in place of its root with
-/// the distance, to the same end.
+/// The greatest number whose root is at most `distance`: a square can be compared with it in place of its
+/// root with the distance, to the same end.
 pub(crate) fn square_within(distance: f64) -> f64 {
     if distance.is_nan() || distance < 0.0 || distance == f64::INFINITY {
         return distance;
@@ -104,7 +104,8 @@ pub(crate) fn most(a: f64, b: f64) -> f64 {
 
 /// The square that a coordinate lies in; the nearest number there is for what no square has.
 ///
-/// `f64::floor` is a call into the C library on the plainest x86-64, and this is asked for every unit and tick.
+/// `f64::floor` is a call into the C library on the plainest x86-64, and this is asked for every unit and
+/// tick.
 pub(crate) fn floor(x: f64) -> i64 {
     let whole = x as i64;
     if whole as f64 > x { whole.saturating_sub(1) } else { whole }
@@ -112,13 +113,13 @@ pub(crate) fn floor(x: f64) -> i64 {
 
 /// The ids of the units that are in the battle, ascending.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Living {
+pub(crate) struct AliveIds {
     pub all: Vec<u32>,
     pub allies: Vec<u32>,
     pub enemies: Vec<u32>,
 }
 
-impl Living {
+impl AliveIds {
     /// Gathers the ids of those that `units` says are alive.
     pub fn gather(&mut self, arena: &Arena, units: &Units) {
         let alive = |id: &u32| units.alive[*id as usize];

@@ -1,7 +1,8 @@
-//! For every square of the map, the obstacle edges that a unit in it may see, in the order in which it meets them.
+//! For every square of the map, the obstacle edges that a unit in it may see, in the order in which it meets
+//! them.
 //!
-//! Edges lie on the lines of the grid, so all points inside a square are on the same side of each of them; that
-//! is why one list serves a whole square. Distances are checked again by the unit that asks.
+//! Edges lie on the lines of the grid, so all points inside a square are on the same side of each of them;
+//! that is why one list serves a whole square. Distances are checked again by the unit that asks.
 
 use glam::Vec2;
 use smaclite_scenarios::Terrain;

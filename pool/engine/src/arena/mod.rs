@@ -4,15 +4,15 @@
 
 mod cells;
 mod edges;
-mod kind;
 mod line_choice;
 mod partition;
+mod unit_stats;
 
 use glam::Vec2;
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 pub(crate) use edges::{Edge, left_of};
-pub(crate) use kind::{AvoidKind, Kind, Pair};
+pub(crate) use unit_stats::{AvoidanceParams, Matchup, UnitStats};
 
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
@@ -32,13 +32,13 @@ pub struct Arena {
     pub(crate) layout: Layout,
     pub(crate) edges: EdgesByCell,
     /// The kind of each unit, by battle-wide id.
-    kinds: Vec<Kind>,
+    all_stats: Vec<UnitStats>,
     n_types: usize,
     type_of: Vec<usize>,
     is_enemy: Vec<bool>,
     id_in_faction: Vec<usize>,
     /// By the types of both units, row by row of attackers.
-    pairs: Vec<Pair>,
+    matchups: Vec<Matchup>,
     /// The largest radius of all units in the scenario.
     pub(crate) largest_radius: f64,
     sizes: Sizes,
@@ -82,13 +82,13 @@ impl Arena {
         let units = &scenario.units;
         let types = &scenario.unit_types;
         let largest_radius = units.iter().map(|unit| types[unit.unit_type].radius()).fold(0.0, f64::max);
-        let kinds: Vec<Kind> =
-            units.iter().map(|unit| Kind::new(&types[unit.unit_type], largest_radius)).collect();
-        let pairs =
-            types.iter().flat_map(|attacker| types.iter().map(move |victim| Pair::new(attacker, victim)));
+        let all_stats: Vec<UnitStats> =
+            units.iter().map(|unit| UnitStats::new(&types[unit.unit_type], largest_radius)).collect();
+        let matchups =
+            types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
         let layout = Layout::new(scenario);
         let farthest_sight =
-            kinds.iter().filter_map(|kind| kind.avoid.edge_range_squared).fold(0.0, f32::max);
+            all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let enemies = ids_of(scenario, Faction::Enemy);
         let total = |id: &u32| {
             let unit_type = &types[units[*id as usize].unit_type];
@@ -108,11 +108,11 @@ impl Arena {
             type_of: units.iter().map(|unit| unit.unit_type).collect(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
-            pairs: pairs.collect(),
+            matchups: matchups.collect(),
             largest_radius,
             sizes: sizes(scenario, &layout),
             layout,
-            kinds,
+            all_stats,
             max_reward,
             episode_limit: scenario.episode_limit,
         }
@@ -149,11 +149,11 @@ impl Arena {
     }
 
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
-        0..self.kinds.len() as u32
+        0..self.all_stats.len() as u32
     }
 
-    pub(crate) fn kind(&self, id: u32) -> &Kind {
-        &self.kinds[id as usize]
+    pub(crate) fn stats(&self, id: u32) -> &UnitStats {
+        &self.all_stats[id as usize]
     }
 
     pub(crate) fn is_enemy(&self, id: u32) -> bool {
@@ -166,12 +166,12 @@ impl Arena {
 
     /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
     pub(crate) fn can_attack(&self, attacker: u32, victim: u32) -> bool {
-        self.pair(attacker, victim).can_attack
+        self.matchup(attacker, victim).can_attack
     }
 
     /// What one unit can do to another.
-    pub(crate) fn pair(&self, attacker: u32, victim: u32) -> &Pair {
-        &self.pairs[self.type_of[attacker as usize] * self.n_types + self.type_of[victim as usize]]
+    pub(crate) fn matchup(&self, attacker: u32, victim: u32) -> &Matchup {
+        &self.matchups[self.type_of[attacker as usize] * self.n_types + self.type_of[victim as usize]]
     }
 }
 

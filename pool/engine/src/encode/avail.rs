@@ -5,7 +5,7 @@ use glam::Vec2;
 use crate::TARGETING_RANGE;
 use crate::arena::{Arena, Sizes};
 use crate::command::{DIRECTIONS, action};
-use crate::units::{Living, Units, distance_squared, floor};
+use crate::units::{AliveIds, Units, distance_squared, floor};
 
 /// One row of bits an agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ impl Available {
 
     /// Works out all rows.
     #[inline(never)] // so that profiles show it
-    pub fn update(&mut self, arena: &Arena, units: &Units, living: &Living) {
+    pub fn update(&mut self, arena: &Arena, units: &Units, living: &AliveIds) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
             row.fill(0);
             let mut allow = |action: usize| row[action / 64] |= 1 << (action % 64);
@@ -62,11 +62,11 @@ impl Available {
                     allow(action);
                 }
             }
-            let is_healer = arena.kind(id).is_healer;
+            let is_healer = arena.stats(id).is_healer;
             for &target in if is_healer { &living.allies } else { &living.enemies } {
                 let squared = distance_squared(position, units.pos[target as usize]);
                 // Healers heal neither themselves nor other healers.
-                let fits = !(is_healer && arena.kind(target).is_healer);
+                let fits = !(is_healer && arena.stats(target).is_healer);
                 if fits && squared.sqrt() <= TARGETING_RANGE {
                     allow(action::FIRST_TARGET + arena.id_in_faction(target));
                 }

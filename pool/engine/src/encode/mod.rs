@@ -21,12 +21,12 @@ pub(crate) struct View<'a> {
 /// Writes the figures of a unit's body: health, \[shield\], \[type\].
 fn write_body(view: &View, id: u32, out: &mut [f32]) {
     let (arena, i) = (view.arena, id as usize);
-    let (kind, layout) = (arena.kind(id), &arena.layout);
+    let (stats, layout) = (arena.stats(id), &arena.layout);
     out.fill(0.0);
-    out[0] = ratio(view.units.hp[i], kind.hp);
+    out[0] = ratio(view.units.hp[i], stats.hp);
     let has_shield = if arena.is_enemy(id) { layout.enemy_shields } else { layout.ally_shields };
     if has_shield {
-        out[1] = ratio(view.units.shield[i], kind.shield);
+        out[1] = ratio(view.units.shield[i], stats.shield);
     }
     if layout.n_types > 0 {
         out[1 + usize::from(has_shield) + layout.type_of[i]] = 1.0;

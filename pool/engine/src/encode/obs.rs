@@ -75,12 +75,12 @@ fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
 
 /// Writes what an agent sees of the enemies.
 ///
-/// A healer targets allies, and the mark beside enemy i says whether ally i is near enough. It says so of healers too,
-/// which the available actions leave out.
+/// A healer targets allies, and the mark beside enemy i says whether ally i is near enough. It says so of
+/// healers too, which the available actions leave out.
 fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
     let Sights { allies, enemies } = sights;
     let own = allies.positions[agent];
-    let is_healer = view.arena.kind(view.arena.agents[agent]).is_healer;
+    let is_healer = view.arena.stats(view.arena.agents[agent]).is_healer;
     let blocks = row[4..].chunks_exact_mut(enemies.block_size());
     for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
         if let Some(sight) = Sight::of(own, position) {

@@ -30,7 +30,7 @@ fn write_unit(view: &View, id: u32, block: &mut [f32]) {
     if !units.alive[i] {
         return;
     }
-    let (kind, layout) = (arena.kind(id), &arena.layout);
+    let (stats, layout) = (arena.stats(id), &arena.layout);
     let n_before = if arena.is_enemy(id) { 2 } else { 3 };
     // The body begins with health, which stands first; the figures in between take the place after it.
     let (before, body) = block.split_at_mut(n_before);
@@ -41,8 +41,11 @@ fn write_unit(view: &View, id: u32, block: &mut [f32]) {
     let y = ((position.y - layout.height / 2.0) / layout.height) as f32;
     before[0] = health;
     if n_before == 3 {
-        let (value, max) =
-            if kind.is_healer { (units.energy[i], kind.energy) } else { (units.cooldown[i], kind.cooldown) };
+        let (value, max) = if stats.is_healer {
+            (units.energy[i], stats.energy)
+        } else {
+            (units.cooldown[i], stats.cooldown)
+        };
         before[1] = ratio(value, max);
     }
     before[n_before - 1] = x;

@@ -34,15 +34,15 @@ fn turn(world: &mut World, id: u32) -> f64 {
     match world.plan.attack[i] {
         // There is no second range check: a unit that was in reach when the attack was declared is hit.
         Some(target) if world.units.cooldown[i] == 0.0 => {
-            world.units.cooldown[i] = world.arena.kind(id).cooldown;
+            world.units.cooldown[i] = world.arena.stats(id).cooldown;
             targeters::act(world, id, target)
         }
         _ => 0.0,
     }
 }
 
-/// What becomes of the turn of a unit that is dead when it comes: it matters if the unit is healed to life in this tick
-/// (R2). Its attack is held (R4), and it keeps the velocity with which it last moved.
+/// What becomes of the turn of a unit that is dead when it comes: it matters if the unit is healed to life in
+/// this tick (R2). Its attack is held (R4), and it keeps the velocity with which it last moved.
 #[cold]
 fn hold(world: &mut World, id: u32) {
     let i = id as usize;
@@ -52,12 +52,12 @@ fn hold(world: &mut World, id: u32) {
 
 /// Movement, and what time alone does.
 fn recover(world: &mut World, id: u32) {
-    let (units, kind, i) = (&mut *world.units, world.arena.kind(id), id as usize);
+    let (units, stats, i) = (&mut *world.units, world.arena.stats(id), id as usize);
     units.pos[i] += units.planned_vel[i] * TICK as f32;
     units.cooldown[i] = most(0.0, units.cooldown[i] - TICK);
     units.shield_cooldown[i] = most(0.0, units.shield_cooldown[i] - TICK);
-    let shield = least(kind.shield, units.shield[i] + SHIELD_PER_TICK);
+    let shield = least(stats.shield, units.shield[i] + SHIELD_PER_TICK);
     units.shield[i] = select_unpredictable(units.shield_cooldown[i] == 0.0, shield, units.shield[i]);
-    units.energy[i] = least(kind.energy, units.energy[i] + ENERGY_PER_TICK);
-    units.hp[i] = least(kind.hp, units.hp[i] + kind.hp_regen_per_tick);
+    units.energy[i] = least(stats.energy, units.energy[i] + ENERGY_PER_TICK);
+    units.hp[i] = least(stats.hp, units.hp[i] + stats.hp_regen_per_tick);
 }

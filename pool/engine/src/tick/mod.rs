@@ -1,7 +1,7 @@
 //! One tick, 1/16 s of a battle, in five phases; this file is their table of contents.
 //!
-//! Every phase runs over all living units in ascending battle-wide id before the next begins. Only phase 4 has an
-//! order of its own, which is part of the rules and is handed in.
+//! Every phase runs over all living units in ascending battle-wide id before the next begins. Only phase 4
+//! has an order of its own, which is part of the rules and is handed in.
 
 mod avoid;
 mod choose;
@@ -16,13 +16,13 @@ use glam::Vec2;
 use crate::arena::Arena;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
-use crate::units::{Living, Units, make_room};
+use crate::units::{AliveIds, Units, make_room};
 
 /// What a tick works on.
 pub(crate) struct World<'a> {
     pub arena: &'a Arena,
     pub units: &'a mut Units,
-    pub living: &'a mut Living,
+    pub living: &'a mut AliveIds,
     pub neighbour_order: &'a mut NeighbourOrder,
     pub plan: &'a mut Plan,
 }
@@ -46,8 +46,8 @@ pub(crate) struct Plan {
     attack: Vec<Option<u32>>,
     /// Units that were dead when their turn came, and the velocities with which they last moved.
     unmoved: Vec<(u32, Vec2)>,
-    lookout: choose::Lookout,
-    avoid: avoid::Memory,
+    target_search: choose::TargetSearch,
+    avoid: avoid::Workspace,
 }
 
 impl Plan {
@@ -59,15 +59,15 @@ impl Plan {
         make_room(&mut self.unmoved, n_units);
         make_room(&mut self.order, n_units);
         make_room(&mut self.commands, n_units);
-        self.lookout.fit(n_units);
+        self.target_search.fit(n_units);
         self.avoid.fit(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
     }
 }
 
-/// Plays one tick with the execution order in the plan and returns the reward it earned, unscaled and without the
-/// one for winning.
+/// Plays one tick with the execution order in the plan and returns the reward it earned, unscaled and without
+/// the one for winning.
 pub(crate) fn run(world: &mut World) -> f64 {
     targets::clean_up(world);
     preferred::declare(world);

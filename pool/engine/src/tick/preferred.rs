@@ -10,12 +10,12 @@ use crate::units::distance_squared;
 
 #[inline(never)] // so that profiles show it
 pub(super) fn declare(world: &mut World) {
-    choose::look_around(world);
+    choose::prepare_searches(world);
     for i in 0..world.living.all.len() {
         let id = world.living.all[i];
         let unit = id as usize;
         world.plan.attack[unit] = None;
-        let speed = world.arena.kind(id).speed;
+        let speed = world.arena.stats(id).speed;
         let preferred = match world.plan.commands[unit] {
             Command::Stop => Vec2::ZERO,
             Command::MoveTo(destination) => towards_point(world.units.pos[unit], destination, speed),
@@ -32,12 +32,14 @@ pub(super) fn declare(world: &mut World) {
         if world.units.declared[unit] {
             resume(world, id);
         }
-        // Zero without a sign, unlike that of a healer which goes at the speed of a unit that cannot move (R3).
+        // Zero without a sign, unlike that of a healer which goes at the speed of a unit that cannot move
+        // (R3).
         world.plan.preferred[unit] = if speed == 0.0 { Vec2::ZERO } else { preferred };
     }
 }
 
-/// Rule R4: an attack that was held is executed as soon as there is a target, at any distance and in any plane.
+/// Rule R4: an attack that was held is executed as soon as there is a target, at any distance and in any
+/// plane.
 #[cold]
 fn resume(world: &mut World, id: u32) {
     let unit = id as usize;
@@ -63,7 +65,7 @@ fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
 /// Whether the target is within the attack range, measured between the two bodies' edges.
 pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
     let (own, other) = (world.units.pos[id as usize], world.units.pos[target as usize]);
-    distance_squared(own, other) <= world.arena.pair(id, target).reach_squared
+    distance_squared(own, other) <= world.arena.matchup(id, target).reach_squared
 }
 
 /// Full speed straight to a point; counted in f64, unlike the way to a unit.

@@ -10,7 +10,7 @@ use crate::{HEAL_PER_TICK, HEALTH_PER_ENERGY, KILL_REWARD, MIN_ENERGY_FOR_NEW_TA
 
 /// Lets a unit act on its target.
 pub(super) fn act(world: &mut World, id: u32, target: u32) -> f64 {
-    match world.arena.kind(id).targeter {
+    match world.arena.stats(id).targeter {
         Targeter::Standard => attack(world, id, target),
         Targeter::Kamikaze { radius } => explode(world, id, radius),
         Targeter::LaserBeam { width, height } => fire_laser(world, id, target, width, height),
@@ -23,22 +23,22 @@ pub(super) fn act(world: &mut World, id: u32, target: u32) -> f64 {
 
 /// All hits of one attack.
 fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
-    let damage = world.arena.pair(id, victim).damage;
-    (0..world.arena.kind(id).attacks).map(|_| hit(world, damage, victim)).sum()
+    let damage = world.arena.matchup(id, victim).damage;
+    (0..world.arena.stats(id).attacks).map(|_| hit(world, damage, victim)).sum()
 }
 
 /// One hit: the shield takes what it can, armor lessens the rest, health pays.
 fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
-    let (units, kind, i) = (&mut *world.units, world.arena.kind(victim), victim as usize);
+    let (units, stats, i) = (&mut *world.units, world.arena.stats(victim), victim as usize);
     if units.hp[i] == 0.0 {
         return 0.0;
     }
-    if kind.shield > 0.0 {
+    if stats.shield > 0.0 {
         units.shield_cooldown[i] = SHIELD_DELAY;
     }
     let to_shield = f64::min(damage, units.shield[i]);
     units.shield[i] -= to_shield;
-    let to_health = f64::min(f64::max(0.0, damage - to_shield - kind.armor), units.hp[i]);
+    let to_health = f64::min(f64::max(0.0, damage - to_shield - stats.armor), units.hp[i]);
     units.hp[i] -= to_health;
     if !world.arena.is_enemy(victim) {
         return 0.0;
@@ -58,7 +58,7 @@ fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
         let victim = world.living.opponents(arena, id)[i];
         let start = world.plan.start[victim as usize];
         let found = distance_squared(centre, start) <= search_radius * search_radius;
-        let reach = radius + arena.kind(victim).radius;
+        let reach = radius + arena.stats(victim).radius;
         if found && distance(centre, world.units.pos[victim as usize]) <= reach {
             earned += attack(world, id, victim);
         }
@@ -66,8 +66,8 @@ fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     earned
 }
 
-/// LASER_BEAM: hits every unit of the other side, whatever its plane, whose circle touches a rectangle across the
-/// line of fire.
+/// LASER_BEAM: hits every unit of the other side, whatever its plane, whose circle touches a rectangle across
+/// the line of fire.
 fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) -> f64 {
     let arena = world.arena;
     let centre = world.units.pos[target as usize];
@@ -77,7 +77,7 @@ fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) 
     for i in 0..world.living.opponents(arena, id).len() {
         let victim = world.living.opponents(arena, id)[i];
         let found = distance_squared(centre, world.plan.start[victim as usize]) <= search_radius_squared;
-        if found && beam.touches(world.units.pos[victim as usize], arena.kind(victim).radius) {
+        if found && beam.touches(world.units.pos[victim as usize], arena.stats(victim).radius) {
             earned += attack(world, id, victim);
         }
     }
@@ -115,15 +115,16 @@ impl Beam {
 /// HEAL: gives health for energy.
 fn heal(world: &mut World, id: u32, target: u32) {
     let (units, i, patient) = (&mut *world.units, id as usize, target as usize);
-    let full = world.arena.kind(target).hp;
-    // Of the target fields: under a command to target a unit out of the battle both are empty, and nothing is new.
+    let full = world.arena.stats(target).hp;
+    // Of the target fields: under a command to target a unit out of the battle both are empty, and nothing is
+    // new.
     let is_new = world.plan.previous_target[i] != units.target[i];
     if units.hp[patient] == full || is_new && units.energy[i] < MIN_ENERGY_FOR_NEW_TARGET {
         units.target[i] = None;
         return;
     }
-    // Rule R2: the paper's dead stay dead. Here one killed in this tick lives on if healed before its end, and
-    // the health of one that is out of the battle rises to no effect.
+    // Rule R2: the paper's dead stay dead. Here one killed in this tick lives on if healed before its end,
+    // and the health of one that is out of the battle rises to no effect.
     if world.arena.rules == Rules::Paper && units.hp[patient] == 0.0 {
         return;
     }

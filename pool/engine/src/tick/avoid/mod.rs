@@ -1,143 +1,147 @@
 //! Phase 3, collision avoidance: turns preferred velocities into actual ones by ORCA (van den Berg et al.,
 //! "Reciprocal n-body collision avoidance").
 //!
-//! Every moving unit collects half-planes of permitted velocities, first from obstacle edges (`obstacles`), then
-//! from neighbouring units (`neighbours`), and takes the permitted velocity nearest to the preferred one
-//! (`program`). All plan against the same frozen positions and velocities; then all velocities change at once.
+//! Every moving unit collects half-planes of permitted velocities, first from obstacle edges (`obstacles`),
+//! then from neighbouring units (`neighbours`), and takes the permitted velocity nearest to its preferred
+//! velocity (`linear_program`). All units plan against the same frozen positions and velocities; then all
+//! velocities change at once.
 //!
-//! Most units meet a few others and no obstacle. Their velocities are found four at a time (`programs`), to the same
-//! bits; [`Planner`] sorts out which those are.
+//! Most units have up to four neighbours and no obstacle in sight. Their linear programs are solved four at a
+//! time (`linear_program::x4`), to the same bits. [`Planner`] finds those units in three stages: neighbours,
+//! half-planes, solutions.
 //!
-//! All arithmetic is in f32 and a vector is divided by multiplying with the rounded reciprocal: the recorded
-//! battles depend on it to the last bit. The time horizon is 1 s, for units and for obstacles, and so appears
-//! nowhere.
+//! All arithmetic is in f32, and a vector is divided by a scalar by multiplying it with the rounded
+//! reciprocal: the recorded battles depend on it to the last bit. The time horizon of the paper, tau, is 1 s
+//! for units and for obstacles, so divisions by it do not appear.
 
-mod crowd;
-mod found;
+mod linear_program;
+mod nearest_list;
 mod neighbours;
 mod obstacles;
-mod program;
-mod programs;
+mod plane_units;
 mod tree;
 
 use glam::Vec2;
 
 use super::World;
-use crate::arena::{Arena, AvoidKind};
-use crate::lanes::{Floats, LANES, Vectors};
+use crate::arena::{Arena, AvoidanceParams};
 use crate::neighbour_order::PlaneOrder;
+use crate::simd::{F32x4, Vec2x4, WIDTH};
 use crate::units::make_room;
-use crowd::{Crowd, Few, Member, keep_last_if};
-use found::Found;
-use neighbours::FourLines;
-use program::Line;
-use programs::Programs;
+use linear_program::HalfPlane;
+use linear_program::x4::LinearProgramX4;
+use nearest_list::NearestList;
+use neighbours::HalfPlaneX4;
+use plane_units::{Neighbour, NeighbourMask, PlaneUnits, keep_last_if};
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
 const EPSILON: f32 = 1e-5;
 
 /// Working memory of collision avoidance.
 #[derive(Debug, Default)]
-pub(crate) struct Memory {
+pub(crate) struct Workspace {
     /// The living units of each plane.
-    planes: [Crowd; 3],
-    accompanied: Vec<Accompanied>,
-    impeded: Vec<Impeded>,
-    search: Search,
+    planes: [PlaneUnits; 3],
+    with_neighbours: Vec<WithNeighbours>,
+    constrained: Vec<Constrained>,
+    search: UnitWorkspace,
 }
 
-impl Memory {
+impl Workspace {
     /// Makes room for so many units, of which each sees so many edges at most.
     pub fn fit(&mut self, n_units: usize, n_edges: usize) {
-        self.planes.iter_mut().for_each(|crowd| crowd.fit(n_units));
-        make_room(&mut self.accompanied, n_units);
-        make_room(&mut self.impeded, n_units);
+        self.planes.iter_mut().for_each(|plane| plane.fit(n_units));
+        make_room(&mut self.with_neighbours, n_units);
+        make_room(&mut self.constrained, n_units);
         make_room(&mut self.search.near_edges, n_edges);
         self.search.found.fit(n_units.max(n_edges));
-        for lines in [&mut self.search.lines, &mut self.search.projected] {
-            // Lines of units are added four at a time.
-            make_room(lines, n_edges + n_units.next_multiple_of(LANES));
+        for half_planes in [&mut self.search.half_planes, &mut self.search.projected] {
+            // Half-planes of units are added four at a time.
+            make_room(half_planes, n_edges + n_units.next_multiple_of(WIDTH));
         }
     }
 }
 
 /// Working memory for the velocity of one unit.
 #[derive(Debug, Default)]
-struct Search {
+struct UnitWorkspace {
     /// Numbers of edges that may be in sight.
     near_edges: Vec<u32>,
     /// Edges or units in sight.
-    found: Found,
-    lines: Vec<Line>,
-    projected: Vec<Line>,
+    found: NearestList,
+    half_planes: Vec<HalfPlane>,
+    projected: Vec<HalfPlane>,
 }
 
-/// A unit that looks for a velocity.
+/// A unit whose velocity is planned.
 struct Mover {
     position: Vec2,
     velocity: Vec2,
     preferred: Vec2,
-    kind: AvoidKind,
+    stats: AvoidanceParams,
 }
 
-/// A unit in sight of others.
+/// A unit with neighbours, and no obstacle in sight.
 #[derive(Clone, Copy, Debug)]
-struct Accompanied {
-    place: u32,
-    neighbours: Few,
+struct WithNeighbours {
+    index: u32,
+    neighbours: NeighbourMask,
 }
 
-/// A unit that others keep from its preferred velocity.
+/// A unit whose neighbours do not permit its preferred velocity.
 #[derive(Clone, Copy, Debug)]
-struct Impeded {
-    place: u32,
+struct Constrained {
+    index: u32,
     id: u32,
-    /// The half-planes of its neighbours, and the squared distances they have; infinite where there are less than four.
-    lines: FourLines,
-    distances_squared: Floats,
-    /// Preferred velocity, and that within the speed limit.
-    wish: Floats,
+    /// The half-planes that its neighbours impose.
+    half_planes: HalfPlaneX4,
+    /// The squared distances of those neighbours; infinite where there are fewer than four.
+    distances_squared: F32x4,
+    preferred: Vec2,
+    /// The velocity without neighbours: the preferred one within the speed limit.
+    unconstrained: Vec2,
     max_speed: f32,
 }
 
 /// Plans the velocity of every living unit.
 ///
-/// One question after another is put to all units: who moves, who has neighbours, whom do they impede. Each makes a
-/// shorter list for the next one. There is no foretelling the answers, so a processor that had to do with one unit
-/// after another would spend its time with branches that it took in vain.
+/// Each stage filters the units for the next one: which move, which of those have neighbours, which of those
+/// may not have the velocity that they prefer. The answers are unpredictable, so handling one unit from begin
+/// to end would cost a branch misprediction at nearly every test; a stage over all units has no such
+/// branches.
 #[inline(never)] // so that profiles show it
 pub(super) fn plan_velocities(world: &mut World) {
-    take_down(world);
+    gather(world);
     let World { arena, units, plan, .. } = world;
-    let Memory { planes, accompanied, impeded, search } = &mut plan.avoid;
-    for crowd in planes.iter_mut().filter(|crowd| !crowd.movers().is_empty()) {
+    let Workspace { planes, with_neighbours, constrained, search } = &mut plan.avoid;
+    for plane in planes.iter_mut().filter(|plane| !plane.movers().is_empty()) {
         let mut planner =
-            Planner { arena, crowd, preferred: &plan.preferred, velocities: &mut units.planned_vel, search };
-        planner.look_around(accompanied);
-        planner.meet(accompanied, impeded);
-        planner.give_way(impeded);
+            Planner { arena, plane, preferred: &plan.preferred, velocities: &mut units.planned_vel, search };
+        planner.find_neighbours(with_neighbours);
+        planner.build_half_planes(with_neighbours, constrained);
+        planner.solve(constrained);
     }
 }
 
-/// Takes down where all living units are and what they do.
-fn take_down(world: &mut World) {
+/// Packs the living units of each plane, in the order of the neighbour list.
+fn gather(world: &mut World) {
     let World { arena, units, neighbour_order, plan, .. } = world;
-    for (crowd, PlaneOrder { list, .. }) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
-        crowd.clear();
-        crowd.sort(list, &units.pos);
+    for (plane, PlaneOrder { list, .. }) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
+        plane.clear();
+        plane.sort(list, &units.pos);
         for &id in &*list {
             let i = id as usize;
             let Vec2 { x, y } = plan.preferred[i];
             let stays = (x == 0.0) & (y == 0.0);
-            crowd.push(
-                Member::new(id, units.pos[i], units.planned_vel[i], arena.kind(id).avoid.radius, stays),
+            plane.push(
+                Neighbour::new(id, units.pos[i], units.planned_vel[i], arena.stats(id).avoid.radius, stays),
                 stays,
             );
-            // A unit that wants to stay, stays, and computes nothing: so others can be blocked and surrounded.
+            // A unit that prefers to stay does so and plans nothing: so units can block and surround others.
             units.planned_vel[i] = plan.preferred[i];
         }
-        if !crowd.movers().is_empty() {
-            crowd.pack();
+        if !plane.movers().is_empty() {
+            plane.pack();
         }
     }
 }
@@ -145,96 +149,107 @@ fn take_down(world: &mut World) {
 /// Finds the velocities of the units of a plane.
 struct Planner<'a> {
     arena: &'a Arena,
-    crowd: &'a mut Crowd,
+    plane: &'a mut PlaneUnits,
     /// By battle-wide id, as the velocities.
     preferred: &'a [Vec2],
     velocities: &'a mut [Vec2],
-    search: &'a mut Search,
+    search: &'a mut UnitWorkspace,
 }
 
 impl Planner<'_> {
-    fn mover(&self, place: usize) -> (usize, Mover) {
-        let member = self.crowd.member(place);
-        let (id, kind) = (member.id as usize, self.arena.kind(member.id).avoid);
+    fn mover(&self, index: usize) -> (usize, Mover) {
+        let member = self.plane.member(index);
+        let (id, stats) = (member.id as usize, self.arena.stats(member.id).avoid);
         let (position, velocity) = (member.position(), member.velocity());
-        (id, Mover { position, velocity, preferred: self.preferred[id], kind })
+        (id, Mover { position, velocity, preferred: self.preferred[id], stats })
     }
 
-    /// Gives every unit that moves its preferred velocity, and finds those that are in sight of others. Those in sight
-    /// of obstacles, or in a large crowd, are done with at once.
-    fn look_around(&mut self, accompanied: &mut Vec<Accompanied>) {
-        accompanied.clear();
-        for i in 0..self.crowd.movers().len() {
-            let place = self.crowd.movers()[i] as usize;
-            let (id, mover) = self.mover(place);
-            let Search { near_edges, found, lines, .. } = &mut *self.search;
-            lines.clear();
-            obstacles::lines(self.arena, &mover, near_edges, found, lines);
-            if !lines.is_empty() || !self.crowd.is_small() {
-                self.avoid_all(place);
+    /// Stage 1: gives every moving unit its preferred velocity, and lists those that have neighbours. Units
+    /// that see obstacles, or are on a plane with many units, are solved at once.
+    fn find_neighbours(&mut self, with_neighbours: &mut Vec<WithNeighbours>) {
+        with_neighbours.clear();
+        for i in 0..self.plane.movers().len() {
+            let index = self.plane.movers()[i] as usize;
+            let (id, mover) = self.mover(index);
+            let UnitWorkspace { near_edges, found, half_planes, .. } = &mut *self.search;
+            half_planes.clear();
+            obstacles::half_planes(self.arena, &mover, near_edges, found, half_planes);
+            if !half_planes.is_empty() || !self.plane.is_small() {
+                self.solve_one(index);
                 continue;
             }
-            self.velocities[id] = valid(program::within(mover.kind.max_speed, mover.preferred));
-            let neighbours = self.crowd.near(place, mover.kind.neighbour_range_squared);
-            accompanied.push(Accompanied { place: place as u32, neighbours });
-            keep_last_if(neighbours.is_any(), accompanied);
+            self.velocities[id] = valid(linear_program::within(mover.stats.max_speed, mover.preferred));
+            let neighbours = self.plane.near(index, mover.stats.neighbour_range_squared);
+            with_neighbours.push(WithNeighbours { index: index as u32, neighbours });
+            keep_last_if(neighbours.is_any(), with_neighbours);
         }
     }
 
-    /// Works out the half-planes of those with up to four neighbours, and finds those whose velocity they do not permit.
-    fn meet(&mut self, accompanied: &[Accompanied], impeded: &mut Vec<Impeded>) {
-        impeded.clear();
-        for &Accompanied { place, neighbours } in accompanied {
-            let Some(four) = self.crowd.four(neighbours) else {
-                self.search.lines.clear();
-                self.avoid_all(place as usize);
+    /// Stage 2: builds the half-planes of units with up to four neighbours, and lists the units whose
+    /// velocity violates one of them. Units with more neighbours are solved at once.
+    fn build_half_planes(&mut self, with_neighbours: &[WithNeighbours], constrained: &mut Vec<Constrained>) {
+        constrained.clear();
+        for &WithNeighbours { index, neighbours } in with_neighbours {
+            let Some(four) = self.plane.four(neighbours) else {
+                self.search.half_planes.clear();
+                self.solve_one(index as usize);
                 continue;
             };
-            let (id, mover) = self.mover(place as usize);
-            let lines = FourLines::off(&mover, &four);
-            let distances_squared = (Vectors::splat(mover.position) - four.position).length_squared();
-            let is_there = distances_squared.simd_lt(Floats::splat(f32::INFINITY));
-            let unhindered = self.velocities[id];
-            let is_violated = lines.depth(Vectors::splat(unhindered)).simd_gt(Floats::ZERO) & is_there;
-            let wish = Floats::new([mover.preferred.x, mover.preferred.y, unhindered.x, unhindered.y]);
-            let (id, max_speed) = (id as u32, mover.kind.max_speed);
-            impeded.push(Impeded { place, id, lines, distances_squared, wish, max_speed });
-            keep_last_if(is_violated.any(), impeded);
+            let (id, mover) = self.mover(index as usize);
+            let half_planes = HalfPlaneX4::orca(&mover, &four);
+            let distances_squared = (Vec2x4::splat(mover.position) - four.position).length_squared();
+            let is_there = distances_squared.simd_lt(F32x4::splat(f32::INFINITY));
+            let unconstrained = self.velocities[id];
+            let is_violated =
+                half_planes.violation(Vec2x4::splat(unconstrained)).simd_gt(F32x4::ZERO) & is_there;
+            constrained.push(Constrained {
+                index,
+                id: id as u32,
+                half_planes,
+                distances_squared,
+                preferred: mover.preferred,
+                unconstrained,
+                max_speed: mover.stats.max_speed,
+            });
+            keep_last_if(is_violated.any(), constrained);
         }
     }
 
-    /// Finds another velocity for those who cannot have the one they want.
-    fn give_way(&mut self, impeded: &[Impeded]) {
-        for units in impeded.chunks(LANES) {
-            // There may be less than four left: then some lanes repeat the first.
-            let unit = |lane: usize| units.get(lane).unwrap_or(&units[0]);
-            let programs = Programs::of([unit(0), unit(1), unit(2), unit(3)]);
+    /// Stage 3: solves the linear programs, four at a time.
+    fn solve(&mut self, constrained: &[Constrained]) {
+        for units in constrained.chunks(WIDTH) {
+            // Fewer than four may be left: then the first is repeated.
+            let unit = |i: usize| units.get(i).unwrap_or(&units[0]);
+            let programs = LinearProgramX4::of([unit(0), unit(1), unit(2), unit(3)]);
             let velocities = programs.solve();
-            let tied = if self.crowd.equals_keep_order() { 0 } else { programs.have_equals().to_bitmask() };
-            for (lane, unit) in units.iter().enumerate() {
-                if tied >> lane & 1 == 1 {
-                    self.search.lines.clear();
-                    self.avoid_all(unit.place as usize);
+            // Of equally near neighbours the tree decides which half-plane comes first.
+            let tied = if self.plane.equals_keep_order() { 0 } else { programs.have_equals().to_bitmask() };
+            for (i, unit) in units.iter().enumerate() {
+                if tied >> i & 1 == 1 {
+                    self.search.half_planes.clear();
+                    self.solve_one(unit.index as usize);
                     continue;
                 }
-                self.velocities[unit.id as usize] = valid(velocities.lane(lane));
+                self.velocities[unit.id as usize] = valid(velocities.extract(i));
             }
         }
     }
 
-    /// Finds the velocity of a unit in any situation; the lines of obstacles are there already.
-    fn avoid_all(&mut self, place: usize) {
-        let (id, mover) = self.mover(place);
-        let Search { found, lines, projected, .. } = &mut *self.search;
-        let n_hard = lines.len();
-        self.crowd.find(place, mover.kind.neighbour_range_squared, found);
-        neighbours::lines(&mover, self.crowd.members(), found.places(), lines);
-        let velocity = program::solve(lines, n_hard, mover.kind.max_speed, mover.preferred, projected);
+    /// Finds the velocity of a unit in any situation; the half-planes of obstacles are in the workspace
+    /// already.
+    fn solve_one(&mut self, index: usize) {
+        let (id, mover) = self.mover(index);
+        let UnitWorkspace { found, half_planes, projected, .. } = &mut *self.search;
+        let n_hard = half_planes.len();
+        self.plane.find(index, mover.stats.neighbour_range_squared, found);
+        neighbours::half_planes(&mover, self.plane.members(), found.indices(), half_planes);
+        let velocity =
+            linear_program::solve(half_planes, n_hard, mover.stats.max_speed, mover.preferred, projected);
         self.velocities[id] = valid(velocity);
     }
 }
 
-/// Two units in one spot have no direction to part in; whatever comes of that, nobody leaves the plane.
+/// Two units on one spot have no direction to separate in, which gives NaN or infinity; such a unit stays.
 fn valid(velocity: Vec2) -> Vec2 {
     if velocity.is_finite() { velocity } else { Vec2::ZERO }
 }

@@ -1,115 +1,130 @@
-//! The half-planes that neighbouring units impose, four at a time. Who is a neighbour is found in `crowd`.
+//! The ORCA half-planes that neighbouring units impose, four at a time. `plane_units` finds the neighbours.
 //!
-//! A lane cannot take a branch of its own, so every case is worked out for all and then one is chosen; what comes
-//! of a case that does not apply, be it no number at all, is dropped.
+//! Derivation (the paper's sections on velocity obstacles and on ORCA). Let p be the position of the
+//! neighbour seen from the unit, r the sum of both radii (`reach`), and v the unit's velocity minus that of
+//! the neighbour. The two collide within the horizon of 1 s if v lies in the *velocity obstacle*: all v with
+//! |t v - p| < r for a t in (0, 1]. That is the cone from the origin that touches the disc of radius r around
+//! p, truncated by that disc. With u the least change of v that leads to its boundary, and n the direction
+//! out of it there, both units avoid each other if each takes a share of u: the permitted velocities are the
+//! half-plane { w : (w - (velocity + share u)) . n >= 0 }. The share is one half, or all of u beside a
+//! neighbour that stays where it is.
+//!
+//! Which part of the boundary is nearest (`least_change`): with w = v - p, the velocity seen from the disc's
+//! centre, it is the disc if w points back to the origin (w . p < 0) within the angle of the two touching
+//! points ((w . p)^2 > r^2 |w|^2), else one of the two legs of the cone. If the units overlap already, the
+//! disc of one tick takes the place of the cone, so that they separate within that tick.
+//!
+//! A vector lane cannot branch by itself. So every case is computed for all four and one is selected; the
+//! result of a case that does not apply, NaN included, is dropped.
 
 use glam::Vec2;
 
 use super::Mover;
-use super::crowd::{FourMembers, Member};
-use super::program::Line;
+use super::linear_program::HalfPlane;
+use super::plane_units::{Neighbour, NeighbourX4};
 use crate::TICKS_PER_SECOND;
-use crate::lanes::{Floats, LANES, Vectors};
+use crate::simd::{F32x4, Vec2x4, WIDTH};
 
 /// A change of velocity, and the direction of the boundary that it leads to.
 #[derive(Clone, Copy)]
 struct Escape {
-    direction: Vectors,
-    change: Vectors,
+    direction: Vec2x4,
+    change: Vec2x4,
 }
 
-/// Adds the half-planes that keep `mover` off its neighbours, whose places among the `members` are given.
-pub(super) fn lines(
+/// Adds the half-planes that keep `mover` off its neighbours, whose indices among the `members` are given.
+pub(super) fn half_planes(
     mover: &Mover,
-    members: &[Member],
-    mut places: impl ExactSizeIterator<Item = usize>,
-    lines: &mut Vec<Line>,
+    members: &[Neighbour],
+    mut indices: impl ExactSizeIterator<Item = usize>,
+    half_planes: &mut Vec<HalfPlane>,
 ) {
-    let n_lines = lines.len() + places.len();
-    while let Some(place) = places.next() {
-        // There may be less than four left: then some lanes repeat the first, and are cut off below.
-        let first = &members[place];
-        let mut next = || places.next().map_or(first, |place| &members[place]);
-        let four = FourMembers::of([first, next(), next(), next()]);
-        lines.extend_from_slice(&FourLines::off(mover, &four).each());
+    let n_half_planes = half_planes.len() + indices.len();
+    while let Some(index) = indices.next() {
+        // Fewer than four may be left: then the first is repeated, and cut off below.
+        let first = &members[index];
+        let mut next = || indices.next().map_or(first, |index| &members[index]);
+        let four = NeighbourX4::of([first, next(), next(), next()]);
+        half_planes.extend_from_slice(&HalfPlaneX4::orca(mover, &four).each());
     }
-    lines.truncate(n_lines);
+    half_planes.truncate(n_half_planes);
 }
 
 /// Four half-planes.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct FourLines {
-    pub point: Vectors,
-    pub direction: Vectors,
+pub(super) struct HalfPlaneX4 {
+    pub point: Vec2x4,
+    pub direction: Vec2x4,
 }
 
-impl FourLines {
+impl HalfPlaneX4 {
     /// The velocities that keep `mover` off each of four neighbours for the time horizon.
     #[inline]
-    pub fn off(mover: &Mover, neighbours: &FourMembers) -> FourLines {
-        let velocity = Vectors::splat(mover.velocity);
-        let offset = neighbours.position - Vectors::splat(mover.position);
+    pub fn orca(mover: &Mover, neighbours: &NeighbourX4) -> HalfPlaneX4 {
+        let velocity = Vec2x4::splat(mover.velocity);
+        let offset = neighbours.position - Vec2x4::splat(mover.position);
         let relative = velocity - neighbours.velocity;
-        let reach = Floats::splat(mover.kind.radius) + neighbours.radius;
+        let reach = F32x4::splat(mover.stats.radius) + neighbours.radius;
         let apart = offset.length_squared().simd_gt(reach * reach);
         let Escape { direction, change } = least_change(offset, relative, reach, apart);
-        FourLines { point: velocity + change * neighbours.share, direction }
+        HalfPlaneX4 { point: velocity + change * neighbours.share, direction }
     }
 
     /// One by one.
-    pub fn each(&self) -> [Line; LANES] {
-        let FourLines { point, direction } = self;
-        let lines = Floats::transpose([point.x, point.y, direction.x, direction.y]);
-        lines.map(|line| {
-            let [x, y, along_x, along_y] = line.to_array();
-            Line { point: Vec2::new(x, y), direction: Vec2::new(along_x, along_y) }
+    pub fn each(&self) -> [HalfPlane; WIDTH] {
+        let HalfPlaneX4 { point, direction } = self;
+        let half_planes = F32x4::transpose([point.x, point.y, direction.x, direction.y]);
+        half_planes.map(|half_plane| {
+            let [x, y, along_x, along_y] = half_plane.to_array();
+            HalfPlane { point: Vec2::new(x, y), direction: Vec2::new(along_x, along_y) }
         })
     }
 
-    /// How far on the wrong side velocities are; negative if they are permitted.
-    pub fn depth(&self, velocities: Vectors) -> Floats {
+    /// How far velocities are on the wrong side of the boundaries; negative if they are permitted.
+    pub fn violation(&self, velocities: Vec2x4) -> F32x4 {
         self.direction.perp_dot(self.point - velocities)
     }
 }
 
-/// The least change of the relative velocity that leaves the velocity obstacle, a cone that a disc truncates.
-fn least_change(offset: Vectors, relative: Vectors, reach: Floats, apart: Floats) -> Escape {
+/// The least change of the relative velocity that leads to the boundary of the velocity obstacle.
+fn least_change(offset: Vec2x4, relative: Vec2x4, reach: F32x4, apart: F32x4) -> Escape {
     let from_tip = relative - offset;
     let towards = from_tip.dot(offset);
-    let faces_disc = towards.simd_lt(Floats::ZERO)
-        & (towards * towards).simd_gt(reach * reach * from_tip.length_squared());
-    // Units that overlap are to be apart after this tick: the disc of that time is all of the obstacle.
-    let per_tick = Floats::splat(TICKS_PER_SECOND as f32);
-    let from_centre = Vectors::either(apart, from_tip, relative - offset * per_tick);
-    let disc = off_the_disc(from_centre, apart.select(reach, reach * per_tick));
+    let faces_disc =
+        towards.simd_lt(F32x4::ZERO) & (towards * towards).simd_gt(reach * reach * from_tip.length_squared());
+    // Units that overlap must be apart after this tick: the disc of that time is the whole obstacle.
+    let per_tick = F32x4::splat(TICKS_PER_SECOND as f32);
+    let from_centre = Vec2x4::either(apart, from_tip, relative - offset * per_tick);
+    let disc = disc_escape(from_centre, apart.select(reach, reach * per_tick));
     if !apart.any() {
-        return disc; // as ever where all units are of one size: they do not look farther than they touch
+        return disc; // always so where all units have one size: they see no farther than they touch
     }
-    let leg = off_the_leg(offset, relative, from_tip, reach);
+    let leg = leg_escape(offset, relative, from_tip, reach);
     let chosen = !apart | faces_disc;
     Escape {
-        direction: Vectors::either(chosen, disc.direction, leg.direction),
-        change: Vectors::either(chosen, disc.change, leg.change),
+        direction: Vec2x4::either(chosen, disc.direction, leg.direction),
+        change: Vec2x4::either(chosen, disc.change, leg.change),
     }
 }
 
-/// Off the nearer leg of the cone.
-fn off_the_leg(offset: Vectors, relative: Vectors, from_tip: Vectors, reach: Floats) -> Escape {
+/// To the nearer leg of the cone. A leg is p turned by the angle whose sine is r / |p|, scaled to length 1:
+/// with the length l = sqrt(|p|^2 - r^2) of the leg up to the disc that is (p l + perp(p) r) / |p|^2.
+fn leg_escape(offset: Vec2x4, relative: Vec2x4, from_tip: Vec2x4, reach: F32x4) -> Escape {
     let distance_squared = offset.length_squared();
     let length = (distance_squared - reach * reach).sqrt();
-    let is_left = offset.perp_dot(from_tip).simd_gt(Floats::ZERO);
+    let is_left = offset.perp_dot(from_tip).simd_gt(F32x4::ZERO);
     // The right leg is the left one with the reach to the other side, and its boundary runs the other way.
     let reach = is_left.select(reach, -reach);
-    let per_square = Floats::ONE / distance_squared;
+    let per_square = F32x4::ONE / distance_squared;
     let direction =
-        Vectors { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
+        Vec2x4 { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
             * is_left.select(per_square, -per_square);
     Escape { direction, change: direction * relative.dot(direction) - relative }
 }
 
-/// Off the disc; `from_centre` is the velocity seen from its centre.
-fn off_the_disc(from_centre: Vectors, radius: Floats) -> Escape {
+/// To the edge of the disc; `from_centre` is the velocity seen from its centre.
+fn disc_escape(from_centre: Vec2x4, radius: F32x4) -> Escape {
     let length = from_centre.length_squared().sqrt();
-    let outward = from_centre * (Floats::ONE / length);
-    Escape { direction: Vectors { x: outward.y, y: -outward.x }, change: outward * (radius - length) }
+    let outward = from_centre * (F32x4::ONE / length);
+    Escape { direction: Vec2x4 { x: outward.y, y: -outward.x }, change: outward * (radius - length) }
 }

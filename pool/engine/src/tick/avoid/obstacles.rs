@@ -2,38 +2,38 @@
 
 use glam::Vec2;
 
-use super::found::Found;
-use super::program::{Line, unit};
+use super::linear_program::{HalfPlane, normalize};
+use super::nearest_list::NearestList;
 use super::{EPSILON, Mover};
 use crate::arena::{Arena, Edge, left_of};
 
-/// The lines of the obstacles that `mover` sees; `searched` and `found` are working memory.
-pub(super) fn lines(
+/// The half-planes of the obstacles that `mover` sees; `searched` and `found` are working memory.
+pub(super) fn half_planes(
     arena: &Arena,
     mover: &Mover,
     searched: &mut Vec<u32>,
-    found: &mut Found,
-    lines: &mut Vec<Line>,
+    found: &mut NearestList,
+    half_planes: &mut Vec<HalfPlane>,
 ) {
-    let Some(range) = mover.kind.edge_range_squared else { return };
+    let Some(range) = mover.stats.edge_range_squared else { return };
     let near = arena.edges.near(mover.position, searched);
     find(arena, mover, near, range, found);
-    for place in found.places() {
-        if let Some(line) = line(mover, arena.edges.edge(near[place]), lines) {
-            lines.push(line);
+    for index in found.indices() {
+        if let Some(half_plane) = half_plane(mover, arena.edges.edge(near[index]), half_planes) {
+            half_planes.push(half_plane);
         }
     }
 }
 
 /// Finds the edges of a list that `mover` sees, nearest first.
-fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut Found) {
+fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut NearestList) {
     found.clear();
-    for (place, &number) in near.iter().enumerate() {
+    for (index, &number) in near.iter().enumerate() {
         let edge = arena.edges.edge(number);
         if left_of(edge.start, edge.end, mover.position) < 0.0 {
             let distance_squared = distance_squared(edge, mover.position);
             if distance_squared < range {
-                found.insert(distance_squared, place);
+                found.insert(distance_squared, index);
             }
         }
     }
@@ -77,13 +77,16 @@ enum View {
     Only(Corner),
 }
 
-/// The velocities that keep `mover` off the edge for the time horizon; `None` if the edge asks for nothing that
-/// other lines do not ask for already.
-fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
-    let radius = mover.kind.radius;
+/// The velocities that keep `mover` off the edge for the time horizon; `None` if the edge asks for nothing
+/// that other half-planes do not ask for already.
+fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
+    let radius = mover.stats.radius;
     let start = Corner::start_of(edge, mover.position);
     let end = Corner::end_of(edge, mover.position);
-    if earlier.iter().any(|line| covers(line, start.offset, radius) && covers(line, end.offset, radius)) {
+    if earlier
+        .iter()
+        .any(|half_plane| covers(half_plane, start.offset, radius) && covers(half_plane, end.offset, radius))
+    {
         return None;
     }
     let radius_squared = radius * radius;
@@ -97,7 +100,7 @@ fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
         // Where the next edge is in view it takes care of this corner.
         return (end.offset.perp_dot(edge.after) >= 0.0).then(|| away_from(end.offset));
     } else if (0.0..1.0).contains(&share) && touches_line {
-        return Some(Line { point: Vec2::ZERO, direction: -edge.along });
+        return Some(HalfPlane { point: Vec2::ZERO, direction: -edge.along });
     }
 
     let view = if share < 0.0 && touches_line {
@@ -107,15 +110,16 @@ fn line(mover: &Mover, edge: &Edge, earlier: &[Line]) -> Option<Line> {
     } else {
         View::Whole { left: start, right: end }
     };
-    Shadow::cast(&view, radius).line(mover.velocity, radius)
+    Shadow::cast(&view, radius).half_plane(mover.velocity, radius)
 }
 
-/// Whether the line already keeps the unit off this point of an obstacle.
-fn covers(line: &Line, offset: Vec2, radius: f32) -> bool {
-    (offset - line.point).perp_dot(line.direction) - radius >= -EPSILON
+/// Whether the half-plane already keeps the unit off this point of an obstacle.
+fn covers(half_plane: &HalfPlane, offset: Vec2, radius: f32) -> bool {
+    (offset - half_plane.point).perp_dot(half_plane.direction) - radius >= -EPSILON
 }
 
-/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its length.
+/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its
+/// length.
 fn left_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
     Vec2::new(offset.x * leg - offset.y * reach, offset.x * reach + offset.y * leg) * (1.0 / distance_squared)
 }
@@ -126,9 +130,9 @@ fn right_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 
         * (1.0 / distance_squared)
 }
 
-/// The line of a unit that touches a corner: not a step closer.
-fn away_from(corner: Vec2) -> Line {
-    Line { point: Vec2::ZERO, direction: unit(Vec2::new(-corner.y, corner.x)) }
+/// The half-plane of a unit that touches a corner: not a step closer.
+fn away_from(corner: Vec2) -> HalfPlane {
+    HalfPlane { point: Vec2::ZERO, direction: normalize(Vec2::new(-corner.y, corner.x)) }
 }
 
 /// The velocity obstacle of an edge: two legs, and between them the edge itself, all widened by the radius.
@@ -144,7 +148,7 @@ struct Shadow {
 struct Leg {
     corner: Vec2,
     direction: Vec2,
-    /// Whether the neighbouring edge bounds the shadow instead; then that edge brings the line.
+    /// Whether the neighbouring edge bounds the shadow instead; then that edge brings the half-plane.
     foreign: bool,
 }
 
@@ -168,8 +172,8 @@ impl Shadow {
         }
     }
 
-    /// The line at the point of the shadow's boundary nearest to the velocity.
-    fn line(&self, velocity: Vec2, radius: f32) -> Option<Line> {
+    /// The half-plane at the point of the shadow's boundary nearest to the velocity.
+    fn half_plane(&self, velocity: Vec2, radius: f32) -> Option<HalfPlane> {
         let Shadow { left, right, .. } = self;
         let cutoff = right.corner - left.corner;
         let share =
@@ -222,12 +226,12 @@ impl Leg {
 }
 
 /// The tangent of the disc around a corner at the side of the velocity.
-fn round_corner(corner: Vec2, velocity: Vec2, radius: f32) -> Line {
-    let outward = unit(velocity - corner);
-    Line { point: corner + radius * outward, direction: Vec2::new(outward.y, -outward.x) }
+fn round_corner(corner: Vec2, velocity: Vec2, radius: f32) -> HalfPlane {
+    let outward = normalize(velocity - corner);
+    HalfPlane { point: corner + radius * outward, direction: Vec2::new(outward.y, -outward.x) }
 }
 
-/// The line through `corner` along `direction`, moved out by the radius.
-fn widened(corner: Vec2, direction: Vec2, radius: f32) -> Line {
-    Line { point: corner + radius * Vec2::new(-direction.y, direction.x), direction }
+/// The half-plane through `corner` along `direction`, moved out by the radius.
+fn widened(corner: Vec2, direction: Vec2, radius: f32) -> HalfPlane {
+    HalfPlane { point: corner + radius * Vec2::new(-direction.y, direction.x), direction }
 }

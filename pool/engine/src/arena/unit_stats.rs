@@ -9,7 +9,7 @@ use crate::units::square_within;
 ///
 /// Distances are in squares, times in seconds. Collision avoidance counts in f32, everything else in f64.
 #[derive(Clone, Debug)]
-pub(crate) struct Kind {
+pub(crate) struct UnitStats {
     pub hp: f64,
     pub hp_regen_per_tick: f64,
     pub shield: f64,
@@ -26,12 +26,12 @@ pub(crate) struct Kind {
     pub scan_range: f64,
     /// Centres within this distance are returned by the unit's search for targets.
     pub search_radius: f64,
-    pub avoid: AvoidKind,
+    pub avoid: AvoidanceParams,
 }
 
 /// The figures of collision avoidance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct AvoidKind {
+pub(crate) struct AvoidanceParams {
     pub radius: f32,
     pub max_speed: f32,
     /// Centres nearer than the root of this are neighbours.
@@ -40,11 +40,11 @@ pub(crate) struct AvoidKind {
     pub edge_range_squared: Option<f32>,
 }
 
-impl Kind {
+impl UnitStats {
     /// `largest_radius` is that of all units in the scenario.
-    pub fn new(unit_type: &UnitType, largest_radius: f64) -> Kind {
+    pub fn new(unit_type: &UnitType, largest_radius: f64) -> UnitStats {
         let radius = unit_type.radius();
-        Kind {
+        UnitStats {
             hp: unit_type.hp,
             hp_regen_per_tick: unit_type.hp_regen / TICKS_PER_SECOND,
             shield: unit_type.shield,
@@ -60,14 +60,14 @@ impl Kind {
             targeter: unit_type.targeter,
             scan_range: unit_type.minimum_scan_range,
             search_radius: unit_type.minimum_scan_range + largest_radius,
-            avoid: AvoidKind::new(unit_type, largest_radius),
+            avoid: AvoidanceParams::new(unit_type, largest_radius),
         }
     }
 }
 
 /// What an attacker of one type can do to a victim of another.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pair {
+pub(crate) struct Matchup {
     /// Damage of one hit, before shield and armor.
     pub damage: f64,
     /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
@@ -76,11 +76,11 @@ pub(crate) struct Pair {
     pub reach_squared: f64,
 }
 
-impl Pair {
-    pub fn new(attacker: &UnitType, victim: &UnitType) -> Pair {
+impl Matchup {
+    pub fn new(attacker: &UnitType, victim: &UnitType) -> Matchup {
         // The attack range is measured between the edges of the two bodies.
         let reach = attacker.attack_range + attacker.radius() + victim.radius();
-        Pair {
+        Matchup {
             damage: attacker.damage_against(victim),
             can_attack: attacker.can_attack(victim.plane),
             reach_squared: square_within(reach),
@@ -88,12 +88,12 @@ impl Pair {
     }
 }
 
-impl AvoidKind {
-    fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidKind {
+impl AvoidanceParams {
+    fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
         let (radius, max_speed) = (unit_type.radius() as f32, unit_type.speed as f32);
         let neighbour_range = (largest_radius + unit_type.radius()) as f32;
         let edge_range = max_speed + radius;
-        AvoidKind {
+        AvoidanceParams {
             radius,
             max_speed,
             neighbour_range_squared: neighbour_range * neighbour_range,

@@ -1,0 +1,95 @@
+//! Four floats, or four vectors, at a time.
+//!
+//! Each lane is counted as a single float would be, in the same order and never fused, so nothing here
+//! changes a bit; it is only that four neighbours or half-planes cost what one does.
+
+use std::ops::{Add, Mul, Neg, Sub};
+
+use glam::Vec2;
+use wide::f32x4;
+
+/// Four floats.
+pub(crate) type F32x4 = f32x4;
+
+/// The results of four comparisons: all bits of an entry set, or none.
+pub(crate) type Mask = f32x4;
+
+/// How many values a vector register holds.
+pub(crate) const WIDTH: usize = 4;
+
+/// How many comparisons one bit mask holds.
+pub(crate) const MASK_BITS: usize = u64::BITS as usize;
+
+/// In which lanes of up to [`MASK_BITS`] a comparison holds, lowest bit first.
+#[inline]
+pub(crate) fn mask<T>(fours: &[T], compare: impl Fn(&T) -> Mask) -> u64 {
+    let bits = |four| u64::from(compare(four).to_bitmask());
+    fours.iter().enumerate().fold(0, |mask, (i, four)| mask | bits(four) << (WIDTH * i))
+}
+
+/// Four vectors.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Vec2x4 {
+    pub x: F32x4,
+    pub y: F32x4,
+}
+
+impl Vec2x4 {
+    pub fn new(vectors: [Vec2; WIDTH]) -> Vec2x4 {
+        Vec2x4 { x: F32x4::new(vectors.map(|v| v.x)), y: F32x4::new(vectors.map(|v| v.y)) }
+    }
+
+    pub fn splat(vector: Vec2) -> Vec2x4 {
+        Vec2x4 { x: F32x4::splat(vector.x), y: F32x4::splat(vector.y) }
+    }
+
+    /// One of them.
+    pub fn extract(&self, lane: usize) -> Vec2 {
+        Vec2::new(self.x.as_array()[lane], self.y.as_array()[lane])
+    }
+
+    pub fn dot(self, other: Vec2x4) -> F32x4 {
+        self.x * other.x + self.y * other.y
+    }
+
+    pub fn perp_dot(self, other: Vec2x4) -> F32x4 {
+        self.x * other.y - self.y * other.x
+    }
+
+    pub fn length_squared(self) -> F32x4 {
+        self.dot(self)
+    }
+
+    /// Where the comparison holds the first, elsewhere the second.
+    pub fn either(holds: Mask, this: Vec2x4, that: Vec2x4) -> Vec2x4 {
+        Vec2x4 { x: holds.select(this.x, that.x), y: holds.select(this.y, that.y) }
+    }
+}
+
+impl Add for Vec2x4 {
+    type Output = Vec2x4;
+    fn add(self, other: Vec2x4) -> Vec2x4 {
+        Vec2x4 { x: self.x + other.x, y: self.y + other.y }
+    }
+}
+
+impl Sub for Vec2x4 {
+    type Output = Vec2x4;
+    fn sub(self, other: Vec2x4) -> Vec2x4 {
+        Vec2x4 { x: self.x - other.x, y: self.y - other.y }
+    }
+}
+
+impl Mul<F32x4> for Vec2x4 {
+    type Output = Vec2x4;
+    fn mul(self, factor: F32x4) -> Vec2x4 {
+        Vec2x4 { x: self.x * factor, y: self.y * factor }
+    }
+}
+
+impl Neg for Vec2x4 {
+    type Output = Vec2x4;
+    fn neg(self) -> Vec2x4 {
+        Vec2x4 { x: -self.x, y: -self.y }
+    }
+}
