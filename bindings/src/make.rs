@@ -91,10 +91,7 @@ pub fn make(
         let lane = LaneConfig { batch_size, seed, autoreset, fields, frames_held, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place };
         let prepared = config.prepare().map_err(errors::of_start)?;
-        if given_up() {
-            return Err(errors::class::StartError::new_err("interrupted"));
-        }
-        let supervisor = Supervisor::start_prepared(prepared).map_err(errors::of_start)?;
+        let supervisor = Supervisor::start_prepared(prepared, given_up).map_err(errors::of_start)?;
         let client = Client::connect(supervisor.place(), &name, None, wait).map_err(errors::of_connect)?;
         Ok((client, supervisor))
     };

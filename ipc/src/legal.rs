@@ -254,11 +254,7 @@ fn fetch(bytes: &[u8]) {
 
 /// A request to no environment would never be answered.
 fn some_chosen(given: usize) -> Result<(), Rejection> {
-    if given > 0 {
-        Ok(())
-    } else {
-        Err(Rejection::Malformed { what: "no environment was chosen".to_owned() })
-    }
+    if given > 0 { Ok(()) } else { Err(Rejection::NoEnv) }
 }
 
 /// Up to 64 mask bytes as bits.
@@ -293,6 +289,19 @@ mod tests {
         assert_eq!(every_action(3).collect::<Vec<_>>(), [0b111]);
         assert_eq!(every_action(64).collect::<Vec<_>>(), [u64::MAX]);
         assert_eq!(every_action(66).collect::<Vec<_>>(), [u64::MAX, 0b11]);
+    }
+
+    /// The refusal said "malformed request", and not what was expected.
+    #[test]
+    fn a_request_to_no_environment_says_what_is_expected() {
+        let sizes = Sizes { n_agents: 1, n_enemies: 1, n_units: 2, n_actions: 7, obs_size: 1, state_size: 1 };
+        let layout = Layout::new(sizes, 2, FieldSet::ALL);
+        let mut legal = Legal::new(&layout, 3, Autoreset::NextStep);
+        legal.take_whole_reset(1);
+        for refused in [legal.take_reset(2, &[]), legal.take_step(3, &[], Some(&[]))] {
+            let said = refused.unwrap_err().to_string();
+            assert_eq!(said, "no environment was chosen; expected at least one");
+        }
     }
 
     /// Naming them all one by one was once refused while results were under way, where naming none was not.

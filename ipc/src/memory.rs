@@ -1,7 +1,10 @@
 //! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS later.
 
 use crate::place::Place;
+use rustix::fs::{FallocateFlags, fallocate};
+use rustix::io::Errno;
 use std::collections::BTreeSet;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 const SHM: &str = "/dev/shm";
@@ -38,18 +41,37 @@ fn too_little(needed: u64, available: u64, for_what: &str) -> TooLittleMemory {
     TooLittleMemory { needed, available, for_what: for_what.to_owned(), suggested }
 }
 
-/// Has the kernel set aside every page of the data segments this process writes to.
-pub(crate) fn reserve_segments(place: &Place, for_what: &str) -> Result<(), TooLittleMemory> {
+/// How much is set aside between two questions to the caller: milliseconds of work.
+const CHUNK: u64 = 8 << 20;
+
+/// Has the kernel set aside every page of the data segments this process writes to; `false` if `interrupted`
+/// said so meanwhile.
+pub(crate) fn reserve_segments(
+    place: &Place,
+    for_what: &str,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<bool, TooLittleMemory> {
     for path in own_segments(place) {
-        let Ok(file) = std::fs::OpenOptions::new().write(true).open(&path) else { continue };
+        let Ok(file) = File::options().write(true).open(&path) else { continue };
         let bytes = file.metadata().map_or(0, |m| m.len());
-        let reserved = rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes);
-        if reserved.is_err_and(|e| e == rustix::io::Errno::NOSPC) {
-            let available = rustix::fs::statvfs(SHM).map_or(0, |s| s.f_bavail * s.f_frsize);
-            return Err(too_little(bytes, available, for_what));
+        let mut reserved = 0;
+        while reserved < bytes {
+            if interrupted() {
+                return Ok(false);
+            }
+            let chunk = CHUNK.min(bytes - reserved);
+            match fallocate(&file, FallocateFlags::empty(), reserved, chunk) {
+                Ok(()) => reserved += chunk,
+                Err(Errno::INTR) => {} // a signal; the kernel has undone this chunk
+                Err(Errno::NOSPC) => {
+                    let available = rustix::fs::statvfs(SHM).map_or(0, |s| s.f_bavail * s.f_frsize);
+                    return Err(too_little(bytes, reserved + available, for_what));
+                }
+                Err(_) => break, // not every file system can
+            }
         }
     }
-    Ok(())
+    Ok(true)
 }
 
 /// The data segments of this place that are mapped for writing, which only their creator does.

@@ -29,6 +29,10 @@ pub struct Place {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum PlaceError {
+    #[error("{ROOT_VARIABLE} is empty; set it to a folder of your own or unset it")]
+    Empty,
+    #[error("{root}: expected a folder; {found}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    NotAFolder { root: PathBuf, found: String },
     #[error("{root}: cannot be created: {source}", root = root.display())]
     Create { root: PathBuf, source: std::io::Error },
     #[error("{root}: belongs to user {owner}, not to user {user}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
@@ -50,11 +54,17 @@ impl Place {
 
     /// Pools in a folder of the caller's choice.
     pub fn at(root: PathBuf) -> Result<Place, PlaceError> {
+        if root.as_os_str().is_empty() {
+            return Err(PlaceError::Empty);
+        }
         if root.as_os_str().len() > MAX_ROOT_LEN {
             return Err(PlaceError::TooLong { root });
         }
         let created = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
-        created.map_err(|source| PlaceError::Create { root: root.clone(), source })?;
+        created.map_err(|source| match root.symlink_metadata() {
+            Ok(found) => PlaceError::NotAFolder { root: root.clone(), found: owner_and_mode(&found) },
+            Err(_) => PlaceError::Create { root: root.clone(), source },
+        })?;
         let user = rustix::process::getuid().as_raw();
         let failed = |source| PlaceError::Create { root: root.clone(), source };
         // A link that another user put into /tmp would have us work in any folder of ours.
@@ -176,6 +186,25 @@ mod tests {
     use super::*;
     use std::fs::Permissions;
     use std::os::unix::fs::PermissionsExt;
+
+    /// The messages were ": cannot be created: No such file or directory" and "File exists", without owner
+    /// and remedy.
+    #[test]
+    fn what_cannot_be_a_root_folder_says_why() {
+        let refused = |root: &Path| Place::at(root.to_owned()).unwrap_err().to_string();
+        assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a folder"));
+        let folder = tempfile::tempdir().unwrap();
+        let user = rustix::process::getuid().as_raw();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        std::fs::write(&file, "").unwrap();
+        std::os::unix::fs::symlink(folder.path().join("nothing"), &link).unwrap();
+        for root in [&file, &link] {
+            let text = refused(root);
+            assert!(text.starts_with(&format!("{}: expected a folder; it", root.display())), "{text}");
+            assert!(text.contains(&format!("belongs to user {user}")), "{text}");
+            assert!(text.ends_with("set SMACLITE_POOL_ROOT to a folder of your own"), "{text}");
+        }
+    }
 
     #[test]
     fn a_folder_that_others_can_write_to_is_refused() {

@@ -48,7 +48,7 @@ impl Place {
                 if let Some(left) = self.folder_of(&lock) {
                     remove_folder(&left)?;
                 }
-                self.make_folder(&lock)?;
+                self.make_folder(&lock).inspect_err(|_| drop(std::fs::remove_file(&path)))?;
             }
             // To share the lock is to give it up first: another process may come in between and make another
             // folder.

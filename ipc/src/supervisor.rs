@@ -207,6 +207,8 @@ pub enum StartError {
     Memory(#[from] TooLittleMemory),
     #[error(transparent)]
     Ipc(#[from] IpcError),
+    #[error("the start was interrupted")]
+    Interrupted,
     #[error("{doing}: {source}")]
     System { doing: String, source: std::io::Error },
 }
@@ -264,11 +266,18 @@ impl SupervisorConfig {
 impl Supervisor {
     /// Starts a pool.
     pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
-        Supervisor::start_prepared(config.prepare()?)
+        Supervisor::start_prepared(config.prepare()?, &mut || false)
     }
 
-    /// Starts a prepared pool.
-    pub fn start_prepared(prepared: PreparedPool) -> Result<Supervisor, StartError> {
+    /// Starts a prepared pool. While its memory is set aside, which takes a second for some gigabytes,
+    /// `interrupted` is asked every few milliseconds; `true` ends the start.
+    pub fn start_prepared(
+        prepared: PreparedPool,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Supervisor, StartError> {
+        if interrupted() {
+            return Err(StartError::Interrupted);
+        }
         let PreparedPool { config, options, instance, lanes, shared_memory } = prepared;
         let name_lock = NameLock::take(&config.place, &config.name)?;
         let guest = enter(&config.place, &config.name)?;
@@ -278,12 +287,15 @@ impl Supervisor {
                 StartError::Ipc(error) => StartError::Ipc(error.at(&config.place)),
                 other => other,
             })?;
-        reserve_segments(&config.place, "frames of all lanes")?;
+        if !reserve_segments(&config.place, "frames of all lanes", interrupted)? {
+            return Err(StartError::Interrupted);
+        }
 
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
         let socket = config.place.socket(&config.name);
         let _ = std::fs::remove_file(&socket); // of a dead pool: the lock is ours
-        let listener = private_listener(&socket).map_err(system("opening the control socket"))?;
+        let listener = private_listener(&socket)
+            .map_err(system(&format!("opening the control socket {}", socket.display())))?;
         let host = Host {
             pool,
             lanes: descriptions.iter().cloned().map(HostedLane::new).collect(),

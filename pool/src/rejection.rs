@@ -12,6 +12,8 @@ pub enum Rejection {
     UnavailableAction { env: usize, agent: usize, action: i32, available: Vec<usize> },
     #[error("environment {env} does not exist; this lane has environments 0 to {last}", last = num_envs.saturating_sub(1))]
     UnknownEnv { env: i64, num_envs: usize },
+    #[error("no environment was chosen; expected at least one")]
+    NoEnv,
     #[error("environment {env} is given twice in one request")]
     DuplicateEnv { env: usize },
     #[error("environment {env} is still working on an earlier request; receive its result first")]

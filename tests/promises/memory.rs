@@ -7,12 +7,17 @@ use std::process::Command;
 
 /// A child of the role that sees a `/dev/shm` of so many kilobytes; `None` where mounting is not permitted.
 fn with_small_memory(room: &Room, kilobytes: usize, role: &str) -> Option<Child> {
+    with_memory(room, &format!("size={kilobytes}k"), role)
+}
+
+/// The same with these options of `mount`.
+fn with_memory(room: &Room, options: &str, role: &str) -> Option<Child> {
     let mount = |script: &str| {
         let mut command = Command::new("unshare");
         command.args(["-m", "sh", "-c", script]);
         command
     };
-    let small = format!("mount -t tmpfs -o size={kilobytes}k tmpfs /dev/shm");
+    let small = format!("mount -t tmpfs -o {options} tmpfs /dev/shm");
     if !mount(&small).status().is_ok_and(|status| status.success()) {
         println!("skipped: no mount namespace is permitted here");
         return None;
@@ -55,6 +60,18 @@ fn too_little_memory_is_found_at_the_start() {
     }
     let enough = started_with.expect("16 MB are enough");
     assert!(enough > 1024, "{enough} kB cannot be enough");
+}
+
+/// The lock file stayed where the folder in shared memory could not be made.
+#[test]
+fn a_start_without_shared_memory_leaves_nothing() {
+    let role = format!("supervisor {}", serde_json::to_string(&plan()).expect("plain data"));
+    let room = Room::new();
+    let Some(mut child) = with_memory(&room, "ro", &role) else { return };
+    let error = child.answer(SOON * 2).expect_err("no file can be made");
+    assert_says(&error, &["/dev/shm", "read-only"]);
+    child.end();
+    room.assert_empty();
 }
 
 #[test]

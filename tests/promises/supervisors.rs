@@ -2,7 +2,7 @@
 
 use crate::assert_says;
 use rustix::process::Signal;
-use smaclite_ipc::{Client, ClientError, Patience, Supervisor, Wait};
+use smaclite_ipc::{Client, ClientError, Patience, StartError, Supervisor, Wait};
 use smaclite_tests::pools::games::Oddity;
 use smaclite_tests::pools::process::{SOON, eventually_within};
 use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
@@ -53,6 +53,22 @@ fn learners_hear_of_a_killed_supervisor_and_keep_what_they_hold() {
         waiting.must("check");
         running.must("check");
     }
+}
+
+/// A pool of some gigabytes sets its memory aside for seconds, and SIGTERM was not looked at before the end.
+#[test]
+fn a_start_is_given_up_while_memory_is_set_aside() {
+    let room = Room::new();
+    let plan = PoolPlan::new([LanePlan::new("27m_vs_30m", 100)]); // some 80 MB
+    let prepared = plan.config(room.place()).prepare().expect("a right plan");
+    let mut asked = 0;
+    let given_up = Supervisor::start_prepared(prepared, &mut || {
+        asked += 1;
+        asked == 5
+    });
+    assert!(matches!(given_up, Err(StartError::Interrupted)));
+    drop(given_up);
+    room.assert_empty();
 }
 
 #[test]

@@ -47,9 +47,10 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
+            envs.send(np.ones((40_000, envs.n_agents), np.int32))
             with pytest.raises(Alarm):
                 signal.setitimer(signal.ITIMER_REAL, 0.01)
-                envs.step(np.ones((40_000, envs.n_agents), np.int32))
+                envs.recv()
         finally:
             signal.signal(signal.SIGALRM, before)
         assert envs.recv(timeout=100).sequence == 2, "it was still under way"
@@ -113,6 +114,14 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
             again.reset()
 
 
+def stop(server: subprocess.Popen[str]) -> None:
+    """SIGSTOP, and waits until every thread has stopped: one may go on, and answer, for a moment."""
+    server.send_signal(signal.SIGSTOP)
+    threads = Path(f"/proc/{server.pid}/task")
+    while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
+        time.sleep(0.001)
+
+
 STOPPED_CALLS = """
 import signal, sys, time
 import smaclite_pool as sp
@@ -137,7 +146,7 @@ except sp.StartError as error:
 def test_no_call_waits_for_a_stopped_supervisor_against_its_callers_will(call: str, serve: Serve) -> None:
     """They once waited for ten seconds, whatever timeout and Ctrl-C said."""
     server = serve("2s3z:4", "--name", "train")
-    server.send_signal(signal.SIGSTOP)
+    stop(server)
     asking = subprocess.Popen([sys.executable, "-c", STOPPED_CALLS, call], stdout=subprocess.PIPE, text=True)
     assert asking.stdout is not None and asking.stdout.readline() == "waiting\n"
     if call in ("status", "connect"):
@@ -150,7 +159,7 @@ def test_no_call_waits_for_a_stopped_supervisor_against_its_callers_will(call: s
 
 def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
     server = serve("2s3z:4", "--name", "train")
-    server.send_signal(signal.SIGSTOP)
+    stop(server)
     for ask in (sp.connect, sp.status):
         begin = time.monotonic()
         with pytest.raises(sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"):

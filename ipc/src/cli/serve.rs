@@ -1,7 +1,7 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
 use super::{Outcome, megabytes, place};
-use crate::supervisor::{Game, LaneConfig, Supervisor, SupervisorConfig};
+use crate::supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
 use crate::{Place, Wait, check_name};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -78,7 +78,11 @@ impl Serve {
         let prepared = self.config(place()?)?.prepare()?;
         // Until here a signal ends the program at once. From here on there is something to clean up.
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
-        let supervisor = Supervisor::start_prepared(prepared)?;
+        let started = Supervisor::start_prepared(prepared, &mut || signals.pending().next().is_some());
+        if let Err(StartError::Interrupted) = started {
+            return Ok(());
+        }
+        let supervisor = started?;
         print_start(&supervisor);
         signals.forever().next();
         let _ = out!("stopping");

@@ -477,7 +477,7 @@ fn open_ports(place: &Place, lane: &LaneDescription, layout: &Layout) -> Result<
     let services = LaneServices::open(&guest.node, &lane.instance, &lane.lane)?;
     let work_event = WorkEvent::open(&guest.node, &lane.instance)?;
     let publisher = services.request_publisher(layout, num_envs, capacity)?;
-    reserve_segments(place, "requests of a learner")?;
+    reserve_segments(place, "requests of a learner", &mut || false)?;
     let frames = services.frame_port(capacity.frames_waiting, &guest)?;
     let (listener, work) = (services.frame_listener()?, work_event.notifier()?);
     Ok((publisher, frames, listener, work, (services, work_event), guest))
