@@ -152,7 +152,9 @@ def test_no_call_waits_for_a_stopped_supervisor_against_its_callers_will(call: s
     if call in ("status", "connect"):
         time.sleep(0.5)  # to be in the call, most likely
         asking.send_signal(signal.SIGINT)
-    said = asking.communicate(timeout=8)[0].strip()
+    asking.wait(timeout=8)
+    with asking.stdout:  # `communicate` would pass over what `readline` has in its buffer
+        said = asking.stdout.read().strip()
     expected = {"list": "['train']", "make": f"a pool named `train` runs already (process {server.pid})"}
     assert said.startswith(expected.get(call, "interrupted")), said
 
