@@ -1,4 +1,5 @@
-//! What a battle takes from the heap: nothing in a step once its scratch has served its arena, and little to exist.
+//! What a battle takes from the heap: nothing in a step once its scratch has served its arena, and little to
+//! exist.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -22,9 +23,9 @@ fn count(asked: u64, bytes: i64) {
     HELD.set(HELD.get() + bytes);
 }
 
-// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract. Counting touches
-// thread-local cells that are initialised at compile time and have no destructor, so it neither allocates nor
-// unwinds.
+// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract. Counting
+// touches thread-local cells that are initialised at compile time and have no destructor, so it neither
+// allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as i64);

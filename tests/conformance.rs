@@ -1,7 +1,8 @@
-//! The engine beside recorded battles of the published environment, step by step and over whole episodes, to the bit.
+//! The engine beside recorded battles of the published environment, step by step and over whole episodes, to
+//! the bit.
 //!
-//! `SMACLITE_TRACES=folder cargo test --release -p smaclite-tests --test conformance -- --nocapture` checks any
-//! other recordings, with a `<scenario>.json` beside those of custom scenarios.
+//! `SMACLITE_TRACES=folder cargo test --release -p smaclite-tests --test conformance -- --nocapture` checks
+//! any other recordings, with a `<scenario>.json` beside those of custom scenarios.
 
 use std::fmt;
 use std::sync::Arc;
@@ -66,7 +67,8 @@ impl fmt::Display for Tally {
     }
 }
 
-/// A recording played in two ways at once: as one episode from its reset, and each step from its recorded snapshot.
+/// A recording played in two ways at once: as one episode from its reset, and each step from its recorded
+/// snapshot.
 struct Replay<'a> {
     recording: &'a Recording,
     /// Played from the reset with the recorded actions alone.

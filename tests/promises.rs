@@ -1,5 +1,6 @@
-//! What is promised when processes die, stop, fork or lie: every promise is made to happen with real processes.
-//! The promises on how batches are stepped are in `stepping`, those of long disturbance in `torture`.
+//! What is promised when processes die, stop, fork or lie: every promise is made to happen with real
+//! processes. The promises on how batches are stepped are in `stepping`, those of long disturbance in
+//! `torture`.
 
 #[path = "promises/actions.rs"]
 mod actions;

@@ -8,8 +8,8 @@ use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, Rules, Scratch, Snapshot, action};
 use smaclite_scenarios::Scenario;
 
-/// A melee of all kinds of units, more than 85 of them, where healers are neither last nor alone and more than 64
-/// actions exist.
+/// A melee of all kinds of units, more than 85 of them, where healers are neither last nor alone and more
+/// than 64 actions exist.
 const ZOO: &str = r#"{
     "name": "zoo", "num_allied_units": 24, "num_enemy_units": 70, "attack_point": [9, 16],
     "groups": [

@@ -43,7 +43,8 @@ impl Setting {
         self
     }
 
-    /// Plays one step with units acting by ascending id, or in another order; what was seen after its first tick.
+    /// Plays one step with units acting by ascending id, or in another order; what was seen after its first
+    /// tick.
     fn play(&mut self, actions: &[i32], order: Option<&[u32]>) -> FirstTick {
         self.battle.restore(&self.snapshot).expect("a snapshot of this battle");
         let ids: Vec<u32> = (0..self.snapshot.units.hp.len() as u32).collect();
@@ -94,7 +95,8 @@ fn r1_healers_come_first() {
     }
 }
 
-/// A marine with 3 health beside an enemy zealot, and a medivac that has been healing it. Zealots cannot hit medivacs.
+/// A marine with 3 health beside an enemy zealot, and a medivac that has been healing it. Zealots cannot hit
+/// medivacs.
 fn last_breath(rules: Rules) -> Setting {
     let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 1"#, r#""ZEALOT": 1"#);
     setting.place(0, 8.0, 16.0).place(1, 9.0, 16.0).place(2, 9.9, 16.0);
@@ -145,7 +147,8 @@ fn r3_a_healer_goes_as_its_slowest_neighbour() {
     }
 }
 
-/// R3: a medivac among faster stalkers (4.13) wants to go as fast as they do; its maximum limits what comes of it.
+/// R3: a medivac among faster stalkers (4.13) wants to go as fast as they do; its maximum limits what comes
+/// of it.
 #[test]
 fn r3_a_healer_may_want_to_go_faster_than_it_can() {
     for (rules, speed) in [(Rules::Smaclite, 4.13), (Rules::Paper, 3.5)] {
@@ -181,8 +184,8 @@ fn r4_a_held_attack_is_executed_at_any_distance() {
     }
 }
 
-/// Whether a target is new is a matter of the healer's target field, which is empty under a command to target a dead
-/// unit: with less than 5 energy such a heal still happens, from the second tick after the death on.
+/// Whether a target is new is a matter of the healer's target field, which is empty under a command to target
+/// a dead unit: with less than 5 energy such a heal still happens, from the second tick after the death on.
 #[test]
 fn five_energy_are_not_asked_for_the_dead() {
     let mut setting = last_breath(Rules::Smaclite);
@@ -260,8 +263,8 @@ fn a_laser_on_the_dead_spends_its_cooldown() {
     assert!((0.5..1.07).contains(&units.cooldown[0]), "cooldown {}", units.cooldown[0]);
 }
 
-/// In what a healer observes of the enemies stands which allies are within its targeting range, healers included,
-/// though the available actions leave healers out.
+/// In what a healer observes of the enemies stands which allies are within its targeting range, healers
+/// included, though the available actions leave healers out.
 #[test]
 fn a_healers_observation_marks_healers_too() {
     let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 2, "MARINE": 1"#, r#""MARINE": 3"#);

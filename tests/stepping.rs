@@ -1,6 +1,7 @@
-//! How batches are stepped: asynchronously, by any number of threads, over either transport, with every autoreset mode:
-//! always the bits of the undisturbed run. Every frame is compared with battles played directly by the engine
-//! (`pools::replay`), so two ways of stepping that both agree with it agree with each other.
+//! How batches are stepped: asynchronously, by any number of threads, over either transport, with every
+//! autoreset mode: always the bits of the undisturbed run. Every frame is compared with battles played
+//! directly by the engine (`pools::replay`), so two ways of stepping that both agree with it agree with each
+//! other.
 
 use smaclite_ipc::{Client, Patience, Supervisor, Wait};
 use smaclite_pool::Autoreset;
@@ -79,9 +80,9 @@ fn no_environment_starves_in_asynchronous_mode() {
             PoolPlan::new([LanePlan { batch_size: 4, oddity, ..LanePlan::new("MMM", 16) }]).threads(threads);
         let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
         let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
-        // Environments stay with their worker (a half each, with two). How the cores are shared between workers is the
-        // kernel's affair, so what is promised is this: every environment goes on, and within a worker nobody is
-        // passed over, however slow a neighbour is.
+        // Environments stay with their worker (a half each, with two). How the cores are shared between
+        // workers is the kernel's affair, so what is promised is this: every environment goes on, and within
+        // a worker nobody is passed over, however slow a neighbour is.
         player.reset(Some(3), SOON).expect("a reset");
         let mut batches = 0;
         let mut steps = Vec::new();

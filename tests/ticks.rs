@@ -1,4 +1,5 @@
-//! The engine beside battles that were recorded tick by tick: for finding the first tick and quantity that differ.
+//! The engine beside battles that were recorded tick by tick: for finding the first tick and quantity that
+//! differ.
 
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
-//! The figures that `benches/README.md` records: each is a ratio of two measurements made in turn, medians over rounds.
-//! What steps real battles is measured by `smaclite-pool bench`, which this program calls; what is compared with bare
-//! iceoryx2 or with an environment that costs nothing is measured here.
+//! The figures that `benches/README.md` records: each is a ratio of two measurements made in turn, medians
+//! over rounds. What steps real battles is measured by `smaclite-pool bench`, which this program calls; what
+//! is compared with bare iceoryx2 or with an environment that costs nothing is measured here.
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,5 @@
-//! An environment that does nothing, of the size of 2s3z's: what is left is the pool's and the transport's cost.
+//! An environment that does nothing, of the size of 2s3z's: what is left is the pool's and the transport's
+//! cost.
 
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
 use smaclite_ipc::{Game, LaneConfig, Place, Supervisor, SupervisorConfig, Wait};

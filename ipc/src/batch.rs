@@ -1,5 +1,5 @@
-//! A received frame, read in place. The memory stays valid and unchanged for as long as the batch lives, also after its
-//! client and its supervisor are gone.
+//! A received frame, read in place. The memory stays valid and unchanged for as long as the batch lives, also
+//! after its client and its supervisor are gone.
 
 #![allow(unsafe_code)] // reads the sample at an address taken once
 
@@ -104,8 +104,8 @@ impl Batch {
         self.field(Field::Obs).unwrap_or(&[])
     }
 
-    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, in place: a policy's first
-    /// layer is a matrix product straight from shared memory.
+    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, in place: a policy's
+    /// first layer is a matrix product straight from shared memory.
     pub fn obs_matrix(&self) -> MatRef<'_, f32> {
         let columns = self.layout.row_len(Field::Obs) / self.layout.sizes().n_agents;
         let obs = self.obs();

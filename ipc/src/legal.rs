@@ -1,6 +1,6 @@
-//! What a learner may send next: which actions are legal, which environments still work on an earlier request. The
-//! client checks before it sends, with the error the supervisor would answer, and samples legal actions from the same
-//! bits.
+//! What a learner may send next: which actions are legal, which environments still work on an earlier
+//! request. The client checks before it sends, with the error the supervisor would answer, and samples legal
+//! actions from the same bits.
 
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -18,8 +18,8 @@ pub(crate) struct Legal {
     synchronous: bool,
     /// Words of 64 actions an agent has in `bits`.
     words: usize,
-    /// `[num_envs, n_agents, words]`: bit a = action a is available. Every action is, where the lane leaves the masks out:
-    /// the supervisor checks in any case.
+    /// `[num_envs, n_agents, words]`: bit a = action a is available. Every action is, where the lane leaves
+    /// the masks out: the supervisor checks in any case.
     bits: Vec<u64>,
     envs: Vec<EnvState>,
     /// Results still to come.
@@ -245,8 +245,8 @@ fn every_action(n_actions: usize) -> impl Iterator<Item = u64> + Clone {
     })
 }
 
-/// Reads from every cache line (but for the last, where bytes do not begin on one). Another core wrote them last, and
-/// this way they come over side by side rather than each when its turn comes.
+/// Reads from every cache line (but for the last, where bytes do not begin on one). Another core wrote them
+/// last, and this way they come over side by side rather than each when its turn comes.
 fn fetch(bytes: &[u8]) {
     const LINE: usize = 64;
     black_box(bytes.iter().step_by(LINE).fold(0, |sum, byte| sum ^ byte));

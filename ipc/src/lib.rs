@@ -1,5 +1,5 @@
-//! A pool over iceoryx2: services, shared-memory layout, the supervisor, the client, and the `smaclite-pool` program.
-//! Only this crate knows iceoryx2; it knows nothing of how battles are stepped.
+//! A pool over iceoryx2: services, shared-memory layout, the supervisor, the client, and the `smaclite-pool`
+//! program. Only this crate knows iceoryx2; it knows nothing of how battles are stepped.
 //!
 //! A learner in Rust:
 //!

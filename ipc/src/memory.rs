@@ -1,4 +1,5 @@
-//! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS later.
+//! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS
+//! later.
 
 use crate::place::Place;
 use rustix::fs::{FallocateFlags, fallocate};
@@ -22,8 +23,9 @@ pub struct TooLittleMemory {
     suggested: u64,
 }
 
-/// What iceoryx2 needs beside frames and requests for the ports of one process at one lane: management segments and
-/// connections, a page or a few each; measured 30 to 60 kB. They cannot be reserved, since they come with the peers.
+/// What iceoryx2 needs beside frames and requests for the ports of one process at one lane: management
+/// segments and connections, a page or a few each; measured 30 to 60 kB. They cannot be reserved, since they
+/// come with the peers.
 pub(crate) const PORTS: usize = 128 << 10;
 
 /// Is there room for `needed` bytes?

@@ -8,7 +8,8 @@ use std::io::Error;
 use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on it.
+/// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on
+/// it.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
 /// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is
@@ -44,7 +45,8 @@ pub enum PlaceError {
 }
 
 impl Place {
-    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it is not there.
+    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it is not
+    /// there.
     pub fn of_this_user() -> Result<Place, PlaceError> {
         let uid = rustix::process::getuid().as_raw();
         let default = PathBuf::from(format!("/tmp/smaclite-pool-{uid}"));
@@ -163,7 +165,8 @@ pub(crate) fn owner_and_mode(file: &Metadata) -> String {
     )
 }
 
-/// Is this still the file at `path`? Between opening a lock's file and locking it, its last holder may have removed it.
+/// Is this still the file at `path`? Between opening a lock's file and locking it, its last holder may have
+/// removed it.
 pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
     let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))

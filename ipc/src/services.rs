@@ -1,9 +1,9 @@
 //! The iceoryx2 services of a pool: their names, settings and sizes, and how each side opens them.
 //!
-//! A pool has one event that wakes its workers (`work`), and every lane two data services: `frames` (one publisher,
-//! the supervisor; a learner and spectators subscribe; an event of the same name wakes the learner) and `requests`
-//! (the learner publishes, the supervisor subscribes). Names hold the supervisor's instance, so that a restarted pool
-//! never meets what a learner still holds of its predecessor.
+//! A pool has one event that wakes its workers (`work`), and every lane two data services: `frames` (one
+//! publisher, the supervisor; a learner and spectators subscribe; an event of the same name wakes the
+//! learner) and `requests` (the learner publishes, the supervisor subscribes). Names hold the supervisor's
+//! instance, so that a restarted pool never meets what a learner still holds of its predecessor.
 
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
@@ -39,18 +39,19 @@ pub(crate) type IpcNotifier = Notifier<Ipc>;
 /// A supervisor and a learner that died may still be listed while their successors come.
 const SLACK: usize = 4;
 
-/// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one that is gone
-/// but whose process still holds frames. Each costs the memory of a learner's frames.
+/// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one
+/// that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
 const DEPARTED: usize = 1;
 
 /// How long a subscription waits for one of a dead process to be taken back.
 const TAKE_BACK: Duration = Duration::from_secs(1);
 
-/// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache lines).
+/// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache
+/// lines).
 const CHUNK_OVERHEAD: usize = 192;
 
-/// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a subscriber that
-/// is dropped, whoever still reads them. Dropped in this order.
+/// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a
+/// subscriber that is dropped, whoever still reads them. Dropped in this order.
 pub(crate) struct FramePort {
     pub(crate) subscriber: FrameSubscriber,
     _stay: Arc<Stay>,
@@ -88,7 +89,8 @@ fn quiet() {
 pub struct Capacity {
     /// Frames a learner may hold at once.
     pub frames_held: usize,
-    /// Frames that can wait for the learner: all results of one request to every environment, and an error report.
+    /// Frames that can wait for the learner: all results of one request to every environment, and an error
+    /// report.
     pub frames_waiting: usize,
     /// Frames being filled at once.
     pub frames_filling: usize,
@@ -108,8 +110,9 @@ impl Capacity {
         spectators: usize,
     ) -> Self {
         let synchronous = num_envs == batch_size;
-        // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or at the last
-        // slot of a full one. One more for a rejection, and one that is kept back to report a failure.
+        // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or
+        // at the last slot of a full one. One more for a rejection, and one that is kept back to report a
+        // failure.
         let writing = threads.min(num_envs);
         Capacity {
             frames_held,
@@ -125,7 +128,8 @@ impl Capacity {
         self.spectators + 1 + DEPARTED
     }
 
-    /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is one to fill.
+    /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
+    /// one to fill.
     fn frames(&self) -> usize {
         self.subscriptions() * (self.frames_waiting + self.frames_held) + self.frames_filling
     }

@@ -1,4 +1,5 @@
-//! Starting and stopping a supervisor: everything is checked and set aside first, then threads and services begin.
+//! Starting and stopping a supervisor: everything is checked and set aside first, then threads and services
+//! begin.
 
 use crate::control::client::{of_process, process_of};
 use crate::control::protocol::LaneDescription;
@@ -213,7 +214,8 @@ pub enum StartError {
     System { doing: String, source: std::io::Error },
 }
 
-/// A running supervisor. Dropping it stops it and takes everything of it out of `/dev/shm` and the root folder.
+/// A running supervisor. Dropping it stops it and takes everything of it out of `/dev/shm` and the root
+/// folder.
 pub struct Supervisor {
     name: String,
     lanes: Vec<LaneDescription>,

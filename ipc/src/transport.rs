@@ -1,4 +1,5 @@
-//! The pool's transport over iceoryx2: frames are loaned, filled in place and sent; requests are read in place.
+//! The pool's transport over iceoryx2: frames are loaned, filled in place and sent; requests are read in
+//! place.
 
 #![allow(unsafe_code)] // a loaned sample is shared memory the operating system zeroed, not uninitialised Rust memory
 
@@ -61,8 +62,8 @@ pub(crate) struct FrameOutlet {
     pub(crate) sequence: u64,
 }
 
-// SAFETY: a loan is a chunk of the publisher's data segment, which stays mapped for as long as the loan lives; nobody else has
-// its address before it is sent.
+// SAFETY: a loan is a chunk of the publisher's data segment, which stays mapped for as long as the loan
+// lives; nobody else has its address before it is sent.
 unsafe impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
@@ -75,8 +76,8 @@ unsafe impl Outlet for FrameOutlet {
 
     fn payload(loan: &mut FrameLoan) -> &mut [u8] {
         let payload = loan.payload_mut();
-        // SAFETY: the bytes lie in a shared-memory mapping, which the kernel zeroes, so they are initialised whatever
-        // earlier frames wrote there; `u8` has no invalid values; the borrow is that of the loan.
+        // SAFETY: the bytes lie in a shared-memory mapping, which the kernel zeroes, so they are initialised
+        // whatever earlier frames wrote there; `u8` has no invalid values; the borrow is that of the loan.
         unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
     }
 
@@ -99,7 +100,8 @@ unsafe impl Outlet for FrameOutlet {
         };
         // SAFETY: as in `payload`: every byte is initialised.
         let sent = unsafe { loan.assume_init() }.send();
-        // Failing here means a reader whose connection broke; the others got the frame, and a dead reader's session ends.
+        // Failing here means a reader whose connection broke; the others got the frame, and a dead reader's
+        // session ends.
         if let Err(error) = sent {
             tracing::debug!(?error, "a frame did not reach every reader");
         }

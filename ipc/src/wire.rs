@@ -53,8 +53,8 @@ pub enum Content {
     },
 }
 
-/// Reads a frame that another process wrote: `None` if it is not laid out as this lane's are. Whose session and round it
-/// belongs to is the caller's to ask.
+/// Reads a frame that another process wrote: `None` if it is not laid out as this lane's are. Whose session
+/// and round it belongs to is the caller's to ask.
 pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Option<Content> {
     let given = (header.magic, header.version, header.layout_hash, header.slots as usize, payload.len());
     if given != (MAGIC, FORMAT_VERSION, layout.hash(), layout.slots(), layout.bytes()) {
@@ -140,8 +140,8 @@ pub fn now_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// First byte of the actions in a request about `count` environments: `env_id` i32 `[count]` comes first, then the
-/// next cache line.
+/// First byte of the actions in a request about `count` environments: `env_id` i32 `[count]` comes first,
+/// then the next cache line.
 pub fn actions_offset(count: usize) -> usize {
     (count * size_of::<i32>()).next_multiple_of(BLOCK_ALIGN)
 }
@@ -194,10 +194,10 @@ pub fn read_request<'a>(
 
 /// Views bytes as integers that another process may change at any time.
 fn as_atomics(bytes: &[u8]) -> &[AtomicI32] {
-    // SAFETY: every bit pattern is an `i32`, `AtomicI32` has its size and alignment, and `align_to` gives only the part
-    // that is aligned (all of it, `read_request` checked). Loads are all that is done with it, so that the mapping may
-    // be read-only. The slice is iceoryx2's view of memory that its sender can still write to; nothing but these loads
-    // reads the values in it.
+    // SAFETY: every bit pattern is an `i32`, `AtomicI32` has its size and alignment, and `align_to` gives
+    // only the part that is aligned (all of it, `read_request` checked). Loads are all that is done with it,
+    // so that the mapping may be read-only. The slice is iceoryx2's view of memory that its sender can still
+    // write to; nothing but these loads reads the values in it.
     let (before, integers, after) = unsafe { bytes.align_to::<AtomicI32>() };
     debug_assert!(before.is_empty() && after.is_empty());
     integers

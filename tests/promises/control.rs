@@ -26,8 +26,8 @@ fn connect_within(
     Client::connect_within(room.place(), "train", None, Wait::default(), Patience { timeout, interrupted })
 }
 
-/// Questions to a stopped supervisor once took ten seconds, whatever their timeout; `list` then said that no pool
-/// runs, and `serve` with its name waited as long to find the number of its process.
+/// Questions to a stopped supervisor once took ten seconds, whatever their timeout; `list` then said that no
+/// pool runs, and `serve` with its name waited as long to find the number of its process.
 #[test]
 fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     let room = Room::new();

@@ -13,11 +13,11 @@ use std::sync::mpsc::channel;
 /// What the child found, as its exit status.
 const FORKED_ERROR: i32 = 42;
 
-/// Runs `child` in a fork and returns its exit status. The child leaves without running destructors of its own, unless
-/// `child` drops something.
+/// Runs `child` in a fork and returns its exit status. The child leaves without running destructors of its
+/// own, unless `child` drops something.
 fn in_a_fork(child: impl FnOnce() -> i32) -> i32 {
-    // SAFETY: other threads of this process do not exist in the child, which uses no lock that one of them could hold:
-    // it asks a client, drops its values, and leaves by `_exit`.
+    // SAFETY: other threads of this process do not exist in the child, which uses no lock that one of them
+    // could hold: it asks a client, drops its values, and leaves by `_exit`.
     unsafe {
         match libc::fork() {
             0 => {

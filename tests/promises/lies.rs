@@ -144,8 +144,8 @@ fn a_learner_that_lies_harms_nobody() {
 
 #[test]
 fn a_reset_that_is_refused_leaves_work_under_way_alone() {
-    // A refused reset of all environments once freed those at work: their next actions came on top of the old ones,
-    // and a worker stepped with actions nobody had checked.
+    // A refused reset of all environments once freed those at work: their next actions came on top of the old
+    // ones, and a worker stepped with actions nobody had checked.
     let room = Room::new();
     let lane = LanePlan { batch_size: 1, ..LanePlan::new("2s3z", 4) };
     let _supervisor = Child::supervisor(&room, &PoolPlan::new([lane]));
@@ -243,8 +243,9 @@ mod rewriting {
                 // Half the requests are only rewritten after they were read, or to the same.
                 let value =
                     if number % 2 == 0 { 1 } else { *dice.pick(&[-1i32, 0, 1, 4, 6, 63, 64, i32::MAX]) };
-                // SAFETY: the publisher's segment stays mapped while the publisher lives, `at` lies within the
-                // sample, aligned to 4. That the reader races with this is the point; the reader uses atomics.
+                // SAFETY: the publisher's segment stays mapped while the publisher lives, `at` lies within
+                // the sample, aligned to 4. That the reader races with this is the point; the reader uses
+                // atomics.
                 unsafe { bytes.add(at).cast::<i32>().write_volatile(value) };
             }
         }

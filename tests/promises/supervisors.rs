@@ -164,7 +164,8 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     recv_of_all(&mut other, |client| client.send(&actions, None, Patience::forever()));
 }
 
-/// A request to a supervisor that has stopped reading waited for five seconds, whatever the caller's timeout and Ctrl-C.
+/// A request to a supervisor that has stopped reading waited for five seconds, whatever the caller's timeout
+/// and Ctrl-C.
 #[test]
 fn a_wait_to_send_keeps_to_the_timeout_and_can_be_interrupted() {
     let room = Room::new();

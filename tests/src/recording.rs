@@ -151,7 +151,8 @@ impl Recording {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// The scenario: a file of its name beside the recording or at the top of the recordings, else a standard one.
+    /// The scenario: a file of its name beside the recording or at the top of the recordings, else a standard
+    /// one.
     ///
     /// # Panics
     /// If there is neither.
@@ -172,10 +173,11 @@ impl Recording {
         self.actions.len()
     }
 
-    /// The battle before step `t`. What the recording does not hold comes from `played`, the same battle played up to
-    /// there: the neighbour order, planned velocities, and in older files the declared attacks.
+    /// The battle before step `t`. What the recording does not hold comes from `played`, the same battle
+    /// played up to there: the neighbour order, planned velocities, and in older files the declared attacks.
     ///
-    /// If `played` is not that battle, because it differs from the recording, the order without a history is used.
+    /// If `played` is not that battle, because it differs from the recording, the order without a history is
+    /// used.
     pub fn snapshot(&self, t: usize, played: &Battle) -> Snapshot {
         let last = t.checked_sub(1).map(|last| &self.actions[last]);
         let mut units = self.frames[t].clone();

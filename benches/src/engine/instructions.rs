@@ -1,6 +1,7 @@
 //! How many instructions the phases of a step take, counted by callgrind (`valgrind` must be installed).
 //!
-//! The engine keeps its phases from being inlined into each other, so each is a function in callgrind's output.
+//! The engine keeps its phases from being inlined into each other, so each is a function in callgrind's
+//! output.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -68,8 +69,8 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
 struct Counts(HashMap<String, f64>);
 
 impl Counts {
-    /// Reads callgrind's output: lines of costs under the function that they belong to, where the line after `calls=`
-    /// is the whole cost of a call.
+    /// Reads callgrind's output: lines of costs under the function that they belong to, where the line after
+    /// `calls=` is the whole cost of a call.
     fn parse(text: &str) -> Counts {
         let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
         let mut function = String::new();

@@ -1,5 +1,5 @@
-//! What one battle costs: its time, and its instructions phase by phase. Time differs from run to run and from machine
-//! to machine; instructions hardly do, so they are what changes to the engine are judged by.
+//! What one battle costs: its time, and its instructions phase by phase. Time differs from run to run and
+//! from machine to machine; instructions hardly do, so they are what changes to the engine are judged by.
 
 mod instructions;
 mod play;

@@ -1,5 +1,5 @@
-//! What is measured: one battle, stepped by actions that were chosen beforehand, with everything written out that a
-//! pool would write.
+//! What is measured: one battle, stepped by actions that were chosen beforehand, with everything written out
+//! that a pool would write.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -71,8 +71,9 @@ impl Play {
         }
     }
 
-    /// Plays all of it from the start and keeps the shortest time that each step has taken so far, in nanoseconds:
-    /// other programs may share the processor, and a step is over before they interrupt it more often than not.
+    /// Plays all of it from the start and keeps the shortest time that each step has taken so far, in
+    /// nanoseconds: other programs may share the processor, and a step is over before they interrupt it more
+    /// often than not.
     pub(crate) fn play_timed(&mut self, shortest: &mut [u64]) {
         let mut battle = self.start.clone();
         for (step, shortest) in shortest.iter_mut().enumerate() {

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use super::Plays;
 use super::play::Play;
 
-/// Plays each scenario again and again for `seconds`, one thread, and prints what a living unit costs in a tick.
+/// Plays each scenario again and again for `seconds`, one thread, and prints what a living unit costs in a
+/// tick.
 pub(crate) fn times(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>> {
     println!("{} player, one thread, observation, state and availability written in each step", plays.policy);
     println!("{:16} {:>14} {:>10} {:>12}", "scenario", "ns/unit/tick", "steps/s", "ns/step");

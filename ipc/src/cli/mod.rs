@@ -52,8 +52,8 @@ enum Command {
     Bench(bench::Bench),
 }
 
-/// Runs the program with `args` (the first is the program's name) and returns its exit status: 0 done, 1 failed, 2 wrong
-/// usage.
+/// Runs the program with `args` (the first is the program's name) and returns its exit status: 0 done, 1
+/// failed, 2 wrong usage.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,

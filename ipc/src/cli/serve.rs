@@ -18,7 +18,8 @@ use std::error::Error;
     smaclite-pool serve easy=3s5z:64 hard=3s5z_vs_3s6z:64\n\n\
     Then, in a learner:  smaclite_pool.connect(\"train\")")]
 pub(super) struct Serve {
-    /// A lane: a standard scenario or a file, the number of environments, and a name if it is not the scenario's
+    /// A lane: a standard scenario or a file, the number of environments, and a name if it is not the
+    /// scenario's
     #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]")]
     lanes: Vec<String>,
     /// The name learners connect by

@@ -1,5 +1,5 @@
-//! A learner's end of a lane: attach, reset, send, receive. The same for a supervisor in another process and for one
-//! in this process.
+//! A learner's end of a lane: attach, reset, send, receive. The same for a supervisor in another process and
+//! for one in this process.
 
 mod error;
 
@@ -62,8 +62,8 @@ pub struct Client {
     owner: u32,
 }
 
-/// Dropped in this order: ports before their node, and the control connection last, so that the supervisor hears of the
-/// end when everything else is given back.
+/// Dropped in this order: ports before their node, and the control connection last, so that the supervisor
+/// hears of the end when everything else is given back.
 struct Parts {
     publisher: RequestPublisher,
     frames: Arc<FramePort>,
@@ -180,12 +180,13 @@ impl Client {
         &self.parts.layout
     }
 
-    /// Asks for a new episode in every environment, or in those of `env_ids`. With a seed, environment `i` is seeded with
-    /// `seed + i`; without one its generator goes on, except that a session's first reset uses the lane's seed.
-    /// Results of earlier requests that were not received are dropped when every environment is reset.
+    /// Asks for a new episode in every environment, or in those of `env_ids`. With a seed, environment `i` is
+    /// seeded with `seed + i`; without one its generator goes on, except that a session's first reset uses
+    /// the lane's seed. Results of earlier requests that were not received are dropped when every environment
+    /// is reset.
     ///
-    /// Returns at once, unless the supervisor has stopped reading: after 5 seconds, or sooner as `patience` has it,
-    /// that is [`ClientError::NotAccepted`].
+    /// Returns at once, unless the supervisor has stopped reading: after 5 seconds, or sooner as `patience`
+    /// has it, that is [`ClientError::NotAccepted`].
     pub fn send_reset(
         &mut self,
         seed: Option<u64>,
@@ -269,8 +270,8 @@ impl Client {
         self.recv_since(begin, patience)
     }
 
-    /// Draws uniformly random legal actions into `out`, `[count, n_agents]`, for the environments of `env_ids` or for all
-    /// in order, by what was last received of each.
+    /// Draws uniformly random legal actions into `out`, `[count, n_agents]`, for the environments of
+    /// `env_ids` or for all in order, by what was last received of each.
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let parts = self.parts()?;
         let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);

@@ -23,7 +23,8 @@ const SLICE: Duration = Duration::from_millis(50);
 /// How long after the end of a connection the end of its process may show.
 const LAST_MOMENTS: Duration = Duration::from_millis(200);
 
-/// A connection to a supervisor. While it is open the supervisor knows that its owner lives, and the other way round.
+/// A connection to a supervisor. While it is open the supervisor knows that its owner lives, and the other
+/// way round.
 pub(crate) struct ControlClient {
     /// Non-blocking.
     stream: UnixStream,

@@ -1,4 +1,5 @@
-//! What is said on the control socket: one JSON object a line, a question from the client, an answer from the supervisor.
+//! What is said on the control socket: one JSON object a line, a question from the client, an answer from the
+//! supervisor.
 
 use crate::services::Capacity;
 use serde::{Deserialize, Serialize};
@@ -188,8 +189,8 @@ impl LaneDescription {
         }
     }
 
-    /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the hash tells
-    /// whether both computed the same.
+    /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the
+    /// hash tells whether both computed the same.
     ///
     /// # Errors
     /// [`Refusal::Malformed`] for sizes that no lane has and fields that no frame has.

@@ -1,5 +1,5 @@
-//! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when a
-//! learner's process ends, and has iceoryx2 take back what dead processes left.
+//! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when
+//! a learner's process ends, and has iceoryx2 take back what dead processes left.
 
 use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
@@ -25,8 +25,8 @@ const MAX_VISITORS: usize = 128;
 /// Of these, how many one process may have, so that it cannot drive out the others.
 const MAX_VISITORS_OF_A_PROCESS: usize = 32;
 
-/// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use go, and
-/// the node goes last.
+/// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use
+/// go, and the node goes last.
 pub(crate) struct Host {
     pub(crate) pool: Pool<Iceoryx>,
     pub(crate) lanes: Vec<HostedLane>,

@@ -18,8 +18,8 @@ pub(crate) struct Entry {
     pub(super) ticket: u64,
 }
 
-/// The receiving side, held by the leading worker while it accepts requests and by the control side while it changes
-/// who the learner is.
+/// The receiving side, held by the leading worker while it accepts requests and by the control side while it
+/// changes who the learner is.
 pub(super) struct Intake<I> {
     inlet: I,
     session: Option<u64>,
@@ -64,7 +64,8 @@ struct Checking<'a> {
 }
 
 impl<T: Transport> Lane<T> {
-    /// Accepts the next request, if there is one, and gives its entries to `share_out`. `false` if there was none.
+    /// Accepts the next request, if there is one, and gives its entries to `share_out`. `false` if there was
+    /// none.
     pub(crate) fn accept(&self, share_out: impl FnOnce(&[Entry])) -> bool {
         let mut guard = lock(&self.intake);
         let intake = &mut *guard;
@@ -76,7 +77,8 @@ impl<T: Transport> Lane<T> {
         let request = match message.request() {
             Ok(request) => request,
             Err(rejection) => {
-                // Without a form it has no sender either; the learner's own client sends well-formed requests.
+                // Without a form it has no sender either; the learner's own client sends well-formed
+                // requests.
                 tracing::warn!(%rejection, "request ignored");
                 self.counters.rejected();
                 return true;
@@ -175,8 +177,8 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused request would
-    /// have freed seats that are still at work.
+    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused
+    /// request would have freed seats that are still at work.
     fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
         let mut named = vec![false; self.num_envs];
         env_ids.iter().try_for_each(|id| {
@@ -222,8 +224,8 @@ impl<T: Transport> Lane<T> {
     }
 }
 
-/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote them last, and
-/// this way they come over side by side rather than each when its turn comes.
+/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote
+/// them last, and this way they come over side by side rather than each when its turn comes.
 fn fetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();
     black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));

@@ -1,5 +1,5 @@
-//! A lane: N environments of one scenario with one learner. A request is accepted (`accept`), and a worker's run of
-//! environments becomes slots of a frame. Which thread does what is decided elsewhere (`workers`).
+//! A lane: N environments of one scenario with one learner. A request is accepted (`accept`), and a worker's
+//! run of environments becomes slots of a frame. Which thread does what is decided elsewhere (`workers`).
 
 mod accept;
 mod figures;
@@ -109,8 +109,8 @@ impl<T: Transport> Lane<T> {
         self.failure.get().map(String::as_str)
     }
 
-    /// Called under the intake's lock. Work of the old round is still carried out, so that what follows does not depend
-    /// on how far the workers were; but the outbox gives it no slot.
+    /// Called under the intake's lock. Work of the old round is still carried out, so that what follows does
+    /// not depend on how far the workers were; but the outbox gives it no slot.
     fn begin_round(&self, round: Round) {
         lock(&self.outbox).begin_round(round);
         self.seats.iter().for_each(|seat| lock(seat).busy = None);
@@ -150,7 +150,8 @@ impl<T: Transport> Lane<T> {
         let mut tally = Tally::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
-                // A worker that was busy elsewhere may find an old round's steps and a new one's resets at once.
+                // A worker that was busy elsewhere may find an old round's steps and a new one's resets at
+                // once.
                 let mut rounds = run.chunk_by(|a, b| a.round == b.round);
                 rounds.try_for_each(|run| self.serve_run(run, scratch, &mut tally))
             } else {
@@ -165,7 +166,8 @@ impl<T: Transport> Lane<T> {
         self.counters.stepped(&tally);
     }
 
-    /// Synchronous: all slots of the run are claimed at once, since environment i has slot i of the one open frame.
+    /// Synchronous: all slots of the run are claimed at once, since environment i has slot i of the one open
+    /// frame.
     fn serve_run(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
         let Some(first) = run.first() else { return Ok(()) };
         let claim = self.when_a_frame_is_there(|outbox| outbox.claim(first.round, run.len()))?;
@@ -206,9 +208,9 @@ impl<T: Transport> Lane<T> {
             seat.forgo(self.autoreset);
             return Ok(None);
         };
-        // SAFETY: the outbox keeps the frame's loan until every claimed slot is reported as written, which `finish`
-        // does after this. Slots are distinct: an asynchronous lane's claims do not overlap, and in a synchronous one
-        // `index` is the environment, which an accepted request holds once (`busy`).
+        // SAFETY: the outbox keeps the frame's loan until every claimed slot is reported as written, which
+        // `finish` does after this. Slots are distinct: an asynchronous lane's claims do not overlap, and in
+        // a synchronous one `index` is the environment, which an accepted request holds once (`busy`).
         let mut slot = unsafe { claim.memory.slot(&self.layout, index) };
         seat.write(env, step, self.autoreset, &mut slot, scratch);
         // Claimed in an old round, the seat may be another request's by now.

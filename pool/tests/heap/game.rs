@@ -1,5 +1,5 @@
-//! A small game whose every number depends on all that happened in it: its seed, its resets, its actions and their
-//! order. It can be told to stop at a gate, to panic, and to write down when it is stepped.
+//! A small game whose every number depends on all that happened in it: its seed, its resets, its actions and
+//! their order. It can be told to stop at a gate, to panic, and to write down when it is stepped.
 
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;

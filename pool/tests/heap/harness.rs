@@ -48,7 +48,8 @@ impl LaneSetup {
     }
 }
 
-/// Starts a pool and attaches a learner to each lane; `oddity` says what is special about an environment of a lane.
+/// Starts a pool and attaches a learner to each lane; `oddity` says what is special about an environment of a
+/// lane.
 pub fn start(
     threads: usize,
     lanes: &[LaneSetup],

@@ -1,5 +1,5 @@
-//! Pools over a transport on the heap: everything between a request and a frame, without shared memory, files or
-//! other processes. So these tests also run under Miri and valgrind (`just miri`, `just valgrind`).
+//! Pools over a transport on the heap: everything between a request and a frame, without shared memory, files
+//! or other processes. So these tests also run under Miri and valgrind (`just miri`, `just valgrind`).
 
 mod game;
 mod harness;

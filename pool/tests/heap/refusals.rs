@@ -1,4 +1,5 @@
-//! Requests that are refused, and that nothing happens when one is. Nothing here goes through a client's own checks.
+//! Requests that are refused, and that nothing happens when one is. Nothing here goes through a client's own
+//! checks.
 
 use crate::game::{Gate, Oddity};
 use crate::harness::{LaneSetup, Learner, Reference, Row, all, settle, start};

@@ -1,5 +1,5 @@
-//! Resets and changes of the learner while work is under way: nothing of an old round or session reaches the new one, and
-//! what follows does not depend on how far the workers were.
+//! Resets and changes of the learner while work is under way: nothing of an old round or session reaches the
+//! new one, and what follows does not depend on how far the workers were.
 
 use crate::STEPS;
 use crate::game::{Gate, Oddity, SIZES};
@@ -30,7 +30,8 @@ fn step_all(reference: &mut Reference, actions: &[i32]) {
     (0..).zip(actions.chunks(SIZES.n_agents)).for_each(|(env, actions)| drop(reference.step(env, actions)));
 }
 
-/// Steps are under way, one environment stands at a gate; everything is reset; the gate opens. Again and again.
+/// Steps are under way, one environment stands at a gate; everything is reset; the gate opens. Again and
+/// again.
 fn check_reset(setup: LaneSetup, threads: usize, seed: Option<u64>) {
     let num_envs = setup.num_envs;
     let (gate, oddity) = gated(1);
@@ -76,8 +77,8 @@ fn a_reset_of_everything_drops_what_is_under_way() {
     }
 }
 
-/// A worker that was busy with another lane found steps of an old round and resets of the new one in its inbox, took both
-/// as one run of the old round, and gave the resets no slot: the learner waited for ever.
+/// A worker that was busy with another lane found steps of an old round and resets of the new one in its
+/// inbox, took both as one run of the old round, and gave the resets no slot: the learner waited for ever.
 #[test]
 fn resets_that_wait_behind_steps_of_an_old_round_are_answered() {
     let gate = Gate::default();
@@ -131,7 +132,8 @@ fn a_new_learner_hears_nothing_of_the_old_one() {
         pool.set_session(0, Some(2));
         (learner.session, learner.number) = (2, 0);
         learner.send_reset(None, &all(N), N);
-        // Frames of the first session may still lie in the channel; `batch` leaves them aside as a client does.
+        // Frames of the first session may still lie in the channel; `batch` leaves them aside as a client
+        // does.
         let mut reference = Reference::new(setup);
         let mut rows = learner.batch();
         if batch_size != 3 {

@@ -1,5 +1,5 @@
-//! What a learner sees is what the games show when they are played one by one: for any number of threads, any batch
-//! size, every autoreset mode, every way of waiting.
+//! What a learner sees is what the games show when they are played one by one: for any number of threads, any
+//! batch size, every autoreset mode, every way of waiting.
 
 use crate::game::{Oddity, SIZES};
 use crate::harness::{LaneSetup, Learner, Reference, Row, all, start, start_battles, start_waiting};

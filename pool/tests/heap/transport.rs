@@ -1,5 +1,5 @@
-//! A transport of channels and vectors. Everything of the pool but the transport is what it is in production, so these
-//! tests run where shared memory does not: under Miri, valgrind and a fuzzer.
+//! A transport of channels and vectors. Everything of the pool but the transport is what it is in production,
+//! so these tests run where shared memory does not: under Miri, valgrind and a fuzzer.
 
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
@@ -100,7 +100,8 @@ pub struct HeapOutlet {
     shortage: Arc<Shortage>,
 }
 
-// SAFETY: a loan owns its vector, which is not resized; moving the loan does not move what the vector points to.
+// SAFETY: a loan owns its vector, which is not resized; moving the loan does not move what the vector points
+// to.
 #[allow(unsafe_code)]
 unsafe impl Outlet for HeapOutlet {
     type Loan = Memory;

@@ -1,8 +1,9 @@
-//! What a supervisor that lies may send to a learner: a lane's description with any sizes, frames with any header and
-//! any content. A reader passes over what is not laid out as it should be, and nothing it takes has a wrong shape.
+//! What a supervisor that lies may send to a learner: a lane's description with any sizes, frames with any
+//! header and any content. A reader passes over what is not laid out as it should be, and nothing it takes
+//! has a wrong shape.
 //!
-//! Input: a byte that says which parts of a right header to keep, the others, the payload; or, if the first byte is 255, an
-//! answer of the control socket as JSON.
+//! Input: a byte that says which parts of a right header to keep, the others, the payload; or, if the first
+//! byte is 255, an answer of the control socket as JSON.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

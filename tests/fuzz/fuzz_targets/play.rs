@@ -1,5 +1,5 @@
-//! Plays a scenario for a few steps under both rule sets; whatever was accepted as a file must make a battle whose
-//! numbers are numbers.
+//! Plays a scenario for a few steps under both rule sets; whatever was accepted as a file must make a battle
+//! whose numbers are numbers.
 
 use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, Rules, Scratch};

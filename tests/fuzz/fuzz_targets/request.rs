@@ -1,9 +1,9 @@
-//! What a raw iceoryx2 program may send as a learner: any header before any payload, any number of them. They are read by
-//! the check that stands at the edge, accepted or refused by a pool whose transport is the heap, and afterwards an honest
-//! learner must find the lane in order.
+//! What a raw iceoryx2 program may send as a learner: any header before any payload, any number of them. They
+//! are read by the check that stands at the edge, accepted or refused by a pool whose transport is the heap,
+//! and afterwards an honest learner must find the lane in order.
 //!
-//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a right header to keep, the fields
-//! that are not kept, a byte with the payload's length in words, the payload.
+//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a right header to
+//! keep, the fields that are not kept, a byte with the payload's length in words, the payload.
 #![no_main]
 
 #[path = "../../../pool/tests/heap/game.rs"]

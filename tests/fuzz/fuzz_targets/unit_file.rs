@@ -1,4 +1,5 @@
-//! Any text as a unit file: it is refused with a reason, or such units can do battle, with each other and with others.
+//! Any text as a unit file: it is refused with a reason, or such units can do battle, with each other and
+//! with others.
 #![no_main]
 
 #[path = "play.rs"]
@@ -12,7 +13,8 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     let Ok(text) = std::str::from_utf8(bytes) else { return Corpus::Reject };
     match UnitType::from_json(text, "FUZZED", "fuzzed.json") {
         Ok(unit) => {
-            // Near enough to meet in the first step: one side's stalkers against the other's zealots, one of them fuzzed.
+            // Near enough to meet in the first step: one side's stalkers against the other's zealots, one of
+            // them fuzzed.
             let mut scenario = Scenario::standard("2s3z").expect("a standard scenario");
             scenario.unit_types[0] = unit;
             for (i, placement) in scenario.units.iter_mut().enumerate() {

@@ -1,5 +1,5 @@
-//! `torture MINUTES SEED`: kills, stops and restarts the processes of two pools at random for so long. Exits with 0 if
-//! every invariant held, 1 if one did not, 2 for wrong usage.
+//! `torture MINUTES SEED`: kills, stops and restarts the processes of two pools at random for so long. Exits
+//! with 0 if every invariant held, 1 if one did not, 2 for wrong usage.
 #![forbid(unsafe_code)]
 
 use smaclite_tests::pools::{role, torture};

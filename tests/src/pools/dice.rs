@@ -34,8 +34,8 @@ impl Dice {
     }
 }
 
-/// A legal joint action from the masks `[n_agents, n_actions]` of an environment: drawn anew for every step `step` of
-/// every environment `env`, the same whoever asks.
+/// A legal joint action from the masks `[n_agents, n_actions]` of an environment: drawn anew for every step
+/// `step` of every environment `env`, the same whoever asks.
 pub fn joint_action(masks: &[u8], n_actions: usize, env: usize, step: u64, out: &mut [i32]) {
     for (agent, (mask, action)) in masks.chunks_exact(n_actions).zip(out).enumerate() {
         let legal = mask.iter().filter(|a| **a != 0).count() as u64;

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 /// # Errors
 /// What the child saw, or that it hangs.
 pub fn child_reads(batch: &Batch, bytes: &[u8], hang: Duration) -> Result<(), String> {
-    // SAFETY: the child has this thread alone. It compares memory, takes no lock that another thread could have
-    // held, and leaves by `_exit`, so nothing of its parent is dropped.
+    // SAFETY: the child has this thread alone. It compares memory, takes no lock that another thread could
+    // have held, and leaves by `_exit`, so nothing of its parent is dropped.
     let child = unsafe {
         match libc::fork() {
             0 => {

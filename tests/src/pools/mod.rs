@@ -1,7 +1,8 @@
 //! Pools made of real processes, for the tests of what is promised when processes die, stop or lie.
 //!
-//! A child is the running program itself, started again with a role (`process`, `role`); the parent tells it what to do
-//! by lines of text. Every test has a room of its own (`room`), so that nothing of one test is seen by another.
+//! A child is the running program itself, started again with a role (`process`, `role`); the parent tells it
+//! what to do by lines of text. Every test has a room of its own (`room`), so that nothing of one test is
+//! seen by another.
 
 pub mod crash;
 pub mod dice;

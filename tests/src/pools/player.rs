@@ -90,8 +90,8 @@ impl Player {
         (0..batches).try_for_each(|_| self.recv(timeout).map(drop))
     }
 
-    /// Resets some environments, which must be ready; they answer like after a step. In synchronous mode the others come
-    /// along as they are.
+    /// Resets some environments, which must be ready; they answer like after a step. In synchronous mode the
+    /// others come along as they are.
     ///
     /// # Errors
     /// The client's.

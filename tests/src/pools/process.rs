@@ -12,8 +12,8 @@ pub const ROLE_VARIABLE: &str = "SMACLITE_TEST_ROLE";
 /// What begins the lines of a child that are answers; a test harness prints others.
 pub const ANSWER: &str = "@ ";
 
-/// What is promised within a second must come within this, be the machine ever so busy. Nothing waits so long for what
-/// should not come.
+/// What is promised within a second must come within this, be the machine ever so busy. Nothing waits so long
+/// for what should not come.
 pub const SOON: Duration = Duration::from_secs(15);
 
 /// A child process; killed when it is dropped.

@@ -1,4 +1,5 @@
-//! The undisturbed run: the battles of a lane played on one thread without pool or transport, to compare frames with.
+//! The undisturbed run: the battles of a lane played on one thread without pool or transport, to compare
+//! frames with.
 
 use super::LanePlan;
 use super::dice::joint_action;
@@ -154,7 +155,8 @@ impl Replay {
         (0..batch.env_id().len()).try_for_each(|slot| self.check(batch, slot))
     }
 
-    /// Notes what the environment's slot must hold now; `last` is the finished battle under same-step autoreset.
+    /// Notes what the environment's slot must hold now; `last` is the finished battle under same-step
+    /// autoreset.
     fn expect(&mut self, env: usize, outcome: Outcome, last: Option<Battle>) {
         let (sizes, scratch) = (self.sizes, &mut self.scratch);
         let state = &mut self.envs[env];

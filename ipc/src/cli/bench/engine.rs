@@ -1,5 +1,5 @@
-//! Bare battles on one thread, with everything that a pool would write: those of a pool's environments, but each is played
-//! to its end before the next begins.
+//! Bare battles on one thread, with everything that a pool would write: those of a pool's environments, but
+//! each is played to its end before the next begins.
 
 use super::replay::{Replay, SEED};
 use super::{Measured, Task, resident_bytes};

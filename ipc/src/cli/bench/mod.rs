@@ -1,7 +1,8 @@
 //! `smaclite-pool bench`: steps per second, of one bare battle or of a whole pool.
 //!
-//! Actions are recorded before anything is timed and replayed then, so that the figures are the environment's and the
-//! transport's alone: same seeds and actions give the same battles. Only the sampled policy has the client draw them.
+//! Actions are recorded before anything is timed and replayed then, so that the figures are the environment's
+//! and the transport's alone: same seeds and actions give the same battles. Only the sampled policy has the
+//! client draw them.
 
 mod engine;
 mod pool;
@@ -41,7 +42,8 @@ pub(super) struct Bench {
     /// Environments
     #[arg(long, default_value_t = 64)]
     envs: usize,
-    /// Environments in a batch; fewer than --envs steps asynchronously, with sampled actions [default: --envs]
+    /// Environments in a batch; fewer than --envs steps asynchronously, with sampled actions [default:
+    /// --envs]
     #[arg(long, value_name = "M")]
     batch_size: Option<usize>,
     /// How long to measure each scenario

@@ -1,5 +1,5 @@
-//! `smaclite-pool bench --table`: the speed table of the SMAClite paper (table "Average seconds per timestep"), with
-//! this machine's column beside it.
+//! `smaclite-pool bench --table`: the speed table of the SMAClite paper (table "Average seconds per
+//! timestep"), with this machine's column beside it.
 
 use super::resident_bytes;
 use crate::cli::{Outcome, heading, megabytes, print_table};
@@ -9,7 +9,8 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Seconds per timestep that the paper reports, on an AMD Ryzen 3700X: SMAC, SMAClite, SMAClite with its C++ addon.
+/// Seconds per timestep that the paper reports, on an AMD Ryzen 3700X: SMAC, SMAClite, SMAClite with its C++
+/// addon.
 const PAPER: [(&str, [f64; 3]); 6] = [
     ("2s_vs_1sc", [0.004, 0.007, 0.003]),
     ("3s5z", [0.013, 0.018, 0.007]),

@@ -1,5 +1,5 @@
-//! What the processes of a torture run do while they live. They say a line when something happened, so that silence is a
-//! hang, and an `error` when something is as it must not be.
+//! What the processes of a torture run do while they live. They say a line when something happened, so that
+//! silence is a hang, and an `error` when something is as it must not be.
 
 use crate::pools::dice::Dice;
 use crate::pools::fork::child_reads;
@@ -68,7 +68,8 @@ pub fn learner(argument: &str) -> i32 {
                     return complain(error);
                 }
             }
-            // The lane is not free yet, or the pool is dead or dying: the parent knows whether it should not be.
+            // The lane is not free yet, or the pool is dead or dying: the parent knows whether it should not
+            // be.
             Err(error) => {
                 say(format!("waits: {error}"));
                 std::thread::sleep(Duration::from_millis(10));

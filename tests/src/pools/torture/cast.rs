@@ -1,4 +1,5 @@
-//! The processes of a torture run: who plays what, who is disturbed how, and who has been silent for too long.
+//! The processes of a torture run: who plays what, who is disturbed how, and who has been silent for too
+//! long.
 
 use super::Summary;
 use crate::pools::dice::Dice;
@@ -176,7 +177,8 @@ impl<'a> Cast<'a> {
         Ok(())
     }
 
-    /// Wakes everybody and lets them go on for a while: the disturbed must recover, and then all are attached.
+    /// Wakes everybody and lets them go on for a while: the disturbed must recover, and then all are
+    /// attached.
     pub(super) fn calm(&mut self, summary: &mut Summary) -> Result<(), String> {
         let begin = Instant::now();
         self.hosts.iter_mut().for_each(|host| host.stopped = host.stopped.and(Some(begin)));

@@ -20,8 +20,8 @@ struct Held {
     shared: usize,
 }
 
-/// Descriptors of learners that were between two sessions at the first look, eight each; a leak would show one for each of
-/// dozens of killed processes.
+/// Descriptors of learners that were between two sessions at the first look, eight each; a leak would show
+/// one for each of dozens of killed processes.
 const COMING_AND_GOING: usize = 16;
 
 /// The same for mappings: connections and data segments of such learners, and stacks and heaps of threads.

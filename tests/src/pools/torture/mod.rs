@@ -1,5 +1,5 @@
-//! The torture run: pools whose supervisors, learners and spectators are killed, stopped and restarted at random, while
-//! everything that is promised is checked.
+//! The torture run: pools whose supervisors, learners and spectators are killed, stopped and restarted at
+//! random, while everything that is promised is checked.
 //!
 //! Two pools share a room. The supervisor of `steady` is stopped now and then but never killed, so that what
 //! it holds can be watched; `shaky` loses its supervisor too. Every learner compares every frame with an
