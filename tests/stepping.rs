@@ -207,7 +207,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
         client.send(&actions, None, Patience::forever()).expect("sent");
         let timeout = Some(Duration::from_millis(50));
         let error = client.recv(Patience { timeout, interrupted: &mut never }).err().expect("it sleeps");
-        assert!(error.to_string().contains("50ms"), "{error}");
+        assert!(error.to_string().contains("0.05 s"), "{error}");
         let mut asked = 0;
         let mut interrupted = || {
             asked += 1;
