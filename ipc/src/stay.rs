@@ -165,7 +165,7 @@ fn is_ours(folder: &Path) -> bool {
     folder.symlink_metadata().is_ok_and(|found| found.is_dir() && found.uid() == user)
 }
 
-/// Nobody else can replace the folder: `/dev/shm` is sticky.
+/// No other user can replace the folder: `/dev/shm` is sticky.
 fn check_folder(folder: &Path) -> Result<()> {
     let named = |error: Error| {
         let remedy = "stop the pools that use it and run `smaclite-pool clean`";

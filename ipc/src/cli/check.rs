@@ -65,7 +65,7 @@ mod tests {
     }
 
     /// The file was read without a limit before the readers with limits saw it: /dev/zero filled the memory,
-    /// and a FIFO waited for a writer for ever.
+    /// and a FIFO waited for a writer without end.
     #[test]
     fn a_file_is_read_with_the_limits_of_its_reader() {
         check(Path::new("/dev/zero"), "cannot be read: it is not a regular file");
