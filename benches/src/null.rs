@@ -55,7 +55,7 @@ pub(crate) fn serve(name: &str, envs: usize, threads: usize, wait: Wait) -> Resu
         seed: 0,
         autoreset: Autoreset::NextStep,
         fields: FieldSet::ALL,
-        frames_held: 4,
+        max_held_batches: 4,
         spectators: 0,
     };
     let options = PoolOptions { threads, wait };

@@ -30,7 +30,7 @@ impl Frame {
 ///
 /// Every field is a read-only numpy array over shared memory: nothing is copied, and the memory stays valid
 /// and unchanged for as long as the batch, or any array or slice of it, is held, also after the pool is gone.
-/// A lane lets a learner hold `frames_held` batches at once; `copy()` what must stay longer. In a forked
+/// A lane lets a learner hold `max_held_batches` batches at once; `copy()` what must stay longer. In a forked
 /// child they stay unchanged only while the parent holds them: `copy()` what the child keeps.
 ///
 /// torch does not know read-only memory, where a write would end the process: `torch()` gives tensors that know.

@@ -168,7 +168,7 @@ impl Envs {
 
     /// Wait for the next batch: the M environments that are done first.
     ///
-    /// Raises Timeout, PoolDied, TooManyFramesHeld, and InvalidRequest if nothing is to come.
+    /// Raises Timeout, PoolDied, TooManyBatchesHeld, and InvalidRequest if nothing is to come.
     #[pyo3(signature = (timeout=None))]
     fn recv(&self, py: Python<'_>, timeout: Option<Seconds>) -> PyResult<Batch> {
         let timeout = seconds(timeout)?;

@@ -20,7 +20,7 @@ pub mod class {
     pyo3::import_exception!(smaclite_pool.errors, PoolDied);
     pyo3::import_exception!(smaclite_pool.errors, LaneFailed);
     pyo3::import_exception!(smaclite_pool.errors, Timeout);
-    pyo3::import_exception!(smaclite_pool.errors, TooManyFramesHeld);
+    pyo3::import_exception!(smaclite_pool.errors, TooManyBatchesHeld);
     pyo3::import_exception!(smaclite_pool.errors, Forked);
     pyo3::import_exception!(smaclite_pool.errors, Busy);
     pyo3::import_exception!(smaclite_pool.errors, Closed);
@@ -39,7 +39,7 @@ pub fn of_client(error: ClientError) -> PyErr {
         ClientError::WrongLength { .. } | ClientError::NothingToReceive { .. } => invalid(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
-        ClientError::TooManyHeld { .. } => class::TooManyFramesHeld::new_err(text),
+        ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),
         ClientError::Forked { .. } => class::Forked::new_err(text),
         ClientError::NotAccepted { .. }
         | ClientError::Interrupted

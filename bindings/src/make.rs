@@ -34,7 +34,7 @@ const MAX_THREADS: usize = 1024;
 ///     rules: "smaclite" (as the published environment plays) or "paper" (as its paper says).
 ///     fields: names of the fields that batches have; None for all. `env_id`, `reward`, `terminated` and `truncated`
 ///         are always there.
-///     frames_held: batches that may be held at once, 2 to 1024.
+///     max_held_batches: batches that may be held at once, 2 to 1024.
 ///     wait: how learner and idle workers wait: "adaptive" (spin a little, then block), "spin" or "block".
 ///     name: the pool's name; by default a unique one.
 ///
@@ -43,10 +43,10 @@ const MAX_THREADS: usize = 1024;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=Int::Small(64), *, batch_size=None, seed=Int::Small(0), threads=None, autoreset="next_step",
     episode_limit=Some(Limit::Word("default".to_owned())), rules="smaclite", fields=None,
-    frames_held=Int::Small(4), wait="adaptive", name=None))]
+    max_held_batches=Int::Small(4), wait="adaptive", name=None))]
 #[pyo3(
     text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, autoreset='next_step', \
-    episode_limit='default', rules='smaclite', fields=None, frames_held=4, wait='adaptive', name=None)"
+    episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, wait='adaptive', name=None)"
 )]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
@@ -60,7 +60,7 @@ pub fn make(
     episode_limit: Option<Limit>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
-    frames_held: Int,
+    max_held_batches: Int,
     wait: &str,
     name: Option<String>,
 ) -> PyResult<Envs> {
@@ -71,7 +71,7 @@ pub fn make(
     }
     let num_envs = whole("num_envs", num_envs)?;
     let batch_size = batch_size.map_or(Ok(num_envs), |n| whole("batch_size", n))?;
-    let (seed, frames_held) = (whole("seed", seed)?, whole("frames_held", frames_held)?);
+    let (seed, max_held_batches) = (whole("seed", seed)?, whole("max_held_batches", max_held_batches)?);
     let (rules, autoreset, limit) = (word::<Rules>(rules)?, word(autoreset)?, limit_of(episode_limit)?);
     let fields = match fields {
         Some(given) => FieldSet::from_names(names("fields", &given)?).map_err(invalid)?,
@@ -88,7 +88,7 @@ pub fn make(
             (*played, *episode_limit) = (rules, limit);
         }
         lane.spectators = 0; // its name is not told to others
-        let lane = LaneConfig { batch_size, seed, autoreset, fields, frames_held, ..lane };
+        let lane = LaneConfig { batch_size, seed, autoreset, fields, max_held_batches, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place };
         let prepared = config.prepare().map_err(errors::of_start)?;
         let supervisor = Supervisor::start_prepared(prepared, given_up).map_err(errors::of_start)?;

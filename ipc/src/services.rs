@@ -88,7 +88,7 @@ fn quiet() {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Capacity {
     /// Frames a learner may hold at once.
-    pub frames_held: usize,
+    pub max_held_batches: usize,
     /// Frames that can wait for the learner: all results of one request to every environment, and an error
     /// report.
     pub frames_waiting: usize,
@@ -106,7 +106,7 @@ impl Capacity {
         num_envs: usize,
         batch_size: usize,
         threads: usize,
-        frames_held: usize,
+        max_held_batches: usize,
         spectators: usize,
     ) -> Self {
         let synchronous = num_envs == batch_size;
@@ -115,7 +115,7 @@ impl Capacity {
         // failure.
         let writing = threads.min(num_envs);
         Capacity {
-            frames_held,
+            max_held_batches,
             frames_waiting: num_envs / batch_size + 1,
             frames_filling: if synchronous { writing + 2 } else { writing + 3 },
             spectators,
@@ -131,7 +131,7 @@ impl Capacity {
     /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
     /// one to fill.
     fn frames(&self) -> usize {
-        self.subscriptions() * (self.frames_waiting + self.frames_held) + self.frames_filling
+        self.subscriptions() * (self.frames_waiting + self.max_held_batches) + self.frames_filling
     }
 
     /// Bytes of shared memory that the supervisor needs for a lane.
@@ -207,7 +207,7 @@ impl LaneServices {
             .max_subscribers(capacity.subscriptions())
             .max_nodes(nodes)
             .subscriber_max_buffer_size(capacity.frames_waiting)
-            .subscriber_max_borrowed_samples(capacity.frames_held)
+            .subscriber_max_borrowed_samples(capacity.max_held_batches)
             .history_size(0)
             // A learner or spectator that stopped reading must not stop the workers.
             .enable_safe_overflow(true)

@@ -69,7 +69,7 @@ pub struct LaneConfig {
     /// The fields of a frame.
     pub fields: FieldSet,
     /// Frames a learner may hold at once, at least 2.
-    pub frames_held: usize,
+    pub max_held_batches: usize,
     /// Spectators at once.
     pub spectators: usize,
 }
@@ -87,7 +87,7 @@ impl LaneConfig {
             seed: 0,
             autoreset: Autoreset::default(),
             fields: FieldSet::ALL,
-            frames_held: 4,
+            max_held_batches: 4,
             spectators: 1,
         }
     }
@@ -107,8 +107,8 @@ impl LaneConfig {
                 self.num_envs, self.batch_size
             ));
         }
-        if !(2..=1024).contains(&self.frames_held) {
-            return bad(format!("frames_held must be between 2 and 1024, got {}", self.frames_held));
+        if !(2..=1024).contains(&self.max_held_batches) {
+            return bad(format!("max_held_batches must be between 2 and 1024, got {}", self.max_held_batches));
         }
         if self.spectators > 64 {
             return bad(format!("spectators must be between 0 and 64, got {}", self.spectators));
@@ -119,7 +119,7 @@ impl LaneConfig {
     /// Splits the settings into what the pool builds and what learners are told.
     fn prepare(self, shared: &Shared<'_>) -> (LaneSpec, LaneDescription) {
         let capacity =
-            Capacity::new(self.num_envs, self.batch_size, shared.threads, self.frames_held, self.spectators);
+            Capacity::new(self.num_envs, self.batch_size, shared.threads, self.max_held_batches, self.spectators);
         let (scenario, rules, episode_limit, sizes, make) = match self.game {
             Game::Battle { scenario, rules, episode_limit } => {
                 let mut arena = Arena::new(&scenario, rules);

@@ -100,7 +100,7 @@ fn a_pool_of_very_many_lanes_answers_in_full() {
     let lane = |i: usize| LanePlan {
         name: format!("learner-number-{i}"),
         fields: Some(vec!["obs".to_owned()]),
-        frames_held: 2,
+        max_held_batches: 2,
         spectators: 0,
         ..LanePlan::new("2s_vs_1sc", 1)
     };

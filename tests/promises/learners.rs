@@ -115,7 +115,7 @@ fn a_stopped_learner_keeps_its_lane_and_goes_on_later() {
 #[test]
 fn holding_too_many_frames_is_an_error_that_passes() {
     let room = Room::new();
-    let lane = LanePlan { frames_held: 3, spectators: 0, ..LanePlan::new("2s3z", 4) };
+    let lane = LanePlan { max_held_batches: 3, spectators: 0, ..LanePlan::new("2s3z", 4) };
     let plan = PoolPlan::new([lane]);
     let _supervisor = Child::supervisor(&room, &plan);
     let mut learner = Child::attached(&room, &plan.lanes[0]);
@@ -123,7 +123,7 @@ fn holding_too_many_frames_is_an_error_that_passes() {
     learner.must("hold 3");
     learner.must("send");
     let error = learner.ask("recv 5000").expect_err("no frame is free");
-    assert_says(&error, &["all 3 frames", "drop", "frames_held"]);
+    assert_says(&error, &["all 3 frames", "drop", "max_held_batches"]);
     learner.must("check");
     learner.must("drop");
     learner.must("recv 5000"); // the step's result was not lost

@@ -111,10 +111,10 @@ def test_a_wrong_request_says_what_is_accepted(envs: sp.Envs, call: Call, error:
         ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer, got float"),
         ({"episode_limit": "none"}, sp.InvalidRequest, "got `none`"),
         ({"episode_limit": 2**40}, sp.InvalidRequest, "at most 4294967295"),
-        ({"frames_held": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
+        ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
         ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
-        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "frames_held": 1000}, sp.TooLittleMemory, "bytes"),
+        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, sp.TooLittleMemory, "bytes"),
     ],
 )
 def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Exception], match: str) -> None:

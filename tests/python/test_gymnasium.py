@@ -188,11 +188,11 @@ def test_arrays_are_ones_own_unless_asked_otherwise() -> None:
         assert all(array.flags.writeable for array in first.values())
         np.testing.assert_equal(first, kept)
         assert len(held) == 10
-    with closing(make_vector("2s3z", 2, copy=False, frames_held=3)) as envs:
+    with closing(make_vector("2s3z", 2, copy=False, max_held_batches=3)) as envs:
         views, _ = envs.reset(seed=1)
         assert not any(array.flags.writeable for array in views.values())
         held = [views]
-        with pytest.raises(sp.TooManyFramesHeld):
+        with pytest.raises(sp.TooManyBatchesHeld):
             held.extend(envs.step(np.ones((2, 5), int))[0] for _ in range(5))
         assert len(held) == 3
 

@@ -38,7 +38,7 @@ def test_donated_memory_is_not_written() -> None:
 
 
 def test_an_array_keeps_its_frame_and_no_longer() -> None:
-    with sp.make("2s3z", 4, frames_held=3) as envs:
+    with sp.make("2s3z", 4, max_held_batches=3) as envs:
         batch = envs.reset(seed=1)
         before, kept = batch.obs.copy(), [array(batch.obs)]
         for _ in range(8):
@@ -48,7 +48,7 @@ def test_an_array_keeps_its_frame_and_no_longer() -> None:
         batch = envs.step(envs.sample_actions())
         kept.append(array(batch.obs))
         del batch
-        with pytest.raises(sp.TooManyFramesHeld):
+        with pytest.raises(sp.TooManyBatchesHeld):
             envs.step(envs.sample_actions())
         kept.clear()
         gc.collect()

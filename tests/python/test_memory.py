@@ -80,7 +80,7 @@ def test_arrays_are_read_only_and_stay_so() -> None:
 
 
 def test_a_held_batch_does_not_change_while_others_come() -> None:
-    with sp.make("2s3z", num_envs=4, frames_held=3) as envs:
+    with sp.make("2s3z", num_envs=4, max_held_batches=3) as envs:
         first = envs.reset(seed=1)
         own = first.copy()
         for _ in range(50):
@@ -106,7 +106,7 @@ def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
     """A cycle between a batch and its cached arrays once would have kept frames until the garbage collector ran."""
     gc.disable()
     try:
-        with sp.make("2s3z", num_envs=2, frames_held=2) as envs:
+        with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
             batch = envs.reset()
             views = [getattr(batch, name) for name in batch.keys()]
             gone = weakref.ref(batch)
@@ -119,11 +119,11 @@ def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
 
 
 def test_holding_too_many_frames_is_an_error_and_ends_with_letting_go() -> None:
-    with sp.make("2s3z", num_envs=2, frames_held=2) as envs:
+    with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
         held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
         held.append(envs.step(envs.sample_actions()))
         first = held[0].copy()
-        with pytest.raises(sp.TooManyFramesHeld, match="all 2 frames"):
+        with pytest.raises(sp.TooManyBatchesHeld, match="all 2 frames"):
             envs.step(envs.sample_actions())
         assert np.array_equal(held[0], first), "never an overwrite"
         held.clear()

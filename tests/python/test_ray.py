@@ -55,7 +55,7 @@ def cluster() -> Iterator[Cluster]:
 
 @pytest.fixture
 def fleet(cluster: Cluster) -> Iterator[Fleet]:
-    with start("2s3z", 4, lanes=2, threads=1, seed=100, serve=("--frames-held", "8")) as started:
+    with start("2s3z", 4, lanes=2, threads=1, seed=100, serve=("--max-held-batches", "8")) as started:
         yield started
 
 

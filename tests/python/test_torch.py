@@ -109,7 +109,7 @@ def test_copies_are_ordinary(envs: sp.Envs) -> None:
 
 
 def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
-    with sp.make("2s3z", 4, frames_held=3) as envs:
+    with sp.make("2s3z", 4, max_held_batches=3) as envs:
         batch = envs.reset(seed=1)
         before, kept = batch.obs.copy(), [tensor(batch.obs)[1:]]
         for _ in range(8):
@@ -119,7 +119,7 @@ def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
         batch = envs.step(envs.sample_actions())
         kept.append(tensor(batch.obs))
         del batch
-        with pytest.raises(sp.TooManyFramesHeld):
+        with pytest.raises(sp.TooManyBatchesHeld):
             envs.step(envs.sample_actions())
         kept.clear()
         envs.recv()
@@ -150,7 +150,7 @@ def test_pinning_registers_the_whole_lane_once(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(torch.cuda, "cudart", Runtime)
     monkeypatch.setattr(torch.cuda, "synchronize", lambda: None)
     monkeypatch.setattr(torch.cuda, "check_error", lambda code: None)
-    with sp.make("2s3z", 8, frames_held=4) as envs:
+    with sp.make("2s3z", 8, max_held_batches=4) as envs:
         batch = envs.reset()
         with pinned(batch):
             [(register, (start, size, flags))] = calls

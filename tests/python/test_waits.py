@@ -22,7 +22,7 @@ from conftest import Serve, left_over, run_script
 @pytest.fixture
 def slow() -> Iterator[sp.Envs]:
     """Environments whose batch takes long: thousands of large battles on one thread."""
-    with sp.make("bane_vs_bane", num_envs=4000, threads=1, fields=[], frames_held=2) as envs:
+    with sp.make("bane_vs_bane", num_envs=4000, threads=1, fields=[], max_held_batches=2) as envs:
         envs.reset()
         yield envs
 
@@ -43,7 +43,7 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], frames_held=2, wait=wait) as envs:  # type: ignore[arg-type]
+    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], max_held_batches=2, wait=wait) as envs:  # type: ignore[arg-type]
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:

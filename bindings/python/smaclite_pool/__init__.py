@@ -37,7 +37,7 @@ from .errors import (
     StartError,
     Timeout,
     TooLittleMemory,
-    TooManyFramesHeld,
+    TooManyBatchesHeld,
 )
 
 __all__ = [
@@ -59,7 +59,7 @@ __all__ = [
     "StartError",
     "Timeout",
     "TooLittleMemory",
-    "TooManyFramesHeld",
+    "TooManyBatchesHeld",
     "__version__",
     "connect",
     "make",

@@ -170,7 +170,7 @@ def make(
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
-    frames_held: int = 4,
+    max_held_batches: int = 4,
     wait: _Wait = "adaptive",
     name: str | None = None,
 ) -> Envs: ...

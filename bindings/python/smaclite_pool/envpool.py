@@ -95,7 +95,7 @@ class EnvPool:
         envs: a lane, from `smaclite_pool.make` or `smaclite_pool.connect`; closed with this object.
         config: what it was made with.
         copy: True: arrays are yours to keep. False: they are read-only views of shared memory, valid for as long as
-            they are held; as many batches may be held as the lane's `frames_held`.
+            they are held; as many batches may be held as the lane's `max_held_batches`.
     """
 
     def __init__(self, envs: Envs, config: dict[str, Any] | None = None, *, copy: bool = True) -> None:

@@ -77,7 +77,7 @@ class Timeout(PoolError, TimeoutError):
     """Nothing came in time. The batch is still under way: `recv` it, or `reset`."""
 
 
-class TooManyFramesHeld(PoolError, RuntimeError):
+class TooManyBatchesHeld(PoolError, RuntimeError):
     """As many batches are held as the lane allows. Drop one and every array over it, then `recv` again."""
 
 

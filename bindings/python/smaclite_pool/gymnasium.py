@@ -94,7 +94,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         illegal_actions: "error": a step with an action that is not available raises. "stop": who is given one stops,
             for learners that know no masks.
         copy: True: arrays are yours to keep and change. False: observations are read-only views of shared memory,
-            and as many may be held as the lane's `frames_held`.
+            and as many may be held as the lane's `max_held_batches`.
     """
 
     observation_space: spaces.Dict

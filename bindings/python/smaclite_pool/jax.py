@@ -17,7 +17,7 @@
 
 JAX's arrays are immutable, so nothing can be spoilt; memory that is given to a jitted function with `donate_argnums` is
 not reused either, since it is not JAX's own. An array keeps its frame, also for as long as a computation over it is
-under way: a lane lets a learner hold `frames_held` batches at once, so `.copy()` what must stay longer.
+under way: a lane lets a learner hold `max_held_batches` batches at once, so `.copy()` what must stay longer.
 
 For a GPU, put the batch's own arrays there: `jax.device_put(batch.obs, jax.devices("gpu")[0])`.
 """

@@ -13,7 +13,7 @@ In `onpolicy/scripts/train/train_smac.py` it takes the place of what `make_train
 `ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is `envs.n_agents`.
 
 `obs`, `share_obs` and `available_actions` are read-only views of shared memory, the state the same one for every agent.
-on-policy's buffers copy what they keep; whoever keeps such arrays of more than the last two steps needs `frames_held`.
+on-policy's buffers copy what they keep; whoever keeps such arrays of more than the last two steps needs `max_held_batches`.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ShareVecEnv:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: environments (B).
         seed: environment i begins with seed + i.
-        threads, episode_limit, rules, frames_held: as in `smaclite_pool.make`.
+        threads, episode_limit, rules, max_held_batches: as in `smaclite_pool.make`.
     """
 
     closed = False
@@ -92,7 +92,7 @@ class ShareVecEnv:
         threads: int | None = None,
         episode_limit: int | Literal["default"] | None = "default",
         rules: Literal["smaclite", "paper"] = "smaclite",
-        frames_held: int = 4,
+        max_held_batches: int = 4,
     ) -> None:
         self._serve(
             make(
@@ -103,7 +103,7 @@ class ShareVecEnv:
                 autoreset="same_step",
                 episode_limit=episode_limit,
                 rules=rules,
-                frames_held=frames_held,
+                max_held_batches=max_held_batches,
             )
         )
 

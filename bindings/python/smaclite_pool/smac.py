@@ -187,7 +187,7 @@ class MultiAgentEnv(Queries):
             autoreset="disabled",
             episode_limit=episode_limit,
             rules=rules,
-            frames_held=2,
+            max_held_batches=2,
         )
         self.n_agents, self.n_enemies, self.n_actions = self._envs.n_agents, self._envs.n_enemies, self._envs.n_actions
         self.episode_limit = self._envs.episode_limit

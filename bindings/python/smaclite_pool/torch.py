@@ -16,7 +16,7 @@ end the process by SIGSEGV. So they are `ReadOnly`: a write raises, what is comp
 and a view of one is one. `.plain` gives the ordinary tensor over the same memory, for `torch.compile` or to save the
 guard's few microseconds a call; it is on you not to write to it, nor through `data_ptr()` or `untyped_storage()`.
 
-A tensor keeps its frame, as an array does: a lane lets a learner hold `frames_held` batches at once, so `clone()` what
+A tensor keeps its frame, as an array does: a lane lets a learner hold `max_held_batches` batches at once, so `clone()` what
 must stay longer. `tensor.to("cuda")` copies; `pinned` makes that copy asynchronous.
 """
 

@@ -48,7 +48,7 @@ pub(super) struct Serve {
     fields: Option<Vec<String>>,
     /// Batches a learner may hold at once
     #[arg(long, default_value_t = 4, value_name = "K")]
-    frames_held: usize,
+    max_held_batches: usize,
     /// Spectators at once, a lane
     #[arg(long, default_value_t = 1, value_name = "K")]
     spectators: usize,
@@ -128,7 +128,7 @@ impl Serve {
         if let Some(names) = &self.fields {
             lane.fields = FieldSet::from_names(names)?;
         }
-        lane.frames_held = self.frames_held;
+        lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
         Ok(lane)
     }

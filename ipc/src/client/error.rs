@@ -50,7 +50,7 @@ pub enum ClientError {
     PoolDied { pool: String },
     #[error(
         "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
-         stay, or start the lane with more (frames_held)"
+         stay, or start the lane with more (max_held_batches)"
     )]
     TooManyHeld { limit: usize },
     #[error(

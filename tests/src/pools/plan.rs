@@ -41,7 +41,7 @@ pub struct LanePlan {
     /// Names of the fields, if not all.
     pub fields: Option<Vec<String>>,
     /// Frames a learner may hold.
-    pub frames_held: usize,
+    pub max_held_batches: usize,
     /// Spectators at once.
     pub spectators: usize,
     /// What is odd about its environments.
@@ -79,7 +79,7 @@ impl LanePlan {
             autoreset: Autoreset::NextStep,
             episode_limit: Some(30),
             fields: None,
-            frames_held: 4,
+            max_held_batches: 4,
             spectators: 2,
             oddity: games::Oddity::None,
         }
@@ -98,7 +98,7 @@ impl LanePlan {
         lane.batch_size = self.batch_size;
         lane.seed = self.seed;
         lane.autoreset = self.autoreset;
-        lane.frames_held = self.frames_held;
+        lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
         if let Some(names) = &self.fields {
             lane.fields = FieldSet::from_names(names).expect("names of fields");

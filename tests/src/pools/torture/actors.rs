@@ -97,7 +97,7 @@ fn session(mut player: Player, plan: &LanePlan, dice: &mut Dice) -> Result<(), S
         match played {
             Ok(batch) => {
                 frames += 1;
-                keep_some(batch, &mut held, plan.frames_held - 1, dice)?;
+                keep_some(batch, &mut held, plan.max_held_batches - 1, dice)?;
             }
             Err(Trouble::Client(ClientError::PoolDied { .. })) => {
                 unchanged(&held)?; // what it holds outlives the pool
