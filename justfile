@@ -67,7 +67,7 @@ soak seed="1": (torture "15" seed)
 
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
-    cargo test --release -p smaclite-pool --target-dir target/loom hand_off
+    cargo test --release -p smaclite-pool --target-dir target/loom leader_followers
 
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":

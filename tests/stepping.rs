@@ -3,7 +3,7 @@
 //! directly by the engine (`pools::replay`), so two ways of stepping that both agree with it agree with each
 //! other.
 
-use smaclite_ipc::{Client, Patience, Supervisor, Wait};
+use smaclite_ipc::{Client, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::Field;
 use smaclite_tests::pools::games::Oddity;
@@ -49,8 +49,9 @@ fn every_way_of_stepping_shows_the_bits_of_the_undisturbed_run() {
                 let plan =
                     LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
                 let pool = PoolPlan::new([plan]).threads(threads);
-                let _embedded = Supervisor::start(pool.config(room.place())).expect("a pool");
-                let mut player = Player::connect(room.place(), "train", &pool.lanes[0]).expect("a client");
+                let _embedded = Supervisor::start(pool.config(room.runtime_dir())).expect("a pool");
+                let mut player =
+                    Player::connect(room.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
                 let played = play(&mut player, &pool.lanes[0], 400 / batch_size);
                 played
                     .unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {autoreset:?}: {e}"));
@@ -65,7 +66,7 @@ fn other_processes_see_the_same_bits() {
         let room = Room::new();
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("3s5z", 6) }]).threads(threads);
         let _supervisor = Child::supervisor(&room, &plan);
-        let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+        let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
         let played = play(&mut player, &plan.lanes[0], 200 / batch_size);
         played.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 6: {e}"));
     }
@@ -78,8 +79,8 @@ fn no_environment_starves_in_asynchronous_mode() {
     {
         let plan =
             PoolPlan::new([LanePlan { batch_size: 4, oddity, ..LanePlan::new("MMM", 16) }]).threads(threads);
-        let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-        let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+        let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+        let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
         // Environments stay with their worker (a half each, with two). How the cores are shared between
         // workers is the kernel's affair, so what is promised is this: every environment goes on, and within
         // a worker nobody is passed over, however slow a neighbour is.
@@ -107,8 +108,8 @@ fn a_slow_environment_does_not_hold_back_a_batch_of_others() {
     let room = Room::new();
     let oddity = Oddity::Sleeps { env: 0, millis: 1000 };
     let plan = PoolPlan::new([LanePlan { batch_size: 2, oddity, ..LanePlan::new("2s3z", 8) }]).threads(2);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     let begin = Instant::now();
     // Environments 4 to 7 are the other worker's.
@@ -124,8 +125,8 @@ fn same_step_shows_the_last_of_the_old_episode_and_the_first_of_the_new() {
     let plan =
         LanePlan { autoreset: Autoreset::SameStep, episode_limit: Some(4), ..LanePlan::new("2s3z", 3) };
     let pool = PoolPlan::new([plan]);
-    let _supervisor = Supervisor::start(pool.config(room.place())).expect("a pool");
-    let mut player = Player::connect(room.place(), "train", &pool.lanes[0]).expect("a client");
+    let _supervisor = Supervisor::start(pool.config(room.runtime_dir())).expect("a pool");
+    let mut player = Player::connect(room.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     let fields = [Field::Obs, Field::FinalObs, Field::State, Field::FinalState];
     let mut before = Vec::new();
@@ -152,8 +153,8 @@ fn only_the_chosen_fields_are_there() {
         let fields = Some(vec!["obs".into(), "final_obs".into()]);
         let plan = LanePlan { fields, autoreset, ..LanePlan::new("2s3z", 4) };
         let pool = PoolPlan::new([plan.clone()]);
-        let supervisor = Supervisor::start(pool.config(room.place())).expect("a pool");
-        let mut player = Player::connect(room.place(), "train", &pool.lanes[0]).expect("a client");
+        let supervisor = Supervisor::start(pool.config(room.runtime_dir())).expect("a pool");
+        let mut player = Player::connect(room.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
         play(&mut player, &plan, 60).expect("frames as in the undisturbed run");
         let batch = player.step(SOON).expect("a step");
         let there: Vec<_> = batch.layout().fields().iter().map(|f| f.spec().name).collect();
@@ -164,7 +165,7 @@ fn only_the_chosen_fields_are_there() {
         let lean = supervisor.shared_memory();
         drop((supervisor, player, batch));
         let full = PoolPlan::new([LanePlan { fields: None, ..plan }]);
-        let full = Supervisor::start(full.config(room.place())).expect("a pool").shared_memory();
+        let full = Supervisor::start(full.config(room.runtime_dir())).expect("a pool").shared_memory();
         assert!(lean < full, "{lean} bytes without, {full} with all fields");
     }
 }
@@ -174,8 +175,8 @@ fn a_whole_reset_drops_what_is_under_way() {
     let room = Room::new();
     for (threads, batch_size) in [(1, 8), (2, 8), (4, 8), (2, 4), (4, 1)] {
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("2s3z", 8) }]).threads(threads);
-        let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-        let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+        let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+        let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
         player.reset(Some(0), SOON).expect("a reset");
         for round in 1..150 {
             player.send_to(&(0..8).collect::<Vec<_>>()).expect("sent");
@@ -196,27 +197,27 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
     let room = Room::new();
     let oddity = Oddity::Sleeps { env: 0, millis: 1500 };
     let plan = PoolPlan::new([LanePlan { oddity, ..LanePlan::new("2s3z", 2) }]);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    for wait in [Wait::default(), Wait::Block, Wait::Spin] {
-        let mut client = Client::connect(room.place(), "train", None, wait).expect("a client");
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    for wait in [WaitStrategy::default(), WaitStrategy::Block, WaitStrategy::Spin] {
+        let mut client = Client::connect(room.runtime_dir(), "train", None, wait).expect("a client");
         let mut never = || false;
-        let patience = Patience { timeout: Some(SOON), interrupted: &mut never };
-        drop(client.reset(None, None, patience).expect("a reset"));
+        let wait = WaitOptions { timeout: Some(SOON), interrupted: &mut never };
+        drop(client.reset(None, None, wait).expect("a reset"));
         let mut actions = vec![0; 10];
         client.sample_actions(None, &mut actions).expect("actions");
-        client.send(&actions, None, Patience::forever()).expect("sent");
+        client.send(&actions, None, WaitOptions::forever()).expect("sent");
         let timeout = Some(Duration::from_millis(50));
-        let error = client.recv(Patience { timeout, interrupted: &mut never }).err().expect("it sleeps");
+        let error = client.recv(WaitOptions { timeout, interrupted: &mut never }).err().expect("it sleeps");
         assert!(error.to_string().contains("0.05 s"), "{error}");
         let mut asked = 0;
         let mut interrupted = || {
             asked += 1;
             true
         };
-        let error = client.recv(Patience { timeout: None, interrupted: &mut interrupted });
+        let error = client.recv(WaitOptions { timeout: None, interrupted: &mut interrupted });
         assert!(error.err().expect("interrupted").to_string().contains("interrupted"));
         assert_eq!(asked, 1);
-        let patience = Patience { timeout: Some(SOON), interrupted: &mut never };
-        client.recv(patience).expect("the result comes all the same");
+        let wait = WaitOptions { timeout: Some(SOON), interrupted: &mut never };
+        client.recv(wait).expect("the result comes all the same");
     }
 }

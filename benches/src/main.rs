@@ -68,7 +68,7 @@ enum Peer {
 fn main() -> Result<(), Box<dyn Error>> {
     let cli = Cli::parse();
     match cli.command {
-        Command::Transport => transport::figures(cli.rounds),
+        Command::Transport => transport::stats(cli.rounds),
         Command::Efficiency { scenarios } => battles::efficiency(cli.rounds, &scenarios),
         Command::Asynchronous => battles::asynchronous(cli.rounds),
         Command::Many => battles::many(cli.rounds),

@@ -2,7 +2,7 @@
 //! cost.
 
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
-use smaclite_ipc::{Game, LaneConfig, Place, Supervisor, SupervisorConfig, Wait};
+use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -46,10 +46,15 @@ impl Environment for Null {
 }
 
 /// Serves `envs` of them until killed.
-pub(crate) fn serve(name: &str, envs: usize, threads: usize, wait: Wait) -> Result<(), Box<dyn Error>> {
+pub(crate) fn serve(
+    name: &str,
+    envs: usize,
+    threads: usize,
+    wait: WaitStrategy,
+) -> Result<(), Box<dyn Error>> {
     let lane = LaneConfig {
         name: "null".to_owned(),
-        game: Game::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
+        game: LaneEnvs::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
         num_envs: envs,
         batch_size: envs,
         seed: 0,
@@ -59,9 +64,13 @@ pub(crate) fn serve(name: &str, envs: usize, threads: usize, wait: Wait) -> Resu
         spectators: 0,
     };
     let options = PoolOptions { threads, wait };
-    let place = Place::of_this_user()?;
-    let _supervisor =
-        Supervisor::start(SupervisorConfig { name: name.to_owned(), lanes: vec![lane], options, place })?;
+    let runtime_dir = RuntimeDir::for_current_user()?;
+    let _supervisor = Supervisor::start(SupervisorConfig {
+        name: name.to_owned(),
+        lanes: vec![lane],
+        options,
+        runtime_dir,
+    })?;
     loop {
         std::thread::park();
     }

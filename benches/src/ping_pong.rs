@@ -5,7 +5,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
-use smaclite_ipc::Wait;
+use smaclite_ipc::WaitStrategy;
 use std::error::Error;
 use std::time::{Duration, Instant};
 
@@ -23,7 +23,12 @@ pub(crate) struct Side {
 }
 
 impl Side {
-    pub(crate) fn open(name: &str, wait: Wait, out: &str, back: &str) -> Result<Side, Box<dyn Error>> {
+    pub(crate) fn open(
+        name: &str,
+        wait: WaitStrategy,
+        out: &str,
+        back: &str,
+    ) -> Result<Side, Box<dyn Error>> {
         set_log_level(LogLevel::Fatal);
         let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
         let data = |what: &str| -> Result<_, Box<dyn Error>> {
@@ -71,7 +76,7 @@ impl Side {
 }
 
 /// Answers until killed.
-pub(crate) fn serve(name: &str, wait: Wait) -> Result<(), Box<dyn Error>> {
+pub(crate) fn serve(name: &str, wait: WaitStrategy) -> Result<(), Box<dyn Error>> {
     let side = Side::open(name, wait, "pong", "ping")?;
     loop {
         if side.receive()? {

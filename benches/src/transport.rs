@@ -3,13 +3,13 @@
 use crate::null::SIZES;
 use crate::ping_pong::Side;
 use crate::{PeerProcess, median};
-use smaclite_ipc::{Client, Patience, Place, Wait};
+use smaclite_ipc::{Client, RuntimeDir, WaitOptions, WaitStrategy};
 use std::error::Error;
 use std::time::{Duration, Instant};
 
 const ROUND_TRIPS: usize = 20_000;
 
-pub(crate) fn figures(rounds: usize) -> Result<(), Box<dyn Error>> {
+pub(crate) fn stats(rounds: usize) -> Result<(), Box<dyn Error>> {
     println!("round trips in microseconds, median of {rounds} rounds of {ROUND_TRIPS}");
     for wait in ["adaptive", "spin", "block"] {
         let (mut bare, mut one, mut many, mut crowded) = (vec![], vec![], vec![], vec![]);
@@ -47,18 +47,18 @@ fn lane(envs: usize, threads: usize, wait: &str) -> Result<f64, Box<dyn Error>> 
     let name = format!("null-{}", std::process::id());
     let _peer = PeerProcess::start(&["null", &name, &envs.to_string(), &threads.to_string(), wait])?;
     let mut client = connect(&name, wait.parse()?)?;
-    client.reset(Some(0), None, Patience::forever())?;
+    client.reset(Some(0), None, WaitOptions::forever())?;
     let actions = vec![1; envs * SIZES.n_agents];
     timed(&mut || {
-        let patience = Patience::forever();
-        client.step(&actions, None, patience).map(drop).map_err(Into::into)
+        let wait = WaitOptions::forever();
+        client.step(&actions, None, wait).map(drop).map_err(Into::into)
     })
 }
 
-fn connect(name: &str, wait: Wait) -> Result<Client, Box<dyn Error>> {
+fn connect(name: &str, wait: WaitStrategy) -> Result<Client, Box<dyn Error>> {
     let begin = Instant::now();
     loop {
-        match Client::connect(&Place::of_this_user()?, name, None, wait) {
+        match Client::connect(&RuntimeDir::for_current_user()?, name, None, wait) {
             Ok(client) => return Ok(client),
             Err(error) if begin.elapsed() > Duration::from_secs(10) => return Err(error.into()),
             Err(_) => std::thread::sleep(Duration::from_millis(10)),

@@ -130,7 +130,7 @@ impl Envs {
         };
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        let batch = waiting(py, timeout, |patience| client.reset(seed, chosen.as_deref(), patience))?;
+        let batch = waiting(py, timeout, |wait| client.reset(seed, chosen.as_deref(), wait))?;
         Batch::new(py, batch)
     }
 
@@ -148,7 +148,7 @@ impl Envs {
         let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        let batch = waiting(py, timeout, |patience| client.step(actions, ids, patience))?;
+        let batch = waiting(py, timeout, |wait| client.step(actions, ids, wait))?;
         Batch::new(py, batch)
     }
 
@@ -163,10 +163,10 @@ impl Envs {
         let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        waiting(py, None, |patience| client.send(actions, ids, patience))
+        waiting(py, None, |wait| client.send(actions, ids, wait))
     }
 
-    /// Wait for the next batch: the M environments that are done first.
+    /// WaitStrategy for the next batch: the M environments that are done first.
     ///
     /// Raises Timeout, PoolDied, TooManyBatchesHeld, and InvalidRequest if nothing is to come.
     #[pyo3(signature = (timeout=None))]
@@ -174,17 +174,17 @@ impl Envs {
         let timeout = seconds(timeout)?;
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        let batch = waiting(py, timeout, |patience| client.recv(patience))?;
+        let batch = waiting(py, timeout, |wait| client.recv(wait))?;
         Batch::new(py, batch)
     }
 
-    /// Ask for a new episode in every environment and return at once; `recv` the first observations.
+    /// ControlRequest for a new episode in every environment and return at once; `recv` the first observations.
     #[pyo3(signature = (seed=None))]
     fn async_reset(&self, py: Python<'_>, seed: Option<Int>) -> PyResult<()> {
         let seed = seed.map(|s| whole("seed", s)).transpose()?;
         let mut turn = self.shared.turn()?;
         let client = turn.client();
-        waiting(py, None, |patience| client.send_reset(seed, None, patience))
+        waiting(py, None, |wait| client.send_reset(seed, None, wait))
     }
 
     /// Draw uniformly random legal actions, int32 [K, n_agents], for environments `env_id`, or all, by what was last

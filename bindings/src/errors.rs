@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use smaclite_ipc::{
-    ClientError, ConnectError as Connect, ControlError as Control, Refusal, StartError as Start,
+    ClientError, ConnectError as Connect, ControlError, ControlSocketError as Control, StartError as Start,
 };
 use smaclite_pool::Rejection;
 
@@ -63,8 +63,10 @@ fn of_rejection(rejection: Rejection) -> PyErr {
 pub fn of_connect(error: Connect) -> PyErr {
     let text = error.to_string();
     match error {
-        Connect::Refused(Refusal::LaneTaken { holder, .. }) => class::LaneTaken::new_err((text, holder)),
-        Connect::Refused(Refusal::LaneFailed { .. }) => class::LaneFailed::new_err(text),
+        Connect::Refused(ControlError::LaneTaken { learner_pid, .. }) => {
+            class::LaneTaken::new_err((text, learner_pid))
+        }
+        Connect::Refused(ControlError::LaneFailed { .. }) => class::LaneFailed::new_err(text),
         Connect::Control(Control::Name(_)) => invalid(text),
         Connect::Control(Control::NoSuchPool { .. }) => class::NoSuchPool::new_err(text),
         Connect::Control(Control::Gone { .. }) => class::PoolDied::new_err(text),

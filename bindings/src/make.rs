@@ -4,11 +4,13 @@ use crate::convert::{Int, Seconds, names, seconds, whole, word};
 use crate::envs::Envs;
 use crate::errors::{self, invalid};
 use crate::exit::Beginning;
-use crate::query::place;
+use crate::query::runtime_dir;
 use crate::wait::{GivenUp, apart};
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
-use smaclite_ipc::{Client, Game, LaneConfig, Patience, Supervisor, SupervisorConfig, Wait, check_name};
+use smaclite_ipc::{
+    Client, LaneConfig, LaneEnvs, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, check_name,
+};
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::FieldSet;
 use smaclite_scenarios::Scenario;
@@ -64,7 +66,7 @@ pub fn make(
     wait: &str,
     name: Option<String>,
 ) -> PyResult<Envs> {
-    let wait = word::<Wait>(wait)?;
+    let wait = word::<WaitStrategy>(wait)?;
     let threads = threads.map_or(Ok(PoolOptions::default().threads), |n| whole("threads", n))?;
     if !(1..=MAX_THREADS).contains(&threads) {
         return Err(invalid(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
@@ -78,21 +80,22 @@ pub fn make(
         None => FieldSet::ALL,
     };
     let options = PoolOptions { threads, wait };
-    let (name, place) = (name.unwrap_or_else(unique_name), place()?);
+    let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
     let _beginning = Beginning::new()?;
     let start = move |given_up: GivenUp<'_>| {
         let scenario = Scenario::resolve(&scenario.to_string_lossy());
         let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
-        if let Game::Battle { rules: played, episode_limit, .. } = &mut lane.game {
+        if let LaneEnvs::Battle { rules: played, episode_limit, .. } = &mut lane.game {
             (*played, *episode_limit) = (rules, limit);
         }
         lane.spectators = 0; // its name is not told to others
         let lane = LaneConfig { batch_size, seed, autoreset, fields, max_held_batches, ..lane };
-        let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, place };
+        let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
         let prepared = config.prepare().map_err(errors::of_start)?;
         let supervisor = Supervisor::start_prepared(prepared, given_up).map_err(errors::of_start)?;
-        let client = Client::connect(supervisor.place(), &name, None, wait).map_err(errors::of_connect)?;
+        let client =
+            Client::connect(supervisor.runtime_dir(), &name, None, wait).map_err(errors::of_connect)?;
         Ok((client, supervisor))
     };
     apart(py, start)?.map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
@@ -107,7 +110,7 @@ pub enum Limit {
     Steps(Int),
 }
 
-/// As [`Game::Battle`] has it.
+/// As [`LaneEnvs::Battle`] has it.
 fn limit_of(limit: Option<Limit>) -> PyResult<Option<Option<u32>>> {
     match limit {
         None => Ok(Some(None)),
@@ -155,10 +158,16 @@ pub fn connect(
     timeout: Option<Seconds>,
     wait: &str,
 ) -> PyResult<Envs> {
-    let (wait, timeout, place) = (word(wait)?, seconds(timeout)?, place()?);
+    let (wait, timeout, runtime_dir) = (word(wait)?, seconds(timeout)?, runtime_dir()?);
     let _beginning = Beginning::new()?;
     let client = apart(py, move |interrupted| {
-        Client::connect_within(&place, &pool, lane.as_deref(), wait, Patience { timeout, interrupted })
+        Client::connect_within(
+            &runtime_dir,
+            &pool,
+            lane.as_deref(),
+            wait,
+            WaitOptions { timeout, interrupted },
+        )
     })?;
     Ok(Envs::new(client.map_err(errors::of_connect)?, None))
 }

@@ -5,12 +5,12 @@ use crate::errors;
 use crate::wait::apart;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_ipc::{Patience, Place, running_pools, status_within};
+use smaclite_ipc::{RuntimeDir, WaitOptions, running_pools, status_within};
 use smaclite_scenarios::Scenario;
 
 /// The place of this user's pools.
-pub fn place() -> PyResult<Place> {
-    Place::of_this_user().map_err(|error| errors::of_connect(error.into()))
+pub fn runtime_dir() -> PyResult<RuntimeDir> {
+    RuntimeDir::for_current_user().map_err(|error| errors::of_connect(error.into()))
 }
 
 /// Names of the standard scenarios, the 23 maps of SMAC, which `make` takes.
@@ -22,7 +22,7 @@ pub fn scenarios() -> Vec<&'static str> {
 /// What the pool `pool` of this user is doing.
 ///
 /// Returns a dict with `pool`, `pid`, `threads`, `uptime_s`, `shared_memory` (bytes) and `lanes`: a list of dicts with
-/// `description` (as `Envs.description`), `holder` (the learner's process or None), `figures` (counts since the start),
+/// `description` (as `Envs.description`), `learner_pid` (the learner's process or None), `figures` (counts since the start),
 /// `steps_per_s` and `failure`.
 ///
 /// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that
@@ -30,9 +30,10 @@ pub fn scenarios() -> Vec<&'static str> {
 #[pyfunction]
 #[pyo3(signature = (pool, *, timeout=Some(Seconds(10.0))), text_signature = "(pool, *, timeout=10.0)")]
 pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResult<Bound<'_, PyDict>> {
-    let (place, timeout) = (place()?, seconds(timeout)?);
-    let status =
-        apart(py, move |interrupted| status_within(&place, &pool, Patience { timeout, interrupted }))?;
+    let (runtime_dir, timeout) = (runtime_dir()?, seconds(timeout)?);
+    let status = apart(py, move |interrupted| {
+        status_within(&runtime_dir, &pool, WaitOptions { timeout, interrupted })
+    })?;
     dict_of(py, &status.map_err(errors::of_connect)?)
 }
 
@@ -40,5 +41,5 @@ pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResul
 /// answer.
 #[pyfunction]
 pub fn pools() -> PyResult<Vec<String>> {
-    Ok(running_pools(&place()?))
+    Ok(running_pools(&runtime_dir()?))
 }

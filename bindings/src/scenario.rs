@@ -55,29 +55,29 @@ fn walkable(terrain: &Terrain) -> Vec<Vec<bool>> {
 fn units(scenario: &Scenario, faction: Faction) -> Vec<Value> {
     let side = scenario.units.iter().filter(|unit| unit.faction == faction);
     side.map(|unit| {
-        let figures = &scenario.unit_types[unit.unit_type];
+        let stats = &scenario.unit_types[unit.unit_type];
         json!({
-            "unit_type": figures.name,
+            "unit_type": stats.name,
             "type_id": scenario.type_ids[unit.unit_type],
             "position": unit.position,
-            "radius": figures.radius(),
-            "hp": figures.hp,
-            "shield": figures.shield,
-            "energy": figures.energy,
-            "cooldown": figures.cooldown,
-            "healer": figures.is_healer(),
-            "plane": figures.plane.to_string(),
-            "targets": targets(figures),
-            "targeter": targeter(&figures.targeter),
+            "radius": stats.radius(),
+            "hp": stats.hp,
+            "shield": stats.shield,
+            "energy": stats.energy,
+            "cooldown": stats.cooldown,
+            "healer": stats.is_healer(),
+            "plane": stats.plane.to_string(),
+            "targets": targets(stats),
+            "targeter": targeter(&stats.targeter),
         })
     })
     .collect()
 }
 
 /// The planes whose units this type can act on.
-fn targets(figures: &UnitType) -> Vec<String> {
+fn targets(stats: &UnitType) -> Vec<String> {
     let planes = [Plane::Ground, Plane::Air, Plane::Colossus].into_iter();
-    planes.filter(|plane| figures.can_attack(*plane)).map(|plane| plane.to_string()).collect()
+    planes.filter(|plane| stats.can_attack(*plane)).map(|plane| plane.to_string()).collect()
 }
 
 /// The targeter's name in a unit file.

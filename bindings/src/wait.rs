@@ -3,7 +3,7 @@
 
 use crate::{errors, exit};
 use pyo3::prelude::*;
-use smaclite_ipc::{ClientError, Patience};
+use smaclite_ipc::{ClientError, WaitOptions};
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 /// How often signal handlers run while work is waited for.
-const LOOK_AROUND: Duration = Duration::from_millis(50);
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// What tells work that it was given up.
 pub type GivenUp<'a> = &'a mut dyn FnMut() -> bool;
@@ -32,7 +32,7 @@ pub fn apart<T: Send + 'static>(
     })?;
     loop {
         let outcome;
-        (outcome, receiver) = py.detach(move || (receiver.recv_timeout(LOOK_AROUND), receiver));
+        (outcome, receiver) = py.detach(move || (receiver.recv_timeout(CHECK_INTERVAL), receiver));
         match outcome {
             Ok(outcome) => return Ok(outcome),
             Err(RecvTimeoutError::Timeout) => {
@@ -59,7 +59,7 @@ fn look(py: Python<'_>) -> PyResult<()> {
 pub fn waiting<T: Send>(
     py: Python<'_>,
     timeout: Option<Duration>,
-    wait: impl FnOnce(Patience<'_>) -> Result<T, ClientError> + Send,
+    wait: impl FnOnce(WaitOptions<'_>) -> Result<T, ClientError> + Send,
 ) -> PyResult<T> {
     let mut raised = None;
     let outcome = py.detach(|| {
@@ -67,7 +67,7 @@ pub fn waiting<T: Send>(
             raised = Python::attach(look).err();
             raised.is_some()
         };
-        wait(Patience { timeout, interrupted: &mut interrupted })
+        wait(WaitOptions { timeout, interrupted: &mut interrupted })
     });
     match raised {
         Some(error) => Err(error),

@@ -1,7 +1,7 @@
 //! Errors of iceoryx2. Its own say little ("InternalError"), so each is kept together with what was being
 //! done and, where it can be measured, the shortage that is its likely cause.
 
-use crate::place::Place;
+use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{StatVfsMountFlags, statvfs};
 use rustix::process::{Resource, getrlimit};
 use std::error::Error;
@@ -42,9 +42,9 @@ impl IpcError {
     }
 
     /// The same where the disk of the pools' folder may be the cause.
-    pub(crate) fn at(self, place: &Place) -> IpcError {
+    pub(crate) fn at(self, runtime_dir: &RuntimeDir) -> IpcError {
         let full =
-            full(place.root().display(), "make room there or set SMACLITE_POOL_ROOT to another folder");
+            full(runtime_dir.root().display(), "make room there or set SMACLITE_POOL_ROOT to another folder");
         IpcError { advice: full.unwrap_or(self.advice), ..self }
     }
 }

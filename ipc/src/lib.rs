@@ -4,23 +4,23 @@
 //! A learner in Rust:
 //!
 //! ```
-//! use smaclite_ipc::{Client, LaneConfig, Patience, Place, Supervisor, SupervisorConfig};
+//! use smaclite_ipc::{Client, LaneConfig, WaitOptions, RuntimeDir, Supervisor, SupervisorConfig};
 //! use smaclite_scenarios::Scenario;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
-//! # let place = Place::at(folder.path().to_owned())?;
+//! # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
 //! // Usually another process: `smaclite-pool serve 2s3z:4 --name train`.
 //! let lanes = vec![LaneConfig::new("2s3z", Scenario::resolve("2s3z")?, 4)];
-//! let config = SupervisorConfig { name: "train".into(), lanes, options: Default::default(), place: place.clone() };
+//! let config = SupervisorConfig { name: "train".into(), lanes, options: Default::default(), runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
 //!
-//! let mut client = Client::connect(&place, "train", None, Default::default())?;
-//! let batch = client.reset(Some(1), None, Patience::forever())?;
+//! let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+//! let batch = client.reset(Some(1), None, WaitOptions::forever())?;
 //! assert_eq!(batch.obs_matrix().nrows(), 4 * 5);
 //! let mut actions = vec![0; 4 * 5];
 //! client.sample_actions(None, &mut actions)?;
-//! let batch = client.step(&actions, None, Patience::forever())?;
+//! let batch = client.step(&actions, None, WaitOptions::forever())?;
 //! assert_eq!(batch.env_id(), [0, 1, 2, 3]);
 //! # drop(supervisor);
 //! # Ok(())
@@ -34,50 +34,58 @@ pub mod cli;
 mod client;
 pub mod control;
 mod error;
-mod legal;
 mod memory;
-mod place;
+mod request_validator;
+mod runtime_dir;
 mod services;
+mod shm_dir;
 mod spectator;
-mod stay;
 mod supervisor;
 mod transport;
 mod variant;
 pub mod wire;
 
 pub use batch::Batch;
-pub use client::{Client, ClientError, ConnectError, Patience};
-pub use control::client::ControlError;
-pub use control::protocol::{LaneDescription, LaneStatus, PoolStatus, Refusal};
+pub use client::{Client, ClientError, ConnectError, WaitOptions};
+pub use control::client::ControlSocketError;
+pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
 pub use memory::TooLittleMemory;
-pub use place::{Place, PlaceError, ROOT_VARIABLE, check_name};
+pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError, check_name};
 pub use services::{Capacity, IpcError};
-pub use smaclite_pool::Wait;
-pub use spectator::Spectator;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
-pub use stay::iceoryx;
-pub use supervisor::{Game, LaneConfig, PreparedPool, StartError, Supervisor, SupervisorConfig};
+pub use shm_dir::iceoryx;
+pub use smaclite_pool::WaitStrategy;
+pub use spectator::Spectator;
+pub use supervisor::{LaneConfig, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig};
 #[doc(hidden)] // for the same tests
 pub use variant::PoolService;
 
-use control::client::{ANSWER_TIME, ControlClient};
-use control::protocol::{Answer, Ask};
+use control::client::{ControlClient, RESPONSE_TIMEOUT};
+use control::protocol::{ControlRequest, ControlResponse};
 
 /// What a pool is doing. It has 10 seconds to answer.
-pub fn status(place: &Place, pool: &str) -> Result<PoolStatus, ConnectError> {
-    status_within(place, pool, Patience { timeout: Some(ANSWER_TIME), interrupted: &mut || false })
+pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, ConnectError> {
+    status_within(
+        runtime_dir,
+        pool,
+        WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false },
+    )
 }
 
 /// What a pool is doing, if it answers in time.
-pub fn status_within(place: &Place, pool: &str, patience: Patience<'_>) -> Result<PoolStatus, ConnectError> {
-    match ControlClient::ask(place, pool, &Ask::Status, patience)?.1 {
-        Answer::Status(status) => Ok(status),
-        Answer::Refused(refusal) => Err(refusal.into()),
-        other => Err(Refusal::unexpected(&other).into()),
+pub fn status_within(
+    runtime_dir: &RuntimeDir,
+    pool: &str,
+    wait: WaitOptions<'_>,
+) -> Result<PoolStatus, ConnectError> {
+    match ControlClient::request(runtime_dir, pool, &ControlRequest::Status, wait)?.1 {
+        ControlResponse::Status(status) => Ok(status),
+        ControlResponse::Refused(refusal) => Err(refusal.into()),
+        other => Err(ControlError::unexpected(&other).into()),
     }
 }
 
-/// Names of the pools that run at a place, sorted. A supervisor that is stopped runs.
-pub fn running_pools(place: &Place) -> Vec<String> {
-    control::client::running_pools(place)
+/// Names of the pools that run at a runtime_dir, sorted. A supervisor that is stopped runs.
+pub fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
+    control::client::running_pools(runtime_dir)
 }

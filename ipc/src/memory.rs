@@ -1,7 +1,7 @@
 //! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS
 //! later.
 
-use crate::place::Place;
+use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 use std::collections::BTreeSet;
@@ -49,11 +49,11 @@ const CHUNK: u64 = 8 << 20;
 /// Has the kernel set aside every page of the data segments this process writes to; `false` if `interrupted`
 /// said so meanwhile.
 pub(crate) fn reserve_segments(
-    place: &Place,
+    runtime_dir: &RuntimeDir,
     for_what: &str,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<bool, TooLittleMemory> {
-    for path in own_segments(place) {
+    for path in own_segments(runtime_dir) {
         let Ok(file) = File::options().write(true).open(&path) else { continue };
         let bytes = file.metadata().map_or(0, |m| m.len());
         let mut reserved = 0;
@@ -77,9 +77,9 @@ pub(crate) fn reserve_segments(
 }
 
 /// The data segments of this place that are mapped for writing, which only their creator does.
-fn own_segments(place: &Place) -> BTreeSet<PathBuf> {
+fn own_segments(runtime_dir: &RuntimeDir) -> BTreeSet<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
-    let prefix = format!("{SHM}/{}", place.shm_prefix());
+    let prefix = format!("{SHM}/{}", runtime_dir.shm_prefix());
     maps.lines()
         .filter_map(|line| {
             let permissions = line.split_whitespace().nth(1)?;

@@ -7,8 +7,8 @@
 
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
-use crate::place::Place;
-use crate::stay::Stay;
+use crate::runtime_dir::RuntimeDir;
+use crate::shm_dir::ShmDir;
 use crate::wire::{FrameHeader, RequestHeader, step_bytes};
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
@@ -41,10 +41,10 @@ const SLACK: usize = 4;
 
 /// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one
 /// that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
-const DEPARTED: usize = 1;
+const DEPARTED_LEARNERS: usize = 1;
 
 /// How long a subscription waits for one of a dead process to be taken back.
-const TAKE_BACK: Duration = Duration::from_secs(1);
+const RECLAIM_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache
 /// lines).
@@ -54,29 +54,29 @@ const CHUNK_OVERHEAD: usize = 192;
 /// subscriber that is dropped, whoever still reads them. Dropped in this order.
 pub(crate) struct FramePort {
     pub(crate) subscriber: FrameSubscriber,
-    _stay: Arc<Stay>,
+    _shm_dir: Arc<ShmDir>,
 }
 
 /// A node and the stay that outlives it. Dropped in this order.
-pub(crate) struct Guest {
+pub(crate) struct IpcNode {
     pub(crate) node: Node<Ipc>,
-    pub(crate) stay: Arc<Stay>,
+    pub(crate) shm_dir: Arc<ShmDir>,
 }
 
 /// A node without signal handlers, under our own configuration.
-pub(crate) fn enter(place: &Place, name: &str) -> Result<Guest, IpcError> {
+pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode, IpcError> {
     quiet();
-    let entering = format!("entering the folder {}", place.root().display());
-    let stay = place.enter().and_then(|stay| stay.check_segments().map(|()| stay));
-    let stay = Arc::new(stay.map_err(doing(entering)).map_err(|error| error.at(place))?);
+    let entering = format!("entering the folder {}", runtime_dir.root().display());
+    let shm_dir = runtime_dir.open_shm_dir().and_then(|shm_dir| shm_dir.check_segments().map(|()| shm_dir));
+    let shm_dir = Arc::new(shm_dir.map_err(doing(entering)).map_err(|error| error.at(runtime_dir))?);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
-        .config(&stay.iceoryx())
+        .config(&shm_dir.iceoryx())
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(doing("creating an iceoryx2 node"))
-        .map_err(|error| error.at(place))?;
-    Ok(Guest { node, stay })
+        .map_err(|error| error.at(runtime_dir))?;
+    Ok(IpcNode { node, shm_dir })
 }
 
 /// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.
@@ -125,7 +125,7 @@ impl Capacity {
 
     /// Subscriptions to a lane's frames at once.
     fn subscriptions(&self) -> usize {
-        self.spectators + 1 + DEPARTED
+        self.spectators + 1 + DEPARTED_LEARNERS
     }
 
     /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
@@ -266,13 +266,17 @@ impl LaneServices {
     }
 
     /// `waiting`: how many frames may wait; the oldest is dropped for a newer one.
-    pub(crate) fn frame_port(&self, waiting: usize, guest: &Guest) -> Result<FramePort, IpcError> {
+    pub(crate) fn frame_port(&self, waiting: usize, ipc_node: &IpcNode) -> Result<FramePort, IpcError> {
         let begin = Instant::now();
         loop {
             let created = self.frames.subscriber_builder().buffer_size(waiting).create();
             match created {
-                Ok(subscriber) => return Ok(FramePort { subscriber, _stay: Arc::clone(&guest.stay) }),
-                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) if begin.elapsed() < TAKE_BACK => {
+                Ok(subscriber) => {
+                    return Ok(FramePort { subscriber, _shm_dir: Arc::clone(&ipc_node.shm_dir) });
+                }
+                Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers)
+                    if begin.elapsed() < RECLAIM_TIMEOUT =>
+                {
                     std::thread::sleep(Duration::from_millis(20)); // the supervisor looks for the dead every 100 ms
                 }
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => return Err(still_held()),

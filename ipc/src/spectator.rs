@@ -1,12 +1,12 @@
 //! Watching a lane: read-only, as many frames as the watcher has time for, without anyone noticing.
 
 use crate::batch::Batch;
-use crate::client::{ClientError, ConnectError, Patience, checked_layout};
-use crate::control::client::{ANSWER_TIME, ControlClient};
-use crate::control::protocol::{Answer, Ask, LaneDescription, Refusal};
+use crate::client::{ClientError, ConnectError, WaitOptions, checked_layout};
+use crate::control::client::{ControlClient, RESPONSE_TIMEOUT};
+use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room};
-use crate::place::Place;
-use crate::services::{FramePort, Guest, LaneServices, doing, enter};
+use crate::runtime_dir::RuntimeDir;
+use crate::services::{FramePort, IpcNode, LaneServices, doing, open_node};
 use crate::wire::{Content, read_frame};
 use smaclite_pool::layout::Layout;
 use std::mem::ManuallyDrop;
@@ -23,7 +23,7 @@ struct Parts {
     current: Option<Batch>,
     frames: Arc<FramePort>,
     _services: LaneServices,
-    _guest: Guest,
+    _ipc_node: IpcNode,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
@@ -31,21 +31,32 @@ struct Parts {
 
 impl Spectator {
     /// Watches a lane of a pool: its only lane, if none is named.
-    pub fn connect(place: &Place, pool: &str, lane: Option<&str>) -> Result<Spectator, ConnectError> {
-        let patience = Patience { timeout: Some(ANSWER_TIME), interrupted: &mut || false };
-        let question = Ask::Watch { lane: lane.map(str::to_owned) };
-        let (control, answer) = ControlClient::ask(place, pool, &question, patience)?;
+    pub fn connect(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+    ) -> Result<Spectator, ConnectError> {
+        let wait = WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false };
+        let question = ControlRequest::Watch { lane: lane.map(str::to_owned) };
+        let (control, answer) = ControlClient::request(runtime_dir, pool, &question, wait)?;
         let description = match answer {
-            Answer::Lane(lane) => *lane,
-            Answer::Refused(refusal) => return Err(refusal.into()),
-            other => return Err(Refusal::unexpected(&other).into()),
+            ControlResponse::Lane(lane) => *lane,
+            ControlResponse::Refused(refusal) => return Err(refusal.into()),
+            other => return Err(ControlError::unexpected(&other).into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
-        let ports = open_ports(place, &description).map_err(|error| control.cause_of(error))?;
-        let (frames, services, guest) = ports;
+        let ports = open_ports(runtime_dir, &description).map_err(|error| control.cause_of(error))?;
+        let (frames, services, ipc_node) = ports;
         let frames = Arc::new(frames);
-        let parts =
-            Parts { current: None, frames, _services: services, _guest: guest, control, description, layout };
+        let parts = Parts {
+            current: None,
+            frames,
+            _services: services,
+            _ipc_node: ipc_node,
+            control,
+            description,
+            layout,
+        };
         Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
     }
 
@@ -77,13 +88,13 @@ impl Spectator {
 
 /// What a spectator needs of iceoryx2.
 fn open_ports(
-    place: &Place,
+    runtime_dir: &RuntimeDir,
     lane: &LaneDescription,
-) -> Result<(FramePort, LaneServices, Guest), ConnectError> {
+) -> Result<(FramePort, LaneServices, IpcNode), ConnectError> {
     check_room(PORTS, "a spectator")?;
-    let guest = enter(place, &format!("spectator of {}", lane.pool))?;
-    let services = LaneServices::open(&guest.node, &lane.instance, &lane.lane)?;
-    Ok((services.frame_port(1, &guest)?, services, guest))
+    let ipc_node = open_node(runtime_dir, &format!("spectator of {}", lane.pool))?;
+    let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
+    Ok((services.frame_port(1, &ipc_node)?, services, ipc_node))
 }
 
 impl Drop for Spectator {

@@ -3,10 +3,10 @@
 
 use crate::control::client::{of_process, process_of};
 use crate::control::protocol::LaneDescription;
-use crate::control::server::{Host, HostedLane, serve};
+use crate::control::server::{ControlServer, ServedLane, serve};
 use crate::memory::{PORTS, TooLittleMemory, check_room, reserve_segments};
-use crate::place::{PRIVATE, Place, PlaceError, check_name, is_file_at, lock_file};
-use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, enter};
+use crate::runtime_dir::{PRIVATE, RuntimeDir, RuntimeDirError, check_name, is_file_at, lock_file};
+use crate::services::{Capacity, Ipc, IpcError, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use iceoryx2::prelude::Node;
 use rustix::fs::{FlockOperation, Mode, fchmod, flock};
@@ -28,10 +28,10 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 const MAX_ENVS: usize = 1_000_000;
 
 /// Connections to the control socket that may wait to be accepted, as the standard library has it.
-const CALLERS_WAITING: i32 = 128;
+const LISTEN_BACKLOG: i32 = 128;
 
 /// What the environments of a lane are.
-pub enum Game {
+pub enum LaneEnvs {
     /// Battles of a scenario.
     Battle {
         /// The scenario.
@@ -57,7 +57,7 @@ pub struct LaneConfig {
     /// The name learners attach by.
     pub name: String,
     /// What is played.
-    pub game: Game,
+    pub game: LaneEnvs,
     /// Environments (N), at least 1.
     pub num_envs: usize,
     /// Environments in a frame (M), 1 to N; N for synchronous stepping.
@@ -78,7 +78,7 @@ impl LaneConfig {
     /// A synchronous lane of a scenario with every other setting at its default.
     pub fn new(name: impl Into<String>, scenario: Scenario, num_envs: usize) -> LaneConfig {
         let game =
-            Game::Battle { scenario: Box::new(scenario), rules: Rules::default(), episode_limit: None };
+            LaneEnvs::Battle { scenario: Box::new(scenario), rules: Rules::default(), episode_limit: None };
         LaneConfig {
             name: name.into(),
             game,
@@ -108,7 +108,10 @@ impl LaneConfig {
             ));
         }
         if !(2..=1024).contains(&self.max_held_batches) {
-            return bad(format!("max_held_batches must be between 2 and 1024, got {}", self.max_held_batches));
+            return bad(format!(
+                "max_held_batches must be between 2 and 1024, got {}",
+                self.max_held_batches
+            ));
         }
         if self.spectators > 64 {
             return bad(format!("spectators must be between 0 and 64, got {}", self.spectators));
@@ -118,10 +121,15 @@ impl LaneConfig {
 
     /// Splits the settings into what the pool builds and what learners are told.
     fn prepare(self, shared: &Shared<'_>) -> (LaneSpec, LaneDescription) {
-        let capacity =
-            Capacity::new(self.num_envs, self.batch_size, shared.threads, self.max_held_batches, self.spectators);
+        let capacity = Capacity::new(
+            self.num_envs,
+            self.batch_size,
+            shared.threads,
+            self.max_held_batches,
+            self.spectators,
+        );
         let (scenario, rules, episode_limit, sizes, make) = match self.game {
-            Game::Battle { scenario, rules, episode_limit } => {
+            LaneEnvs::Battle { scenario, rules, episode_limit } => {
                 let mut arena = Arena::new(&scenario, rules);
                 if let Some(limit) = episode_limit {
                     arena = arena.with_episode_limit(limit);
@@ -133,7 +141,7 @@ impl LaneConfig {
                 };
                 (scenario.name.clone(), rules.to_string(), limit, sizes, Box::new(make) as MakeEnvironment)
             }
-            Game::Other { name, sizes, make } => (name, String::new(), None, sizes, make),
+            LaneEnvs::Other { name, sizes, make } => (name, String::new(), None, sizes, make),
         };
         let spec = LaneSpec {
             name: self.name,
@@ -187,7 +195,7 @@ pub struct SupervisorConfig {
     /// Threads and waiting.
     pub options: PoolOptions,
     /// Where it lives.
-    pub place: Place,
+    pub runtime_dir: RuntimeDir,
 }
 
 /// Why a supervisor did not start. Nothing of it is left.
@@ -203,7 +211,7 @@ pub enum StartError {
     #[error("lane `{lane}`: {what}")]
     Lane { lane: String, what: String },
     #[error(transparent)]
-    Place(#[from] PlaceError),
+    RuntimeDir(#[from] RuntimeDirError),
     #[error(transparent)]
     Memory(#[from] TooLittleMemory),
     #[error(transparent)]
@@ -224,7 +232,7 @@ pub struct Supervisor {
     /// Shut down to stop the control thread.
     stop: UnixStream,
     control: Option<JoinHandle<()>>,
-    place: Place,
+    runtime_dir: RuntimeDir,
     owner: u32,
     _name: NameLock,
 }
@@ -281,36 +289,36 @@ impl Supervisor {
             return Err(StartError::Interrupted);
         }
         let PreparedPool { config, options, instance, lanes, shared_memory } = prepared;
-        let name_lock = NameLock::take(&config.place, &config.name)?;
-        let guest = enter(&config.place, &config.name)?;
+        let name_lock = NameLock::take(&config.runtime_dir, &config.name)?;
+        let ipc_node = open_node(&config.runtime_dir, &config.name)?;
         let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
         let (pool, services) =
-            start_pool(&guest.node, &instance, lanes, options).map_err(|error| match error {
-                StartError::Ipc(error) => StartError::Ipc(error.at(&config.place)),
+            start_pool(&ipc_node.node, &instance, lanes, options).map_err(|error| match error {
+                StartError::Ipc(error) => StartError::Ipc(error.at(&config.runtime_dir)),
                 other => other,
             })?;
-        if !reserve_segments(&config.place, "frames of all lanes", interrupted)? {
+        if !reserve_segments(&config.runtime_dir, "frames of all lanes", interrupted)? {
             return Err(StartError::Interrupted);
         }
 
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
-        let socket = config.place.socket(&config.name);
+        let socket = config.runtime_dir.socket(&config.name);
         let _ = std::fs::remove_file(&socket); // of a dead pool: the lock is ours
         let listener = private_listener(&socket)
             .map_err(system(&format!("opening the control socket {}", socket.display())))?;
-        let host = Host {
+        let server = ControlServer {
             pool,
-            lanes: descriptions.iter().cloned().map(HostedLane::new).collect(),
+            lanes: descriptions.iter().cloned().map(ServedLane::new).collect(),
             name: config.name.clone(),
             threads: options.threads,
             shared_memory,
             started: Instant::now(),
             _services: services,
-            guest,
+            ipc_node,
         };
         let control = std::thread::Builder::new().name("smaclite-control".to_owned());
         let control =
-            control.spawn(move || serve(host, listener, stopped)).map_err(system("starting a thread"))?;
+            control.spawn(move || serve(server, listener, stopped)).map_err(system("starting a thread"))?;
         tracing::info!(pool = config.name, shared_memory, threads = options.threads, "serving");
         Ok(Supervisor {
             name: config.name,
@@ -319,7 +327,7 @@ impl Supervisor {
             threads: options.threads,
             stop,
             control: Some(control),
-            place: config.place,
+            runtime_dir: config.runtime_dir,
             owner: std::process::id(),
             _name: name_lock,
         })
@@ -346,8 +354,8 @@ impl Supervisor {
     }
 
     /// Where it lives.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn runtime_dir(&self) -> &RuntimeDir {
+        &self.runtime_dir
     }
 }
 
@@ -386,21 +394,24 @@ pub(crate) struct NameLock {
 }
 
 impl NameLock {
-    fn take(place: &Place, name: &str) -> Result<NameLock, StartError> {
-        let lock = NameLock::try_take(place, name).map_err(system("opening the pool's lock"))?;
-        lock.ok_or_else(|| StartError::NameTaken { pool: name.to_owned(), pid: process_of(place, name) })
+    fn take(runtime_dir: &RuntimeDir, name: &str) -> Result<NameLock, StartError> {
+        let lock = NameLock::try_take(runtime_dir, name).map_err(system("opening the pool's lock"))?;
+        lock.ok_or_else(|| StartError::NameTaken {
+            pool: name.to_owned(),
+            pid: process_of(runtime_dir, name),
+        })
     }
 
     /// `None` if another process has it.
-    pub(crate) fn try_take(place: &Place, name: &str) -> std::io::Result<Option<NameLock>> {
-        let path = place.lock(name);
+    pub(crate) fn try_take(runtime_dir: &RuntimeDir, name: &str) -> std::io::Result<Option<NameLock>> {
+        let path = runtime_dir.lock(name);
         loop {
             let file = lock_file(&path)?;
             if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
                 return Ok(None);
             }
             if is_file_at(&file, &path) {
-                let files = [place.socket(name), path];
+                let files = [runtime_dir.socket(name), path];
                 return Ok(Some(NameLock { _file: file, files, owner: std::process::id() }));
             }
         }
@@ -422,7 +433,7 @@ fn private_listener(path: &Path) -> std::io::Result<UnixListener> {
     let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
     fchmod(&socket, Mode::from_raw_mode(PRIVATE))?;
     bind(&socket, &SocketAddrUnix::new(path)?)?;
-    listen(&socket, CALLERS_WAITING)?;
+    listen(&socket, LISTEN_BACKLOG)?;
     Ok(UnixListener::from(socket))
 }
 

@@ -10,7 +10,7 @@ use crate::wire::{FrameHeader, MAGIC, read_request};
 use iceoryx2::port::update_connections::UpdateConnections;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Outlet, Request, Round, Transport};
+use smaclite_pool::transport::{Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, Transport};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -81,7 +81,7 @@ unsafe impl Outlet for FrameOutlet {
         unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
     }
 
-    fn publish(&mut self, mut loan: FrameLoan, round: Round, content: Content) {
+    fn publish(&mut self, mut loan: FrameLoan, epoch: Epoch, content: Content) {
         self.sequence += 1;
         let (rejection_len, request) = match content {
             Content::Batch => (0, 0),
@@ -91,8 +91,8 @@ unsafe impl Outlet for FrameOutlet {
             magic: MAGIC,
             version: FORMAT_VERSION,
             layout_hash: self.layout.hash(),
-            session: round.session,
-            round: round.request,
+            session: epoch.session,
+            epoch: epoch.request,
             sequence: self.sequence,
             slots: self.layout.slots() as u32,
             rejection_len,

@@ -28,7 +28,7 @@ pub struct FrameHeader {
     /// The session the frame answers. A dead supervisor's queued frames are still delivered, hence the check.
     pub session: u64,
     /// The request that began the round the frame belongs to.
-    pub round: u64,
+    pub epoch: u64,
     /// Counts frames of a lane, from 1.
     pub sequence: u64,
     /// Slots filled.

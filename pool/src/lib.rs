@@ -15,16 +15,16 @@ pub mod rejection;
 pub mod slot;
 pub mod transport;
 
-mod hand_off;
+mod frame_assembler;
+mod hosted_env;
 #[allow(unsafe_code)]
 mod lane;
-mod outbox;
-mod seat;
+mod leader_followers;
 mod sync;
 mod workers;
 
-pub use hand_off::Wait;
-pub use lane::{LaneFigures, LaneSpec};
+pub use hosted_env::Autoreset;
+pub use lane::{LaneSpec, LaneStats};
+pub use leader_followers::WaitStrategy;
 pub use rejection::Rejection;
-pub use seat::Autoreset;
 pub use workers::{Pool, PoolOptions};

@@ -75,7 +75,7 @@ pub unsafe trait Outlet: Send + 'static {
     /// The payload of a loaned frame; its address does not change until it is published.
     fn payload(loan: &mut Self::Loan) -> &mut [u8];
     /// Sends a filled frame of `round` and wakes whoever waits for it.
-    fn publish(&mut self, loan: Self::Loan, round: Round, content: Content);
+    fn publish(&mut self, loan: Self::Loan, epoch: Epoch, content: Content);
 }
 
 /// What a published frame holds.
@@ -94,7 +94,7 @@ pub enum Content {
 
 /// What a result belongs to. A reset of all environments begins a new round; what is left of the old one is dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Round {
+pub struct Epoch {
     /// The learner's session.
     pub session: u64,
     /// The number of the request that began the round; 0 before a session's first.

@@ -1,7 +1,7 @@
-//! The worker threads: lead or follow, take a run of environments, serve it. See `hand_off` for who waits where.
+//! The worker threads: lead or follow, take a run of environments, serve it. See `leader_followers` for who waits where.
 
-use crate::hand_off::{HandOff, Lead, Wait, Woken};
-use crate::lane::{Entry, Lane, LaneFigures, LaneSpec, panic_text};
+use crate::lane::{Entry, Lane, LaneSpec, LaneStats, panic_text};
+use crate::leader_followers::{Leadership, WaitStrategy, Wakeup, WorkQueues};
 use crate::transport::{Doorbell, Transport};
 use smaclite_engine::Scratch;
 use std::io::Error;
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 const RUN: usize = 16;
 
 /// A blocked leader looks around this often even if nobody rings.
-const LOOK_AROUND: Duration = Duration::from_millis(100);
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// How a pool runs.
 #[derive(Clone, Copy, Debug)]
@@ -22,14 +22,14 @@ pub struct PoolOptions {
     /// Worker threads, at least 1.
     pub threads: usize,
     /// How idle workers wait.
-    pub wait: Wait,
+    pub wait: WaitStrategy,
 }
 
 impl Default for PoolOptions {
     /// As many threads as this process may use, less one for the learner.
     fn default() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        PoolOptions { threads: (cores - 1).max(1), wait: Wait::default() }
+        PoolOptions { threads: (cores - 1).max(1), wait: WaitStrategy::default() }
     }
 }
 
@@ -41,7 +41,7 @@ pub struct Pool<T: Transport> {
 
 struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
-    hand_off: HandOff<Entry>,
+    queues: WorkQueues<Entry>,
     doorbell: T::Doorbell,
     /// For how long idle workers look for work before they block.
     spin: Option<Duration>,
@@ -58,9 +58,9 @@ impl<T: Transport> Pool<T> {
         let lanes = lanes.into_iter().map(|(spec, i, o)| Lane::new(&spec, i, o).map_err(Error::other));
         let lanes = lanes.collect::<std::io::Result<Vec<_>>>()?;
         let threads = options.threads.max(1);
-        let hand_off = HandOff::new(threads, lanes.len());
+        let queues = WorkQueues::new(threads, lanes.len());
         let spin = options.wait.spin_time(threads);
-        let shared = Arc::new(Shared { lanes, hand_off, doorbell, spin });
+        let shared = Arc::new(Shared { lanes, queues, doorbell, spin });
         let mut pool = Pool { shared, threads: Vec::new() };
         for worker in 0..threads {
             let shared = Arc::clone(&pool.shared);
@@ -76,8 +76,8 @@ impl<T: Transport> Pool<T> {
     }
 
     /// A lane's figures.
-    pub fn figures(&self, lane: usize) -> LaneFigures {
-        self.shared.lanes[lane].figures()
+    pub fn stats(&self, lane: usize) -> LaneStats {
+        self.shared.lanes[lane].stats()
     }
 
     /// Why a lane is out of service, if it is.
@@ -87,7 +87,7 @@ impl<T: Transport> Pool<T> {
 
     /// Ends the threads after the runs they are at.
     pub fn stop(&mut self) {
-        self.shared.hand_off.stop();
+        self.shared.queues.stop();
         self.shared.doorbell.ring();
         for thread in self.threads.drain(..) {
             // A worker catches panics of its lanes; should one die all the same there is nobody left to tell.
@@ -106,34 +106,34 @@ impl<T: Transport> Shared<T> {
     fn work(&self, worker: usize) {
         let mut scratch = Scratch::new();
         let mut run = Vec::with_capacity(RUN);
-        while !self.hand_off.is_stopped() {
+        while !self.queues.is_stopped() {
             run.clear();
-            if let Some(lane) = self.hand_off.take(worker, RUN, &mut run) {
+            if let Some(lane) = self.queues.take(worker, RUN, &mut run) {
                 self.lanes[lane].serve(&run, &mut scratch);
                 continue;
             }
-            match self.hand_off.follow(worker, self.spin) {
-                Woken::Work => {}
-                Woken::Leading(lead) => self.lead(worker, lead),
+            match self.queues.wait_for_work(worker, self.spin) {
+                Wakeup::Work => {}
+                Wakeup::Leading(leadership) => self.lead(worker, leadership),
             }
         }
     }
 
     /// Polls the lanes and shares requests out until this worker has work itself.
-    fn lead(&self, worker: usize, lead: Lead<'_>) {
+    fn lead(&self, worker: usize, leadership: Leadership<'_>) {
         let spin_until = || self.spin.map(|time| Instant::now() + time);
         let mut end = spin_until();
-        while !self.hand_off.has_work(worker) && !self.hand_off.is_stopped() {
+        while !self.queues.has_work(worker) && !self.queues.is_stopped() {
             if self.accept_all() {
                 end = spin_until();
             } else if end.is_some_and(|end| Instant::now() >= end) {
-                self.doorbell.wait(LOOK_AROUND);
+                self.doorbell.wait(CHECK_INTERVAL);
                 end = spin_until();
             } else {
                 std::thread::yield_now();
             }
         }
-        self.hand_off.resign(lead);
+        self.queues.release(leadership);
     }
 
     /// Accepts every request that waits; was there one?
@@ -153,11 +153,11 @@ impl<T: Transport> Shared<T> {
     /// Every environment has a worker it stays with, by its number: neighbours share one, so a batch is one run of
     /// entries a worker. Lanes begin at different workers, so that small ones do not all meet at the first.
     fn share_out(&self, lane: usize, entries: &[Entry]) {
-        let workers = self.hand_off.workers();
+        let workers = self.queues.workers();
         let num_envs = self.lanes[lane].num_envs();
         let owner = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
         for worker in 0..workers {
-            self.hand_off.push(worker, lane, entries.iter().filter(|e| owner(e) == worker).copied());
+            self.queues.push(worker, lane, entries.iter().filter(|e| owner(e) == worker).copied());
         }
     }
 }

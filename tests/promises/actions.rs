@@ -1,13 +1,13 @@
 //! Wrong actions: refused by the client before they are sent, naming what was wrong; nothing is stepped.
 
 use crate::assert_says;
-use smaclite_ipc::{Client, ClientError, Patience, Supervisor, Wait};
+use smaclite_ipc::{Client, ClientError, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_pool::Autoreset;
 use smaclite_tests::pools::process::SOON;
 use smaclite_tests::pools::{LanePlan, Player, PoolPlan, Room};
 
-fn patience<'a>(never: &'a mut dyn FnMut() -> bool) -> Patience<'a> {
-    Patience { timeout: Some(SOON), interrupted: never }
+fn wait<'a>(never: &'a mut dyn FnMut() -> bool) -> WaitOptions<'a> {
+    WaitOptions { timeout: Some(SOON), interrupted: never }
 }
 
 #[test]
@@ -15,22 +15,23 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
     let room = Room::new();
     for batch_size in [4, 2] {
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("2s3z", 4) }]);
-        let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-        let mut client = Client::connect(room.place(), "train", None, Wait::default()).expect("a client");
+        let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+        let mut client =
+            Client::connect(room.runtime_dir(), "train", None, WaitStrategy::default()).expect("a client");
         let error =
-            client.send(&[1; 20], None, Patience::forever()).expect_err("nothing was reset").to_string();
+            client.send(&[1; 20], None, WaitOptions::forever()).expect_err("nothing was reset").to_string();
         assert_says(&error, &["reset"]);
         let mut never = || false;
         let mut length = vec![0; 4];
-        client.send_reset(None, None, Patience::forever()).expect("sent");
+        client.send_reset(None, None, WaitOptions::forever()).expect("sent");
         for _ in 0..4 / batch_size {
-            drop(client.recv(patience(&mut never)).expect("a first observation"));
+            drop(client.recv(wait(&mut never)).expect("a first observation"));
         }
         let mut actions = vec![0; 20];
         client.sample_actions(None, &mut actions).expect("actions");
         let mut refused = |actions: &[i32], envs: Option<&[i32]>, parts: &[&str]| {
             let error =
-                client.send(actions, envs, Patience::forever()).expect_err("wrong actions").to_string();
+                client.send(actions, envs, WaitOptions::forever()).expect_err("wrong actions").to_string();
             assert_says(&error, parts);
         };
         for wrong in [99, -1, 11, i32::MIN, 6] {
@@ -47,11 +48,11 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         refused(&actions, Some(&[0, 1, 2, 4]), &["environment 4", "0 to 3"]);
         refused(&actions, Some(&[0, 1, 2, -1]), &["environment -1", "0 to 3"]);
         refused(&actions, Some(&[0, 1, 2, 1]), &["environment 1", "twice"]);
-        let nothing = client.recv(patience(&mut never)).err().expect("nothing was sent");
+        let nothing = client.recv(wait(&mut never)).err().expect("nothing was sent");
         assert!(matches!(nothing, ClientError::NothingToReceive { outstanding: 0, .. }), "{nothing}");
-        client.send(&actions, None, Patience::forever()).expect("legal actions");
+        client.send(&actions, None, WaitOptions::forever()).expect("legal actions");
         for _ in 0..4 / batch_size {
-            let batch = client.recv(patience(&mut never)).expect("a step");
+            let batch = client.recv(wait(&mut never)).expect("a step");
             let lengths = batch.field::<i32>(smaclite_pool::fields::Field::EpisodeLength).expect("a field");
             batch.env_id().iter().zip(lengths).for_each(|(env, l)| length[*env as usize] = *l);
         }
@@ -69,15 +70,18 @@ fn an_environment_at_work_or_over_takes_no_actions() {
         ..LanePlan::new("2s3z", 4)
     };
     let plan = PoolPlan::new([lane]);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     player.send_to(&[0]).expect("sent");
     let error =
-        player.client().send(&[1; 5], Some(&[0]), Patience::forever()).expect_err("at work").to_string();
+        player.client().send(&[1; 5], Some(&[0]), WaitOptions::forever()).expect_err("at work").to_string();
     assert_says(&error, &["environment 0", "earlier request"]);
-    let error =
-        player.client().send_reset(None, Some(&[0]), Patience::forever()).expect_err("at work").to_string();
+    let error = player
+        .client()
+        .send_reset(None, Some(&[0]), WaitOptions::forever())
+        .expect_err("at work")
+        .to_string();
     assert_says(&error, &["environment 0", "earlier request"]);
     let outstanding = player.recv(SOON).err().expect("one is not a batch").to_string();
     assert_says(&outstanding, &["1 results", "batch takes 2"]);
@@ -89,7 +93,7 @@ fn an_environment_at_work_or_over_takes_no_actions() {
     }
     assert!(player.replay().is_over(0) && player.replay().is_over(3));
     let error =
-        player.client().send(&[1; 10], Some(&[1, 3]), Patience::forever()).expect_err("over").to_string();
+        player.client().send(&[1; 10], Some(&[1, 3]), WaitOptions::forever()).expect_err("over").to_string();
     assert_says(&error, &["environment 3", "finished", "reset"]);
     player.send_reset(&[0, 3], Some(99)).expect("a reset of some");
     player.recv(SOON).expect("a batch");

@@ -3,7 +3,9 @@
 
 use crate::assert_says;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
-use smaclite_ipc::{Client, ConnectError, ControlError, Patience, Supervisor, Wait, status, status_within};
+use smaclite_ipc::{
+    Client, ConnectError, ControlSocketError, Supervisor, WaitOptions, WaitStrategy, status, status_within,
+};
 use smaclite_tests::pools::process::{ROLE_VARIABLE, SOON, eventually};
 use smaclite_tests::pools::raw::Control;
 use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
@@ -23,7 +25,13 @@ fn connect_within(
     timeout: Option<Duration>,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<Client, ConnectError> {
-    Client::connect_within(room.place(), "train", None, Wait::default(), Patience { timeout, interrupted })
+    Client::connect_within(
+        room.runtime_dir(),
+        "train",
+        None,
+        WaitStrategy::default(),
+        WaitOptions { timeout, interrupted },
+    )
 }
 
 /// Questions to a stopped supervisor once took ten seconds, whatever their timeout; `list` then said that no
@@ -42,16 +50,17 @@ fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     );
 
     // Without a timeout these would never end.
-    let interrupted =
-        |result: ConnectError| matches!(result, ConnectError::Control(ControlError::Interrupted { .. }));
+    let interrupted = |result: ConnectError| {
+        matches!(result, ConnectError::Control(ControlSocketError::Interrupted { .. }))
+    };
     let mut looks = 0;
     let mut third_look = || {
         looks += 1;
         looks >= 3
     };
     assert!(interrupted(connect_within(&room, None, &mut third_look).err().expect("it is stopped")));
-    let patience = Patience { timeout: None, interrupted: &mut || true };
-    assert!(interrupted(status_within(room.place(), "train", patience).expect_err("it is stopped")));
+    let wait = WaitOptions { timeout: None, interrupted: &mut || true };
+    assert!(interrupted(status_within(room.runtime_dir(), "train", wait).expect_err("it is stopped")));
 
     let second = Child::supervisor_refused(&room, &plan);
     let error = second.answer(SOON).expect_err("the name is taken");
@@ -62,9 +71,9 @@ fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     assert_eq!(list.status.code(), Some(1), "{said}{error}");
     assert!(!said.contains("no pool runs here"), "{said}");
     assert_says(&error, &["`train`", "did not answer", "of 1 pools, 1"]);
-    assert_eq!(smaclite_ipc::running_pools(room.place()), ["train"]);
+    assert_eq!(smaclite_ipc::running_pools(room.runtime_dir()), ["train"]);
     supervisor.signal(Signal::CONT);
-    assert!(status(room.place(), "train").is_ok());
+    assert!(status(room.runtime_dir(), "train").is_ok());
 }
 
 fn program(room: &Room, arguments: &str) -> Command {
@@ -80,7 +89,7 @@ fn a_pool_that_comes_later_is_waited_for() {
     let room = Room::new();
     let error =
         connect_within(&room, Some(Duration::from_millis(100)), &mut || false).err().expect("no pool");
-    assert!(matches!(error, ConnectError::Control(ControlError::NoSuchPool { .. })), "{error}");
+    assert!(matches!(error, ConnectError::Control(ControlSocketError::NoSuchPool { .. })), "{error}");
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     std::thread::scope(|scope| {
         let client = scope.spawn(|| connect_within(&room, Some(SOON * 2), &mut || false));
@@ -105,14 +114,14 @@ fn a_pool_of_very_many_lanes_answers_in_full() {
         ..LanePlan::new("2s_vs_1sc", 1)
     };
     let _supervisor =
-        Supervisor::start(PoolPlan::new((0..LANES).map(lane)).config(room.place())).expect("a pool");
-    assert_eq!(status(room.place(), "train").expect("a status").lanes.len(), LANES);
+        Supervisor::start(PoolPlan::new((0..LANES).map(lane)).config(room.runtime_dir())).expect("a pool");
+    assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
 
     // One that asks faster than it reads gets every answer in the end, and keeps the others from nothing.
     const QUESTIONS: usize = 20;
-    let mut slow = UnixStream::connect(room.place().socket("train")).expect("the pool's socket");
+    let mut slow = UnixStream::connect(room.runtime_dir().socket("train")).expect("the pool's socket");
     slow.write_all("{\"ask\":\"status\"}\n".repeat(QUESTIONS).as_bytes()).expect("room for the questions");
-    assert_eq!(status(room.place(), "train").expect("a status").lanes.len(), LANES);
+    assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(QUESTIONS).map(|line| line.expect("a whole line"));
     let lanes = answers.map(|line| {
         let answer: serde_json::Value = serde_json::from_str(&line).expect("an answer");
@@ -130,14 +139,14 @@ fn idle_connections_shut_no_one_out() {
     let _supervisor = Child::supervisor(&room, &plan);
     let mut before = Child::attached(&room, &plan.lanes[0]);
     before.must("reset");
-    let socket = room.place().socket("train");
+    let socket = room.runtime_dir().socket("train");
     let idle: Vec<_> = (0..600).map(|_| UnixStream::connect(&socket).expect("the pool's socket")).collect();
     let mut after = Child::attached(&room, &plan.lanes[1]);
     for learner in [&mut before, &mut after] {
         learner.must("reset");
         learner.must("step 5");
     }
-    assert_eq!(status(room.place(), "train").expect("a status").lanes.len(), 2);
+    assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes.len(), 2);
     let oldest = idle[0].try_clone().expect("a copy");
     oldest.set_read_timeout(Some(SOON)).expect("a time");
     assert_eq!((&oldest).read(&mut [0; 1]).expect("an end"), 0, "the oldest idle connection is closed");
@@ -161,18 +170,20 @@ fn a_learner_outside_of_the_pools_process_namespace_is_told_so() {
     command.env(ROLE_VARIABLE, role).env(smaclite_ipc::ROOT_VARIABLE, room.root());
     let supervisor = Child::of_command(&mut command, "supervisor");
     supervisor.answer(SOON * 2).expect("it serves");
-    let error =
-        Client::connect(room.place(), "train", None, Wait::default()).err().expect("another namespace");
+    let error = Client::connect(room.runtime_dir(), "train", None, WaitStrategy::default())
+        .err()
+        .expect("another namespace");
     assert_says(&error.to_string(), &["process namespace", "`train`", "--pid=container"]);
-    assert_eq!(status(room.place(), "train").expect("a status").lanes[0].holder, None);
+    assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes[0].learner_pid, None);
 }
 
 #[test]
 fn a_name_that_no_pool_can_have_is_an_error_of_its_own() {
     let room = Room::new();
     for name in ["../../etc", "a\0b", "", "a\nb"] {
-        let error = Client::connect(room.place(), name, None, Wait::default()).err().expect("no name");
-        assert!(matches!(error, ConnectError::Control(ControlError::Name(_))), "{error}");
+        let error =
+            Client::connect(room.runtime_dir(), name, None, WaitStrategy::default()).err().expect("no name");
+        assert!(matches!(error, ConnectError::Control(ControlSocketError::Name(_))), "{error}");
         assert_says(&error.to_string(), &[&name.escape_debug().to_string(), "letters"]);
         assert!(!error.to_string().contains('\n'), "{error}");
     }
@@ -184,12 +195,13 @@ fn a_pool_that_dies_while_one_attaches_is_gone() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     let mut supervisor = Child::supervisor(&room, &plan);
-    let attached = Control::connect(room.place()).ask(r#"{"ask":"attach","version":1,"lane":null}"#);
+    let attached =
+        Control::connect(room.runtime_dir()).ask(r#"{"request":"attach","version":1,"lane":null}"#);
     supervisor.kill();
     let instance = attached.split("\"instance\":\"").nth(1).and_then(|rest| rest.split('"').next());
     let answer = attached.replace(instance.expect("an instance"), "train.1.0");
     for last_words in [answer.as_str(), ""] {
-        let socket = room.place().socket("train");
+        let socket = room.runtime_dir().socket("train");
         let _ = std::fs::remove_file(&socket);
         let listener = UnixListener::bind(&socket).expect("a socket");
         std::thread::scope(|scope| {
@@ -199,9 +211,10 @@ fn a_pool_that_dies_while_one_attaches_is_gone() {
                 stream.read_line(&mut String::new()).expect("a question");
                 stream.get_mut().write_all(last_words.as_bytes()).expect("a learner that reads");
             });
-            let error =
-                Client::connect(room.place(), "train", None, Wait::default()).err().expect("it is gone");
-            assert!(matches!(error, ConnectError::Control(ControlError::Gone { .. })), "{error}");
+            let error = Client::connect(room.runtime_dir(), "train", None, WaitStrategy::default())
+                .err()
+                .expect("it is gone");
+            assert!(matches!(error, ConnectError::Control(ControlSocketError::Gone { .. })), "{error}");
             assert_says(&error.to_string(), &["supervisor", "`train`", "gone"]);
         });
     }

@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // `fork`
 
 use crate::assert_says;
-use smaclite_ipc::{ClientError, Patience, Supervisor, Wait};
+use smaclite_ipc::{ClientError, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_tests::pools::process::{SOON, eventually};
 use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
 use std::panic::AssertUnwindSafe;
@@ -39,15 +39,15 @@ fn in_a_fork(child: impl FnOnce() -> i32) -> i32 {
 fn a_forked_child_gets_an_error_and_the_parent_goes_on() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
-    let supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     let batch = player.step(SOON).expect("a step");
     let bytes = batch.bytes().to_vec();
     let mut held = Some((player, batch, supervisor));
     let status = in_a_fork(|| {
         let (mut player, batch, supervisor) = held.take().expect("the child's copy");
-        let error = player.client().send_reset(None, None, Patience::forever());
+        let error = player.client().send_reset(None, None, WaitOptions::forever());
         drop((player, batch, supervisor)); // as an interpreter's exit does
         if matches!(error, Err(ClientError::Forked { .. })) { FORKED_ERROR } else { 1 }
     });
@@ -65,7 +65,7 @@ fn a_forked_child_gets_an_error_and_the_parent_goes_on() {
         0
     });
     assert_eq!(status, 0);
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("still served");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("still served");
     player.reset(None, SOON).expect("a reset");
     player.step(SOON).expect("a step");
 }
@@ -76,9 +76,10 @@ fn a_forked_child_gets_an_error_and_the_parent_goes_on() {
 fn a_child_reads_a_batch_of_its_parent_whatever_other_threads_did_at_the_fork() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
     let lane = &plan.lanes[0];
-    let mut player = Player::connect_waiting(room.place(), "train", lane, Wait::Spin).expect("a client");
+    let mut player =
+        Player::connect_waiting(room.runtime_dir(), "train", lane, WaitStrategy::Spin).expect("a client");
     player.reset(None, SOON).expect("a reset");
     let batch = player.step(SOON).expect("a step");
     let bytes = batch.bytes().to_vec();
@@ -111,8 +112,8 @@ fn a_child_reads_a_batch_of_its_parent_whatever_other_threads_did_at_the_fork() 
 fn a_pool_ends_while_a_forked_child_lives() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2), LanePlan::new("3s5z", 2)]);
-    let supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     player.reset(None, SOON).expect("a reset");
     let mut other = Child::attached(&room, &plan.lanes[1]);
     other.must("reset");

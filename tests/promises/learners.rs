@@ -80,8 +80,8 @@ fn a_second_learner_is_refused_with_the_process_of_the_first() {
     let mut second = Child::learner(&room, &plan.lanes[0]);
     let error = second.ask("connect train").expect_err("the lane is taken");
     assert_says(&error, &["2s3z", &format!("process {}", first.pid())]);
-    let lane = &status(room.place(), "train").expect("a status").lanes[0];
-    assert_eq!(lane.holder, Some(first.pid()));
+    let lane = &status(room.runtime_dir(), "train").expect("a status").lanes[0];
+    assert_eq!(lane.learner_pid, Some(first.pid()));
     first.must("reset");
     first.must("step 3"); // undisturbed
     first.must("disconnect");
@@ -167,9 +167,9 @@ fn requests_that_cannot_be_read_are_logged() {
     program.env(ROLE_VARIABLE, "program smaclite-pool serve 2s3z:2 --name train --threads 1");
     program.stderr(log.reopen().expect("the same file"));
     let mut program = Child::of_command(&mut program, "program");
-    assert!(eventually_within(SOON * 2, || status(room.place(), "train").is_ok()), "it does not serve");
-    let lane = status(room.place(), "train").expect("a status").lanes.remove(0).description;
-    let node = node(room.place());
+    assert!(eventually_within(SOON * 2, || status(room.runtime_dir(), "train").is_ok()), "it does not serve");
+    let lane = status(room.runtime_dir(), "train").expect("a status").lanes.remove(0).description;
+    let node = node(room.runtime_dir());
     // Without file descriptors it cannot open what the learner writes to.
     let pid = Pid::from_raw(program.pid() as i32).expect("a process number");
     let is_free = |number: &u64| !Path::new(&format!("/proc/{}/fd/{number}", program.pid())).exists();

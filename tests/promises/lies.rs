@@ -13,7 +13,7 @@ use smaclite_tests::pools::{Child, LanePlan, PoolPlan, Room};
 const MOST: usize = 1 << 16;
 
 fn rejected(room: &Room) -> u64 {
-    status(room.place(), "train").expect("the supervisor lives").lanes[0].figures.rejected
+    status(room.runtime_dir(), "train").expect("the supervisor lives").lanes[0].stats.rejected
 }
 
 /// Sends something that must be refused, and waits until it was counted.
@@ -49,8 +49,8 @@ fn strangers_messages_are_refused_while_a_learner_goes_on() {
     let mut learner = Child::attached(&room, &plan.lanes[0]);
     learner.must("reset");
     learner.must("run");
-    let lane = status(room.place(), "train").expect("a status").lanes.remove(0).description;
-    let node = node(room.place());
+    let lane = status(room.runtime_dir(), "train").expect("a status").lanes.remove(0).description;
+    let node = node(room.runtime_dir());
     let publisher = requests(&node, &lane, MOST);
     let layout = lane.layout().expect("a layout");
     let good = RequestHeader::new(&layout, 77, 1, RequestKind::Step, 4);
@@ -86,13 +86,14 @@ fn a_learner_that_lies_harms_nobody() {
         PoolPlan::new([LanePlan::new("2s3z", 4), LanePlan { batch_size: 2, ..LanePlan::new("3s5z", 4) }]);
     let _supervisor = Child::supervisor(&room, &plan);
     for plan in &plan.lanes {
-        let mut control = Control::connect(room.place());
+        let mut control = Control::connect(room.runtime_dir());
         let (session, lane) = control.attach(&plan.name);
-        let node = node(room.place());
+        let node = node(room.runtime_dir());
         let publisher = requests(&node, &lane, MOST);
         let layout = lane.layout().expect("a layout");
         let lane_index = usize::from(plan.name == "3s5z");
-        let rejected = || status(room.place(), "train").expect("it lives").lanes[lane_index].figures.rejected;
+        let rejected =
+            || status(room.runtime_dir(), "train").expect("it lives").lanes[lane_index].stats.rejected;
         let mut number = 0;
         let mut ask = |kind: RequestKind, payload: &[u8], count: usize| {
             number += 1;
@@ -109,7 +110,7 @@ fn a_learner_that_lies_harms_nobody() {
         refused(reset, &reset_payload(&[0, 1, 2, 4]), 4);
         refused(reset, &reset_payload(&[-1, 1, 2, 3]), 4);
         ask(reset, &reset_payload(&[3, 2, 1, 0]), 4);
-        let steps = || status(room.place(), "train").expect("it lives").lanes[lane_index].figures.frames;
+        let steps = || status(room.runtime_dir(), "train").expect("it lives").lanes[lane_index].stats.frames;
         let frames = if lane.is_synchronous() { 1 } else { 2 };
         assert!(eventually(|| steps() == frames), "the reset was not served");
         let mut refused = |kind, payload: &[u8], count| {
@@ -149,9 +150,9 @@ fn a_reset_that_is_refused_leaves_work_under_way_alone() {
     let room = Room::new();
     let lane = LanePlan { batch_size: 1, ..LanePlan::new("2s3z", 4) };
     let _supervisor = Child::supervisor(&room, &PoolPlan::new([lane]));
-    let mut control = Control::connect(room.place());
+    let mut control = Control::connect(room.runtime_dir());
     let (session, lane) = control.attach("2s3z");
-    let node = node(room.place());
+    let node = node(room.runtime_dir());
     let publisher = requests(&node, &lane, MOST);
     let layout = lane.layout().expect("a layout");
     let mut dice = Dice::new(1);
@@ -166,7 +167,7 @@ fn a_reset_that_is_refused_leaves_work_under_way_alone() {
         };
         publisher.send(RequestHeader::new(&layout, session, number, kind, 4), &payload);
     }
-    let lane = status(room.place(), "train").expect("a status").lanes.remove(0);
+    let lane = status(room.runtime_dir(), "train").expect("a status").lanes.remove(0);
     assert_eq!(lane.failure, None);
 }
 
@@ -175,9 +176,9 @@ fn garbage_at_random_never_breaks_a_lane() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan { batch_size: 3, ..LanePlan::new("2s3z", 6) }]).threads(2);
     let _supervisor = Child::supervisor(&room, &plan);
-    let mut control = Control::connect(room.place());
+    let mut control = Control::connect(room.runtime_dir());
     let (session, lane) = control.attach("2s3z");
-    let node = node(room.place());
+    let node = node(room.runtime_dir());
     let publisher = requests(&node, &lane, MOST);
     let layout = lane.layout().expect("a layout");
     let mut dice = Dice::new(5);
@@ -203,10 +204,10 @@ fn garbage_at_random_never_breaks_a_lane() {
         publisher.send(RequestHeader::new(&layout, session, number, kind, envs.len()), &payload);
     }
     drop((publisher, control));
-    let lane = status(room.place(), "train").expect("a status").lanes.remove(0);
+    let lane = status(room.runtime_dir(), "train").expect("a status").lanes.remove(0);
     assert_eq!(lane.failure, None);
-    println!("{:?}", lane.figures);
-    assert!(lane.figures.rejected > 100 && lane.figures.steps > 100, "{:?}", lane.figures);
+    println!("{:?}", lane.stats);
+    assert!(lane.stats.rejected > 100 && lane.stats.steps > 100, "{:?}", lane.stats);
 }
 
 /// Writes to a request after it was sent, while it is checked and carried out.
@@ -219,9 +220,9 @@ mod rewriting {
         let room = Room::new();
         let plan = PoolPlan::new([LanePlan::new("2s3z", 64)]);
         let _supervisor = Child::supervisor(&room, &plan);
-        let mut control = Control::connect(room.place());
+        let mut control = Control::connect(room.runtime_dir());
         let (session, lane) = control.attach("2s3z");
-        let node = node(room.place());
+        let node = node(room.runtime_dir());
         let publisher = requests(&node, &lane, MOST);
         let layout = lane.layout().expect("a layout");
         let envs: Vec<i32> = (0..64).collect();
@@ -249,10 +250,10 @@ mod rewriting {
                 unsafe { bytes.add(at).cast::<i32>().write_volatile(value) };
             }
         }
-        let lane = status(room.place(), "train").expect("it lives").lanes.remove(0);
-        println!("{:?}", lane.figures);
+        let lane = status(room.runtime_dir(), "train").expect("it lives").lanes.remove(0);
+        println!("{:?}", lane.stats);
         assert_eq!(lane.failure, None);
-        assert!(lane.figures.rejected > 10 && lane.figures.frames > 10, "{:?}", lane.figures);
+        assert!(lane.stats.rejected > 10 && lane.stats.frames > 10, "{:?}", lane.stats);
     }
 }
 
@@ -263,18 +264,18 @@ fn nonsense_on_the_control_socket_is_answered() {
     let _supervisor = Child::supervisor(&room, &plan);
     let long = format!("\"{}\"", "x".repeat(1 << 21));
     for line in ["", "{", "null", "{\"ask\":\"everything\"}", "{\"ask\":\"attach\"}", "\u{0}\u{1}", &long] {
-        let answer = Control::connect(room.place()).ask(line);
+        let answer = Control::connect(room.runtime_dir()).ask(line);
         assert!(answer.is_empty() || answer.contains("refused"), "{answer}");
     }
-    let mut control = Control::connect(room.place());
-    let old = control.ask(r#"{"ask":"attach","version":99,"lane":null}"#);
+    let mut control = Control::connect(room.runtime_dir());
+    let old = control.ask(r#"{"request":"attach","version":99,"lane":null}"#);
     assert_says(&old, &["refused", "version", "99"]);
     let (session, _) = control.attach("2s3z");
     assert!(session > 0);
-    let twice = control.ask(r#"{"ask":"attach","version":1,"lane":null}"#);
+    let twice = control.ask(r#"{"request":"attach","version":1,"lane":null}"#);
     assert_says(&twice, &["refused"]);
     // Many connections that ask nothing, one that does not read its answers.
-    let idle: Vec<_> = (0..200).map(|_| Control::connect(room.place())).collect();
+    let idle: Vec<_> = (0..200).map(|_| Control::connect(room.runtime_dir())).collect();
     let mut learner = Child::learner(&room, &plan.lanes[0]);
     drop(control);
     assert!(eventually(|| learner.ask("connect train").is_ok()), "the lane was not freed");

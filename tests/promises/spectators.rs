@@ -15,8 +15,8 @@ fn nobody_notices_a_spectator_that_never_reads() {
     let _supervisor = Child::supervisor(&room, &plan);
     let mut learner = Child::attached(&room, &plan.lanes[0]);
     learner.must("reset");
-    let status = smaclite_ipc::status(room.place(), "train").expect("a status");
-    let node = node(room.place());
+    let status = smaclite_ipc::status(room.runtime_dir(), "train").expect("a status");
+    let node = node(room.runtime_dir());
     let lane = &status.lanes[0].description;
     let idle = frame_subscriber(&node, lane);
     let hoarder = frame_subscriber(&node, lane);
@@ -74,10 +74,10 @@ fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
     let room = Room::new();
     let broken = LanePlan { oddity: Oddity::Panics { env: 2, step: 4 }, ..LanePlan::new("2s3z", 4) };
     let plan = PoolPlan::new([broken]);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    let mut spectator = Spectator::connect(room.place(), "train", None).expect("a spectator");
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    let mut spectator = Spectator::connect(room.runtime_dir(), "train", None).expect("a spectator");
     let mut newest = || spectator.latest().expect("the pool lives").map(|batch| batch.sequence());
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     assert_eq!(newest(), None);
     player.reset(None, SOON).expect("a reset");
     for sequence in 2..=4 {

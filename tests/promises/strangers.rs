@@ -23,7 +23,7 @@ fn plan() -> PoolPlan {
 fn no_file_is_open_to_a_stranger_while_pools_come_and_go() {
     let room = Room::new();
     let folder = tempfile::tempdir_in("/tmp").expect("a folder");
-    let mut watcher = Child::stranger(folder.path(), &format!("watcher {}", room.place().shm_prefix()));
+    let mut watcher = Child::stranger(folder.path(), &format!("watcher {}", room.runtime_dir().shm_prefix()));
     assert_eq!(watcher.answer(SOON).as_deref(), Ok("watching"));
     for _ in 0..15 {
         let mut supervisor = Child::supervisor(&room, &plan());
@@ -52,9 +52,9 @@ fn files_that_a_stranger_puts_into_shared_memory_do_no_harm() {
     for kind in ["file", "fifo", "link", "folder", "counter"] {
         let mut planter = Child::stranger(folder.path(), "planter");
         planter.must(&format!("{kind} iox2_{counter}"));
-        planter.must(&format!("{kind} {}{counter}", room.place().shm_prefix()));
+        planter.must(&format!("{kind} {}{counter}", room.runtime_dir().shm_prefix()));
         let mut supervisor = Child::supervisor(&room, &plan());
-        let seen = room.place().shm_folder().expect("a pool runs");
+        let seen = room.runtime_dir().shm_dir().expect("a pool runs");
         for name in [seen.join(counter), seen.join(format!("iox2_{counter}"))] {
             planter.ask(&format!("{kind} {}", name.display())).expect_err("a private folder");
         }
@@ -68,7 +68,7 @@ fn files_that_a_stranger_puts_into_shared_memory_do_no_harm() {
         // The name of the last folder is occupied; the next pool has another.
         planter.must(&format!("{kind} {}", seen.display()));
         let mut supervisor = Child::supervisor(&room, &plan());
-        assert_ne!(room.place().shm_folder(), Some(seen));
+        assert_ne!(room.runtime_dir().shm_dir(), Some(seen));
         supervisor.end();
         planter.must("remove");
         room.assert_empty();

@@ -2,7 +2,7 @@
 
 use crate::assert_says;
 use rustix::process::Signal;
-use smaclite_ipc::{Client, ClientError, Patience, StartError, Supervisor, Wait};
+use smaclite_ipc::{Client, ClientError, StartError, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_tests::pools::games::Oddity;
 use smaclite_tests::pools::process::{SOON, eventually_within};
 use smaclite_tests::pools::{Child, LanePlan, Player, PoolPlan, Room};
@@ -60,7 +60,7 @@ fn learners_hear_of_a_killed_supervisor_and_keep_what_they_hold() {
 fn a_start_is_given_up_while_memory_is_set_aside() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("27m_vs_30m", 100)]); // some 80 MB
-    let prepared = plan.config(room.place()).prepare().expect("a right plan");
+    let prepared = plan.config(room.runtime_dir()).prepare().expect("a right plan");
     let mut asked = 0;
     let given_up = Supervisor::start_prepared(prepared, &mut || {
         asked += 1;
@@ -140,19 +140,20 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
         LanePlan { name: "synchronous".to_owned(), ..LanePlan::new("2s3z", 4) },
     ]);
     let supervisor = Child::supervisor(&room, &plan);
-    let mut player = Player::connect(room.place(), "train", &plan.lanes[0]).expect("a client");
+    let mut player = Player::connect(room.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
     let mut other =
-        Client::connect(room.place(), "train", Some("synchronous"), Wait::default()).expect("a client");
+        Client::connect(room.runtime_dir(), "train", Some("synchronous"), WaitStrategy::default())
+            .expect("a client");
     player.reset(None, SOON).expect("a reset");
-    recv_of_all(&mut other, |client| client.send_reset(Some(1), None, Patience::forever()));
+    recv_of_all(&mut other, |client| client.send_reset(Some(1), None, WaitOptions::forever()));
     supervisor.signal(Signal::STOP);
     // Of the lane with batches of one, a step of every environment waits, and there is no room for more.
     (0..4).for_each(|env| player.send_to(&[env]).expect("sent"));
-    let refused = player.client().send_reset(Some(5), None, Patience::forever());
+    let refused = player.client().send_reset(Some(5), None, WaitOptions::forever());
     assert!(matches!(refused, Err(ClientError::NotAccepted { .. })), "{refused:?}");
     // Of the other, as many resets as there is room for.
-    let refused =
-        std::iter::repeat_with(|| other.send_reset(Some(5), None, Patience::forever())).find_map(Result::err);
+    let refused = std::iter::repeat_with(|| other.send_reset(Some(5), None, WaitOptions::forever()))
+        .find_map(Result::err);
     assert!(matches!(refused, Some(ClientError::NotAccepted { .. })), "{refused:?}");
     supervisor.signal(Signal::CONT);
     (0..4).for_each(|_| drop(player.recv(SOON).expect("the result of a step")));
@@ -161,7 +162,7 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     recv_of_all(&mut other, |_| Ok(())); // of the last reset that was sent
     let mut actions = vec![0; 4 * other.description().n_agents];
     other.sample_actions(None, &mut actions).expect("legal actions");
-    recv_of_all(&mut other, |client| client.send(&actions, None, Patience::forever()));
+    recv_of_all(&mut other, |client| client.send(&actions, None, WaitOptions::forever()));
 }
 
 /// A request to a supervisor that has stopped reading waited for five seconds, whatever the caller's timeout
@@ -171,13 +172,14 @@ fn a_wait_to_send_keeps_to_the_timeout_and_can_be_interrupted() {
     let room = Room::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
     let supervisor = Child::supervisor(&room, &plan);
-    let mut client = Client::connect(room.place(), "train", None, Wait::default()).expect("a client");
+    let mut client =
+        Client::connect(room.runtime_dir(), "train", None, WaitStrategy::default()).expect("a client");
     supervisor.signal(Signal::STOP);
     let mut refused_after = |timeout: Option<Duration>, interrupt: bool| {
         loop {
             let begin = Instant::now();
-            let patience = Patience { timeout, interrupted: &mut || interrupt };
-            if let Err(error) = client.send_reset(None, None, patience) {
+            let wait = WaitOptions { timeout, interrupted: &mut || interrupt };
+            if let Err(error) = client.send_reset(None, None, wait) {
                 return (error, begin.elapsed());
             }
         }
@@ -190,13 +192,14 @@ fn a_wait_to_send_keeps_to_the_timeout_and_can_be_interrupted() {
     assert!(time < Duration::from_secs(3), "{time:?}");
     supervisor.signal(Signal::CONT);
     client
-        .recv(Patience { timeout: Some(SOON), interrupted: &mut || false })
+        .recv(WaitOptions { timeout: Some(SOON), interrupted: &mut || false })
         .expect("of the last reset that was sent");
 }
 
 fn recv_of_all(client: &mut Client, send: impl FnOnce(&mut Client) -> Result<(), ClientError>) {
     send(client).expect("sent");
-    let batch = client.recv(Patience { timeout: Some(SOON), interrupted: &mut || false }).expect("a batch");
+    let batch =
+        client.recv(WaitOptions { timeout: Some(SOON), interrupted: &mut || false }).expect("a batch");
     assert_eq!(batch.env_id(), [0, 1, 2, 3]);
 }
 
@@ -206,10 +209,10 @@ fn a_timeout_beyond_any_clock_is_no_limit() {
     let room = Room::new();
     let slow = Oddity::Sleeps { env: 0, millis: 300 };
     let plan = PoolPlan::new([LanePlan { oddity: slow, ..LanePlan::new("2s3z", 2) }]);
-    let _supervisor = Supervisor::start(plan.config(room.place())).expect("a pool");
-    for wait in [Wait::Adaptive, Wait::Block, Wait::Spin] {
+    let _supervisor = Supervisor::start(plan.config(room.runtime_dir())).expect("a pool");
+    for wait in [WaitStrategy::Adaptive, WaitStrategy::Block, WaitStrategy::Spin] {
         let mut player =
-            Player::connect_waiting(room.place(), "train", &plan.lanes[0], wait).expect("a client");
+            Player::connect_waiting(room.runtime_dir(), "train", &plan.lanes[0], wait).expect("a client");
         player.reset(None, Duration::MAX).expect("a reset");
         player.step(Duration::MAX).expect("a step that takes its time");
     }

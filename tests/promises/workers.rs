@@ -26,11 +26,11 @@ fn a_panic_takes_one_lane_out_and_no_other() {
         unlucky.must("disconnect");
         let error = unlucky.ask("connect train").expect_err("the lane is out of service");
         assert_says(&error, &["`2s3z`", "environment 2 broke in step 4"]);
-        let lanes = status(room.place(), "train").expect("a status").lanes;
+        let lanes = status(room.runtime_dir(), "train").expect("a status").lanes;
         assert_says(lanes[0].failure.as_deref().expect("a failure"), &["environment 2 broke"]);
         assert_eq!(lanes[1].failure, None);
-        let before = lanes[1].figures.steps;
-        let goes_on = || status(room.place(), "train").expect("a status").lanes[1].figures.steps > before;
+        let before = lanes[1].stats.steps;
+        let goes_on = || status(room.runtime_dir(), "train").expect("a status").lanes[1].stats.steps > before;
         assert!(eventually(goes_on), "the other lane stopped");
         other.kill();
         unlucky.end();
@@ -53,10 +53,10 @@ fn lanes_of_different_weight_share_the_workers() {
     light.must("run");
     let mut lanes = Vec::new();
     let heavy_goes_on = eventually(|| {
-        lanes = status(room.place(), "train").expect("a status").lanes;
-        lanes[0].figures.frames > 50
+        lanes = status(room.runtime_dir(), "train").expect("a status").lanes;
+        lanes[0].stats.frames > 50
     });
-    let [heavy, light] = [&lanes[0].figures, &lanes[1].figures];
+    let [heavy, light] = [&lanes[0].stats, &lanes[1].stats];
     println!("batches: {} of 64 x bane_vs_bane, {} of 1 x 2s_vs_1sc", heavy.frames, light.frames);
     assert!(heavy_goes_on, "the heavy lane starves: {heavy:?}");
     assert!(light.frames > heavy.frames, "the light lane waits behind the heavy one: {light:?}, {heavy:?}");

@@ -1,8 +1,8 @@
 //! `smaclite-pool clean`: remove what pools and learners that were killed left behind.
 
-use super::{Outcome, place};
-use crate::Place;
-use crate::services::enter;
+use super::{Outcome, runtime_dir};
+use crate::RuntimeDir;
+use crate::services::open_node;
 use crate::supervisor::NameLock;
 use clap::Args;
 use std::fs::DirEntry;
@@ -17,18 +17,18 @@ pub(super) struct Clean {
 
 impl Clean {
     pub(super) fn run(self) -> Outcome {
-        let place = place()?;
-        let before = files_left(&place);
-        for name in place.names_left() {
+        let runtime_dir = runtime_dir()?;
+        let before = files_left(&runtime_dir);
+        for name in runtime_dir.stale_names() {
             // Whoever holds the lock takes the files away when it lets go; a running pool keeps it.
-            drop(NameLock::try_take(&place, &name)?);
+            drop(NameLock::try_take(&runtime_dir, &name)?);
         }
-        place.tidy()?;
-        if !place.shm_folders().is_empty() {
+        runtime_dir.remove_stale()?;
+        if !runtime_dir.shm_dirs().is_empty() {
             // Others use the place; entering has iceoryx2 look for those of them that died.
-            drop(enter(&place, "clean")?);
+            drop(open_node(&runtime_dir, "clean")?);
         }
-        let after = files_left(&place);
+        let after = files_left(&runtime_dir);
         let removed = before.saturating_sub(after);
         if self.json {
             out!("{}", serde_json::json!({ "removed_files": removed, "files_in_use": after }))?;
@@ -40,8 +40,9 @@ impl Clean {
 }
 
 /// Files in shared memory, and names with a lock or a socket.
-fn files_left(place: &Place) -> usize {
-    place.shm_folders().iter().map(|folder| files_in(folder)).sum::<usize>() + place.names_left().len()
+fn files_left(runtime_dir: &RuntimeDir) -> usize {
+    runtime_dir.shm_dirs().iter().map(|folder| files_in(folder)).sum::<usize>()
+        + runtime_dir.stale_names().len()
 }
 
 fn files_in(folder: &Path) -> usize {

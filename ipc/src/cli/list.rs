@@ -1,8 +1,8 @@
 //! `smaclite-pool list` and `status`: which pools run here, and how they do.
 
-use super::{Outcome, heading, megabytes, place, print_table};
-use crate::control::client::ControlError;
-use crate::{ConnectError, LaneStatus, Place, PoolStatus, running_pools, status};
+use super::{Outcome, heading, megabytes, print_table, runtime_dir};
+use crate::control::client::ControlSocketError;
+use crate::{ConnectError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status};
 use clap::Args;
 
 #[derive(Args)]
@@ -24,7 +24,7 @@ pub(super) struct Status {
 
 impl List {
     pub(super) fn run(self) -> Outcome {
-        let (pools, silent) = ask_all(&place()?);
+        let (pools, silent) = ask_all(&runtime_dir()?);
         if self.json {
             for pool in &pools {
                 out!("{}", serde_json::to_string(pool)?)?;
@@ -62,7 +62,7 @@ fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
 
 impl Status {
     pub(super) fn run(self) -> Outcome {
-        let pool = status(&place()?, &self.name)?;
+        let pool = status(&runtime_dir()?, &self.name)?;
         if self.json {
             out!("{}", serde_json::to_string_pretty(&pool)?)?;
             return Ok(());
@@ -98,7 +98,7 @@ impl Status {
 }
 
 fn lane_row(lane: &LaneStatus) -> Vec<String> {
-    let (d, f) = (&lane.description, lane.figures);
+    let (d, f) = (&lane.description, lane.stats);
     let won = if f.episodes == 0 {
         "-".to_owned()
     } else {
@@ -118,7 +118,7 @@ fn lane_row(lane: &LaneStatus) -> Vec<String> {
 }
 
 fn learner(lane: &LaneStatus) -> String {
-    match (&lane.failure, lane.holder) {
+    match (&lane.failure, lane.learner_pid) {
         (Some(_), _) => "failed".to_owned(),
         (None, Some(pid)) => format!("process {pid}"),
         (None, None) => "none".to_owned(),
@@ -127,17 +127,19 @@ fn learner(lane: &LaneStatus) -> String {
 
 /// The pools that answer, and why the others that run do not. All are asked at the same time, so that those
 /// that are stopped cost their 10 seconds together.
-fn ask_all(place: &Place) -> (Vec<PoolStatus>, Vec<ConnectError>) {
-    let names = running_pools(place);
+fn ask_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+    let names = running_pools(runtime_dir);
     let answers: Vec<_> = std::thread::scope(|scope| {
-        let asked: Vec<_> = names.iter().map(|name| scope.spawn(move || status(place, name))).collect();
+        let asked: Vec<_> = names.iter().map(|name| scope.spawn(move || status(runtime_dir, name))).collect();
         asked.into_iter().map(|thread| thread.join().expect("asking does not panic")).collect()
     });
     let (mut pools, mut silent) = (Vec::new(), Vec::new());
     for answer in answers {
         match answer {
             Ok(pool) => pools.push(pool),
-            Err(ConnectError::Control(ControlError::NoSuchPool { .. } | ControlError::Gone { .. })) => {}
+            Err(ConnectError::Control(
+                ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
+            )) => {}
             Err(error) => silent.push(error),
         }
     }

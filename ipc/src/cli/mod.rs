@@ -15,7 +15,7 @@ mod list;
 mod scenarios;
 mod serve;
 
-use crate::place::Place;
+use crate::runtime_dir::RuntimeDir;
 use clap::{Parser, Subcommand};
 use std::error::Error;
 use std::ffi::OsString;
@@ -92,8 +92,8 @@ fn log_to_stderr(filter: &str) {
     let _ = subscriber.try_init(); // a second call in one process, as from Python, keeps the first
 }
 
-fn place() -> Result<Place, Box<dyn Error>> {
-    Ok(Place::of_this_user()?)
+fn runtime_dir() -> Result<RuntimeDir, Box<dyn Error>> {
+    Ok(RuntimeDir::for_current_user()?)
 }
 
 /// `1234567` bytes as `1.2 MB`.

@@ -1,8 +1,8 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
-use super::{Outcome, megabytes, place};
-use crate::supervisor::{Game, LaneConfig, StartError, Supervisor, SupervisorConfig};
-use crate::{Place, Wait, check_name};
+use super::{Outcome, megabytes, runtime_dir};
+use crate::supervisor::{LaneConfig, LaneEnvs, StartError, Supervisor, SupervisorConfig};
+use crate::{RuntimeDir, WaitStrategy, check_name};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -54,7 +54,7 @@ pub(super) struct Serve {
     spectators: usize,
     /// How idle workers wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "HOW")]
-    wait: Wait,
+    wait: WaitStrategy,
 }
 
 /// `Limit(None)` is no limit.
@@ -76,7 +76,7 @@ const DEFAULT_ENVS: usize = 64;
 
 impl Serve {
     pub(super) fn run(self) -> Outcome {
-        let prepared = self.config(place()?)?.prepare()?;
+        let prepared = self.config(runtime_dir()?)?.prepare()?;
         // Until here a signal ends the program at once. From here on there is something to clean up.
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         let started = Supervisor::start_prepared(prepared, &mut || signals.pending().next().is_some());
@@ -90,14 +90,14 @@ impl Serve {
         Ok(())
     }
 
-    fn config(&self, place: Place) -> Result<SupervisorConfig, Box<dyn Error>> {
+    fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         if !(1..=1024).contains(&threads) {
             return Err(format!("--threads must be between 1 and 1024, got {threads}").into());
         }
         let options = PoolOptions { threads, wait: self.wait };
-        Ok(SupervisorConfig { name: self.name.clone(), lanes, options, place })
+        Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
     }
 
     fn lane(&self, text: &str) -> Result<LaneConfig, Box<dyn Error>> {
@@ -118,7 +118,7 @@ impl Serve {
         let name = name.unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; name it: NAME={rest}"))?;
         let mut lane = LaneConfig::new(name, scenario, num_envs);
-        if let (Game::Battle { rules, episode_limit, .. }, limit) = (&mut lane.game, self.episode_limit) {
+        if let (LaneEnvs::Battle { rules, episode_limit, .. }, limit) = (&mut lane.game, self.episode_limit) {
             *rules = self.rules;
             *episode_limit = limit.map(|limit| limit.0);
         }

@@ -1,9 +1,9 @@
 //! Why a learner could not attach, reset, send or receive.
 
-use crate::control::client::{ControlError, in_seconds};
-use crate::control::protocol::Refusal;
+use crate::control::client::{ControlSocketError, in_seconds};
+use crate::control::protocol::ControlError;
 use crate::memory::TooLittleMemory;
-use crate::place::PlaceError;
+use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
 use smaclite_pool::Rejection;
 use std::time::Duration;
@@ -13,10 +13,10 @@ use std::time::Duration;
 #[error(transparent)]
 #[allow(missing_docs)] // the inner errors say it
 pub enum ConnectError {
-    Place(#[from] PlaceError),
-    Control(#[from] ControlError),
+    RuntimeDir(#[from] RuntimeDirError),
+    Control(#[from] ControlSocketError),
     #[error("{0}")]
-    Refused(#[from] Refusal),
+    Refused(#[from] ControlError),
     Memory(#[from] TooLittleMemory),
     Ipc(#[from] IpcError),
     #[error(
@@ -50,7 +50,7 @@ pub enum ClientError {
     PoolDied { pool: String },
     #[error(
         "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
-         stay, or start the lane with more (max_held_batches)"
+         shm_dir, or start the lane with more (max_held_batches)"
     )]
     TooManyHeld { limit: usize },
     #[error(

@@ -6,53 +6,55 @@ mod error;
 pub use error::{ClientError, ConnectError};
 
 use crate::batch::Batch;
-use crate::control::client::{ANSWER_TIME, ControlClient, ControlError};
-use crate::control::protocol::{Answer, Ask, LaneDescription, PROTOCOL_VERSION, Refusal};
-use crate::legal::Legal;
+use crate::control::client::{ControlClient, ControlSocketError, RESPONSE_TIMEOUT};
+use crate::control::protocol::{
+    ControlError, ControlRequest, ControlResponse, LaneDescription, PROTOCOL_VERSION,
+};
 use crate::memory::{PORTS, check_room, reserve_segments};
-use crate::place::Place;
+use crate::request_validator::RequestValidator;
+use crate::runtime_dir::RuntimeDir;
 use crate::services::{
-    FramePort, FrameSample, Guest, IpcListener, IpcNotifier, LaneServices, RequestPublisher, WorkEvent,
-    doing, enter,
+    FramePort, FrameSample, IpcListener, IpcNode, IpcNotifier, LaneServices, RequestPublisher, WorkEvent,
+    doing, open_node,
 };
 use crate::wire::{Content, RequestHeader, actions_offset, frames_lost, read_frame, step_bytes};
 use iceoryx2::port::ReceiveError;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::RequestKind;
-use smaclite_pool::{Rejection, Wait};
+use smaclite_pool::{Rejection, WaitStrategy};
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A blocked client looks this often whether its supervisor lives and its caller wants to stop.
-const LOOK_AROUND: Duration = Duration::from_millis(100);
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// How often a learner looks for a pool that is not there yet.
-const LOOK_AGAIN: Duration = Duration::from_millis(20);
+const RETRY_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Workers take requests between two runs of environments; a supervisor that does not is stopped.
-const ACCEPT_TIME: Duration = Duration::from_secs(5);
+const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How to wait.
-pub struct Patience<'a> {
+pub struct WaitOptions<'a> {
     /// Give up after this long.
     pub timeout: Option<Duration>,
     /// Asked at least every 100 ms while blocked; `true` ends the wait.
     pub interrupted: &'a mut dyn FnMut() -> bool,
 }
 
-impl Patience<'static> {
+impl WaitOptions<'static> {
     /// Without a timeout, and not to be interrupted.
     pub fn forever() -> Self {
         // A closure that captures nothing takes no memory, so nothing leaks.
-        Patience { timeout: None, interrupted: Box::leak(Box::new(|| false)) }
+        WaitOptions { timeout: None, interrupted: Box::leak(Box::new(|| false)) }
     }
 }
 
-impl Patience<'_> {
+impl WaitOptions<'_> {
     /// The same, for one of several waits in a row.
-    fn share(&mut self) -> Patience<'_> {
-        Patience { timeout: self.timeout, interrupted: &mut *self.interrupted }
+    fn reborrow(&mut self) -> WaitOptions<'_> {
+        WaitOptions { timeout: self.timeout, interrupted: &mut *self.interrupted }
     }
 }
 
@@ -70,13 +72,13 @@ struct Parts {
     listener: IpcListener,
     work: IpcNotifier,
     _services: (LaneServices, WorkEvent),
-    _guest: Guest,
+    _ipc_node: IpcNode,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
-    legal: Legal,
+    validator: RequestValidator,
     session: u64,
-    round: u64,
+    epoch: u64,
     requests: u64,
     /// Number of the last frame of this round, 0 before the first.
     sequence: u64,
@@ -90,41 +92,41 @@ impl Client {
     /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to
     /// answer.
     pub fn connect(
-        place: &Place,
+        runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
-        wait: Wait,
+        strategy: WaitStrategy,
     ) -> Result<Client, ConnectError> {
-        let patience = Patience { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-        Client::connect_within(place, pool, lane, wait, patience)
+        let wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
+        Client::connect_within(runtime_dir, pool, lane, strategy, wait)
     }
 
     /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it
     /// must run already, and has 10 seconds to answer.
     pub fn connect_within(
-        place: &Place,
+        runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
-        wait: Wait,
-        patience: Patience<'_>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let Patience { timeout, interrupted } = patience;
+        let WaitOptions { timeout, interrupted } = wait;
         let begin = Instant::now();
         loop {
             let left = timeout.map(|time| time.saturating_sub(begin.elapsed()));
             let for_answer = match timeout {
-                Some(Duration::ZERO) => Some(ANSWER_TIME),
-                _ => left.map(|left| left.max(LOOK_AROUND)),
+                Some(Duration::ZERO) => Some(RESPONSE_TIMEOUT),
+                _ => left.map(|left| left.max(CHECK_INTERVAL)),
             };
-            let patience = Patience { timeout: for_answer, interrupted: &mut *interrupted };
-            match Client::attach(place, pool, lane, wait, patience) {
-                Err(ConnectError::Control(ControlError::NoSuchPool { .. } | ControlError::Gone { .. }))
-                    if left != Some(Duration::ZERO) =>
-                {
+            let wait = WaitOptions { timeout: for_answer, interrupted: &mut *interrupted };
+            match Client::attach(runtime_dir, pool, lane, strategy, wait) {
+                Err(ConnectError::Control(
+                    ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
+                )) if left != Some(Duration::ZERO) => {
                     if interrupted() {
-                        return Err(ControlError::Interrupted { pool: pool.to_owned() }.into());
+                        return Err(ControlSocketError::Interrupted { pool: pool.to_owned() }.into());
                     }
-                    std::thread::sleep(left.map_or(LOOK_AGAIN, |left| left.min(LOOK_AGAIN)));
+                    std::thread::sleep(left.map_or(RETRY_INTERVAL, |left| left.min(RETRY_INTERVAL)));
                 }
                 outcome => return outcome,
             }
@@ -132,36 +134,37 @@ impl Client {
     }
 
     fn attach(
-        place: &Place,
+        runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
-        wait: Wait,
-        patience: Patience<'_>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let question = Ask::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
-        let (control, answer) = ControlClient::ask(place, pool, &question, patience)?;
+        let question = ControlRequest::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
+        let (control, answer) = ControlClient::request(runtime_dir, pool, &question, wait)?;
         let (session, description) = match answer {
-            Answer::Attached { session, lane } => (session, *lane),
-            Answer::Refused(refusal) => return Err(refusal.into()),
-            other => return Err(Refusal::unexpected(&other).into()),
+            ControlResponse::Attached { session, lane } => (session, *lane),
+            ControlResponse::Refused(refusal) => return Err(refusal.into()),
+            other => return Err(ControlError::unexpected(&other).into()),
         };
         let layout = Arc::new(checked_layout(&description)?);
-        let spin = wait.spin_time(description.threads);
-        let ports = open_ports(place, &description, &layout).map_err(|error| control.cause_of(error))?;
-        let (publisher, frames, listener, work, services, guest) = ports;
+        let spin = strategy.spin_time(description.threads);
+        let ports =
+            open_ports(runtime_dir, &description, &layout).map_err(|error| control.cause_of(error))?;
+        let (publisher, frames, listener, work, services, ipc_node) = ports;
         let parts = Parts {
             publisher,
             frames: Arc::new(frames),
             listener,
             work,
             _services: services,
-            _guest: guest,
+            _ipc_node: ipc_node,
             control,
-            legal: Legal::new(&layout, description.num_envs, description.autoreset),
+            validator: RequestValidator::new(&layout, description.num_envs, description.autoreset),
             description,
             layout,
             session,
-            round: 0,
+            epoch: 0,
             requests: 0,
             sequence: 0,
             failure: None,
@@ -191,21 +194,21 @@ impl Client {
         &mut self,
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
-        patience: Patience<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         let parts = self.working_parts()?;
         let number = parts.requests + 1;
         let kind = RequestKind::Reset { seed };
         if let Some(ids) = env_ids
-            && !parts.legal.is_whole(env_ids)
+            && !parts.validator.is_whole(env_ids)
         {
-            parts.legal.take_reset(number, ids)?;
-            return parts.send(kind, env_ids, &[], patience);
+            parts.validator.reserve_reset(number, ids)?;
+            return parts.send(kind, env_ids, &[], wait);
         }
         // Only a reset that was sent begins a round: otherwise what is under way is still to come.
-        parts.send(kind, env_ids, &[], patience)?;
-        parts.legal.take_whole_reset(number);
-        parts.round = number;
+        parts.send(kind, env_ids, &[], wait)?;
+        parts.validator.reserve_full_reset(number);
+        parts.epoch = number;
         parts.sequence = 0;
         Ok(())
     }
@@ -216,7 +219,7 @@ impl Client {
         &mut self,
         actions: &[i32],
         env_ids: Option<&[i32]>,
-        patience: Patience<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         let parts = self.working_parts()?;
         let envs = env_ids.map_or(parts.description.num_envs, <[i32]>::len);
@@ -225,24 +228,24 @@ impl Client {
         if given != expected {
             return Err(ClientError::WrongLength { given, envs, n_agents, expected });
         }
-        parts.legal.take_step(parts.requests + 1, actions, env_ids)?;
-        parts.send(RequestKind::Step, env_ids, actions, patience)
+        parts.validator.reserve_step(parts.requests + 1, actions, env_ids)?;
+        parts.send(RequestKind::Step, env_ids, actions, wait)
     }
 
     /// Waits for the next batch.
-    pub fn recv(&mut self, patience: Patience<'_>) -> Result<Batch, ClientError> {
-        self.recv_since(Instant::now(), patience)
+    pub fn recv(&mut self, wait: WaitOptions<'_>) -> Result<Batch, ClientError> {
+        self.recv_since(Instant::now(), wait)
     }
 
     /// The timeout counts from `begin`.
-    fn recv_since(&mut self, begin: Instant, patience: Patience<'_>) -> Result<Batch, ClientError> {
+    fn recv_since(&mut self, begin: Instant, wait: WaitOptions<'_>) -> Result<Batch, ClientError> {
         let parts = self.working_parts()?;
-        let (outstanding, batch_size) = (parts.legal.outstanding(), parts.description.batch_size);
+        let (outstanding, batch_size) = (parts.validator.outstanding(), parts.description.batch_size);
         if outstanding < batch_size {
             return Err(ClientError::NothingToReceive { outstanding, batch_size });
         }
-        let sample = parts.wait_for_sample(begin, patience)?;
-        parts.legal.learn(&parts.layout, sample.payload());
+        let sample = parts.wait_for_sample(begin, wait)?;
+        parts.validator.observe_batch(&parts.layout, sample.payload());
         Ok(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)))
     }
 
@@ -251,11 +254,11 @@ impl Client {
         &mut self,
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
-        mut patience: Patience<'_>,
+        mut wait: WaitOptions<'_>,
     ) -> Result<Batch, ClientError> {
         let begin = Instant::now();
-        self.send_reset(seed, env_ids, patience.share())?;
-        self.recv_since(begin, patience)
+        self.send_reset(seed, env_ids, wait.reborrow())?;
+        self.recv_since(begin, wait)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -263,11 +266,11 @@ impl Client {
         &mut self,
         actions: &[i32],
         env_ids: Option<&[i32]>,
-        mut patience: Patience<'_>,
+        mut wait: WaitOptions<'_>,
     ) -> Result<Batch, ClientError> {
         let begin = Instant::now();
-        self.send(actions, env_ids, patience.share())?;
-        self.recv_since(begin, patience)
+        self.send(actions, env_ids, wait.reborrow())?;
+        self.recv_since(begin, wait)
     }
 
     /// Draws uniformly random legal actions into `out`, `[count, n_agents]`, for the environments of
@@ -280,12 +283,12 @@ impl Client {
             let (given, expected) = (out.len(), envs * n_agents);
             return Err(ClientError::WrongLength { given, envs, n_agents, expected });
         }
-        Ok(parts.legal.sample(env_ids, out)?)
+        Ok(parts.validator.sample(env_ids, out)?)
     }
 
     /// Seeds the generator of [`sample_actions`](Client::sample_actions).
     pub fn seed_sampler(&mut self, seed: u64) {
-        self.parts.legal.seed_sampler(seed);
+        self.parts.validator.seed_sampler(seed);
     }
 
     fn parts(&mut self) -> Result<&mut Parts, ClientError> {
@@ -322,14 +325,14 @@ impl Parts {
         kind: RequestKind,
         env_ids: Option<&[i32]>,
         actions: &[i32],
-        patience: Patience<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.requests += 1;
         let count = env_ids.map_or(self.description.num_envs, <[i32]>::len);
         let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
-        let sent = self.deliver(header, count, env_ids, actions, patience);
+        let sent = self.deliver(header, count, env_ids, actions, wait);
         if sent.is_err() {
-            self.legal.refused(self.requests);
+            self.validator.refused(self.requests);
         }
         sent
     }
@@ -341,15 +344,15 @@ impl Parts {
         count: usize,
         env_ids: Option<&[i32]>,
         actions: &[i32],
-        patience: Patience<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let time = patience.timeout.map_or(ACCEPT_TIME, |timeout| timeout.min(ACCEPT_TIME));
+        let time = wait.timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
         let bytes = match actions {
             [] => count * size_of::<i32>(),
             _ => step_bytes(count, self.description.n_agents),
         };
         let begin = Instant::now();
-        let mut look = begin + LOOK_AROUND;
+        let mut look = begin + CHECK_INTERVAL;
         loop {
             let mut sample =
                 self.publisher.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
@@ -376,8 +379,8 @@ impl Parts {
                 return Err(ClientError::NotAccepted { time });
             }
             if now >= look {
-                look = now + LOOK_AROUND;
-                if (patience.interrupted)() {
+                look = now + CHECK_INTERVAL;
+                if (wait.interrupted)() {
                     return Err(ClientError::Interrupted);
                 }
             }
@@ -385,30 +388,26 @@ impl Parts {
         }
     }
 
-    fn wait_for_sample(
-        &mut self,
-        begin: Instant,
-        patience: Patience<'_>,
-    ) -> Result<FrameSample, ClientError> {
+    fn wait_for_sample(&mut self, begin: Instant, wait: WaitOptions<'_>) -> Result<FrameSample, ClientError> {
         let spin_until = self.spin.map(|time| begin + time);
         // A timeout beyond what an `Instant` can hold is no limit.
-        let end = patience.timeout.and_then(|timeout| begin.checked_add(timeout));
-        let mut look = begin + LOOK_AROUND;
+        let end = wait.timeout.and_then(|timeout| begin.checked_add(timeout));
+        let mut look = begin + CHECK_INTERVAL;
         loop {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
             let now = Instant::now();
             if end.is_some_and(|end| now >= end) {
-                return Err(ClientError::Timeout(patience.timeout.unwrap_or_default()));
+                return Err(ClientError::Timeout(wait.timeout.unwrap_or_default()));
             }
             if now >= look {
-                look = now + LOOK_AROUND;
+                look = now + CHECK_INTERVAL;
                 if !self.control.is_alive() {
                     // It may have answered before it died.
                     return self.receive()?.ok_or_else(|| self.pool_died());
                 }
-                if (patience.interrupted)() {
+                if (wait.interrupted)() {
                     return Err(ClientError::Interrupted);
                 }
             }
@@ -429,7 +428,9 @@ impl Parts {
                 Ok(Some(sample)) => sample,
                 Ok(None) => return Ok(None),
                 Err(ReceiveError::ExceedsMaxBorrows) => {
-                    return Err(ClientError::TooManyHeld { limit: self.description.capacity.max_held_batches });
+                    return Err(ClientError::TooManyHeld {
+                        limit: self.description.capacity.max_held_batches,
+                    });
                 }
                 Err(error) => return Err(doing("receiving a frame")(error).into()),
             };
@@ -439,7 +440,7 @@ impl Parts {
                 _ => continue,
             };
             // What is left of an earlier round may overflow, and nobody misses it.
-            if header.round == self.round
+            if header.epoch == self.epoch
                 && let Some((first, last)) =
                     frames_lost(std::mem::replace(&mut self.sequence, header.sequence), header.sequence)
             {
@@ -447,7 +448,7 @@ impl Parts {
             }
             match content {
                 Content::Rejection { request, rejection } => self.rejection(request, rejection)?,
-                Content::Batch if header.round == self.round => return Ok(Some(sample)),
+                Content::Batch if header.epoch == self.epoch => return Ok(Some(sample)),
                 Content::Batch => {}
             }
         }
@@ -457,7 +458,7 @@ impl Parts {
     fn rejection(&mut self, request: u64, rejection: Rejection) -> Result<(), ClientError> {
         if matches!(rejection, Rejection::LaneFailed { .. }) {
             self.failure = Some(rejection.clone());
-        } else if !self.legal.refused(request) {
+        } else if !self.validator.refused(request) {
             return Ok(());
         }
         Err(rejection.into())
@@ -468,20 +469,24 @@ impl Parts {
     }
 }
 
-type Ports = (RequestPublisher, FramePort, IpcListener, IpcNotifier, (LaneServices, WorkEvent), Guest);
+type Ports = (RequestPublisher, FramePort, IpcListener, IpcNotifier, (LaneServices, WorkEvent), IpcNode);
 
 /// What a learner needs of iceoryx2.
-fn open_ports(place: &Place, lane: &LaneDescription, layout: &Layout) -> Result<Ports, ConnectError> {
+fn open_ports(
+    runtime_dir: &RuntimeDir,
+    lane: &LaneDescription,
+    layout: &Layout,
+) -> Result<Ports, ConnectError> {
     let (capacity, num_envs) = (lane.capacity, lane.num_envs);
     check_room(capacity.request_memory(layout, num_envs) + PORTS, "requests of a learner")?;
-    let guest = enter(place, &format!("learner of {}", lane.pool))?;
-    let services = LaneServices::open(&guest.node, &lane.instance, &lane.lane)?;
-    let work_event = WorkEvent::open(&guest.node, &lane.instance)?;
+    let ipc_node = open_node(runtime_dir, &format!("learner of {}", lane.pool))?;
+    let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
+    let work_event = WorkEvent::open(&ipc_node.node, &lane.instance)?;
     let publisher = services.request_publisher(layout, num_envs, capacity)?;
-    reserve_segments(place, "requests of a learner", &mut || false)?;
-    let frames = services.frame_port(capacity.frames_waiting, &guest)?;
+    reserve_segments(runtime_dir, "requests of a learner", &mut || false)?;
+    let frames = services.frame_port(capacity.frames_waiting, &ipc_node)?;
     let (listener, work) = (services.frame_listener()?, work_event.notifier()?);
-    Ok((publisher, frames, listener, work, (services, work_event), guest))
+    Ok((publisher, frames, listener, work, (services, work_event), ipc_node))
 }
 
 pub(crate) fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {

@@ -1,9 +1,9 @@
 //! The asking end of the control socket. Its waits are cut into slices, after each of which the caller may
 //! stop: a supervisor that is stopped must not stop those who ask it.
 
-use super::protocol::{Answer, Ask, MAX_ANSWER};
-use crate::client::{ConnectError, Patience};
-use crate::place::{Place, check_name};
+use super::protocol::{ControlRequest, ControlResponse, MAX_RESPONSE};
+use crate::client::{ConnectError, WaitOptions};
+use crate::runtime_dir::{RuntimeDir, check_name};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// How long a supervisor may take to answer a caller that sets no time: it answers at once, or is stopped or
 /// overloaded.
-pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(10);
+pub(crate) const RESPONSE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// How often a wait asks whether its caller wants to stop.
 const SLICE: Duration = Duration::from_millis(50);
@@ -31,14 +31,14 @@ pub(crate) struct ControlClient {
     /// Readable when the supervisor's process ends, even if a forked child of it keeps the socket open.
     process: Option<OwnedFd>,
     pid: Option<u32>,
-    place: Place,
+    runtime_dir: RuntimeDir,
     pool: String,
 }
 
 /// Why a supervisor could not be asked.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
-pub enum ControlError {
+pub enum ControlSocketError {
     #[error("pool name: {0}")]
     Name(String),
     #[error("no pool named `{pool}` runs here{}", hint(running))]
@@ -55,7 +55,7 @@ pub enum ControlError {
     #[error("pool `{pool}` cannot be asked through {}: {source}", socket.display())]
     Unreachable { pool: String, socket: PathBuf, source: std::io::Error },
     #[error("pool `{pool}` gave an answer that this release does not know ({source}); run the same release")]
-    Answer { pool: String, source: serde_json::Error },
+    ControlResponse { pool: String, source: serde_json::Error },
     #[error("the wait for an answer of pool `{pool}` was interrupted")]
     Interrupted { pool: String },
 }
@@ -80,10 +80,10 @@ pub(crate) fn of_process(pid: Option<u32>) -> String {
 
 /// Connects without blocking: a supervisor that is stopped leaves its queue of connections full, which is
 /// [`ErrorKind::WouldBlock`].
-fn try_connect(place: &Place, pool: &str) -> std::io::Result<UnixStream> {
+fn try_connect(runtime_dir: &RuntimeDir, pool: &str) -> std::io::Result<UnixStream> {
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
     let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(place.socket(pool))?)?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(runtime_dir.socket(pool))?)?;
     Ok(UnixStream::from(socket))
 }
 
@@ -93,15 +93,15 @@ fn is_absent(error: &std::io::Error) -> bool {
 }
 
 /// Names of the pools whose supervisors live, whether or not they answer.
-pub(crate) fn running_pools(place: &Place) -> Vec<String> {
-    let mut names = place.pool_names();
-    names.retain(|name| !try_connect(place, name).is_err_and(|error| is_absent(&error)));
+pub(crate) fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
+    let mut names = runtime_dir.pool_names();
+    names.retain(|name| !try_connect(runtime_dir, name).is_err_and(|error| is_absent(&error)));
     names
 }
 
 /// The process of a pool's supervisor, as the kernel knows it: no answer is needed.
-pub(crate) fn process_of(place: &Place, pool: &str) -> Option<u32> {
-    peer_of(&try_connect(place, pool).ok()?).ok()?.pid
+pub(crate) fn process_of(runtime_dir: &RuntimeDir, pool: &str) -> Option<u32> {
+    peer_of(&try_connect(runtime_dir, pool).ok()?).ok()?.pid
 }
 
 /// The process at the other end of a socket.
@@ -137,21 +137,21 @@ fn is_ready(fd: &impl AsFd, flags: PollFlags, within: Duration) -> bool {
 /// A caller's patience from now on.
 struct Waiting<'a> {
     begin: Instant,
-    patience: Patience<'a>,
+    wait: WaitOptions<'a>,
     pool: String,
     pid: Option<u32>,
 }
 
 impl Waiting<'_> {
     /// How long the next slice may last, if there is to be one.
-    fn slice(&mut self) -> Result<Duration, ControlError> {
+    fn slice(&mut self) -> Result<Duration, ControlSocketError> {
         let pool = self.pool.clone();
-        if (self.patience.interrupted)() {
-            return Err(ControlError::Interrupted { pool });
+        if (self.wait.interrupted)() {
+            return Err(ControlSocketError::Interrupted { pool });
         }
-        let Some(time) = self.patience.timeout else { return Ok(SLICE) };
+        let Some(time) = self.wait.timeout else { return Ok(SLICE) };
         match time.checked_sub(self.begin.elapsed()) {
-            None | Some(Duration::ZERO) => Err(ControlError::Silent { pool, pid: self.pid, time }),
+            None | Some(Duration::ZERO) => Err(ControlSocketError::Silent { pool, pid: self.pid, time }),
             Some(left) => Ok(left.min(SLICE)),
         }
     }
@@ -159,46 +159,59 @@ impl Waiting<'_> {
 
 impl ControlClient {
     /// Connects to a pool and asks it a question.
-    pub(crate) fn ask(
-        place: &Place,
+    pub(crate) fn request(
+        runtime_dir: &RuntimeDir,
         pool: &str,
-        question: &Ask,
-        patience: Patience<'_>,
-    ) -> Result<(ControlClient, Answer), ControlError> {
-        check_name(pool).map_err(ControlError::Name)?;
-        let mut waiting = Waiting { begin: Instant::now(), patience, pool: pool.to_owned(), pid: None };
-        let mut client = ControlClient::connect(place, &mut waiting)?;
+        question: &ControlRequest,
+        wait: WaitOptions<'_>,
+    ) -> Result<(ControlClient, ControlResponse), ControlSocketError> {
+        check_name(pool).map_err(ControlSocketError::Name)?;
+        let mut waiting = Waiting { begin: Instant::now(), wait, pool: pool.to_owned(), pid: None };
+        let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
         waiting.pid = client.pid;
         let mut line = serde_json::to_vec(question).expect("questions are plain data");
         line.push(b'\n');
         client.write(&line, &mut waiting)?;
         let answer = client.read_line(&mut waiting)?;
         let answer = serde_json::from_slice(&answer);
-        let answer = answer.map_err(|source| ControlError::Answer { pool: pool.to_owned(), source })?;
+        let answer =
+            answer.map_err(|source| ControlSocketError::ControlResponse { pool: pool.to_owned(), source })?;
         Ok((client, answer))
     }
 
-    fn connect(place: &Place, waiting: &mut Waiting<'_>) -> Result<ControlClient, ControlError> {
+    fn connect(
+        runtime_dir: &RuntimeDir,
+        waiting: &mut Waiting<'_>,
+    ) -> Result<ControlClient, ControlSocketError> {
         let pool = waiting.pool.clone();
-        let unreachable =
-            |source| ControlError::Unreachable { pool: pool.clone(), socket: place.socket(&pool), source };
+        let unreachable = |source| ControlSocketError::Unreachable {
+            pool: pool.clone(),
+            socket: runtime_dir.socket(&pool),
+            source,
+        };
         let stream = loop {
-            match try_connect(place, &pool) {
+            match try_connect(runtime_dir, &pool) {
                 Ok(stream) => break stream,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
                     std::thread::sleep(waiting.slice()?.min(Duration::from_millis(10)));
                 }
                 Err(error) if is_absent(&error) => {
-                    return Err(ControlError::NoSuchPool { pool, running: running_pools(place) });
+                    return Err(ControlSocketError::NoSuchPool { pool, running: running_pools(runtime_dir) });
                 }
                 Err(source) => return Err(unreachable(source)),
             }
         };
         let pid = peer_of(&stream).map_err(unreachable)?.pid;
-        Ok(ControlClient { stream, process: pid.and_then(watch_process), pid, place: place.clone(), pool })
+        Ok(ControlClient {
+            stream,
+            process: pid.and_then(watch_process),
+            pid,
+            runtime_dir: runtime_dir.clone(),
+            pool,
+        })
     }
 
-    fn write(&mut self, mut line: &[u8], waiting: &mut Waiting<'_>) -> Result<(), ControlError> {
+    fn write(&mut self, mut line: &[u8], waiting: &mut Waiting<'_>) -> Result<(), ControlSocketError> {
         while !line.is_empty() {
             match self.stream.write(line) {
                 Ok(written) => line = &line[written..],
@@ -208,7 +221,7 @@ impl ControlClient {
         Ok(())
     }
 
-    fn read_line(&mut self, waiting: &mut Waiting<'_>) -> Result<Vec<u8>, ControlError> {
+    fn read_line(&mut self, waiting: &mut Waiting<'_>) -> Result<Vec<u8>, ControlSocketError> {
         let mut line = Vec::new();
         let mut chunk = [0; 1 << 16];
         while line.last() != Some(&b'\n') {
@@ -217,8 +230,8 @@ impl ControlClient {
                 Ok(read) => line.extend_from_slice(&chunk[..read]),
                 Err(error) => self.wait_after(error, PollFlags::IN, waiting)?,
             }
-            if line.len() > MAX_ANSWER {
-                let source = std::io::Error::other(format!("it answers with more than {MAX_ANSWER} bytes"));
+            if line.len() > MAX_RESPONSE {
+                let source = std::io::Error::other(format!("it answers with more than {MAX_RESPONSE} bytes"));
                 return Err(self.unreachable(source));
             }
         }
@@ -231,7 +244,7 @@ impl ControlClient {
         error: std::io::Error,
         flags: PollFlags,
         waiting: &mut Waiting<'_>,
-    ) -> Result<(), ControlError> {
+    ) -> Result<(), ControlSocketError> {
         match error.kind() {
             ErrorKind::Interrupted => Ok(()),
             ErrorKind::WouldBlock if self.process.as_ref().is_some_and(has_ended) => Err(self.gone()),
@@ -244,13 +257,13 @@ impl ControlClient {
         }
     }
 
-    fn unreachable(&self, source: std::io::Error) -> ControlError {
-        let socket = self.place.socket(&self.pool);
-        ControlError::Unreachable { pool: self.pool.clone(), socket, source }
+    fn unreachable(&self, source: std::io::Error) -> ControlSocketError {
+        let socket = self.runtime_dir.socket(&self.pool);
+        ControlSocketError::Unreachable { pool: self.pool.clone(), socket, source }
     }
 
-    fn gone(&self) -> ControlError {
-        ControlError::Gone { pool: self.pool.clone() }
+    fn gone(&self) -> ControlSocketError {
+        ControlSocketError::Gone { pool: self.pool.clone() }
     }
 
     /// What went wrong after it answered: if it has ended since, that is the cause.
@@ -260,16 +273,16 @@ impl ControlClient {
 
     /// The supervisor closed the connection: because it ended, or although it lives on. A process closes its
     /// files shortly before its end is visible.
-    fn hung_up(&self) -> ControlError {
+    fn hung_up(&self) -> ControlSocketError {
         let begin = Instant::now();
         while begin.elapsed() < LAST_MOMENTS {
             let ended = self.process.as_ref().is_some_and(has_ended);
-            if ended || try_connect(&self.place, &self.pool).is_err_and(|error| is_absent(&error)) {
+            if ended || try_connect(&self.runtime_dir, &self.pool).is_err_and(|error| is_absent(&error)) {
                 return self.gone();
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        ControlError::Closed { pool: self.pool.clone() }
+        ControlSocketError::Closed { pool: self.pool.clone() }
     }
 
     /// Is the supervisor still there? Never blocks.

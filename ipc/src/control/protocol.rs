@@ -6,21 +6,21 @@ use serde::{Deserialize, Serialize};
 use smaclite_engine::Sizes;
 use smaclite_pool::fields::{FIELDS, FieldSet};
 use smaclite_pool::layout::Layout;
-use smaclite_pool::{Autoreset, LaneFigures};
+use smaclite_pool::{Autoreset, LaneStats};
 
 /// Counts up when a question or answer changes.
 pub const PROTOCOL_VERSION: u32 = 1;
 
 /// The longest question that a supervisor reads; the longest real one names a lane.
-pub(crate) const MAX_QUESTION: usize = 1 << 16;
+pub(crate) const MAX_REQUEST: usize = 1 << 16;
 
 /// The longest answer that a client reads: the status of more lanes than a process has file descriptors for.
-pub(crate) const MAX_ANSWER: usize = 1 << 30;
+pub(crate) const MAX_RESPONSE: usize = 1 << 30;
 
 /// A question to a supervisor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "ask", rename_all = "snake_case")]
-pub enum Ask {
+#[serde(tag = "request", rename_all = "snake_case")]
+pub enum ControlRequest {
     /// Everything about the pool.
     Status,
     /// Become the learner of a lane; the only lane if none is named. Ends when the connection does.
@@ -39,30 +39,30 @@ pub enum Ask {
 
 /// A supervisor's answer.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "answer", rename_all = "snake_case")]
-pub enum Answer {
-    /// To [`Ask::Status`].
+#[serde(tag = "response", rename_all = "snake_case")]
+pub enum ControlResponse {
+    /// To [`ControlRequest::Status`].
     Status(PoolStatus),
-    /// To [`Ask::Attach`].
+    /// To [`ControlRequest::Attach`].
     Attached {
         /// Goes into every request.
         session: u64,
         /// What was attached to.
         lane: Box<LaneDescription>,
     },
-    /// To [`Ask::Watch`].
+    /// To [`ControlRequest::Watch`].
     Lane(Box<LaneDescription>),
     /// No.
-    Refused(Refusal),
+    Refused(ControlError),
 }
 
 /// Why a question was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
-#[serde(tag = "why", rename_all = "snake_case")]
+#[serde(tag = "error", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
-pub enum Refusal {
-    #[error("lane `{lane}` already has a learner: process {holder}")]
-    LaneTaken { lane: String, holder: u32 },
+pub enum ControlError {
+    #[error("lane `{lane}` already has a learner: process {learner_pid}")]
+    LaneTaken { lane: String, learner_pid: u32 },
     #[error("lane `{lane}` has its {limit} spectators already; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
@@ -84,10 +84,10 @@ pub enum Refusal {
     Malformed { what: String },
 }
 
-impl Refusal {
+impl ControlError {
     /// An answer that does not belong to the question.
-    pub(crate) fn unexpected(answer: &Answer) -> Refusal {
-        Refusal::Malformed { what: format!("unexpected answer {answer:?}") }
+    pub(crate) fn unexpected(answer: &ControlResponse) -> ControlError {
+        ControlError::Malformed { what: format!("unexpected answer {answer:?}") }
     }
 }
 
@@ -118,11 +118,11 @@ pub struct LaneStatus {
     /// What it is.
     pub description: LaneDescription,
     /// The process of the learner that has it.
-    pub holder: Option<u32>,
+    pub learner_pid: Option<u32>,
     /// Spectators that watch it.
     pub spectators: usize,
     /// Counts since the supervisor started.
-    pub figures: LaneFigures,
+    pub stats: LaneStats,
     /// Steps of single environments in the last second.
     pub steps_per_s: f64,
     /// Microseconds that a request waited for a worker, on average over the last second.
@@ -193,9 +193,9 @@ impl LaneDescription {
     /// hash tells whether both computed the same.
     ///
     /// # Errors
-    /// [`Refusal::Malformed`] for sizes that no lane has and fields that no frame has.
-    pub fn layout(&self) -> Result<Layout, Refusal> {
-        let malformed = |what: String| Refusal::Malformed { what };
+    /// [`ControlError::Malformed`] for sizes that no lane has and fields that no frame has.
+    pub fn layout(&self) -> Result<Layout, ControlError> {
+        let malformed = |what: String| ControlError::Malformed { what };
         let fields = FieldSet::from_names(&self.fields).map_err(|error| malformed(error.to_string()))?;
         let rows = [self.n_agents, self.n_actions, self.batch_size, self.num_envs];
         let widest = self.obs_size.max(self.state_size).max(self.n_actions);

@@ -3,12 +3,13 @@
 
 use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
-    Answer, Ask, LaneDescription, LaneStatus, MAX_QUESTION, PROTOCOL_VERSION, PoolStatus, Refusal,
+    ControlError, ControlRequest, ControlResponse, LaneDescription, LaneStatus, MAX_REQUEST,
+    PROTOCOL_VERSION, PoolStatus,
 };
-use crate::services::{Guest, LaneServices, WorkEvent};
+use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use smaclite_pool::{LaneFigures, Pool};
+use smaclite_pool::{LaneStats, Pool};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
@@ -16,7 +17,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
 
 /// How often dead processes are looked for; nothing else does it for us.
-const LOOK_AROUND: Duration = Duration::from_millis(100);
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too
 /// few to use up the process's file descriptors. Learners and spectators have limits of their own.
@@ -27,36 +28,36 @@ const MAX_VISITORS_OF_A_PROCESS: usize = 32;
 
 /// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use
 /// go, and the node goes last.
-pub(crate) struct Host {
+pub(crate) struct ControlServer {
     pub(crate) pool: Pool<Iceoryx>,
-    pub(crate) lanes: Vec<HostedLane>,
+    pub(crate) lanes: Vec<ServedLane>,
     pub(crate) name: String,
     pub(crate) threads: usize,
     pub(crate) shared_memory: usize,
     pub(crate) started: Instant,
     /// Kept open so that learners find them.
     pub(crate) _services: (WorkEvent, Vec<LaneServices>),
-    pub(crate) guest: Guest,
+    pub(crate) ipc_node: IpcNode,
 }
 
 /// A lane as the control thread sees it.
-pub(crate) struct HostedLane {
+pub(crate) struct ServedLane {
     pub(crate) description: LaneDescription,
-    holder: Option<u32>,
+    learner_pid: Option<u32>,
     spectators: usize,
     /// Figures and time at the last look, for the rates.
-    seen: (LaneFigures, Instant),
+    seen: (LaneStats, Instant),
     steps_per_s: f64,
     queue_wait_us: f64,
 }
 
-impl HostedLane {
+impl ServedLane {
     pub(crate) fn new(description: LaneDescription) -> Self {
-        HostedLane {
+        ServedLane {
             description,
-            holder: None,
+            learner_pid: None,
             spectators: 0,
-            seen: (LaneFigures::default(), Instant::now()),
+            seen: (LaneStats::default(), Instant::now()),
             steps_per_s: 0.0,
             queue_wait_us: 0.0,
         }
@@ -88,7 +89,7 @@ enum Role {
 }
 
 /// Serves until `stop` is shut down at the other end.
-pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
+pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
     let mut last_look = Instant::now();
@@ -98,8 +99,8 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
             break;
         }
         for index in ready.connections.into_iter().rev() {
-            if !host.converse(&mut connections[index], &mut sessions) {
-                host.release(connections.swap_remove(index));
+            if !server.handle(&mut connections[index], &mut sessions) {
+                server.release(connections.swap_remove(index));
             }
         }
         if ready.listener {
@@ -113,10 +114,10 @@ pub(crate) fn serve(mut host: Host, listener: UnixListener, stop: UnixStream) {
                 }
             }
         }
-        if last_look.elapsed() >= LOOK_AROUND {
+        if last_look.elapsed() >= CHECK_INTERVAL {
             last_look = Instant::now();
-            host.guest.node.try_cleanup_dead_nodes();
-            host.measure();
+            server.ipc_node.node.try_cleanup_dead_nodes();
+            server.measure();
         }
     }
 }
@@ -159,7 +160,7 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
             owner.push(index);
         }
     }
-    let timeout = Timespec { tv_sec: 0, tv_nsec: LOOK_AROUND.as_nanos() as _ };
+    let timeout = Timespec { tv_sec: 0, tv_nsec: CHECK_INTERVAL.as_nanos() as _ };
     let _ = poll(&mut fds, Some(&timeout)); // an interrupted wait found nothing
     let happened = |fd: &PollFd<'_>| !fd.revents().is_empty();
     let mut connections: Vec<usize> =
@@ -200,7 +201,7 @@ impl Connection {
             Ok(0) => false,
             Ok(n) => {
                 self.received.extend_from_slice(&chunk[..n]);
-                self.received.len() <= MAX_QUESTION
+                self.received.len() <= MAX_REQUEST
             }
             Err(e) => matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted),
         }
@@ -230,10 +231,10 @@ impl Connection {
     }
 }
 
-impl Host {
+impl ControlServer {
     /// Answers what a connection asked, one question after the other has been answered in full; `false` when
     /// it is over.
-    fn converse(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
+    fn handle(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
         connection.active = Instant::now();
         let reads = connection.unwritten.is_empty();
         let open = (!reads || connection.read()) && !connection.process_ended();
@@ -246,13 +247,15 @@ impl Host {
                 return open || connection.role == Role::None;
             }
             let Some(line) = connection.next_line() else { return open };
-            let answer = match serde_json::from_slice::<Ask>(&line) {
-                Ok(Ask::Status) => Answer::Status(self.status()),
-                Ok(Ask::Watch { lane }) => self.watch(connection, lane).unwrap_or_else(Answer::Refused),
-                Ok(Ask::Attach { version, lane }) => {
-                    self.attach(connection, version, lane, sessions).unwrap_or_else(Answer::Refused)
+            let answer = match serde_json::from_slice::<ControlRequest>(&line) {
+                Ok(ControlRequest::Status) => ControlResponse::Status(self.status()),
+                Ok(ControlRequest::Watch { lane }) => {
+                    self.watch(connection, lane).unwrap_or_else(ControlResponse::Refused)
                 }
-                Err(error) => Answer::Refused(Refusal::Malformed { what: error.to_string() }),
+                Ok(ControlRequest::Attach { version, lane }) => {
+                    self.attach(connection, version, lane, sessions).unwrap_or_else(ControlResponse::Refused)
+                }
+                Err(error) => ControlResponse::Refused(ControlError::Malformed { what: error.to_string() }),
             };
             let mut line = serde_json::to_vec(&answer).expect("answers are plain data");
             line.push(b'\n');
@@ -266,57 +269,61 @@ impl Host {
         version: u32,
         lane: Option<String>,
         sessions: &mut u64,
-    ) -> Result<Answer, Refusal> {
+    ) -> Result<ControlResponse, ControlError> {
         if version != PROTOCOL_VERSION {
-            return Err(Refusal::Version { supervisor: PROTOCOL_VERSION, client: version });
+            return Err(ControlError::Version { supervisor: PROTOCOL_VERSION, client: version });
         }
         let pid = self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let name = lane.description.lane.clone();
-        if let Some(holder) = lane.holder {
-            return Err(Refusal::LaneTaken { lane: name, holder });
+        if let Some(learner_pid) = lane.learner_pid {
+            return Err(ControlError::LaneTaken { lane: name, learner_pid });
         }
         if let Some(text) = self.pool.failure(index) {
-            return Err(Refusal::LaneFailed { lane: name, text: text.to_owned() });
+            return Err(ControlError::LaneFailed { lane: name, text: text.to_owned() });
         }
         *sessions += 1;
-        lane.holder = Some(pid);
+        lane.learner_pid = Some(pid);
         connection.take_role(Role::Learner(index));
         self.pool.set_session(index, Some(*sessions));
         tracing::info!(lane = name, pid, "learner attached");
-        Ok(Answer::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
+        Ok(ControlResponse::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
     }
 
-    fn watch(&mut self, connection: &mut Connection, lane: Option<String>) -> Result<Answer, Refusal> {
+    fn watch(
+        &mut self,
+        connection: &mut Connection,
+        lane: Option<String>,
+    ) -> Result<ControlResponse, ControlError> {
         self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let limit = lane.description.capacity.spectators;
         if lane.spectators == limit {
-            return Err(Refusal::TooManySpectators { lane: lane.description.lane.clone(), limit });
+            return Err(ControlError::TooManySpectators { lane: lane.description.lane.clone(), limit });
         }
         lane.spectators += 1;
         connection.take_role(Role::Spectator(index));
-        Ok(Answer::Lane(Box::new(lane.description.clone())))
+        Ok(ControlResponse::Lane(Box::new(lane.description.clone())))
     }
 
     /// The process of a connection that may become a learner or spectator.
-    fn candidate(&self, connection: &Connection) -> Result<u32, Refusal> {
+    fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
         if connection.role != Role::None {
-            return Err(Refusal::Malformed { what: "this connection has a lane already".to_owned() });
+            return Err(ControlError::Malformed { what: "this connection has a lane already".to_owned() });
         }
-        connection.pid.ok_or_else(|| Refusal::OtherNamespace { pool: self.name.clone() })
+        connection.pid.ok_or_else(|| ControlError::OtherNamespace { pool: self.name.clone() })
     }
 
-    fn find(&self, lane: Option<String>) -> Result<usize, Refusal> {
+    fn find(&self, lane: Option<String>) -> Result<usize, ControlError> {
         let names = || self.lanes.iter().map(|l| l.description.lane.clone()).collect::<Vec<_>>();
         match lane {
             None if self.lanes.len() == 1 => Ok(0),
-            None => Err(Refusal::WhichLane { lanes: names() }),
+            None => Err(ControlError::WhichLane { lanes: names() }),
             Some(lane) => {
                 let found = self.lanes.iter().position(|l| l.description.lane == lane);
-                found.ok_or_else(|| Refusal::NoSuchLane { lane, lanes: names() })
+                found.ok_or_else(|| ControlError::NoSuchLane { lane, lanes: names() })
             }
         }
     }
@@ -328,9 +335,9 @@ impl Host {
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
             Role::Learner(index) => {
                 // If it died, its successor shall find the frames that it held.
-                self.guest.node.try_cleanup_dead_nodes();
+                self.ipc_node.node.try_cleanup_dead_nodes();
                 self.pool.set_session(index, None);
-                self.lanes[index].holder = None;
+                self.lanes[index].learner_pid = None;
                 tracing::info!(
                     lane = self.lanes[index].description.lane,
                     pid = connection.pid,
@@ -341,11 +348,11 @@ impl Host {
     }
 
     fn status(&self) -> PoolStatus {
-        let lane = |(index, lane): (usize, &HostedLane)| LaneStatus {
+        let lane = |(index, lane): (usize, &ServedLane)| LaneStatus {
             description: lane.description.clone(),
-            holder: lane.holder,
+            learner_pid: lane.learner_pid,
             spectators: lane.spectators,
-            figures: self.pool.figures(index),
+            stats: self.pool.stats(index),
             steps_per_s: lane.steps_per_s,
             queue_wait_us: lane.queue_wait_us,
             failure: self.pool.failure(index).map(str::to_owned),
@@ -366,7 +373,7 @@ impl Host {
             let (before, since) = lane.seen;
             let seconds = since.elapsed().as_secs_f64();
             if seconds >= 1.0 {
-                let now = self.pool.figures(index);
+                let now = self.pool.stats(index);
                 lane.steps_per_s = (now.steps - before.steps) as f64 / seconds;
                 let requests = (now.accepted - before.accepted).max(1);
                 lane.queue_wait_us = (now.waited_ns - before.waited_ns) as f64 / 1e3 / requests as f64;

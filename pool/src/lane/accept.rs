@@ -1,10 +1,10 @@
 //! How a request is accepted: entirely, with its environments busy and their actions copied, or not at all.
 
 use super::Lane;
+use crate::hosted_env::{Autoreset, HostedEnv, Task};
 use crate::rejection::Rejection;
-use crate::seat::{Autoreset, Seat, Task};
 use crate::sync::{MutexGuard, lock};
-use crate::transport::{Inlet, Message, Request, RequestKind, Round, Transport};
+use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, Transport};
 use smaclite_engine::IllegalAction;
 use std::hint::black_box;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicI32, Ordering};
 pub(crate) struct Entry {
     pub(crate) env: u32,
     pub(super) task: Task,
-    pub(super) round: Round,
+    pub(super) epoch: Epoch,
     pub(super) ticket: u64,
 }
 
@@ -23,7 +23,7 @@ pub(crate) struct Entry {
 pub(super) struct Intake<I> {
     inlet: I,
     session: Option<u64>,
-    pub(super) round: Round,
+    pub(super) epoch: Epoch,
     was_reset: bool,
     /// Number of the session's last request.
     number: u64,
@@ -38,7 +38,7 @@ impl<I> Intake<I> {
         Intake {
             inlet,
             session: None,
-            round: Round::default(),
+            epoch: Epoch::default(),
             was_reset: false,
             number: 0,
             ticket: 0,
@@ -50,14 +50,14 @@ impl<I> Intake<I> {
         self.session = session;
         self.was_reset = false;
         self.number = 0;
-        self.round = Round { session: session.unwrap_or(0), request: 0 };
+        self.epoch = Epoch { session: session.unwrap_or(0), request: 0 };
     }
 }
 
 /// A request on its way to acceptance.
 struct Checking<'a> {
     request: Request<'a>,
-    round: &'a mut Round,
+    epoch: &'a mut Epoch,
     was_reset: bool,
     ticket: u64,
     accepted: &'a mut Vec<Entry>,
@@ -93,9 +93,9 @@ impl<T: Transport> Lane<T> {
         intake.ticket += 1;
         let last = intake.number;
         intake.number = last.max(request.number);
-        let Intake { was_reset, ticket, ref mut round, ref mut accepted, .. } = *intake;
+        let Intake { was_reset, ticket, ref mut epoch, ref mut accepted, .. } = *intake;
         let checked = in_order(last, request.number)
-            .and_then(|()| self.check(&mut Checking { request, round, was_reset, ticket, accepted }));
+            .and_then(|()| self.check(&mut Checking { request, epoch, was_reset, ticket, accepted }));
         match checked {
             Ok(()) => {
                 intake.was_reset = true;
@@ -103,7 +103,7 @@ impl<T: Transport> Lane<T> {
                 share_out(&intake.accepted);
             }
             Err(rejection) => {
-                self.give_up(&intake.accepted);
+                self.roll_back(&intake.accepted);
                 drop(guard); // the answer may wait for a frame, the control thread must not
                 self.reject(&request, &rejection);
             }
@@ -134,11 +134,15 @@ impl<T: Transport> Lane<T> {
         fetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
-            let mut seat = self.take_seat(env, Task::Step, checking)?;
-            let seat = &mut *seat;
-            seat.actions.iter_mut().zip(actions).for_each(|(own, sent)| *own = sent.load(Ordering::Relaxed));
-            if !seat.over {
-                seat.game.check(&seat.actions).map_err(|illegal| at_env(env, illegal))?;
+            let mut hosted = self.reserve(env, Task::Step, checking)?;
+            let hosted = &mut *hosted;
+            hosted
+                .actions
+                .iter_mut()
+                .zip(actions)
+                .for_each(|(own, sent)| *own = sent.load(Ordering::Relaxed));
+            if !hosted.over {
+                hosted.env.check(&hosted.actions).map_err(|illegal| at_env(env, illegal))?;
             } else if self.autoreset == Autoreset::Disabled {
                 return Err(Rejection::FinishedEnv { env });
             }
@@ -157,18 +161,17 @@ impl<T: Transport> Lane<T> {
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
         if whole {
             self.check_all_named(env_ids)?;
-            *checking.round = Round { request: checking.request.number, ..*checking.round };
-            self.begin_round(*checking.round);
-            return (0..self.num_envs)
-                .try_for_each(|env| self.take_seat(env, reset(env), checking).map(drop));
+            *checking.epoch = Epoch { request: checking.request.number, ..*checking.epoch };
+            self.begin_epoch(*checking.epoch);
+            return (0..self.num_envs).try_for_each(|env| self.reserve(env, reset(env), checking).map(drop));
         }
         for id in env_ids {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
-            drop(self.take_seat(env, reset(env), checking)?);
+            drop(self.reserve(env, reset(env), checking)?);
         }
         if self.is_synchronous() {
             for env in 0..self.num_envs {
-                match self.take_seat(env, Task::Observe, checking) {
+                match self.reserve(env, Task::Observe, checking) {
                     Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // the reset ones have their slot already
                     Err(busy) => return Err(busy),
                 }
@@ -192,21 +195,21 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Marks a seat busy, or says who took it.
-    fn take_seat(
+    fn reserve(
         &self,
         env: usize,
         task: Task,
         checking: &mut Checking<'_>,
-    ) -> Result<MutexGuard<'_, Seat>, Rejection> {
-        let mut seat = lock(&self.seats[env]);
-        match seat.busy {
+    ) -> Result<MutexGuard<'_, HostedEnv>, Rejection> {
+        let mut hosted = lock(&self.envs[env]);
+        match hosted.busy {
             Some(ticket) if ticket == checking.ticket => Err(Rejection::DuplicateEnv { env }),
             Some(_) => Err(Rejection::BusyEnv { env }),
             None => {
-                seat.busy = Some(checking.ticket);
-                let (round, ticket) = (*checking.round, checking.ticket);
-                checking.accepted.push(Entry { env: env as u32, task, round, ticket });
-                Ok(seat)
+                hosted.busy = Some(checking.ticket);
+                let (epoch, ticket) = (*checking.epoch, checking.ticket);
+                checking.accepted.push(Entry { env: env as u32, task, epoch, ticket });
+                Ok(hosted)
             }
         }
     }
@@ -219,8 +222,8 @@ impl<T: Transport> Lane<T> {
     }
 
     /// A refused request leaves no trace.
-    fn give_up(&self, accepted: &[Entry]) {
-        accepted.iter().for_each(|e| lock(&self.seats[e.env as usize]).busy = None);
+    fn roll_back(&self, accepted: &[Entry]) {
+        accepted.iter().for_each(|e| lock(&self.envs[e.env as usize]).busy = None);
     }
 }
 

@@ -2,28 +2,28 @@
 //! run of environments becomes slots of a frame. Which thread does what is decided elsewhere (`workers`).
 
 mod accept;
-mod figures;
+mod stats;
 
 pub(crate) use accept::Entry;
-pub use figures::LaneFigures;
+pub use stats::LaneStats;
 
 use crate::environment::MakeEnvironment;
 use crate::fields::FieldSet;
+use crate::frame_assembler::{FrameAssembler, SlotClaim};
+use crate::hosted_env::{Autoreset, HostedEnv, StepCounts};
 use crate::layout::Layout;
-use crate::outbox::{Claim, Outbox};
 use crate::rejection::Rejection;
-use crate::seat::{Autoreset, Seat, Tally};
 use crate::sync::{Mutex, lock};
-use crate::transport::{Request, Round, Transport};
+use crate::transport::{Epoch, Request, Transport};
 use accept::Intake;
-use figures::Counters;
 use smaclite_engine::{Scratch, Sizes, Step};
+use stats::Counters;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 /// How long to wait for a frame. Memory that a dead process held comes back within 100 ms.
-const RECLAIM_TIME: Duration = Duration::from_secs(2);
+const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How to build a lane.
 pub struct LaneSpec {
@@ -62,9 +62,9 @@ pub(crate) struct Lane<T: Transport> {
     seed: u64,
     autoreset: Autoreset,
     layout: Layout,
-    seats: Vec<Mutex<Seat>>,
+    envs: Vec<Mutex<HostedEnv>>,
     intake: Mutex<Intake<T::Inlet>>,
-    outbox: Mutex<Outbox<T::Outlet>>,
+    assembler: Mutex<FrameAssembler<T::Outlet>>,
     failure: OnceLock<String>,
     counters: Counters,
 }
@@ -78,9 +78,9 @@ impl<T: Transport> Lane<T> {
             seed: spec.seed,
             autoreset: spec.autoreset,
             layout: spec.layout(),
-            seats: (0..spec.num_envs).map(|i| Mutex::new(Seat::new((spec.make)(i)))).collect(),
+            envs: (0..spec.num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i)))).collect(),
             intake: Mutex::new(Intake::new(inlet)),
-            outbox: Mutex::new(Outbox::new(outlet, spec.batch_size)?),
+            assembler: Mutex::new(FrameAssembler::new(outlet, spec.batch_size)?),
             failure: OnceLock::new(),
             counters: Counters::default(),
         })
@@ -98,10 +98,10 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn set_session(&self, session: Option<u64>) {
         let mut intake = lock(&self.intake);
         intake.set_session(session);
-        self.begin_round(intake.round);
+        self.begin_epoch(intake.epoch);
     }
 
-    pub(crate) fn figures(&self) -> LaneFigures {
+    pub(crate) fn stats(&self) -> LaneStats {
         self.counters.read()
     }
 
@@ -110,10 +110,10 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Called under the intake's lock. Work of the old round is still carried out, so that what follows does
-    /// not depend on how far the workers were; but the outbox gives it no slot.
-    fn begin_round(&self, round: Round) {
-        lock(&self.outbox).begin_round(round);
-        self.seats.iter().for_each(|seat| lock(seat).busy = None);
+    /// not depend on how far the workers were; but the frame assembler gives it no slot.
+    fn begin_epoch(&self, epoch: Epoch) {
+        lock(&self.assembler).begin_epoch(epoch);
+        self.envs.iter().for_each(|hosted| lock(hosted).busy = None);
     }
 
     /// Answers a request with the reason why it was refused. May wait for a frame: the caller holds no lock.
@@ -121,21 +121,22 @@ impl<T: Transport> Lane<T> {
         tracing::debug!(%rejection, "request rejected");
         self.counters.rejected();
         let text = text_of(rejection);
-        let sent = self.when_a_frame_is_there(|outbox| outbox.report(request.session, request.number, &text));
+        let sent =
+            self.when_a_frame_is_there(|assembler| assembler.report(request.session, request.number, &text));
         sent.unwrap_or_else(|error| self.fail(error));
     }
 
-    /// Retries what needs a frame for as long as there is none, up to [`RECLAIM_TIME`]. The lane's memory
+    /// Retries what needs a frame for as long as there is none, up to [`FRAME_TIMEOUT`]. The lane's memory
     /// suffices by calculation, but what a killed learner held comes back only when the control thread cleans
     /// up after it, and for that it may need any lock of this lane. So the caller holds none.
     fn when_a_frame_is_there<R>(
         &self,
-        mut attempt: impl FnMut(&mut Outbox<T::Outlet>) -> Result<R, String>,
+        mut attempt: impl FnMut(&mut FrameAssembler<T::Outlet>) -> Result<R, String>,
     ) -> Result<R, String> {
         let mut begin = None; // a clock is read only where there is no frame
         loop {
-            let outcome = attempt(&mut lock(&self.outbox));
-            if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= RECLAIM_TIME {
+            let outcome = attempt(&mut lock(&self.assembler));
+            if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= FRAME_TIMEOUT {
                 return outcome;
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -147,15 +148,15 @@ impl<T: Transport> Lane<T> {
         if self.failure().is_some() {
             return; // what panicked once may be in any state
         }
-        let mut tally = Tally::default();
+        let mut counts = StepCounts::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
                 // A worker that was busy elsewhere may find an old round's steps and a new one's resets at
                 // once.
-                let mut rounds = run.chunk_by(|a, b| a.round == b.round);
-                rounds.try_for_each(|run| self.serve_run(run, scratch, &mut tally))
+                let mut epochs = run.chunk_by(|a, b| a.epoch == b.epoch);
+                epochs.try_for_each(|run| self.serve_run(run, scratch, &mut counts))
             } else {
-                self.serve_each(run, scratch, &mut tally)
+                self.serve_each(run, scratch, &mut counts)
             }
         }));
         match served {
@@ -163,63 +164,68 @@ impl<T: Transport> Lane<T> {
             Ok(Err(text)) => self.fail(text),
             Err(panic) => self.fail(panic_text(panic.as_ref())),
         }
-        self.counters.stepped(&tally);
+        self.counters.stepped(&counts);
     }
 
     /// Synchronous: all slots of the run are claimed at once, since environment i has slot i of the one open
     /// frame.
-    fn serve_run(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
+    fn serve_run(&self, run: &[Entry], scratch: &mut Scratch, counts: &mut StepCounts) -> Result<(), String> {
         let Some(first) = run.first() else { return Ok(()) };
-        let claim = self.when_a_frame_is_there(|outbox| outbox.claim(first.round, run.len()))?;
+        let claim = self.when_a_frame_is_there(|assembler| assembler.claim(first.epoch, run.len()))?;
         for entry in run {
-            self.serve_seat(entry, scratch, tally, |env| Ok(claim.map(|claim| (claim, env))))?;
+            self.serve_env(entry, scratch, counts, |env| Ok(claim.map(|claim| (claim, env))))?;
         }
         claim.into_iter().for_each(|claim| self.finish(claim));
         Ok(())
     }
 
     /// Asynchronous: whoever finishes first gets the next slot.
-    fn serve_each(&self, run: &[Entry], scratch: &mut Scratch, tally: &mut Tally) -> Result<(), String> {
+    fn serve_each(
+        &self,
+        run: &[Entry],
+        scratch: &mut Scratch,
+        counts: &mut StepCounts,
+    ) -> Result<(), String> {
         for entry in run {
             let claim_slot = |_| {
-                let claim = self.when_a_frame_is_there(|outbox| outbox.claim(entry.round, 1))?;
+                let claim = self.when_a_frame_is_there(|assembler| assembler.claim(entry.epoch, 1))?;
                 Ok(claim.map(|claim| (claim, claim.first)))
             };
-            let claim = self.serve_seat(entry, scratch, tally, claim_slot)?;
+            let claim = self.serve_env(entry, scratch, counts, claim_slot)?;
             claim.into_iter().for_each(|claim| self.finish(claim));
         }
         Ok(())
     }
 
-    fn serve_seat(
+    fn serve_env(
         &self,
         entry: &Entry,
         scratch: &mut Scratch,
-        tally: &mut Tally,
-        claim_slot: impl FnOnce(usize) -> Result<Option<(Claim, usize)>, String>,
-    ) -> Result<Option<Claim>, String> {
+        counts: &mut StepCounts,
+        claim_slot: impl FnOnce(usize) -> Result<Option<(SlotClaim, usize)>, String>,
+    ) -> Result<Option<SlotClaim>, String> {
         let env = entry.env as usize;
-        let step: Option<Step> = lock(&self.seats[env]).run(entry.task, self.autoreset, scratch);
-        tally.count(step);
+        let step: Option<Step> = lock(&self.envs[env]).run(entry.task, self.autoreset, scratch);
+        counts.count(step);
         // Meanwhile a new round may give the seat another task, but only this worker carries it out.
         let claimed = claim_slot(env)?;
-        let mut seat = lock(&self.seats[env]);
+        let mut hosted = lock(&self.envs[env]);
         let Some((claim, index)) = claimed else {
-            seat.forgo(self.autoreset);
+            hosted.discard(self.autoreset);
             return Ok(None);
         };
-        // SAFETY: the outbox keeps the frame's loan until every claimed slot is reported as written, which
+        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is reported as written, which
         // `finish` does after this. Slots are distinct: an asynchronous lane's claims do not overlap, and in
         // a synchronous one `index` is the environment, which an accepted request holds once (`busy`).
         let mut slot = unsafe { claim.memory.slot(&self.layout, index) };
-        seat.write(env, step, self.autoreset, &mut slot, scratch);
+        hosted.write(env, step, self.autoreset, &mut slot, scratch);
         // Claimed in an old round, the seat may be another request's by now.
-        seat.busy = seat.busy.filter(|ticket| *ticket != entry.ticket);
+        hosted.busy = hosted.busy.filter(|ticket| *ticket != entry.ticket);
         Ok(Some(claim))
     }
 
-    fn finish(&self, claim: Claim) {
-        if lock(&self.outbox).written(claim) {
+    fn finish(&self, claim: SlotClaim) {
+        if lock(&self.assembler).complete(claim) {
             self.counters.sent();
         }
     }
@@ -228,7 +234,7 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn fail(&self, text: String) {
         tracing::error!(lane = self.name, text, "lane failed");
         if self.failure.set(text.clone()).is_ok() {
-            lock(&self.outbox).report_failure(&text_of(&Rejection::LaneFailed { text }));
+            lock(&self.assembler).report_failure(&text_of(&Rejection::LaneFailed { text }));
         }
     }
 }

@@ -61,7 +61,7 @@ pub struct Oddity {
 
 /// The game.
 #[derive(Clone)]
-pub struct Game {
+pub struct LaneEnvs {
     /// Everything that happened, mixed.
     word: u64,
     length: u32,
@@ -75,10 +75,10 @@ fn mix(word: u64, more: u64) -> u64 {
     word ^ (word >> 29)
 }
 
-impl Game {
+impl LaneEnvs {
     /// Seeded and reset.
-    pub fn new(seed: u64, oddity: Oddity) -> Game {
-        let mut game = Game { word: 0, length: 0, total: 0.0, steps: 0, oddity };
+    pub fn new(seed: u64, oddity: Oddity) -> LaneEnvs {
+        let mut game = LaneEnvs { word: 0, length: 0, total: 0.0, steps: 0, oddity };
         game.reseed(seed);
         game.reset();
         game
@@ -90,7 +90,7 @@ impl Game {
     }
 }
 
-impl Environment for Game {
+impl Environment for LaneEnvs {
     fn sizes(&self) -> Sizes {
         SIZES
     }

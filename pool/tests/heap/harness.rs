@@ -1,13 +1,13 @@
-//! Pools of [`Game`]s, a learner to play with them, and what it should see: the same games played one by one.
+//! Pools of [`LaneEnvs`]s, a learner to play with them, and what it should see: the same games played one by one.
 
-use crate::game::{Game, Oddity, SIZES};
+use crate::game::{LaneEnvs, Oddity, SIZES};
 use crate::transport::{Bell, Ends, Frame, Heap, HeapMessage, lane};
 use smaclite_engine::{Battle, Scratch, Step};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Doorbell, RequestKind};
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, Wait};
+use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -33,7 +33,7 @@ impl LaneSetup {
 
     fn spec(self, lane: usize, oddity: impl Fn(usize) -> Oddity + Send + 'static) -> LaneSpec {
         let make = move |env: usize| -> Box<dyn Environment> {
-            Box::new(Game::new(self.seed + env as u64, oddity(env)))
+            Box::new(LaneEnvs::new(self.seed + env as u64, oddity(env)))
         };
         LaneSpec {
             name: format!("lane {lane}"),
@@ -55,12 +55,12 @@ pub fn start(
     lanes: &[LaneSetup],
     oddity: impl Fn(usize, usize) -> Oddity + Clone + Send + 'static,
 ) -> (Pool<Heap>, Vec<Learner>) {
-    start_waiting(Wait::default(), threads, lanes, oddity)
+    start_waiting(WaitStrategy::default(), threads, lanes, oddity)
 }
 
 /// [`start`] with a way of waiting.
 pub fn start_waiting(
-    wait: Wait,
+    wait: WaitStrategy,
     threads: usize,
     lanes: &[LaneSetup],
     oddity: impl Fn(usize, usize) -> Oddity + Clone + Send + 'static,
@@ -74,7 +74,7 @@ pub fn start_waiting(
         let layout = spec.layout();
         let (part, ends) = lane(spec);
         parts.push(part);
-        learners.push(Learner { ends, bell: bell.clone(), layout, session: 1, number: 0, round: 0 });
+        learners.push(Learner { ends, bell: bell.clone(), layout, session: 1, number: 0, epoch: 0 });
     }
     let pool = Pool::start(parts, bell, PoolOptions { threads, wait }).expect("threads can be had");
     (0..lanes.len()).for_each(|lane| pool.set_session(lane, Some(1)));
@@ -94,10 +94,10 @@ pub fn start_battles(
     let layout = spec.layout();
     let bell = Bell::default();
     let (part, ends) = lane(spec);
-    let options = PoolOptions { threads, wait: Wait::default() };
+    let options = PoolOptions { threads, wait: WaitStrategy::default() };
     let pool = Pool::start(vec![part], bell.clone(), options).expect("threads can be had");
     pool.set_session(0, Some(1));
-    (pool, Learner { ends, bell, layout, session: 1, number: 0, round: 0 })
+    (pool, Learner { ends, bell, layout, session: 1, number: 0, epoch: 0 })
 }
 
 /// A learner that need not be honest.
@@ -107,14 +107,14 @@ pub struct Learner {
     pub layout: Layout,
     pub session: u64,
     pub number: u64,
-    round: u64,
+    epoch: u64,
 }
 
 impl Learner {
     /// Asks for a reset; of all environments, if `num_envs` are given.
     pub fn send_reset(&mut self, seed: Option<u64>, env_ids: &[i32], num_envs: usize) {
         if env_ids.len() == num_envs {
-            self.round = self.number + 1;
+            self.epoch = self.number + 1;
         }
         self.send(RequestKind::Reset { seed }, env_ids, &[]);
     }
@@ -153,7 +153,7 @@ impl Learner {
             if let Some((request, rejection)) = frame.rejection() {
                 panic!("request {request} was rejected: {rejection}");
             }
-            if (frame.round.session, frame.round.request) == (self.session, self.round) {
+            if (frame.epoch.session, frame.epoch.request) == (self.session, self.epoch) {
                 return self.rows(&frame);
             }
         }
@@ -253,13 +253,13 @@ impl Row {
 /// The games of a lane, played one after the other on this thread.
 pub struct Reference {
     setup: LaneSetup,
-    games: Vec<(Game, bool)>,
+    games: Vec<(LaneEnvs, bool)>,
     layout: Layout,
 }
 
 impl Reference {
     pub fn new(setup: LaneSetup) -> Reference {
-        let game = |env: usize| (Game::new(setup.seed + env as u64, Oddity::default()), false);
+        let game = |env: usize| (LaneEnvs::new(setup.seed + env as u64, Oddity::default()), false);
         let layout = setup.spec(0, |_| Oddity::default()).layout();
         Reference { setup, games: (0..setup.num_envs).map(game).collect(), layout }
     }
@@ -299,7 +299,7 @@ impl Reference {
     }
 
     /// `last`: the game as it ended, where it was reset since.
-    fn row(&self, env: i32, step: Option<Step>, last: Option<Game>) -> Row {
+    fn row(&self, env: i32, step: Option<Step>, last: Option<LaneEnvs>) -> Row {
         let game = &self.games[env as usize].0;
         let outcome = last.as_ref().unwrap_or(game);
         let floats = |field: Field| {

@@ -65,7 +65,7 @@ fn a_small_lane_is_served_beside_a_large_one_that_never_rests() {
             }
         });
         for lane in 0..3 {
-            settle("every lane got its frames", || pool.figures(lane).frames >= STEPS as u64);
+            settle("every lane got its frames", || pool.stats(lane).frames >= STEPS as u64);
         }
     }
 }

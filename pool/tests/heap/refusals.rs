@@ -36,7 +36,7 @@ fn check(
     learner.send_step(env_ids, &actions);
     let rejection = learner.rejection();
     assert!(is_right(&rejection), "{rejection:?}");
-    assert_eq!(pool.figures(0).rejected, 1);
+    assert_eq!(pool.stats(0).rejected, 1);
 
     let legal: Vec<_> = rows.iter().flat_map(Row::legal_actions).collect();
     learner.send_step(&all(N), &legal);
@@ -51,7 +51,7 @@ fn check(
         assert_eq!(*row, reference.step(row.env, actions), "after {rejection}");
     }
     assert!(learner.hears_nothing());
-    settle("every environment stepped once", || pool.figures(0).steps == N as u64);
+    settle("every environment stepped once", || pool.stats(0).steps == N as u64);
 }
 
 fn unavailable(row: &Row, agent: usize) -> i32 {
@@ -172,8 +172,8 @@ fn what_has_no_form_or_comes_from_another_session_is_counted_and_not_answered() 
     learner.send_step(&all(N), &legal);
     learner.batch();
     assert!(learner.hears_nothing());
-    assert_eq!(pool.figures(0).rejected, 3);
-    settle("every environment stepped once", || pool.figures(0).steps == N as u64);
+    assert_eq!(pool.stats(0).rejected, 3);
+    settle("every environment stepped once", || pool.stats(0).steps == N as u64);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::{MANY_THREADS, STEPS};
 use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, Rules, Scratch};
 use smaclite_pool::fields::{Field, FieldSet};
-use smaclite_pool::{Autoreset, Wait};
+use smaclite_pool::{Autoreset, WaitStrategy};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ struct Play {
 }
 
 /// Plays a lane for a while and compares every row.
-fn check(setup: LaneSetup, threads: usize, wait: Wait) {
+fn check(setup: LaneSetup, threads: usize, wait: WaitStrategy) {
     let what = format!("{threads} threads, batches of {}, {:?}", setup.batch_size, setup.autoreset);
     let (_pool, mut learners) = start_waiting(wait, threads, &[setup], |_, _| Oddity::default());
     let expected = vec![None; setup.num_envs];
@@ -88,7 +88,11 @@ fn a_learner_sees_the_same_bits_for_every_number_of_threads_batch_size_and_mode(
     for autoreset in MODES {
         for threads in 1..=MANY_THREADS {
             for batch_size in [5, 2, 1] {
-                check(LaneSetup { batch_size, autoreset, ..LaneSetup::new(5) }, threads, Wait::default());
+                check(
+                    LaneSetup { batch_size, autoreset, ..LaneSetup::new(5) },
+                    threads,
+                    WaitStrategy::default(),
+                );
             }
         }
     }
@@ -96,7 +100,7 @@ fn a_learner_sees_the_same_bits_for_every_number_of_threads_batch_size_and_mode(
 
 #[test]
 fn every_way_of_waiting_shows_the_same() {
-    for wait in [Wait::Block, Wait::Spin] {
+    for wait in [WaitStrategy::Block, WaitStrategy::Spin] {
         check(LaneSetup::new(5), 2, wait);
         check(LaneSetup { batch_size: 2, ..LaneSetup::new(5) }, 2, wait);
     }
@@ -105,13 +109,13 @@ fn every_way_of_waiting_shows_the_same() {
 #[test]
 fn a_batch_larger_than_a_run_comes_in_one_frame() {
     let num_envs = if cfg!(miri) { 18 } else { 100 };
-    check(LaneSetup::new(num_envs), 2, Wait::default());
+    check(LaneSetup::new(num_envs), 2, WaitStrategy::default());
 }
 
 #[test]
 fn more_threads_than_environments_do_no_harm() {
-    check(LaneSetup::new(1), 4, Wait::default());
-    check(LaneSetup { batch_size: 1, ..LaneSetup::new(3) }, 4, Wait::default());
+    check(LaneSetup::new(1), 4, WaitStrategy::default());
+    check(LaneSetup { batch_size: 1, ..LaneSetup::new(3) }, 4, WaitStrategy::default());
 }
 
 #[test]
@@ -123,7 +127,7 @@ fn fields_that_a_lane_leaves_out_are_not_there_and_the_others_unchanged() {
         let layout = &learners[0].layout;
         assert_eq!(layout.offset(Field::Obs), None);
         assert_eq!(layout.offset(Field::FinalState).is_some(), autoreset == Autoreset::SameStep);
-        check(setup, 2, Wait::default());
+        check(setup, 2, WaitStrategy::default());
     }
 }
 

@@ -4,7 +4,7 @@
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
 use smaclite_pool::transport::{
-    Content, Doorbell, Inlet, Message, Outlet, Request, RequestKind, Round, Transport,
+    Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, RequestKind, Transport,
 };
 use smaclite_pool::{LaneSpec, Rejection};
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
@@ -118,8 +118,8 @@ unsafe impl Outlet for HeapOutlet {
         &mut loan.bytes[loan.start..loan.start + loan.len]
     }
 
-    fn publish(&mut self, memory: Memory, round: Round, content: Content) {
-        let _ = self.frames.send(Frame { memory, round, content }); // a learner that left does not read it
+    fn publish(&mut self, memory: Memory, epoch: Epoch, content: Content) {
+        let _ = self.frames.send(Frame { memory, epoch, content }); // a learner that left does not read it
     }
 }
 
@@ -127,7 +127,7 @@ unsafe impl Outlet for HeapOutlet {
 pub struct Frame {
     memory: Memory,
     /// What it answers.
-    pub round: Round,
+    pub epoch: Epoch,
     /// Batch or rejection.
     pub content: Content,
 }

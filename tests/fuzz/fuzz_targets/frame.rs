@@ -8,7 +8,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use smaclite_engine::Sizes;
-use smaclite_ipc::control::protocol::{Answer, Ask};
+use smaclite_ipc::control::protocol::{ControlResponse, ControlRequest};
 use smaclite_ipc::wire::{Content, FrameHeader, MAGIC, frames_lost, read_frame};
 use smaclite_pool::fields::{Dtype, FieldSet};
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
@@ -29,7 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
         version: or(1, FORMAT_VERSION.into()) as u32,
         layout_hash: or(2, layout.hash()),
         session: 1,
-        round: 1,
+        epoch: 1,
         sequence: or(3, 8),
         slots: or(4, 4) as u32,
         rejection_len: or(5, 0) as u32,
@@ -63,12 +63,12 @@ fn look_at_all(layout: &Layout, payload: &[u8]) {
 }
 
 fn answer(line: &[u8]) {
-    drop(serde_json::from_slice::<Ask>(line));
-    match serde_json::from_slice::<Answer>(line) {
-        Ok(Answer::Attached { lane, .. } | Answer::Lane(lane)) => {
+    drop(serde_json::from_slice::<ControlRequest>(line));
+    match serde_json::from_slice::<ControlResponse>(line) {
+        Ok(ControlResponse::Attached { lane, .. } | ControlResponse::Lane(lane)) => {
             drop(lane.layout().map_err(|e| e.to_string()))
         }
-        Ok(Answer::Refused(refusal)) => drop(refusal.to_string()),
-        Ok(Answer::Status(_)) | Err(_) => {}
+        Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),
+        Ok(ControlResponse::Status(_)) | Err(_) => {}
     }
 }

@@ -13,13 +13,13 @@ mod game;
 #[allow(dead_code)]
 mod transport;
 
-use game::{Game, Oddity, SIZES};
+use game::{LaneEnvs, Oddity, SIZES};
 use libfuzzer_sys::fuzz_target;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Request, RequestKind, Transport};
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, Wait};
+use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
@@ -87,7 +87,7 @@ fn bench() -> &'static Mutex<Bench> {
         let (mut parts, mut lanes) = (Vec::new(), Vec::new());
         for (num_envs, batch_size, autoreset) in [(3, 3, Autoreset::Disabled), (5, 2, Autoreset::SameStep)] {
             let make = move |env: usize| -> Box<dyn smaclite_pool::environment::Environment> {
-                Box::new(Game::new(env as u64, Oddity::default()))
+                Box::new(LaneEnvs::new(env as u64, Oddity::default()))
             };
             let name = format!("{num_envs}");
             let (make, fields) = (Box::new(make) as _, FieldSet::ALL);
@@ -99,7 +99,7 @@ fn bench() -> &'static Mutex<Bench> {
             parts.push((spec, RawInlet { messages: inlet, layout: layout.clone() }, outlet));
             lanes.push(Lane { messages, frames: ends.frames, layout, num_envs });
         }
-        let options = PoolOptions { threads: 2, wait: Wait::default() };
+        let options = PoolOptions { threads: 2, wait: WaitStrategy::default() };
         let pool = Pool::start(parts, bell.clone(), options).expect("threads can be had");
         Mutex::new(Bench { pool, lanes, bell, session: 0 })
     })
@@ -154,11 +154,11 @@ impl Input<'_> {
 
 impl Bench {
     /// The next batch of this session and round.
-    fn batch(&self, lane: &Lane, round: u64) -> Frame {
+    fn batch(&self, lane: &Lane, epoch: u64) -> Frame {
         loop {
             let frame =
                 lane.frames.recv_timeout(Duration::from_secs(20)).expect("an honest learner is answered");
-            let ours = (frame.round.session, frame.round.request) == (self.session, round);
+            let ours = (frame.epoch.session, frame.epoch.request) == (self.session, epoch);
             assert!(!ours || frame.content == Content::Batch, "{:?}", frame.rejection());
             if ours {
                 return frame;

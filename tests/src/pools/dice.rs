@@ -38,8 +38,8 @@ impl Dice {
 /// `step` of every environment `env`, the same whoever asks.
 pub fn joint_action(masks: &[u8], n_actions: usize, env: usize, step: u64, out: &mut [i32]) {
     for (agent, (mask, action)) in masks.chunks_exact(n_actions).zip(out).enumerate() {
-        let legal = mask.iter().filter(|a| **a != 0).count() as u64;
-        let nth = mix(&[env as u64, step, agent as u64]) % legal.max(1);
+        let validator = mask.iter().filter(|a| **a != 0).count() as u64;
+        let nth = mix(&[env as u64, step, agent as u64]) % validator.max(1);
         let found = mask.iter().enumerate().filter(|(_, a)| **a != 0).nth(nth as usize);
         *action = found.map_or(0, |(action, _)| action as i32);
     }

@@ -3,7 +3,7 @@
 use super::games;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Arena, Battle, Rules};
-use smaclite_ipc::{Game, LaneConfig, Place, SupervisorConfig, Wait};
+use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -60,10 +60,10 @@ impl PoolPlan {
     }
 
     /// What a supervisor at `place` is started with.
-    pub fn config(&self, place: &Place) -> SupervisorConfig {
-        let options = PoolOptions { threads: self.threads, wait: Wait::default() };
+    pub fn config(&self, runtime_dir: &RuntimeDir) -> SupervisorConfig {
+        let options = PoolOptions { threads: self.threads, wait: WaitStrategy::default() };
         let lanes = self.lanes.iter().map(LanePlan::config).collect();
-        SupervisorConfig { name: self.name.clone(), lanes, options, place: place.clone() }
+        SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir: runtime_dir.clone() }
     }
 }
 
@@ -106,11 +106,11 @@ impl LanePlan {
         lane
     }
 
-    fn game(&self, plain: Game) -> Game {
+    fn game(&self, plain: LaneEnvs) -> LaneEnvs {
         let limit = Some(self.episode_limit);
         match (plain, self.oddity) {
-            (Game::Battle { scenario, rules, .. }, games::Oddity::None) => {
-                Game::Battle { scenario, rules, episode_limit: limit }
+            (LaneEnvs::Battle { scenario, rules, .. }, games::Oddity::None) => {
+                LaneEnvs::Battle { scenario, rules, episode_limit: limit }
             }
             _ => {
                 let (arena, seed, oddity) = (self.arena(), self.seed, self.oddity);
@@ -119,7 +119,7 @@ impl LanePlan {
                 let make = move |env: usize| -> Box<dyn Environment> {
                     Box::new(games::Odd::new(Battle::new(Arc::clone(&arena), seed + env as u64), env, oddity))
                 };
-                Game::Other { name, sizes, make: Box::new(make) }
+                LaneEnvs::Other { name, sizes, make: Box::new(make) }
             }
         }
     }

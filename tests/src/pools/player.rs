@@ -1,7 +1,7 @@
 //! A learner that compares every frame it gets with the undisturbed run.
 
 use super::{LanePlan, Replay};
-use smaclite_ipc::{Batch, Client, ClientError, ConnectError, Patience, Place, Wait};
+use smaclite_ipc::{Batch, Client, ClientError, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
 use std::time::Duration;
 
 /// A client with the battles it should see.
@@ -31,8 +31,8 @@ impl Player {
     ///
     /// # Errors
     /// The client's.
-    pub fn connect(place: &Place, pool: &str, plan: &LanePlan) -> Result<Player, ConnectError> {
-        Player::connect_waiting(place, pool, plan, Wait::default())
+    pub fn connect(runtime_dir: &RuntimeDir, pool: &str, plan: &LanePlan) -> Result<Player, ConnectError> {
+        Player::connect_waiting(runtime_dir, pool, plan, WaitStrategy::default())
     }
 
     /// The same with a way of waiting.
@@ -40,12 +40,12 @@ impl Player {
     /// # Errors
     /// The client's.
     pub fn connect_waiting(
-        place: &Place,
+        runtime_dir: &RuntimeDir,
         pool: &str,
         plan: &LanePlan,
-        wait: Wait,
+        wait: WaitStrategy,
     ) -> Result<Player, ConnectError> {
-        let client = Client::connect(place, pool, Some(&plan.name), wait)?;
+        let client = Client::connect(runtime_dir, pool, Some(&plan.name), wait)?;
         let (synchronous, n_agents) = (client.description().is_synchronous(), client.description().n_agents);
         Ok(Player {
             client,
@@ -82,7 +82,7 @@ impl Player {
     /// # Errors
     /// The client's, or a wrong frame.
     pub fn reset(&mut self, seed: Option<u64>, timeout: Duration) -> Result<(), Trouble> {
-        self.client.send_reset(seed, None, Patience::forever())?;
+        self.client.send_reset(seed, None, WaitOptions::forever())?;
         self.replay.reset_all(seed);
         self.ready.clear();
         self.sequence = 0; // the client leaves out what is still to come of before
@@ -96,7 +96,7 @@ impl Player {
     /// # Errors
     /// The client's.
     pub fn send_reset(&mut self, envs: &[i32], seed: Option<u64>) -> Result<(), Trouble> {
-        self.client.send_reset(seed, Some(envs), Patience::forever())?;
+        self.client.send_reset(seed, Some(envs), WaitOptions::forever())?;
         if self.synchronous {
             self.ready.drain(..).for_each(|env| self.replay.observe(env as usize));
         } else {
@@ -125,7 +125,7 @@ impl Player {
             self.replay.step(*env as usize, row);
         }
         let ids = if self.synchronous { None } else { Some(envs) };
-        Ok(self.client.send(&actions, ids, Patience::forever())?)
+        Ok(self.client.send(&actions, ids, WaitOptions::forever())?)
     }
 
     /// Receives a batch and compares it.
@@ -133,7 +133,7 @@ impl Player {
     /// # Errors
     /// The client's, or a wrong frame.
     pub fn recv(&mut self, timeout: Duration) -> Result<Batch, Trouble> {
-        let batch = self.client.recv(Patience { timeout: Some(timeout), interrupted: &mut || false })?;
+        let batch = self.client.recv(WaitOptions { timeout: Some(timeout), interrupted: &mut || false })?;
         self.replay.check_all(&batch).map_err(Trouble::Wrong)?;
         if self.sequence != 0 && batch.sequence() != self.sequence + 1 {
             let what = format!("frame {} came after frame {}", batch.sequence(), self.sequence);

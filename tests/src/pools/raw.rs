@@ -5,7 +5,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
-use smaclite_ipc::{LaneDescription, Place, PoolService};
+use smaclite_ipc::{LaneDescription, PoolService, RuntimeDir};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
@@ -13,9 +13,9 @@ use std::os::unix::net::UnixStream;
 pub type Ipc = PoolService;
 
 /// A node at the pool's place.
-pub fn node(place: &Place) -> Node<Ipc> {
+pub fn node(runtime_dir: &RuntimeDir) -> Node<Ipc> {
     set_log_level(LogLevel::Fatal);
-    let config = smaclite_ipc::iceoryx(&place.shm_folder().expect("a pool that runs"));
+    let config = smaclite_ipc::iceoryx(&runtime_dir.shm_dir().expect("a pool that runs"));
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -31,8 +31,8 @@ impl Control {
     ///
     /// # Panics
     /// If it is not there.
-    pub fn connect(place: &Place) -> Control {
-        Control(BufReader::new(UnixStream::connect(place.socket("train")).expect("the pool's socket")))
+    pub fn connect(runtime_dir: &RuntimeDir) -> Control {
+        Control(BufReader::new(UnixStream::connect(runtime_dir.socket("train")).expect("the pool's socket")))
     }
 
     /// Writes a line, whatever it is, and returns the answer; empty if the pool hung up.
@@ -49,7 +49,7 @@ impl Control {
     /// # Panics
     /// If that is refused.
     pub fn attach(&mut self, lane: &str) -> (u64, LaneDescription) {
-        let answer = self.ask(&format!(r#"{{"ask":"attach","version":1,"lane":"{lane}"}}"#));
+        let answer = self.ask(&format!(r#"{{"request":"attach","version":1,"lane":"{lane}"}}"#));
         let answer: serde_json::Value = serde_json::from_str(&answer).expect("an answer");
         let session = answer["session"].as_u64().unwrap_or_else(|| panic!("refused: {answer}"));
         (session, serde_json::from_value(answer["lane"].clone()).expect("a description"))

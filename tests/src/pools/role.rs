@@ -4,7 +4,7 @@ use super::player::Player;
 use super::process::{ANSWER, ROLE_VARIABLE, SOON};
 use super::torture::actors;
 use super::{LanePlan, PoolPlan, stranger};
-use smaclite_ipc::{Batch, ConnectError, Place, Spectator, Supervisor};
+use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor};
 use std::io::Write;
 use std::time::Duration;
 
@@ -44,15 +44,16 @@ pub(super) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<
     }
 }
 
-fn place() -> Result<Place, ConnectError> {
-    Ok(Place::of_this_user()?)
+fn runtime_dir() -> Result<RuntimeDir, ConnectError> {
+    Ok(RuntimeDir::for_current_user()?)
 }
 
 /// Runs a pool until the parent closes the input.
 fn supervisor(plan: &str) -> i32 {
     let plan: PoolPlan = serde_json::from_str(plan).expect("a plan");
-    let started = Place::of_this_user().map_err(|e| e.to_string());
-    let started = started.and_then(|place| Supervisor::start(plan.config(&place)).map_err(|e| e.to_string()));
+    let started = RuntimeDir::for_current_user().map_err(|e| e.to_string());
+    let started = started
+        .and_then(|runtime_dir| Supervisor::start(plan.config(&runtime_dir)).map_err(|e| e.to_string()));
     let supervisor = match started {
         Ok(supervisor) => supervisor,
         Err(error) => {
@@ -71,13 +72,14 @@ pub const WATCHING: &str = "watching";
 
 /// Watches a lane and keeps looking, until the parent closes the input.
 fn spectator(lane: &str) -> i32 {
-    let mut spectator = match place().and_then(|place| Spectator::connect(&place, "train", Some(lane))) {
-        Ok(spectator) => spectator,
-        Err(error) => {
-            answer::<&str, _>(Err(error));
-            return 1;
-        }
-    };
+    let mut spectator =
+        match runtime_dir().and_then(|runtime_dir| Spectator::connect(&runtime_dir, "train", Some(lane))) {
+            Ok(spectator) => spectator,
+            Err(error) => {
+                answer::<&str, _>(Err(error));
+                return 1;
+            }
+        };
     answer::<_, String>(Ok("connected"));
     let mut said = false;
     loop {
@@ -148,8 +150,8 @@ impl Learner {
     fn connect(&mut self, argument: &str) -> Said {
         let (pool, wait) = argument.split_once(' ').unwrap_or((argument, "adaptive"));
         let wait = wait.parse()?;
-        let player = place()
-            .and_then(|place| Player::connect_waiting(&place, pool, &self.plan, wait))
+        let player = runtime_dir()
+            .and_then(|runtime_dir| Player::connect_waiting(&runtime_dir, pool, &self.plan, wait))
             .map_err(|e| e.to_string())?;
         self.player = Some(player);
         said("")

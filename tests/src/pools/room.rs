@@ -1,11 +1,11 @@
 //! A place for the pools of one test, and what must not be left in it.
 
-use smaclite_ipc::Place;
+use smaclite_ipc::RuntimeDir;
 use std::path::{Path, PathBuf};
 
 /// A private root folder, removed at the end with whatever the test left in `/dev/shm`.
 pub struct Room {
-    place: Place,
+    runtime_dir: RuntimeDir,
     folder: tempfile::TempDir,
 }
 
@@ -17,13 +17,13 @@ impl Room {
     pub fn new() -> Room {
         // Directly below /tmp: socket paths must be short.
         let folder = tempfile::Builder::new().prefix("sp-").tempdir_in("/tmp").expect("a temporary folder");
-        let place = Place::at(folder.path().to_owned()).expect("a place for pools");
-        Room { place, folder }
+        let runtime_dir = RuntimeDir::at(folder.path().to_owned()).expect("a place for pools");
+        Room { runtime_dir, folder }
     }
 
     /// The place to give to supervisors and clients of this process.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn runtime_dir(&self) -> &RuntimeDir {
+        &self.runtime_dir
     }
 
     /// The root folder.
@@ -33,7 +33,7 @@ impl Room {
 
     /// Files of this room in `/dev/shm` and its folder, and the folders of the former.
     pub fn files(&self) -> Vec<PathBuf> {
-        let mut files = shared_memory_folders(&self.place);
+        let mut files = shared_memory_folders(&self.runtime_dir);
         files.clone().iter().for_each(|folder| collect_files(folder, &mut files));
         collect_files(self.root(), &mut files);
         files.sort();
@@ -58,13 +58,16 @@ impl Default for Room {
 
 impl Drop for Room {
     fn drop(&mut self) {
-        shared_memory_folders(&self.place).iter().for_each(|folder| drop(std::fs::remove_dir_all(folder)));
+        shared_memory_folders(&self.runtime_dir)
+            .iter()
+            .for_each(|folder| drop(std::fs::remove_dir_all(folder)));
     }
 }
 
-fn shared_memory_folders(place: &Place) -> Vec<PathBuf> {
+fn shared_memory_folders(runtime_dir: &RuntimeDir) -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-    let ours = entries.filter(|e| e.file_name().to_str().is_some_and(|n| n.starts_with(place.shm_prefix())));
+    let ours =
+        entries.filter(|e| e.file_name().to_str().is_some_and(|n| n.starts_with(runtime_dir.shm_prefix())));
     ours.map(|e| e.path()).collect()
 }
 

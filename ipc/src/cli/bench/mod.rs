@@ -14,7 +14,7 @@ use clap::{Args, ValueEnum};
 use replay::Policy;
 use serde::Serialize;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use smaclite_pool::{PoolOptions, Wait};
+use smaclite_pool::{PoolOptions, WaitStrategy};
 use smaclite_scenarios::Scenario;
 use std::error::Error;
 use std::sync::Arc;
@@ -51,7 +51,7 @@ pub(super) struct Bench {
     seconds: f64,
     /// How idle threads wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "HOW")]
-    wait: Wait,
+    wait: WaitStrategy,
     /// One JSON object a line
     #[arg(long)]
     json: bool,

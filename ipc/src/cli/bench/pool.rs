@@ -2,9 +2,9 @@
 
 use super::replay::{Policy, Replay, SEED, STEPS};
 use super::{Measured, Mode, Task, resident_bytes};
-use crate::cli::place;
+use crate::cli::runtime_dir;
 use crate::supervisor::{LaneConfig, Supervisor, SupervisorConfig};
-use crate::{Batch, Client, ConnectError, ControlError, Patience, Place};
+use crate::{Batch, Client, ConnectError, ControlSocketError, RuntimeDir, WaitOptions};
 use smaclite_engine::{Arena, Rules, TICKS_PER_STEP};
 use smaclite_pool::fields::Field;
 use std::error::Error;
@@ -17,11 +17,11 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(super) fn measure(task: &Task<'_>) -> Result<Measured, Box<dyn Error>> {
-    let place = place()?;
+    let runtime_dir = runtime_dir()?;
     let name = format!("bench-{}", std::process::id());
     let (server, mut client) = match task.mode {
-        Mode::Attached => Server::another_process(task, &place, &name)?,
-        _ => Server::this_process(task, &place, &name)?,
+        Mode::Attached => Server::another_process(task, &runtime_dir, &name)?,
+        _ => Server::this_process(task, &runtime_dir, &name)?,
     };
     let mut measured = match task.policy {
         Policy::Sampled => sampled(task, &mut client)?,
@@ -91,8 +91,8 @@ fn living(batch: &Batch) -> usize {
     batch.env_id().len() * batch.layout().sizes().n_units - dead(Field::DeadAllies) - dead(Field::DeadEnemies)
 }
 
-fn patience(interrupted: &mut dyn FnMut() -> bool) -> Patience<'_> {
-    Patience { timeout: Some(PATIENCE), interrupted }
+fn patience(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
+    WaitOptions { timeout: Some(PATIENCE), interrupted }
 }
 
 /// The supervisor of a measurement, ended with it.
@@ -102,20 +102,24 @@ enum Server {
 }
 
 impl Server {
-    fn this_process(task: &Task<'_>, place: &Place, name: &str) -> Result<(Server, Client), Box<dyn Error>> {
+    fn this_process(
+        task: &Task<'_>,
+        runtime_dir: &RuntimeDir,
+        name: &str,
+    ) -> Result<(Server, Client), Box<dyn Error>> {
         let mut lane = LaneConfig::new("bench", task.scenario.clone(), task.envs);
         lane.batch_size = task.batch_size;
-        let place = place.clone();
+        let runtime_dir = runtime_dir.clone();
         let config =
-            SupervisorConfig { name: name.to_owned(), lanes: vec![lane], options: task.options, place };
+            SupervisorConfig { name: name.to_owned(), lanes: vec![lane], options: task.options, runtime_dir };
         let supervisor = Supervisor::start(config)?;
-        let client = Client::connect(supervisor.place(), name, None, task.options.wait)?;
+        let client = Client::connect(supervisor.runtime_dir(), name, None, task.options.wait)?;
         Ok((Server::Here { _supervisor: supervisor }, client))
     }
 
     fn another_process(
         task: &Task<'_>,
-        place: &Place,
+        runtime_dir: &RuntimeDir,
         name: &str,
     ) -> Result<(Server, Client), Box<dyn Error>> {
         let mut command = this_program()?;
@@ -125,9 +129,11 @@ impl Server {
         let server = Server::There(command.stdout(Stdio::null()).stdin(Stdio::null()).spawn()?);
         let begin = Instant::now();
         loop {
-            match Client::connect(place, name, None, task.options.wait) {
+            match Client::connect(runtime_dir, name, None, task.options.wait) {
                 Ok(client) => return Ok((server, client)),
-                Err(ConnectError::Control(ControlError::NoSuchPool { .. })) if begin.elapsed() < PATIENCE => {
+                Err(ConnectError::Control(ControlSocketError::NoSuchPool { .. }))
+                    if begin.elapsed() < PATIENCE =>
+                {
                     std::thread::sleep(Duration::from_millis(10));
                 }
                 Err(error) => return Err(error.into()),

@@ -8,7 +8,7 @@ use crate::pools::raw;
 use crate::pools::role::answer;
 use crate::pools::{LanePlan, PoolPlan};
 use smaclite_ipc::wire::RequestHeader;
-use smaclite_ipc::{Batch, ClientError, Place, Spectator, status};
+use smaclite_ipc::{Batch, ClientError, RuntimeDir, Spectator, status};
 use smaclite_pool::transport::RequestKind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -56,12 +56,12 @@ fn parse(argument: &str) -> (String, Dice, PoolPlan) {
 pub fn learner(argument: &str) -> i32 {
     let (pool, mut dice, plan) = parse(argument);
     listen();
-    let place = match Place::of_this_user() {
-        Ok(place) => place,
+    let runtime_dir = match RuntimeDir::for_current_user() {
+        Ok(runtime_dir) => runtime_dir,
         Err(error) => return complain(error),
     };
     while !leaves() {
-        match Player::connect(&place, &pool, &plan.lanes[0]) {
+        match Player::connect(&runtime_dir, &pool, &plan.lanes[0]) {
             Ok(player) => {
                 say("session");
                 if let Err(error) = session(player, &plan.lanes[0], &mut dice) {
@@ -154,9 +154,9 @@ fn unchanged(held: &[(Batch, Vec<u8>)]) -> Result<(), String> {
 pub fn forker(argument: &str) -> i32 {
     let (pool, _, plan) = parse(argument);
     listen();
-    let Ok(place) = Place::of_this_user() else { return 1 };
+    let Ok(runtime_dir) = RuntimeDir::for_current_user() else { return 1 };
     while !leaves() {
-        match Player::connect(&place, &pool, &plan.lanes[0]) {
+        match Player::connect(&runtime_dir, &pool, &plan.lanes[0]) {
             Ok(player) => {
                 if let Err(error) = forking_session(player) {
                     return complain(error);
@@ -206,9 +206,9 @@ fn forking_session(mut player: Player) -> Result<(), String> {
 pub fn visitor(argument: &str) -> i32 {
     let (pool, _, plan) = parse(argument);
     listen();
-    let Ok(place) = Place::of_this_user() else { return 1 };
+    let Ok(runtime_dir) = RuntimeDir::for_current_user() else { return 1 };
     while !leaves() {
-        let visited = match Player::connect(&place, &pool, &plan.lanes[0]) {
+        let visited = match Player::connect(&runtime_dir, &pool, &plan.lanes[0]) {
             Ok(mut player) => player.reset(None, LONG).and_then(|()| player.step(LONG).map(drop)),
             Err(_) => Ok(()),
         };
@@ -225,9 +225,9 @@ pub fn visitor(argument: &str) -> i32 {
 pub fn spectator(argument: &str) -> i32 {
     let (pool, mut dice, plan) = parse(argument);
     listen();
-    let Ok(place) = Place::of_this_user() else { return 1 };
+    let Ok(runtime_dir) = RuntimeDir::for_current_user() else { return 1 };
     while !leaves() {
-        match Spectator::connect(&place, &pool, Some(&plan.lanes[0].name)) {
+        match Spectator::connect(&runtime_dir, &pool, Some(&plan.lanes[0].name)) {
             Ok(mut spectator) => {
                 say("watches");
                 while !leaves() && spectator.latest().is_ok() {
@@ -248,15 +248,16 @@ pub fn spectator(argument: &str) -> i32 {
 pub fn liar(argument: &str) -> i32 {
     let (pool, mut dice, _) = parse(argument);
     listen();
-    let Ok(place) = Place::of_this_user() else { return 1 };
+    let Ok(runtime_dir) = RuntimeDir::for_current_user() else { return 1 };
     while !leaves() {
         say("looks for a lane");
         std::thread::sleep(Duration::from_millis(100));
-        let Ok(status) = status(&place, &pool) else { continue };
+        let Ok(status) = status(&runtime_dir, &pool) else { continue };
         let lane = dice.pick(&status.lanes).description.clone();
         // Where the pool dies while it is spoken to, a panic of this program tells nothing and is not shown.
         std::panic::set_hook(Box::new(|_| {}));
-        let lied = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| lie(&place, &lane, &mut dice)));
+        let lied =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| lie(&runtime_dir, &lane, &mut dice)));
         if lied.is_err() {
             say("the lane is gone");
         }
@@ -264,8 +265,8 @@ pub fn liar(argument: &str) -> i32 {
     0
 }
 
-fn lie(place: &Place, lane: &smaclite_ipc::LaneDescription, dice: &mut Dice) {
-    let node = raw::node(place);
+fn lie(runtime_dir: &RuntimeDir, lane: &smaclite_ipc::LaneDescription, dice: &mut Dice) {
+    let node = raw::node(runtime_dir);
     let requests = raw::requests(&node, lane, 4096);
     let layout = lane.layout().expect("a layout");
     for number in 0..20 {

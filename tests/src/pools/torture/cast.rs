@@ -24,7 +24,7 @@ struct Actor {
 }
 
 /// A pool's supervisor.
-struct Host {
+struct ControlServer {
     plan: PoolPlan,
     child: Child,
     stopped: Option<Instant>,
@@ -32,7 +32,7 @@ struct Host {
 
 pub(super) struct Cast<'a> {
     room: &'a Room,
-    hosts: [Host; 2],
+    hosts: [ControlServer; 2],
     actors: Vec<Actor>,
     started: u64,
     /// Longer silence than this is a hang.
@@ -48,7 +48,8 @@ const SHAKY: usize = 1;
 
 impl<'a> Cast<'a> {
     pub(super) fn enter(room: &'a Room, pools: [PoolPlan; 2], hang: Duration) -> Result<Self, String> {
-        let hosts = pools.map(|plan| Host { child: Child::supervisor(room, &plan), plan, stopped: None });
+        let hosts =
+            pools.map(|plan| ControlServer { child: Child::supervisor(room, &plan), plan, stopped: None });
         let mut cast = Cast { room, hosts, actors: Vec::new(), started: 0, hang };
         for host in [STEADY, SHAKY] {
             let last = cast.hosts[host].plan.lanes.len() - 1;

@@ -41,8 +41,8 @@ impl Gauge {
 
     /// Looks now. The first look is the early one, the last the late one.
     pub(super) fn look(&mut self, room: &Room) {
-        let place = if self.early.is_none() { &mut self.early } else { &mut self.late };
-        *place = held(&self.process, room.files().len());
+        let runtime_dir = if self.early.is_none() { &mut self.early } else { &mut self.late };
+        *runtime_dir = held(&self.process, room.files().len());
     }
 
     pub(super) fn verdict(&self) -> Result<String, String> {

@@ -122,7 +122,8 @@ pub fn run(duration: Duration, seed: u64, hang: Duration) -> Result<Summary, Str
     let mut cast = Cast::enter(&room, [steady, shaky], hang)?;
     let mut gauge = Gauge::new(cast.steady_supervisor());
     let folder = tempfile::tempdir_in("/tmp").map_err(|error| error.to_string())?;
-    let mut stranger = Child::stranger(folder.path(), &format!("watcher {}", room.place().shm_prefix()));
+    let mut stranger =
+        Child::stranger(folder.path(), &format!("watcher {}", room.runtime_dir().shm_prefix()));
     stranger.answer(SOON)?;
     let crashing = Crashing::begin(seed);
     let begin = Instant::now();

@@ -54,8 +54,8 @@ pub(crate) enum Task {
 }
 
 /// An environment with what a lane keeps about it.
-pub(crate) struct Seat {
-    pub(crate) game: Box<dyn Environment>,
+pub(crate) struct HostedEnv {
+    pub(crate) env: Box<dyn Environment>,
     /// The accepted joint action, a private copy: a learner could rewrite its sample after the check.
     pub(crate) actions: Vec<i32>,
     /// The request that has a task for this seat, until that is carried out.
@@ -66,16 +66,16 @@ pub(crate) struct Seat {
 
 /// What an episode's end adds to a lane's figures.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Tally {
+pub(crate) struct StepCounts {
     pub(crate) steps: u64,
     pub(crate) episodes: u64,
     pub(crate) wins: u64,
 }
 
-impl Seat {
-    pub(crate) fn new(game: Box<dyn Environment>) -> Seat {
-        let actions = vec![0; game.sizes().n_agents];
-        Seat { game, actions, busy: None, over: false }
+impl HostedEnv {
+    pub(crate) fn new(env: Box<dyn Environment>) -> HostedEnv {
+        let actions = vec![0; env.sizes().n_agents];
+        HostedEnv { env, actions, busy: None, over: false }
     }
 
     /// Carries a task out up to the point where its slot is needed.
@@ -87,13 +87,13 @@ impl Seat {
                 None
             }
             Task::Step => {
-                let step = self.game.step(&self.actions, scratch).expect("the lane checked these actions");
+                let step = self.env.step(&self.actions, scratch).expect("the lane checked these actions");
                 self.over = step.terminated || step.truncated;
                 Some(step)
             }
             Task::Reset { seed } => {
                 if let Some(seed) = seed {
-                    self.game.reseed(seed);
+                    self.env.reseed(seed);
                 }
                 self.reset();
                 None
@@ -101,7 +101,7 @@ impl Seat {
         }
     }
 
-    /// Writes the outcome of [`run`](Seat::run) into the environment's slot, resetting under same-step autoreset.
+    /// Writes the outcome of [`run`](HostedEnv::run) into the environment's slot, resetting under same-step autoreset.
     pub(crate) fn write(
         &mut self,
         env_id: usize,
@@ -119,19 +119,19 @@ impl Seat {
         }
         self.write_view([Field::Obs, Field::State, Field::AvailActions], slot, scratch);
         if let Some(alive) = slot.row(Field::Alive) {
-            self.game.write_alive(alive);
+            self.env.write_alive(alive);
         }
     }
 
-    /// Leaves the outcome of [`run`](Seat::run) unwritten, for a round that is over; the game goes on as if it were written.
-    pub(crate) fn forgo(&mut self, autoreset: Autoreset) {
+    /// Leaves the outcome of [`run`](HostedEnv::run) unwritten, for a round that is over; the game goes on as if it were written.
+    pub(crate) fn discard(&mut self, autoreset: Autoreset) {
         if self.over && autoreset == Autoreset::SameStep {
             self.reset();
         }
     }
 
     fn reset(&mut self) {
-        self.game.reset();
+        self.env.reset();
         self.over = false;
     }
 
@@ -144,26 +144,26 @@ impl Seat {
         slot.set(Field::Terminated, u8::from(terminated));
         slot.set(Field::Truncated, u8::from(truncated));
         slot.set(Field::BattleWon, u8::from(won));
-        slot.set(Field::DeadAllies, self.game.dead_allies() as i32);
-        slot.set(Field::DeadEnemies, self.game.dead_enemies() as i32);
-        slot.set(Field::EpisodeReturn, self.game.episode_return() as f32);
-        slot.set(Field::EpisodeLength, self.game.episode_length() as i32);
+        slot.set(Field::DeadAllies, self.env.dead_allies() as i32);
+        slot.set(Field::DeadEnemies, self.env.dead_enemies() as i32);
+        slot.set(Field::EpisodeReturn, self.env.episode_return() as f32);
+        slot.set(Field::EpisodeLength, self.env.episode_length() as i32);
     }
 
     fn write_view(&self, [obs, state, avail]: [Field; 3], slot: &mut Slot<'_>, scratch: &mut Scratch) {
         if let Some(out) = slot.row(obs) {
-            self.game.write_obs(out, scratch);
+            self.env.write_obs(out, scratch);
         }
         if let Some(out) = slot.row(state) {
-            self.game.write_state(out);
+            self.env.write_state(out);
         }
         if let Some(out) = slot.row(avail) {
-            self.game.write_avail_actions(out);
+            self.env.write_avail_actions(out);
         }
     }
 }
 
-impl Tally {
+impl StepCounts {
     pub(crate) fn count(&mut self, step: Option<Step>) {
         if let Some(step) = step {
             self.steps += 1;

@@ -11,7 +11,7 @@ use smaclite_pool::{Autoreset, Rejection};
 use std::hint::black_box;
 
 /// What the client knows of a lane's environments.
-pub(crate) struct Legal {
+pub(crate) struct RequestValidator {
     n_agents: usize,
     n_actions: usize,
     autoreset: Autoreset,
@@ -36,11 +36,11 @@ struct EnvState {
     over: bool,
 }
 
-impl Legal {
-    pub(crate) fn new(layout: &Layout, num_envs: usize, autoreset: Autoreset) -> Legal {
+impl RequestValidator {
+    pub(crate) fn new(layout: &Layout, num_envs: usize, autoreset: Autoreset) -> RequestValidator {
         let sizes = layout.sizes();
         let words = sizes.n_actions.div_ceil(64);
-        Legal {
+        RequestValidator {
             n_agents: sizes.n_agents,
             n_actions: sizes.n_actions,
             autoreset,
@@ -63,7 +63,7 @@ impl Legal {
     }
 
     /// Checks a step of environments `env_ids` (all, if `None`) and marks them busy with request `number`.
-    pub(crate) fn take_step(
+    pub(crate) fn reserve_step(
         &mut self,
         number: u64,
         actions: &[i32],
@@ -73,16 +73,16 @@ impl Legal {
             return Err(Rejection::NotReset);
         }
         let given = env_ids.map_or(self.envs.len(), <[i32]>::len);
-        some_chosen(given)?;
+        check_not_empty(given)?;
         if self.synchronous && given != self.envs.len() {
             return Err(Rejection::IncompleteBatch { given, expected: self.envs.len() });
         }
         let rows = actions.chunks_exact(self.n_agents);
         let checked = match env_ids {
-            None => rows.enumerate().try_for_each(|(env, row)| self.take_row(number, env, row)),
+            None => rows.enumerate().try_for_each(|(env, row)| self.reserve_row(number, env, row)),
             Some(ids) => ids.iter().zip(rows).try_for_each(|(id, row)| {
                 let env = self.env_of(*id)?;
-                self.take_row(number, env, row)
+                self.reserve_row(number, env, row)
             }),
         };
         self.outstanding += given;
@@ -92,8 +92,8 @@ impl Legal {
         })
     }
 
-    fn take_row(&mut self, number: u64, env: usize, actions: &[i32]) -> Result<(), Rejection> {
-        self.take_env(number, env)?;
+    fn reserve_row(&mut self, number: u64, env: usize, actions: &[i32]) -> Result<(), Rejection> {
+        self.reserve_env(number, env)?;
         if self.envs[env].over {
             return match self.autoreset {
                 Autoreset::Disabled => Err(Rejection::FinishedEnv { env }),
@@ -110,7 +110,7 @@ impl Legal {
         Ok(())
     }
 
-    fn take_env(&mut self, number: u64, env: usize) -> Result<(), Rejection> {
+    fn reserve_env(&mut self, number: u64, env: usize) -> Result<(), Rejection> {
         match self.envs[env].busy {
             Some(other) if other == number => Err(Rejection::DuplicateEnv { env }),
             Some(_) => Err(Rejection::BusyEnv { env }),
@@ -134,21 +134,21 @@ impl Legal {
     }
 
     /// Marks all environments busy with a reset, whatever they do.
-    pub(crate) fn take_whole_reset(&mut self, number: u64) {
+    pub(crate) fn reserve_full_reset(&mut self, number: u64) {
         self.was_reset = true;
         self.envs.fill(EnvState { busy: Some(number), over: false });
         self.outstanding = self.envs.len();
     }
 
     /// Marks the environments of `env_ids` busy with a reset.
-    pub(crate) fn take_reset(&mut self, number: u64, ids: &[i32]) -> Result<(), Rejection> {
+    pub(crate) fn reserve_reset(&mut self, number: u64, ids: &[i32]) -> Result<(), Rejection> {
         if !self.was_reset {
             return Err(Rejection::NotReset);
         }
-        some_chosen(ids.len())?;
+        check_not_empty(ids.len())?;
         let taken = ids.iter().try_for_each(|id| {
             let env = self.env_of(*id)?;
-            self.take_env(number, env)
+            self.reserve_env(number, env)
         });
         if let Err(rejection) = taken {
             self.clear(number);
@@ -191,7 +191,7 @@ impl Legal {
     }
 
     /// Takes in a received batch.
-    pub(crate) fn learn(&mut self, layout: &Layout, frame: &[u8]) {
+    pub(crate) fn observe_batch(&mut self, layout: &Layout, frame: &[u8]) {
         let ids = layout.view::<i32>(frame, Field::EnvId).expect("every lane has env_id");
         let terminated = layout.view::<u8>(frame, Field::Terminated).expect("every lane has terminated");
         let truncated = layout.view::<u8>(frame, Field::Truncated).expect("every lane has truncated");
@@ -253,7 +253,7 @@ fn fetch(bytes: &[u8]) {
 }
 
 /// A request to no environment would never be answered.
-fn some_chosen(given: usize) -> Result<(), Rejection> {
+fn check_not_empty(given: usize) -> Result<(), Rejection> {
     if given > 0 { Ok(()) } else { Err(Rejection::NoEnv) }
 }
 
@@ -296,9 +296,9 @@ mod tests {
     fn a_request_to_no_environment_says_what_is_expected() {
         let sizes = Sizes { n_agents: 1, n_enemies: 1, n_units: 2, n_actions: 7, obs_size: 1, state_size: 1 };
         let layout = Layout::new(sizes, 2, FieldSet::ALL);
-        let mut legal = Legal::new(&layout, 3, Autoreset::NextStep);
-        legal.take_whole_reset(1);
-        for refused in [legal.take_reset(2, &[]), legal.take_step(3, &[], Some(&[]))] {
+        let mut validator = RequestValidator::new(&layout, 3, Autoreset::NextStep);
+        validator.reserve_full_reset(1);
+        for refused in [validator.reserve_reset(2, &[]), validator.reserve_step(3, &[], Some(&[]))] {
             let said = refused.unwrap_err().to_string();
             assert_eq!(said, "no environment was chosen; expected at least one");
         }
@@ -309,12 +309,12 @@ mod tests {
     fn a_reset_of_all_drops_what_is_under_way_however_they_are_named() {
         let sizes = Sizes { n_agents: 1, n_enemies: 1, n_units: 2, n_actions: 7, obs_size: 1, state_size: 1 };
         let layout = Layout::new(sizes, 2, FieldSet::ALL);
-        let mut legal = Legal::new(&layout, 3, Autoreset::NextStep);
-        assert!(legal.is_whole(None) && legal.is_whole(Some(&[2, 0, 1])));
-        assert!(!legal.is_whole(Some(&[0, 1])) && !legal.is_whole(Some(&[0, 1, 1])));
-        legal.take_whole_reset(1);
-        assert!(matches!(legal.take_reset(2, &[0, 1]), Err(Rejection::BusyEnv { env: 0 })));
-        legal.take_whole_reset(3);
-        assert_eq!(legal.outstanding(), 3);
+        let mut validator = RequestValidator::new(&layout, 3, Autoreset::NextStep);
+        assert!(validator.is_whole(None) && validator.is_whole(Some(&[2, 0, 1])));
+        assert!(!validator.is_whole(Some(&[0, 1])) && !validator.is_whole(Some(&[0, 1, 1])));
+        validator.reserve_full_reset(1);
+        assert!(matches!(validator.reserve_reset(2, &[0, 1]), Err(Rejection::BusyEnv { env: 0 })));
+        validator.reserve_full_reset(3);
+        assert_eq!(validator.outstanding(), 3);
     }
 }

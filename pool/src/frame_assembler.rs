@@ -3,12 +3,12 @@
 //! blocks; the writing, and the wait for a frame where there is none, are not made under it.
 
 use crate::slot::FrameMemory;
-use crate::transport::{Content, Outlet, Round};
+use crate::transport::{Content, Epoch, Outlet};
 use std::collections::VecDeque;
 
 /// A right to write `count` slots of an open frame.
 #[derive(Clone, Copy)]
-pub(crate) struct Claim {
+pub(crate) struct SlotClaim {
     pub(crate) memory: FrameMemory,
     /// First slot claimed; a synchronous lane ignores it, there a slot is its environment.
     pub(crate) first: usize,
@@ -27,25 +27,32 @@ struct OpenFrame<L> {
 }
 
 /// Where a lane's results go.
-pub(crate) struct Outbox<O: Outlet> {
+pub(crate) struct FrameAssembler<O: Outlet> {
     outlet: O,
     slots: usize,
     open: VecDeque<OpenFrame<O::Loan>>,
     next_number: u64,
-    round: Round,
+    epoch: Epoch,
     /// Kept back to report the lane's failure in, which may be that there is no frame.
     spare: Option<O::Loan>,
 }
 
-impl<O: Outlet> Outbox<O> {
+impl<O: Outlet> FrameAssembler<O> {
     pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, String> {
         let spare = Some(outlet.loan()?);
-        Ok(Outbox { outlet, slots, open: VecDeque::new(), next_number: 0, round: Round::default(), spare })
+        Ok(FrameAssembler {
+            outlet,
+            slots,
+            open: VecDeque::new(),
+            next_number: 0,
+            epoch: Epoch::default(),
+            spare,
+        })
     }
 
     /// Discards everything that is under way: from now on only work of `round` finds a slot.
-    pub(crate) fn begin_round(&mut self, round: Round) {
-        self.round = round;
+    pub(crate) fn begin_epoch(&mut self, epoch: Epoch) {
+        self.epoch = epoch;
         self.open.retain_mut(|frame| {
             frame.stale = true;
             frame.written < frame.claimed
@@ -53,8 +60,8 @@ impl<O: Outlet> Outbox<O> {
     }
 
     /// Claims `count` slots for work of `round`; `Ok(None)` if that round is over.
-    pub(crate) fn claim(&mut self, round: Round, count: usize) -> Result<Option<Claim>, String> {
-        if round != self.round {
+    pub(crate) fn claim(&mut self, epoch: Epoch, count: usize) -> Result<Option<SlotClaim>, String> {
+        if epoch != self.epoch {
             return Ok(None);
         }
         let slots = self.slots;
@@ -66,11 +73,11 @@ impl<O: Outlet> Outbox<O> {
         let frame = &mut self.open[index];
         let first = frame.claimed;
         frame.claimed += count;
-        Ok(Some(Claim { memory: frame.memory, first, frame: frame.number, count }))
+        Ok(Some(SlotClaim { memory: frame.memory, first, frame: frame.number, count }))
     }
 
     /// The claimed slots are written (or given up, where the round is over); publishes the frame if they were its last.
-    pub(crate) fn written(&mut self, claim: Claim) -> bool {
+    pub(crate) fn complete(&mut self, claim: SlotClaim) -> bool {
         let Some(index) = self.open.iter().position(|f| f.number == claim.frame) else { return false };
         let frame = &mut self.open[index];
         frame.written += claim.count;
@@ -80,7 +87,7 @@ impl<O: Outlet> Outbox<O> {
         }
         let frame = self.open.remove(index).expect("found above");
         if !frame.stale {
-            self.outlet.publish(frame.loan, self.round, Content::Batch);
+            self.outlet.publish(frame.loan, self.epoch, Content::Batch);
         }
         !frame.stale
     }
@@ -88,7 +95,7 @@ impl<O: Outlet> Outbox<O> {
     /// Sends a frame that holds the reason why `request` of `session` was refused instead of a batch, unless
     /// that session is over.
     pub(crate) fn report(&mut self, session: u64, request: u64, text: &[u8]) -> Result<(), String> {
-        if session == self.round.session {
+        if session == self.epoch.session {
             let loan = self.outlet.loan()?;
             self.publish_text(loan, request, text);
         }
@@ -106,7 +113,7 @@ impl<O: Outlet> Outbox<O> {
         let payload = O::payload(&mut loan);
         let len = text.len().min(payload.len());
         payload[..len].copy_from_slice(&text[..len]);
-        self.outlet.publish(loan, self.round, Content::Rejection { request, len });
+        self.outlet.publish(loan, self.epoch, Content::Rejection { request, len });
     }
 
     fn open_frame(&mut self) -> Result<usize, String> {

@@ -21,7 +21,7 @@ pub(crate) const PRIVATE: u32 = 0o600;
 
 /// The folder of this user's pools.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub struct RuntimeDir {
     root: PathBuf,
     prefix: String,
 }
@@ -29,7 +29,7 @@ pub struct Place {
 /// Why there is no place for pools.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
-pub enum PlaceError {
+pub enum RuntimeDirError {
     #[error("{ROOT_VARIABLE} is empty; set it to a folder of your own or unset it")]
     Empty,
     #[error("{root}: expected a folder; {found}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
@@ -44,47 +44,47 @@ pub enum PlaceError {
     TooLong { root: PathBuf },
 }
 
-impl Place {
+impl RuntimeDir {
     /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it is not
     /// there.
-    pub fn of_this_user() -> Result<Place, PlaceError> {
+    pub fn for_current_user() -> Result<RuntimeDir, RuntimeDirError> {
         let uid = rustix::process::getuid().as_raw();
         let default = PathBuf::from(format!("/tmp/smaclite-pool-{uid}"));
         let root = std::env::var_os(ROOT_VARIABLE).map_or(default, PathBuf::from);
-        Place::at(root)
+        RuntimeDir::at(root)
     }
 
     /// Pools in a folder of the caller's choice.
-    pub fn at(root: PathBuf) -> Result<Place, PlaceError> {
+    pub fn at(root: PathBuf) -> Result<RuntimeDir, RuntimeDirError> {
         if root.as_os_str().is_empty() {
-            return Err(PlaceError::Empty);
+            return Err(RuntimeDirError::Empty);
         }
         if root.as_os_str().len() > MAX_ROOT_LEN {
-            return Err(PlaceError::TooLong { root });
+            return Err(RuntimeDirError::TooLong { root });
         }
         let created = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
         created.map_err(|source| match root.symlink_metadata() {
-            Ok(found) => PlaceError::NotAFolder { root: root.clone(), found: owner_and_mode(&found) },
-            Err(_) => PlaceError::Create { root: root.clone(), source },
+            Ok(found) => RuntimeDirError::NotAFolder { root: root.clone(), found: owner_and_mode(&found) },
+            Err(_) => RuntimeDirError::Create { root: root.clone(), source },
         })?;
         let user = rustix::process::getuid().as_raw();
-        let failed = |source| PlaceError::Create { root: root.clone(), source };
+        let failed = |source| RuntimeDirError::Create { root: root.clone(), source };
         // A link that another user put into /tmp would have us work in any folder of ours.
         let link = root.symlink_metadata().map_err(failed)?;
         let canonical = root.canonicalize().map_err(failed)?;
         let folder = canonical.metadata().map_err(failed)?;
         let root = canonical;
         if let Some(owner) = [link.uid(), folder.uid()].into_iter().find(|owner| *owner != user) {
-            return Err(PlaceError::NotOurs { root, owner, user });
+            return Err(RuntimeDirError::NotOurs { root, owner, user });
         }
         if folder.mode() & 0o022 != 0 {
-            return Err(PlaceError::Open { root, mode: folder.mode() & 0o7777 });
+            return Err(RuntimeDirError::Open { root, mode: folder.mode() & 0o7777 });
         }
         // Two folders must not share names in /dev/shm, where the folder does not show.
         let hash = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
             (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
         });
-        Ok(Place { prefix: format!("sp{:08x}", hash as u32), root })
+        Ok(RuntimeDir { prefix: format!("sp{:08x}", hash as u32), root })
     }
 
     /// The folder.
@@ -115,7 +115,7 @@ impl Place {
 
     /// Names of the pools that left a socket or a lock here, dead or alive. Files that only happen to be
     /// named so are none of ours: a pool's files are private, and its lock is empty.
-    pub(crate) fn names_left(&self) -> Vec<String> {
+    pub(crate) fn stale_names(&self) -> Vec<String> {
         let user = rustix::process::getuid().as_raw();
         let is_pools = |file: &Metadata| {
             let is_lock = file.is_file() && file.len() == 0;
@@ -165,7 +165,7 @@ pub(crate) fn owner_and_mode(file: &Metadata) -> String {
     )
 }
 
-/// Is this still the file at `path`? Between opening a lock's file and locking it, its last holder may have
+/// Is this still the file at `path`? Between opening a lock's file and locking it, its last learner_pid may have
 /// removed it.
 pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
     let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
@@ -194,7 +194,7 @@ mod tests {
     /// and remedy.
     #[test]
     fn what_cannot_be_a_root_folder_says_why() {
-        let refused = |root: &Path| Place::at(root.to_owned()).unwrap_err().to_string();
+        let refused = |root: &Path| RuntimeDir::at(root.to_owned()).unwrap_err().to_string();
         assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a folder"));
         let folder = tempfile::tempdir().unwrap();
         let user = rustix::process::getuid().as_raw();
@@ -214,8 +214,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for (mode, is_fine) in [(0o700, true), (0o755, true), (0o770, false), (0o1777, false)] {
             std::fs::set_permissions(folder.path(), Permissions::from_mode(mode)).unwrap();
-            let place = Place::at(folder.path().to_owned());
-            assert_eq!(place.is_ok(), is_fine, "{mode:o}: {place:?}");
+            let runtime_dir = RuntimeDir::at(folder.path().to_owned());
+            assert_eq!(runtime_dir.is_ok(), is_fine, "{mode:o}: {runtime_dir:?}");
         }
     }
 }

@@ -5,7 +5,7 @@
 //! up and calls a sleeping follower, so that requests never wait while a worker is idle. There is no dispatcher
 //! thread: with one worker a request is received, stepped and answered by that worker without a hop.
 //!
-//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; `HandOff::led` orders one
+//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; `WorkQueues::led` orders one
 //! leader's look at the lanes before the next one's. `Inbox::ready` is only a hint that lets a spinning follower look
 //! without locking; it publishes nothing.
 
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// How an idle thread waits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Wait {
+pub enum WaitStrategy {
     /// Looks again and again for a while, yielding the core between looks, then blocks.
     #[default]
     Adaptive,
@@ -26,13 +26,13 @@ pub enum Wait {
     Block,
 }
 
-impl Wait {
+impl WaitStrategy {
     /// The word used in options and Python.
     pub fn name(self) -> &'static str {
         match self {
-            Wait::Adaptive => "adaptive",
-            Wait::Spin => "spin",
-            Wait::Block => "block",
+            WaitStrategy::Adaptive => "adaptive",
+            WaitStrategy::Spin => "spin",
+            WaitStrategy::Block => "block",
         }
     }
 
@@ -43,22 +43,22 @@ impl Wait {
     pub fn spin_time(self, threads: usize) -> Option<Duration> {
         let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
         match self {
-            Wait::Adaptive if cores() > threads => Some(Duration::from_micros(500)),
-            Wait::Adaptive => Some(Duration::from_micros(50)),
-            Wait::Spin => None,
-            Wait::Block => Some(Duration::ZERO),
+            WaitStrategy::Adaptive if cores() > threads => Some(Duration::from_micros(500)),
+            WaitStrategy::Adaptive => Some(Duration::from_micros(50)),
+            WaitStrategy::Spin => None,
+            WaitStrategy::Block => Some(Duration::ZERO),
         }
     }
 }
 
-impl std::str::FromStr for Wait {
+impl std::str::FromStr for WaitStrategy {
     type Err = String;
 
     fn from_str(word: &str) -> Result<Self, String> {
         match word {
-            "adaptive" => Ok(Wait::Adaptive),
-            "spin" => Ok(Wait::Spin),
-            "block" => Ok(Wait::Block),
+            "adaptive" => Ok(WaitStrategy::Adaptive),
+            "spin" => Ok(WaitStrategy::Spin),
+            "block" => Ok(WaitStrategy::Block),
             _ => Err(format!("waiting is `adaptive`, `spin` or `block`, not `{word}`")),
         }
     }
@@ -81,17 +81,17 @@ struct InboxState<E> {
 }
 
 /// The inboxes of all workers and the lead.
-pub(crate) struct HandOff<E> {
+pub(crate) struct WorkQueues<E> {
     inboxes: Vec<CachePadded<Inbox<E>>>,
     /// Somebody leads. Not a mutex: nobody ever waits for it, and loom does not see what a failed `try_lock` races with.
     led: AtomicBool,
     stop: AtomicBool,
 }
 
-/// The right to poll the lanes; given up by [`HandOff::resign`].
-pub(crate) struct Lead<'a>(&'a AtomicBool);
+/// The right to poll the lanes; given up by [`WorkQueues::resign`].
+pub(crate) struct Leadership<'a>(&'a AtomicBool);
 
-impl Drop for Lead<'_> {
+impl Drop for Leadership<'_> {
     fn drop(&mut self) {
         // Publishes what this leader did to the next one, which acquires it in `try_lead`.
         self.0.store(false, Ordering::Release);
@@ -99,14 +99,14 @@ impl Drop for Lead<'_> {
 }
 
 /// What ended a follower's wait.
-pub(crate) enum Woken<'a> {
+pub(crate) enum Wakeup<'a> {
     /// There may be work in the inbox, or the pool stops.
     Work,
     /// Nobody leads; now this worker does.
-    Leading(Lead<'a>),
+    Leading(Leadership<'a>),
 }
 
-impl<E> HandOff<E> {
+impl<E> WorkQueues<E> {
     pub(crate) fn new(workers: usize, lanes: usize) -> Self {
         let inbox = || {
             let queues = (0..lanes).map(|_| VecDeque::new()).collect();
@@ -116,7 +116,7 @@ impl<E> HandOff<E> {
                 ready: AtomicUsize::new(0),
             })
         };
-        HandOff {
+        WorkQueues {
             inboxes: (0..workers).map(|_| inbox()).collect(),
             led: AtomicBool::new(false),
             stop: AtomicBool::new(false),
@@ -164,14 +164,14 @@ impl<E> HandOff<E> {
     }
 
     /// Waits at the inbox until there is work or nobody leads; blocks when it has looked for so long.
-    pub(crate) fn follow(&self, worker: usize, spin: Option<Duration>) -> Woken<'_> {
+    pub(crate) fn wait_for_work(&self, worker: usize, spin: Option<Duration>) -> Wakeup<'_> {
         let spin_until = spin.map(|time| Instant::now() + time);
         loop {
             if self.has_work(worker) || self.is_stopped() {
-                return Woken::Work;
+                return Wakeup::Work;
             }
-            if let Some(lead) = self.try_lead() {
-                return Woken::Leading(lead);
+            if let Some(leadership) = self.try_lead() {
+                return Wakeup::Leading(leadership);
             }
             if spin_until.is_some_and(|end| Instant::now() >= end) {
                 break;
@@ -181,32 +181,32 @@ impl<E> HandOff<E> {
         self.sleep(worker)
     }
 
-    fn try_lead(&self) -> Option<Lead<'_>> {
+    fn try_lead(&self) -> Option<Leadership<'_>> {
         // Acquires what the last leader did. A failed look publishes nothing: somebody leads.
         let led = self.led.compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed);
-        led.is_ok().then(|| Lead(&self.led))
+        led.is_ok().then(|| Leadership(&self.led))
     }
 
     /// `asleep` is set before the last look at the lead, and `resign` gives the lead up before it looks at `asleep`:
     /// one of the two sees the other, so requests are never left without a leader while a worker sleeps.
-    fn sleep(&self, worker: usize) -> Woken<'_> {
+    fn sleep(&self, worker: usize) -> Wakeup<'_> {
         let inbox = &self.inboxes[worker];
         lock(&inbox.state).asleep = true;
-        let lead = self.try_lead();
+        let leadership = self.try_lead();
         let mut state = lock(&inbox.state);
-        if lead.is_none() {
+        if leadership.is_none() {
             while !state.called && !self.is_stopped() && state.queues.iter().all(VecDeque::is_empty) {
                 state = inbox.bell.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
             }
         }
         state.asleep = false;
         state.called = false;
-        lead.map_or(Woken::Work, Woken::Leading)
+        leadership.map_or(Wakeup::Work, Wakeup::Leading)
     }
 
     /// Gives the lead up and calls a sleeping worker without work to it.
-    pub(crate) fn resign(&self, lead: Lead<'_>) {
-        drop(lead);
+    pub(crate) fn release(&self, leadership: Leadership<'_>) {
+        drop(leadership);
         for inbox in &self.inboxes {
             let mut state = lock(&inbox.state);
             if state.asleep && !state.called && state.queues.iter().all(VecDeque::is_empty) {
@@ -231,7 +231,7 @@ impl<E> HandOff<E> {
     }
 }
 
-/// `RUSTFLAGS="--cfg loom" cargo test --release -p smaclite-pool hand_off`: every interleaving. A wake-up that is lost
+/// `RUSTFLAGS="--cfg loom" cargo test --release -p smaclite-pool leader_followers`: every interleaving. A wake-up that is lost
 /// shows as a deadlock.
 #[cfg(all(test, loom))]
 mod loom_tests {
@@ -239,16 +239,16 @@ mod loom_tests {
     use loom::thread;
     use std::sync::Arc;
 
-    fn lead<'a>(hand_off: &'a HandOff<u32>, worker: usize) -> Option<Lead<'a>> {
-        match hand_off.follow(worker, Some(Duration::ZERO)) {
-            Woken::Leading(lead) => Some(lead),
-            Woken::Work => None,
+    fn leadership<'a>(queues: &'a WorkQueues<u32>, worker: usize) -> Option<Leadership<'a>> {
+        match queues.wait_for_work(worker, Some(Duration::ZERO)) {
+            Wakeup::Leading(leadership) => Some(leadership),
+            Wakeup::Work => None,
         }
     }
 
     /// Nobody is marked as asleep or called who is neither: a call to one who is awake could be one too few for another.
-    fn assert_all_awake(hand_off: &HandOff<u32>) {
-        for inbox in &hand_off.inboxes {
+    fn assert_all_awake(queues: &WorkQueues<u32>) {
+        for inbox in &queues.inboxes {
             let state = lock(&inbox.state);
             assert!(!state.asleep && !state.called);
         }
@@ -257,44 +257,44 @@ mod loom_tests {
     #[test]
     fn work_for_a_follower_that_goes_to_sleep_reaches_it() {
         loom::model(|| {
-            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
-            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
+            let leading = leadership(&queues, 0).expect("nobody else leads");
             let follower = {
-                let hand_off = Arc::clone(&hand_off);
+                let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     let mut run = Vec::new();
-                    while hand_off.take(1, 8, &mut run).is_none() {
-                        assert!(lead(&hand_off, 1).is_none(), "worker 0 still leads");
+                    while queues.take(1, 8, &mut run).is_none() {
+                        assert!(leadership(&queues, 1).is_none(), "worker 0 still leads");
                     }
                     assert_eq!(run, [7]);
                 })
             };
-            hand_off.push(1, 0, [7].into_iter());
+            queues.push(1, 0, [7].into_iter());
             follower.join().unwrap();
-            assert_all_awake(&hand_off);
-            hand_off.resign(leading);
+            assert_all_awake(&queues);
+            queues.release(leading);
         });
     }
 
     #[test]
     fn the_lead_passes_to_a_follower_that_goes_to_sleep() {
         loom::model(|| {
-            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
-            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
+            let leading = leadership(&queues, 0).expect("nobody else leads");
             let follower = {
-                let hand_off = Arc::clone(&hand_off);
+                let queues = Arc::clone(&queues);
                 thread::spawn(move || {
-                    let lead = loop {
-                        if let Some(lead) = lead(&hand_off, 1) {
-                            break lead;
+                    let leadership = loop {
+                        if let Some(leadership) = leadership(&queues, 1) {
+                            break leadership;
                         }
                     };
-                    hand_off.resign(lead);
+                    queues.release(leadership);
                 })
             };
-            hand_off.resign(leading);
+            queues.release(leading);
             follower.join().unwrap(); // worker 0 is busy elsewhere and never leads again
-            assert_all_awake(&hand_off);
+            assert_all_awake(&queues);
         });
     }
 
@@ -303,25 +303,25 @@ mod loom_tests {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(3); // three threads have too many interleavings to see them all
         model.check(|| {
-            let hand_off = Arc::new(HandOff::<u32>::new(3, 1));
-            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let queues = Arc::new(WorkQueues::<u32>::new(3, 1));
+            let leading = leadership(&queues, 0).expect("nobody else leads");
             let busy = {
-                let hand_off = Arc::clone(&hand_off);
+                let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     let mut run = Vec::new();
-                    while hand_off.take(1, 8, &mut run).is_none() {
-                        if let Some(lead) = lead(&hand_off, 1) {
-                            hand_off.resign(lead);
+                    while queues.take(1, 8, &mut run).is_none() {
+                        if let Some(leadership) = leadership(&queues, 1) {
+                            queues.release(leadership);
                         }
                     } // and is at work for the rest of the test
                 })
             };
             let idle = {
-                let hand_off = Arc::clone(&hand_off);
-                thread::spawn(move || while lead(&hand_off, 2).is_none() {})
+                let queues = Arc::clone(&queues);
+                thread::spawn(move || while leadership(&queues, 2).is_none() {})
             };
-            hand_off.push(1, 0, [7].into_iter());
-            hand_off.resign(leading);
+            queues.push(1, 0, [7].into_iter());
+            queues.release(leading);
             busy.join().unwrap();
             idle.join().unwrap();
         });
@@ -330,19 +330,19 @@ mod loom_tests {
     #[test]
     fn a_follower_that_goes_to_sleep_hears_the_stop() {
         loom::model(|| {
-            let hand_off = Arc::new(HandOff::<u32>::new(2, 1));
-            let leading = lead(&hand_off, 0).expect("nobody else leads");
+            let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
+            let leading = leadership(&queues, 0).expect("nobody else leads");
             let follower = {
-                let hand_off = Arc::clone(&hand_off);
+                let queues = Arc::clone(&queues);
                 thread::spawn(move || {
-                    while !hand_off.is_stopped() {
-                        drop(lead(&hand_off, 1));
+                    while !queues.is_stopped() {
+                        drop(leadership(&queues, 1));
                     }
                 })
             };
-            hand_off.stop();
+            queues.stop();
             follower.join().unwrap();
-            hand_off.resign(leading);
+            queues.release(leading);
         });
     }
 }

@@ -4,7 +4,7 @@
 //! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random
 //! *mark*, so that they cannot occupy it beforehand; the mark is the content of the locked file.
 
-use crate::place::{Place, is_file_at, lock_file, owner_and_mode};
+use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file, owner_and_mode};
 use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Locked by every process that uses iceoryx2 here; its content is the mark.
-const STAY_LOCK: &str = "in-use";
+const LOCK_NAME: &str = "in-use";
 
 /// Characters of a mark, of 32 different ones.
-const MARK_LEN: usize = 16;
-const MARK_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
+const SUFFIX_LEN: usize = 16;
+const SUFFIX_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
 
 /// Shared memory.
 const SHM: &str = "/dev/shm";
@@ -29,18 +29,18 @@ const SHM: &str = "/dev/shm";
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Held by every process of a place for as long as it uses iceoryx2.
-pub(crate) struct Stay {
+pub(crate) struct ShmDir {
     lock: File,
     lock_path: PathBuf,
     folder: PathBuf,
     owner: u32,
 }
 
-impl Place {
+impl RuntimeDir {
     /// Enters the place; waits while another process tidies it up. The first to come removes what the killed
     /// left.
-    pub(crate) fn enter(&self) -> Result<Stay> {
-        let path = self.stay_lock();
+    pub(crate) fn open_shm_dir(&self) -> Result<ShmDir> {
+        let path = self.shm_dir_lock();
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
             let lock = lock_file(&path)?;
@@ -57,7 +57,7 @@ impl Place {
                 && let Some(folder) = self.folder_of(&lock)
             {
                 check_folder(&folder)?;
-                return Ok(Stay { lock, lock_path: path, folder, owner: std::process::id() });
+                return Ok(ShmDir { lock, lock_path: path, folder, owner: std::process::id() });
             }
             drop(lock);
             std::thread::sleep(Duration::from_millis(1));
@@ -67,41 +67,41 @@ impl Place {
     }
 
     /// Removes what pools left here under this and earlier marks, unless a process uses the place.
-    pub(crate) fn tidy(&self) -> Result<()> {
-        let path = self.stay_lock();
+    pub(crate) fn remove_stale(&self) -> Result<()> {
+        let path = self.shm_dir_lock();
         let lock = lock_file(&path)?;
         if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
-            self.shm_folders().iter().try_for_each(|folder| remove_folder(folder))?;
+            self.shm_dirs().iter().try_for_each(|folder| remove_folder(folder))?;
             std::fs::remove_file(path)?;
         }
         Ok(())
     }
 
     /// The folder in shared memory of the pools that run here; `None` while no process uses the place.
-    pub fn shm_folder(&self) -> Option<PathBuf> {
-        self.folder_of(&File::open(self.stay_lock()).ok()?)
+    pub fn shm_dir(&self) -> Option<PathBuf> {
+        self.folder_of(&File::open(self.shm_dir_lock()).ok()?)
     }
 
     /// This user's folders in shared memory that belong to this place by their names.
-    pub(crate) fn shm_folders(&self) -> Vec<PathBuf> {
+    pub(crate) fn shm_dirs(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
         let ours = entries.filter(|entry| {
             let name = entry.file_name();
             let mark = name.to_str().and_then(|name| name.strip_prefix(self.shm_prefix()));
-            mark.is_some_and(|mark| is_mark(mark.as_bytes())) && is_ours(&entry.path())
+            mark.is_some_and(|mark| is_suffix(mark.as_bytes())) && is_ours(&entry.path())
         });
         ours.map(|entry| entry.path()).collect()
     }
 
-    fn stay_lock(&self) -> PathBuf {
-        self.root().join(STAY_LOCK)
+    fn shm_dir_lock(&self) -> PathBuf {
+        self.root().join(LOCK_NAME)
     }
 
     /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process
-    /// that dies in between leaves nothing that is not found. For the holder of the exclusive lock.
+    /// that dies in between leaves nothing that is not found. For the learner_pid of the exclusive lock.
     fn make_folder(&self, lock: &File) -> Result<()> {
         lock.set_len(0)?;
-        lock.write_all_at(&new_mark()?, 0)?;
+        lock.write_all_at(&new_suffix()?, 0)?;
         let folder = self.folder_of(lock).expect("the mark was just written");
         let made = DirBuilder::new().mode(0o700).create(&folder);
         made.map_err(|error| Error::new(error.kind(), format!("{}: {error}", folder.display())))
@@ -109,14 +109,14 @@ impl Place {
 
     /// The folder by the mark in this file; `None` if there is none yet.
     fn folder_of(&self, lock: &File) -> Option<PathBuf> {
-        let mut mark = [0; MARK_LEN];
+        let mut mark = [0; SUFFIX_LEN];
         lock.read_exact_at(&mut mark, 0).ok()?;
         let name = format!("{}{}", self.shm_prefix(), String::from_utf8_lossy(&mark));
-        is_mark(&mark).then(|| Path::new(SHM).join(name))
+        is_suffix(&mark).then(|| Path::new(SHM).join(name))
     }
 }
 
-impl Stay {
+impl ShmDir {
     /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
     pub(crate) fn iceoryx(&self) -> Config {
         iceoryx(&self.folder)
@@ -138,7 +138,7 @@ impl Stay {
     }
 }
 
-impl Drop for Stay {
+impl Drop for ShmDir {
     fn drop(&mut self) {
         if self.owner != std::process::id() {
             return; // a forked child shares its parent's lock
@@ -201,90 +201,90 @@ fn try_lock(file: &File, operation: FlockOperation) -> Result<bool> {
     }
 }
 
-fn new_mark() -> Result<[u8; MARK_LEN]> {
-    let mut mark = [0; MARK_LEN];
+fn new_suffix() -> Result<[u8; SUFFIX_LEN]> {
+    let mut mark = [0; SUFFIX_LEN];
     // At most 256 bytes come whole (getrandom(2)).
     getrandom(&mut mark, GetRandomFlags::empty())?;
-    Ok(mark.map(|byte| MARK_LETTERS[usize::from(byte % 32)]))
+    Ok(mark.map(|byte| SUFFIX_LETTERS[usize::from(byte % 32)]))
 }
 
-fn is_mark(mark: &[u8]) -> bool {
-    mark.len() == MARK_LEN && mark.iter().all(|letter| MARK_LETTERS.contains(letter))
+fn is_suffix(mark: &[u8]) -> bool {
+    mark.len() == SUFFIX_LEN && mark.iter().all(|letter| SUFFIX_LETTERS.contains(letter))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn place() -> (tempfile::TempDir, Place) {
+    fn runtime_dir() -> (tempfile::TempDir, RuntimeDir) {
         let folder = tempfile::tempdir_in("/tmp").unwrap();
-        let place = Place::at(folder.path().to_owned()).unwrap();
-        (folder, place)
+        let runtime_dir = RuntimeDir::at(folder.path().to_owned()).unwrap();
+        (folder, runtime_dir)
     }
 
     /// The clean-up once removed every file in every folder below the root: with the root set to one's home,
     /// all of it.
     #[test]
     fn the_last_to_leave_removes_nothing_but_what_iceoryx_keeps() {
-        let (folder, place) = place();
+        let (folder, runtime_dir) = runtime_dir();
         std::fs::create_dir(folder.path().join("nodes")).unwrap();
         let mine = ["thesis.tex", "nodes/notes"].map(|name| folder.path().join(name));
         mine.iter().for_each(|path| std::fs::write(path, "kept").unwrap());
-        let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
-        let shm = place.shm_folder().expect("the place is in use");
+        let [first, second] = [runtime_dir.open_shm_dir().unwrap(), runtime_dir.open_shm_dir().unwrap()];
+        let shm = runtime_dir.shm_dir().expect("the place is in use");
         std::fs::create_dir(shm.join("nodes")).unwrap();
         std::fs::write(shm.join("nodes/1"), "left").unwrap();
         drop(first);
         assert!(shm.exists());
         drop(second);
-        assert!(!shm.exists() && place.shm_folder().is_none());
+        assert!(!shm.exists() && runtime_dir.shm_dir().is_none());
         mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]
     fn every_use_of_a_place_has_a_private_folder_of_its_own() {
-        let (_root, place) = place();
-        let [first, second] = [place.enter().unwrap(), place.enter().unwrap()];
+        let (_root, runtime_dir) = runtime_dir();
+        let [first, second] = [runtime_dir.open_shm_dir().unwrap(), runtime_dir.open_shm_dir().unwrap()];
         assert_eq!(first.folder, second.folder);
         assert_eq!(first.folder.metadata().unwrap().mode() & 0o7777, 0o700);
         let seen = first.folder.clone();
         drop((first, second));
-        assert_ne!(place.enter().unwrap().folder, seen);
+        assert_ne!(runtime_dir.open_shm_dir().unwrap().folder, seen);
     }
 
     /// Killed between making the file and writing the mark, before the folder was made, and while pools ran.
     #[test]
     fn a_mark_that_a_killed_process_left_is_replaced() {
-        let (_root, place) = place();
+        let (_root, runtime_dir) = runtime_dir();
         for (left, has_folder) in
             [("", false), ("abc", false), ("abcdefghijklmnop", false), ("abcdefghijklmnop", true)]
         {
-            lock_file(&place.stay_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
-            let folder = PathBuf::from(format!("{SHM}/{}{left}", place.shm_prefix()));
+            lock_file(&runtime_dir.shm_dir_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
+            let folder = PathBuf::from(format!("{SHM}/{}{left}", runtime_dir.shm_prefix()));
             if has_folder {
                 std::fs::create_dir(&folder).unwrap();
                 std::fs::write(folder.join("1.data"), "left").unwrap();
             }
-            let stay = place.enter().unwrap();
-            assert_ne!(stay.folder, folder);
+            let shm_dir = runtime_dir.open_shm_dir().unwrap();
+            assert_ne!(shm_dir.folder, folder);
             assert!(!folder.exists());
-            drop(stay);
-            assert!(!place.stay_lock().exists());
+            drop(shm_dir);
+            assert!(!runtime_dir.shm_dir_lock().exists());
         }
     }
 
     /// The root folder is gone, by a cleaner of /tmp, and with it the mark.
     #[test]
     fn folders_without_a_mark_are_removed_when_no_process_uses_the_place() {
-        let (_root, place) = place();
-        let lost = PathBuf::from(format!("{SHM}/{}abcdefghijklmnop", place.shm_prefix()));
+        let (_root, runtime_dir) = runtime_dir();
+        let lost = PathBuf::from(format!("{SHM}/{}abcdefghijklmnop", runtime_dir.shm_prefix()));
         std::fs::create_dir(&lost).unwrap();
-        let stay = place.enter().unwrap();
-        place.tidy().unwrap();
-        assert!(lost.exists() && stay.folder.exists());
-        drop(stay);
-        place.tidy().unwrap();
-        assert!(!lost.exists() && !place.stay_lock().exists());
+        let shm_dir = runtime_dir.open_shm_dir().unwrap();
+        runtime_dir.remove_stale().unwrap();
+        assert!(lost.exists() && shm_dir.folder.exists());
+        drop(shm_dir);
+        runtime_dir.remove_stale().unwrap();
+        assert!(!lost.exists() && !runtime_dir.shm_dir_lock().exists());
     }
 }

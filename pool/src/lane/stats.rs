@@ -1,13 +1,13 @@
 //! What a lane counts.
 
-use crate::seat::Tally;
+use crate::hosted_env::StepCounts;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// A lane's figures since it began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LaneFigures {
+pub struct LaneStats {
     /// Steps of single environments; resets do not count.
     pub steps: u64,
     /// Episodes that ended.
@@ -37,9 +37,9 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    pub(super) fn read(&self) -> LaneFigures {
+    pub(super) fn read(&self) -> LaneStats {
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        LaneFigures {
+        LaneStats {
             steps: read(&self.steps),
             episodes: read(&self.episodes),
             wins: read(&self.wins),
@@ -50,10 +50,10 @@ impl Counters {
         }
     }
 
-    pub(super) fn stepped(&self, tally: &Tally) {
-        add(&self.steps, tally.steps);
-        add(&self.episodes, tally.episodes);
-        add(&self.wins, tally.wins);
+    pub(super) fn stepped(&self, counts: &StepCounts) {
+        add(&self.steps, counts.steps);
+        add(&self.episodes, counts.episodes);
+        add(&self.wins, counts.wins);
     }
 
     pub(super) fn sent(&self) {
