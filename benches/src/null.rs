@@ -22,8 +22,8 @@ impl Environment for Null {
     fn check(&self, _: &[i32]) -> Result<(), IllegalAction> {
         Ok(())
     }
-    fn step(&mut self, _: &[i32], _: &mut Scratch) -> Result<Step, IllegalAction> {
-        Ok(Step { reward: 0.0, terminated: false, truncated: false, battle_won: false })
+    fn step_checked(&mut self, _: &[i32], _: &mut Scratch) -> Step {
+        Step { reward: 0.0, terminated: false, truncated: false, battle_won: false }
     }
     fn write_obs(&self, _: &mut [f32], _: &mut Scratch) {}
     fn write_state(&self, _: &mut [f32]) {}

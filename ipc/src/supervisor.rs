@@ -14,7 +14,7 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, 
 use smaclite_engine::{Arena, Battle, Rules, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions};
+use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, PoolStartError};
 use smaclite_scenarios::Scenario;
 use std::fs::File;
 use std::net::Shutdown;
@@ -216,6 +216,8 @@ pub enum StartError {
     Memory(#[from] TooLittleMemory),
     #[error(transparent)]
     Ipc(#[from] IpcError),
+    #[error(transparent)]
+    Pool(#[from] PoolStartError),
     #[error("the start was interrupted")]
     Interrupted,
     #[error("{doing}: {source}")]
@@ -459,7 +461,7 @@ fn start_pool(
         parts.push((spec, inlet, outlet));
         services.push(lane);
     }
-    let pool = Pool::start(parts, bell, options).map_err(system("starting worker threads"))?;
+    let pool = Pool::start(parts, bell, options)?;
     Ok((pool, (work, services)))
 }
 

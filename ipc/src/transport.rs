@@ -4,13 +4,15 @@
 #![allow(unsafe_code)] // a loaned sample is shared memory the operating system zeroed, not uninitialised Rust memory
 
 use crate::services::{
-    FrameLoan, FramePublisher, IpcListener, IpcNotifier, RequestSample, RequestSubscriber,
+    FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSample, RequestSubscriber, doing,
 };
 use crate::wire::{FrameHeader, MAGIC, read_request};
 use iceoryx2::port::update_connections::UpdateConnections;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, Transport};
+use smaclite_pool::transport::{
+    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, Transport, TransportError,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -32,8 +34,8 @@ pub(crate) struct RequestInlet {
 impl Inlet for RequestInlet {
     type Message = RequestMessage;
 
-    fn receive(&mut self) -> Result<Option<RequestMessage>, String> {
-        let sample = self.subscriber.receive().map_err(|error| format!("{error:?}"))?;
+    fn receive(&mut self) -> Result<Option<RequestMessage>, TransportError> {
+        let sample = self.subscriber.receive().map_err(doing("receiving a request")).map_err(boxed)?;
         Ok(sample.map(|sample| RequestMessage { sample, layout: Arc::clone(&self.layout) }))
     }
 }
@@ -67,10 +69,11 @@ pub(crate) struct FrameOutlet {
 unsafe impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
-    fn loan(&mut self) -> Result<FrameLoan, String> {
-        self.publisher.loan_slice_uninit(self.layout.bytes()).map_err(|error| {
-            let _ = self.publisher.update_connections(); // takes back what clean-up freed
-            format!("no memory for a frame: {error:?}")
+    fn loan(&mut self) -> Result<FrameLoan, TransportError> {
+        let loan = self.publisher.loan_slice_uninit(self.layout.bytes());
+        loan.map_err(|error| {
+            let _ = self.publisher.update_connections(); // recovers the frames of readers that are gone
+            boxed(doing("loaning memory for a frame")(error))
         })
     }
 
@@ -81,18 +84,18 @@ unsafe impl Outlet for FrameOutlet {
         unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
     }
 
-    fn publish(&mut self, mut loan: FrameLoan, epoch: Epoch, content: Content) {
+    fn publish(&mut self, mut loan: FrameLoan, epoch: Option<Epoch>, content: FrameContent) {
         self.sequence += 1;
         let (rejection_len, request) = match content {
-            Content::Batch => (0, 0),
-            Content::Rejection { request, len } => (len as u32, request),
+            FrameContent::Batch => (0, 0),
+            FrameContent::Rejection { request, len } => (len as u32, request.map_or(0, |number| number.0)),
         };
         *loan.user_header_mut() = FrameHeader {
             magic: MAGIC,
             version: FORMAT_VERSION,
             layout_hash: self.layout.hash(),
-            session: epoch.session,
-            epoch: epoch.request,
+            session: epoch.map_or(0, |epoch| epoch.session.0),
+            epoch: epoch.and_then(|epoch| epoch.reset).map_or(0, |number| number.0),
             sequence: self.sequence,
             slots: self.layout.slots() as u32,
             rejection_len,
@@ -109,6 +112,10 @@ unsafe impl Outlet for FrameOutlet {
             tracing::debug!(?error, "a reader could not be woken");
         }
     }
+}
+
+fn boxed(error: IpcError) -> TransportError {
+    TransportError(Box::new(error))
 }
 
 /// Wakes the worker that leads.

@@ -6,7 +6,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Request, RequestKind};
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
 use std::sync::atomic::AtomicI32;
 use std::time::Duration;
 
@@ -189,7 +189,8 @@ pub fn read_request<'a>(
         RequestKind::Reset { .. } => &rest[..0],
     };
     let (env_ids, actions) = (as_atomics(env_ids), as_atomics(actions));
-    Ok(Request { session: header.session, number: header.number, kind, env_ids, actions })
+    let (session, number) = (SessionId(header.session), RequestNumber(header.number));
+    Ok(Request { session, number, kind, env_ids, actions })
 }
 
 /// Views bytes as integers that another process may change at any time.

@@ -1,9 +1,10 @@
-//! What the pool asks of an environment, and the battle's answer. The pool itself knows nothing of units or rules.
+//! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows nothing of
+//! units or rules.
 
 use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Step};
 
-/// One environment of a lane. Batches, autoreset and transport are the pool's; this is only a game that can be reset,
-/// stepped and looked at. [`Battle`] is the one in use; tests and benches bring others.
+/// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong to the
+/// pool. Users run [`Battle`]s; tests and benches have other environments.
 pub trait Environment: Send {
     /// Sizes of everything written below.
     fn sizes(&self) -> Sizes;
@@ -11,10 +12,10 @@ pub trait Environment: Send {
     fn reseed(&mut self, seed: u64);
     /// Begins a new episode.
     fn reset(&mut self);
-    /// Would `step` take these actions (`n_agents` of them)?
+    /// Checks a joint action, `[n_agents]`.
     fn check(&self, actions: &[i32]) -> Result<(), IllegalAction>;
-    /// One step.
-    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction>;
+    /// One step with a joint action that [`check`](Environment::check) accepted in this state.
+    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step;
     /// Writes `[n_agents, obs_size]`.
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch);
     /// Writes `[state_size]`.
@@ -46,8 +47,8 @@ impl Environment for Battle {
     fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
         Battle::check(self, actions)
     }
-    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction> {
-        Battle::step(self, actions, scratch)
+    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
+        Battle::step(self, actions, scratch).expect("checked actions")
     }
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
         Battle::write_obs(self, out, scratch);
@@ -75,5 +76,5 @@ impl Environment for Battle {
     }
 }
 
-/// Makes an environment of a lane by its number.
+/// Makes environment `i` of a lane.
 pub type MakeEnvironment = Box<dyn Fn(usize) -> Box<dyn Environment> + Send>;

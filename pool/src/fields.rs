@@ -1,5 +1,5 @@
 //! The fields of a frame, declared once. Offsets, views, spaces, documentation and the layout hash derive from
-//! [`FIELDS`]; nothing else in the project names a field's type or shape.
+//! [`FIELDS`]; no other place in the project states a field's type or shape.
 
 use std::fmt;
 
@@ -46,7 +46,7 @@ pub enum Axis {
     Action,
 }
 
-/// A field of a frame; the discriminant is its place in [`FIELDS`].
+/// A field of a frame; the discriminant is its index in [`FIELDS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 #[allow(missing_docs)] // `FIELDS` says what each one means
@@ -100,7 +100,7 @@ const fn spec(
 use Axis::{Action, Agent, Obs, State};
 use Dtype::{Bool, F32, I32};
 
-/// The table of fields, in the order in which they lie in a frame.
+/// The table of fields, in their order in a frame.
 pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
     spec(Field::EnvId, "env_id", I32, &[], "which environment the slot is"),
     spec(Field::Obs, "obs", F32, &[Agent, Obs], "observation of each agent; zeros for the dead"),
@@ -114,7 +114,7 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
     ),
     spec(Field::Alive, "alive", Bool, &[Agent], "which agents live"),
     spec(Field::Reward, "reward", F32, &[], "team reward of the step just made"),
-    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: one side has nobody left"),
+    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: one side has no unit left"),
     spec(
         Field::Truncated,
         "truncated",
@@ -162,12 +162,13 @@ impl Field {
         &FIELDS[self as usize]
     }
 
-    /// Does the field exist only under same-step autoreset?
+    /// Whether the field exists only under same-step autoreset.
     pub const fn is_final(self) -> bool {
         matches!(self, Field::FinalObs | Field::FinalState | Field::FinalAvailActions)
     }
 
-    /// May a lane leave the field out? A learner cannot do without knowing whose slot it reads and when episodes end.
+    /// Whether a lane can omit the field. A learner always needs to know which environment a slot is and when its
+    /// episode ends.
     pub const fn is_optional(self) -> bool {
         !matches!(self, Field::EnvId | Field::Reward | Field::Terminated | Field::Truncated)
     }
@@ -191,7 +192,7 @@ impl FieldSet {
         FIELDS.iter().filter(|f| !f.field.is_final()).map(|f| f.field).collect()
     }
 
-    /// The fields of these names, together with the ones no lane can leave out.
+    /// The fields of these names, and those that no lane can omit.
     pub fn from_names<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> Result<FieldSet, UnknownField> {
         let mut set: FieldSet = FIELDS.iter().filter(|f| !f.field.is_optional()).map(|f| f.field).collect();
         for name in names {
@@ -202,7 +203,7 @@ impl FieldSet {
         Ok(set)
     }
 
-    /// Is the field in the set?
+    /// Whether the set contains the field.
     pub const fn contains(self, field: Field) -> bool {
         self.0 & (1 << field as usize) != 0
     }
@@ -212,7 +213,7 @@ impl FieldSet {
         self.0 |= 1 << field as usize;
     }
 
-    /// Takes a field out.
+    /// Removes a field.
     pub fn remove(&mut self, field: Field) {
         self.0 &= !(1 << field as usize);
     }
@@ -239,7 +240,7 @@ impl fmt::Debug for FieldSet {
 
 /// A field name that no frame has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no field is named `{0}`; the fields are {names}", names = FIELDS.map(|f| f.name).join(", "))]
+#[error("unknown field `{0}`; the fields are {names}", names = FIELDS.map(|f| f.name).join(", "))]
 pub struct UnknownField(pub String);
 
 #[cfg(test)]
@@ -247,7 +248,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn discriminants_are_places_in_the_table() {
+    fn discriminants_are_indices_into_the_table() {
         for (i, spec) in FIELDS.iter().enumerate() {
             assert_eq!(spec.field as usize, i, "{}", spec.name);
             assert_eq!(Field::from_name(spec.name), Some(spec.field));
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lane_always_has_what_a_learner_cannot_do_without() {
+    fn a_lane_always_has_the_fields_that_every_learner_needs() {
         let set = FieldSet::from_names(["obs"]).unwrap();
         let names: Vec<_> = set.iter().map(|f| f.spec().name).collect();
         assert_eq!(names, ["env_id", "obs", "reward", "terminated", "truncated"]);

@@ -1,57 +1,55 @@
-//! The frames of a lane that are being filled. Workers claim slots, write them, and say when they are
-//! written; the last one of a frame publishes it. All calls are made under the lane's lock and none of them
-//! blocks; the writing, and the wait for a frame where there is none, are not made under it.
+//! The frames of a lane that are being filled. Workers claim slots, write them and report them as complete; completing
+//! the last slot of a frame publishes it. All calls hold the assembler's lock and none blocks. Slots are written
+//! without the lock, and a worker that finds no free frame waits without it.
 
 use crate::slot::FrameMemory;
-use crate::transport::{Content, Epoch, Outlet};
+use crate::transport::{Epoch, FrameContent, Outlet, RequestNumber, SessionId, TransportError};
 use std::collections::VecDeque;
 
-/// A right to write `count` slots of an open frame.
+/// The right to write `count` slots of an open frame.
 #[derive(Clone, Copy)]
 pub(crate) struct SlotClaim {
     pub(crate) memory: FrameMemory,
-    /// First slot claimed; a synchronous lane ignores it, there a slot is its environment.
+    /// First claimed slot. A synchronous lane ignores it: there the slot is the environment.
     pub(crate) first: usize,
-    frame: u64,
+    frame: FrameNumber,
     count: usize,
 }
 
+/// Counts the frames that a lane opened.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct FrameNumber(u64);
+
 struct OpenFrame<L> {
-    number: u64,
+    number: FrameNumber,
     loan: L,
     memory: FrameMemory,
     claimed: usize,
     written: usize,
-    /// A new round began; the frame is dropped once nobody writes to it any more.
+    /// A new epoch began: the frame is dropped when all its claimed slots are complete.
     stale: bool,
 }
 
-/// Where a lane's results go.
+/// Collects a lane's results in frames.
 pub(crate) struct FrameAssembler<O: Outlet> {
     outlet: O,
     slots: usize,
     open: VecDeque<OpenFrame<O::Loan>>,
-    next_number: u64,
-    epoch: Epoch,
-    /// Kept back to report the lane's failure in, which may be that there is no frame.
+    opened: u64,
+    /// `None` while the lane has no learner.
+    epoch: Option<Epoch>,
+    /// Reserved for the report that the lane failed, whose cause may be that no frame is free.
     spare: Option<O::Loan>,
 }
 
 impl<O: Outlet> FrameAssembler<O> {
-    pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, String> {
+    pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, TransportError> {
         let spare = Some(outlet.loan()?);
-        Ok(FrameAssembler {
-            outlet,
-            slots,
-            open: VecDeque::new(),
-            next_number: 0,
-            epoch: Epoch::default(),
-            spare,
-        })
+        Ok(FrameAssembler { outlet, slots, open: VecDeque::new(), opened: 0, epoch: None, spare })
     }
 
-    /// Discards everything that is under way: from now on only work of `round` finds a slot.
-    pub(crate) fn begin_epoch(&mut self, epoch: Epoch) {
+    /// Discards all work in progress: from now on only results of `epoch` get slots.
+    pub(crate) fn begin_epoch(&mut self, epoch: Option<Epoch>) {
         self.epoch = epoch;
         self.open.retain_mut(|frame| {
             frame.stale = true;
@@ -59,9 +57,9 @@ impl<O: Outlet> FrameAssembler<O> {
         });
     }
 
-    /// Claims `count` slots for work of `round`; `Ok(None)` if that round is over.
-    pub(crate) fn claim(&mut self, epoch: Epoch, count: usize) -> Result<Option<SlotClaim>, String> {
-        if epoch != self.epoch {
+    /// Claims `count` slots for results of `epoch`; `Ok(None)` if that epoch is over.
+    pub(crate) fn claim(&mut self, epoch: Epoch, count: usize) -> Result<Option<SlotClaim>, TransportError> {
+        if self.epoch != Some(epoch) {
             return Ok(None);
         }
         let slots = self.slots;
@@ -76,7 +74,7 @@ impl<O: Outlet> FrameAssembler<O> {
         Ok(Some(SlotClaim { memory: frame.memory, first, frame: frame.number, count }))
     }
 
-    /// The claimed slots are written (or given up, where the round is over); publishes the frame if they were its last.
+    /// Takes claimed slots as written, and publishes the frame if they were its last. Returns whether it did.
     pub(crate) fn complete(&mut self, claim: SlotClaim) -> bool {
         let Some(index) = self.open.iter().position(|f| f.number == claim.frame) else { return false };
         let frame = &mut self.open[index];
@@ -87,40 +85,44 @@ impl<O: Outlet> FrameAssembler<O> {
         }
         let frame = self.open.remove(index).expect("found above");
         if !frame.stale {
-            self.outlet.publish(frame.loan, self.epoch, Content::Batch);
+            self.outlet.publish(frame.loan, self.epoch, FrameContent::Batch);
         }
         !frame.stale
     }
 
-    /// Sends a frame that holds the reason why `request` of `session` was refused instead of a batch, unless
-    /// that session is over.
-    pub(crate) fn report(&mut self, session: u64, request: u64, text: &[u8]) -> Result<(), String> {
-        if session == self.epoch.session {
+    /// Publishes the reason why a request of `session` was refused, unless that session is over.
+    pub(crate) fn report_rejection(
+        &mut self,
+        session: SessionId,
+        request: RequestNumber,
+        text: &[u8],
+    ) -> Result<(), TransportError> {
+        if self.epoch.is_some_and(|epoch| epoch.session == session) {
             let loan = self.outlet.loan()?;
-            self.publish_text(loan, request, text);
+            self.publish_text(loan, Some(request), text);
         }
         Ok(())
     }
 
-    /// Sends the reason why the lane failed. It fails once, so the frame kept back for this is there.
+    /// Publishes the reason why the lane failed. A lane fails once, so the reserved frame is still there.
     pub(crate) fn report_failure(&mut self, text: &[u8]) {
         if let Some(loan) = self.spare.take() {
-            self.publish_text(loan, 0, text);
+            self.publish_text(loan, None, text);
         }
     }
 
-    fn publish_text(&mut self, mut loan: O::Loan, request: u64, text: &[u8]) {
+    fn publish_text(&mut self, mut loan: O::Loan, request: Option<RequestNumber>, text: &[u8]) {
         let payload = O::payload(&mut loan);
         let len = text.len().min(payload.len());
         payload[..len].copy_from_slice(&text[..len]);
-        self.outlet.publish(loan, self.epoch, Content::Rejection { request, len });
+        self.outlet.publish(loan, self.epoch, FrameContent::Rejection { request, len });
     }
 
-    fn open_frame(&mut self) -> Result<usize, String> {
+    fn open_frame(&mut self) -> Result<usize, TransportError> {
         let mut loan = self.outlet.loan()?;
         let memory = FrameMemory::new(O::payload(&mut loan));
-        let number = self.next_number;
-        self.next_number += 1;
+        let number = FrameNumber(self.opened);
+        self.opened += 1;
         self.open.push_back(OpenFrame { number, loan, memory, claimed: 0, written: 0, stale: false });
         Ok(self.open.len() - 1)
     }

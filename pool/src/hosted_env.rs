@@ -1,94 +1,51 @@
-//! One environment's place in a lane: what it was asked to do, autoreset, and how its slot of a frame is written.
+//! One environment of a lane: its tasks, autoreset, and how its slot of a frame is written.
 
+use crate::autoreset::Autoreset;
 use crate::environment::Environment;
 use crate::fields::Field;
+use crate::lane::Ticket;
 use crate::slot::Slot;
-use serde::{Deserialize, Serialize};
 use smaclite_engine::{Scratch, Step};
 
-/// What happens to an environment whose episode ended (Gymnasium's three modes).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Autoreset {
-    /// The next step ignores the action, resets, and returns the first observation with reward 0.
-    #[default]
-    NextStep,
-    /// The step that ends an episode already returns the next one's first observation; the last observation, state
-    /// and mask are in `final_*`.
-    SameStep,
-    /// Nothing: stepping a finished environment is an error until it is reset.
-    Disabled,
-}
-
-impl Autoreset {
-    /// The word used in files, options and Python.
-    pub fn name(self) -> &'static str {
-        match self {
-            Autoreset::NextStep => "next_step",
-            Autoreset::SameStep => "same_step",
-            Autoreset::Disabled => "disabled",
-        }
-    }
-}
-
-impl std::str::FromStr for Autoreset {
-    type Err = String;
-
-    fn from_str(word: &str) -> Result<Self, String> {
-        [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled]
-            .into_iter()
-            .find(|mode| mode.name() == word)
-            .ok_or_else(|| format!("autoreset is `next_step`, `same_step` or `disabled`, not `{word}`"))
-    }
-}
-
-/// What a seat is asked to do.
+/// What an accepted request wants of an environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Task {
-    /// Step with the seat's actions.
+    /// Step with the accepted actions.
     Step,
-    /// Reset, with a new seed if there is one.
+    /// Reset, after seeding if there is a seed.
     Reset { seed: Option<u64> },
-    /// Write the present observation again (the rest of a batch in which only some environments are reset).
+    /// Write the present observation again, in a batch in which only other environments are reset.
     Observe,
 }
 
-/// An environment with what a lane keeps about it.
+/// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
-    /// The accepted joint action, a private copy: a learner could rewrite its sample after the check.
+    /// The accepted joint action, `[n_agents]`: a private copy, since a learner could change its sample after the check.
     pub(crate) actions: Vec<i32>,
-    /// The request that has a task for this seat, until that is carried out.
-    pub(crate) busy: Option<u64>,
+    /// The accepted request that this environment has not yet answered.
+    pub(crate) busy: Option<Ticket>,
     /// The episode ended and the environment was not reset since.
-    pub(crate) over: bool,
-}
-
-/// What an episode's end adds to a lane's figures.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct StepCounts {
-    pub(crate) steps: u64,
-    pub(crate) episodes: u64,
-    pub(crate) wins: u64,
+    pub(crate) is_over: bool,
 }
 
 impl HostedEnv {
     pub(crate) fn new(env: Box<dyn Environment>) -> HostedEnv {
         let actions = vec![0; env.sizes().n_agents];
-        HostedEnv { env, actions, busy: None, over: false }
+        HostedEnv { env, actions, busy: None, is_over: false }
     }
 
-    /// Carries a task out up to the point where its slot is needed.
+    /// Carries a task out, up to the point where its slot is needed.
     pub(crate) fn run(&mut self, task: Task, autoreset: Autoreset, scratch: &mut Scratch) -> Option<Step> {
         match task {
             Task::Observe => None,
-            Task::Step if self.over && autoreset == Autoreset::NextStep => {
+            Task::Step if self.is_over && autoreset == Autoreset::NextStep => {
                 self.reset();
                 None
             }
             Task::Step => {
-                let step = self.env.step(&self.actions, scratch).expect("the lane checked these actions");
-                self.over = step.terminated || step.truncated;
+                let step = self.env.step_checked(&self.actions, scratch);
+                self.is_over = step.terminated || step.truncated;
                 Some(step)
             }
             Task::Reset { seed } => {
@@ -101,7 +58,7 @@ impl HostedEnv {
         }
     }
 
-    /// Writes the outcome of [`run`](HostedEnv::run) into the environment's slot, resetting under same-step autoreset.
+    /// Writes the outcome of [`run`](HostedEnv::run) into the environment's slot; resets under same-step autoreset.
     pub(crate) fn write(
         &mut self,
         env_id: usize,
@@ -112,7 +69,7 @@ impl HostedEnv {
     ) {
         slot.set(Field::EnvId, env_id as i32);
         self.write_outcome(step, slot);
-        if self.over && autoreset == Autoreset::SameStep {
+        if self.is_over && autoreset == Autoreset::SameStep {
             let last = [Field::FinalObs, Field::FinalState, Field::FinalAvailActions];
             self.write_view(last, slot, scratch);
             self.reset();
@@ -123,16 +80,17 @@ impl HostedEnv {
         }
     }
 
-    /// Leaves the outcome of [`run`](HostedEnv::run) unwritten, for a round that is over; the game goes on as if it were written.
+    /// Discards the outcome of [`run`](HostedEnv::run), for an epoch that is over. The environment's next results are the
+    /// same as if it had been written.
     pub(crate) fn discard(&mut self, autoreset: Autoreset) {
-        if self.over && autoreset == Autoreset::SameStep {
+        if self.is_over && autoreset == Autoreset::SameStep {
             self.reset();
         }
     }
 
     fn reset(&mut self) {
         self.env.reset();
-        self.over = false;
+        self.is_over = false;
     }
 
     fn write_outcome(&self, step: Option<Step>, slot: &mut Slot<'_>) {
@@ -159,16 +117,6 @@ impl HostedEnv {
         }
         if let Some(out) = slot.row(avail) {
             self.env.write_avail_actions(out);
-        }
-    }
-}
-
-impl StepCounts {
-    pub(crate) fn count(&mut self, step: Option<Step>) {
-        if let Some(step) = step {
-            self.steps += 1;
-            self.episodes += u64::from(step.terminated || step.truncated);
-            self.wins += u64::from(step.battle_won);
         }
     }
 }

@@ -1,17 +1,16 @@
-//! Where each field of a frame lies. A pure function of the field table, the sizes of the scenario, the number of
-//! slots and the chosen fields, so that the writer and every reader compute the same offsets; the hash says whether
-//! they did.
+//! The offset of each field in a frame. It is a pure function of the field table, the sizes of the scenario, the number
+//! of slots and the chosen fields, so the writer and every reader compute the same offsets. They compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
 use smaclite_engine::Sizes;
 
-/// Counts up when the frame header, `RequestHeader` or the meaning of a field changes.
+/// Increases when the frame header, the request header or the meaning of a field changes.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
 pub const BLOCK_ALIGN: usize = 64;
 
-/// A frame also carries error reports as text; the smallest lanes get room for one.
+/// Frames also carry error reports as text, so the frames of small lanes have room for one.
 const MIN_FRAME_BYTES: usize = 4096;
 
 /// Offsets of all fields of a frame.
@@ -56,7 +55,7 @@ impl Layout {
         self.slots
     }
 
-    /// The fields a frame has.
+    /// The fields of a frame.
     pub fn fields(&self) -> FieldSet {
         self.fields
     }
@@ -81,12 +80,12 @@ impl Layout {
         std::iter::once(self.slots).chain(field.spec().axes.iter().map(|a| extent(self.sizes, *a))).collect()
     }
 
-    /// First byte of a field, a multiple of [`BLOCK_ALIGN`]; `None` when the lane leaves the field out.
+    /// First byte of a field, a multiple of [`BLOCK_ALIGN`]; `None` if the lane omits the field.
     pub fn offset(&self, field: Field) -> Option<usize> {
         self.fields.contains(field).then(|| self.offsets[field as usize])
     }
 
-    /// The field's elements in a frame, or `None` when the lane leaves it out.
+    /// The field's elements in a frame, or `None` if the lane omits it.
     ///
     /// # Panics
     /// If `T` is not the field's type, or `frame` is shorter than [`Layout::bytes`] or not aligned to 4.
@@ -109,7 +108,7 @@ fn extent(sizes: Sizes, axis: Axis) -> usize {
 
 /// A Rust type that a field can have; booleans are read as the bytes they are.
 pub trait Element: bytemuck::AnyBitPattern {
-    /// The field type it stands for.
+    /// The field type that it represents.
     const DTYPE: Dtype;
 }
 

@@ -1,70 +1,20 @@
-//! The hand-off of work between the worker threads: who waits for requests, and how the others get their share.
+//! The Leader/Followers pattern (Schmidt et al., POSA volume 2): how worker threads share the work without a dispatcher.
 //!
-//! Every worker has an inbox. At any time at most one idle worker *leads*: it polls the lanes for requests and shares
-//! them out; the other idle ones follow: they wait at their inboxes. A leader that gets work of its own gives the lead
-//! up and calls a sleeping follower, so that requests never wait while a worker is idle. There is no dispatcher
-//! thread: with one worker a request is received, stepped and answered by that worker without a hop.
+//! Every worker has an inbox. At any time at most one idle worker is the *leader*: it polls the lanes for requests and
+//! shares them out. The other idle workers are *followers*: they wait at their inboxes. A leader that receives work
+//! of its own releases the leadership and wakes a sleeping follower to take it, so that requests never wait while
+//! a worker is idle. With one worker a request is received, stepped and answered on the same thread.
 //!
-//! What synchronises: an inbox's mutex publishes the entries in it from leader to follower; `WorkQueues::led` orders one
-//! leader's look at the lanes before the next one's. `Inbox::ready` is only a hint that lets a spinning follower look
-//! without locking; it publishes nothing.
+//! Synchronisation: an inbox's mutex publishes its entries from the leader to the follower. `WorkQueues::led` orders
+//! one leader's accesses to the lanes before the next leader's. `Inbox::ready` is only a hint that lets a spinning
+//! follower poll without the lock; it publishes nothing.
 
 use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, Ordering, lock, yield_now};
 use crossbeam::utils::CachePadded;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// How an idle thread waits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum WaitStrategy {
-    /// Looks again and again for a while, yielding the core between looks, then blocks.
-    #[default]
-    Adaptive,
-    /// Looks again and again, yielding, and never blocks. For machines with a core to spare for every waiting thread.
-    Spin,
-    /// Blocks at once. Costs a wake-up of the operating system a batch, and no processor time.
-    Block,
-}
-
-impl WaitStrategy {
-    /// The word used in options and Python.
-    pub fn name(self) -> &'static str {
-        match self {
-            WaitStrategy::Adaptive => "adaptive",
-            WaitStrategy::Spin => "spin",
-            WaitStrategy::Block => "block",
-        }
-    }
-
-    /// For how long to look before blocking, in and around a pool of so many worker threads; `None` is for ever.
-    ///
-    /// A sleeper takes some 50 us to wake, so that is the least to look for. Where there is a core that no worker needs,
-    /// it is long enough for most batches; where there is none, who looks for long keeps a worker from its work.
-    pub fn spin_time(self, threads: usize) -> Option<Duration> {
-        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-        match self {
-            WaitStrategy::Adaptive if cores() > threads => Some(Duration::from_micros(500)),
-            WaitStrategy::Adaptive => Some(Duration::from_micros(50)),
-            WaitStrategy::Spin => None,
-            WaitStrategy::Block => Some(Duration::ZERO),
-        }
-    }
-}
-
-impl std::str::FromStr for WaitStrategy {
-    type Err = String;
-
-    fn from_str(word: &str) -> Result<Self, String> {
-        match word {
-            "adaptive" => Ok(WaitStrategy::Adaptive),
-            "spin" => Ok(WaitStrategy::Spin),
-            "block" => Ok(WaitStrategy::Block),
-            _ => Err(format!("waiting is `adaptive`, `spin` or `block`, not `{word}`")),
-        }
-    }
-}
-
-/// Work for one worker, in one queue a lane so that no lane waits behind another's batch.
+/// Work for one worker, in one queue per lane, so that no lane waits behind another lane's batch.
 struct Inbox<E> {
     state: Mutex<InboxState<E>>,
     bell: Condvar,
@@ -74,21 +24,21 @@ struct Inbox<E> {
 struct InboxState<E> {
     queues: Vec<VecDeque<E>>,
     next_queue: usize,
-    /// The owner sleeps, or is about to: it looked at the lead after setting this.
+    /// The owner sleeps or is about to: it sets this before its last attempt to lead.
     asleep: bool,
-    /// The owner is called to look for the lead.
+    /// The owner should wake up and try to lead.
     called: bool,
 }
 
-/// The inboxes of all workers and the lead.
+/// The inboxes of all workers, and whether one of them leads.
 pub(crate) struct WorkQueues<E> {
     inboxes: Vec<CachePadded<Inbox<E>>>,
-    /// Somebody leads. Not a mutex: nobody ever waits for it, and loom does not see what a failed `try_lock` races with.
+    /// A worker leads. Not a mutex: no thread blocks on it, and loom does not model the races of a failed `try_lock`.
     led: AtomicBool,
     stop: AtomicBool,
 }
 
-/// The right to poll the lanes; given up by [`WorkQueues::resign`].
+/// The right to poll the lanes; ends with [`WorkQueues::release`].
 pub(crate) struct Leadership<'a>(&'a AtomicBool);
 
 impl Drop for Leadership<'_> {
@@ -98,15 +48,15 @@ impl Drop for Leadership<'_> {
     }
 }
 
-/// What ended a follower's wait.
+/// Why a follower's wait ended.
 pub(crate) enum Wakeup<'a> {
     /// There may be work in the inbox, or the pool stops.
     Work,
-    /// Nobody leads; now this worker does.
+    /// No worker led; now this one does.
     Leading(Leadership<'a>),
 }
 
-impl<E> WorkQueues<E> {
+impl<E: Copy> WorkQueues<E> {
     pub(crate) fn new(workers: usize, lanes: usize) -> Self {
         let inbox = || {
             let queues = (0..lanes).map(|_| VecDeque::new()).collect();
@@ -128,14 +78,12 @@ impl<E> WorkQueues<E> {
     }
 
     /// Puts entries of one lane into a worker's inbox and wakes it if it sleeps. Keeps their order.
-    pub(crate) fn push(&self, worker: usize, lane: usize, entries: impl Iterator<Item = E>) {
+    pub(crate) fn push(&self, worker: usize, lane: usize, entries: &[E]) {
         let inbox = &self.inboxes[worker];
         let mut state = lock(&inbox.state);
-        let before = state.queues[lane].len();
         state.queues[lane].extend(entries);
-        let added = state.queues[lane].len() - before;
-        inbox.ready.fetch_add(added, Ordering::Relaxed);
-        if added > 0 && state.asleep {
+        inbox.ready.fetch_add(entries.len(), Ordering::Relaxed);
+        if state.asleep {
             inbox.bell.notify_one();
         }
     }
@@ -144,7 +92,7 @@ impl<E> WorkQueues<E> {
     pub(crate) fn take(&self, worker: usize, most: usize, run: &mut Vec<E>) -> Option<usize> {
         let inbox = &self.inboxes[worker];
         if inbox.ready.load(Ordering::Relaxed) == 0 {
-            return None; // `follow` looks again under the lock before it sleeps
+            return None; // `wait_for_work` checks again under the lock before it sleeps
         }
         let mut state = lock(&inbox.state);
         let lanes = state.queues.len();
@@ -158,12 +106,12 @@ impl<E> WorkQueues<E> {
         Some(lane)
     }
 
-    /// Is there work in the worker's inbox? A leader asks this after it shared out a request.
+    /// Whether the worker's inbox has work. A leader calls this after it shared out a request.
     pub(crate) fn has_work(&self, worker: usize) -> bool {
         self.inboxes[worker].ready.load(Ordering::Relaxed) > 0
     }
 
-    /// Waits at the inbox until there is work or nobody leads; blocks when it has looked for so long.
+    /// Waits at the inbox until it has work or no worker leads. Polls for the time `spin`, then blocks.
     pub(crate) fn wait_for_work(&self, worker: usize, spin: Option<Duration>) -> Wakeup<'_> {
         let spin_until = spin.map(|time| Instant::now() + time);
         loop {
@@ -182,13 +130,13 @@ impl<E> WorkQueues<E> {
     }
 
     fn try_lead(&self) -> Option<Leadership<'_>> {
-        // Acquires what the last leader did. A failed look publishes nothing: somebody leads.
+        // Acquires what the last leader did. A failed attempt reads nothing of it.
         let led = self.led.compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed);
         led.is_ok().then(|| Leadership(&self.led))
     }
 
-    /// `asleep` is set before the last look at the lead, and `resign` gives the lead up before it looks at `asleep`:
-    /// one of the two sees the other, so requests are never left without a leader while a worker sleeps.
+    /// `asleep` is set before the last attempt to lead, and `release` ends the leadership before it reads `asleep`.
+    /// So one of the two notices the other, and requests are never without a leader while a worker sleeps.
     fn sleep(&self, worker: usize) -> Wakeup<'_> {
         let inbox = &self.inboxes[worker];
         lock(&inbox.state).asleep = true;
@@ -204,7 +152,7 @@ impl<E> WorkQueues<E> {
         leadership.map_or(Wakeup::Work, Wakeup::Leading)
     }
 
-    /// Gives the lead up and calls a sleeping worker without work to it.
+    /// Ends the leadership and wakes a sleeping worker without work to take it.
     pub(crate) fn release(&self, leadership: Leadership<'_>) {
         drop(leadership);
         for inbox in &self.inboxes {
@@ -217,11 +165,11 @@ impl<E> WorkQueues<E> {
         }
     }
 
-    /// Tells every worker to end; a leader also needs its doorbell rung.
+    /// Makes every worker end. A leader that waits at the doorbell also needs a ring.
     pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::Release);
         for inbox in &self.inboxes {
-            let _state = lock(&inbox.state); // a worker between its look at `stop` and its sleep holds this
+            let _state = lock(&inbox.state); // held by a worker between its check of `stop` and its sleep
             inbox.bell.notify_one();
         }
     }
@@ -231,22 +179,21 @@ impl<E> WorkQueues<E> {
     }
 }
 
-/// `RUSTFLAGS="--cfg loom" cargo test --release -p smaclite-pool leader_followers`: every interleaving. A wake-up that is lost
-/// shows as a deadlock.
+/// Every interleaving, with `just loom`. A lost wake-up shows as a deadlock.
 #[cfg(all(test, loom))]
 mod loom_tests {
     use super::*;
     use loom::thread;
     use std::sync::Arc;
 
-    fn leadership<'a>(queues: &'a WorkQueues<u32>, worker: usize) -> Option<Leadership<'a>> {
+    fn try_lead<'a>(queues: &'a WorkQueues<u32>, worker: usize) -> Option<Leadership<'a>> {
         match queues.wait_for_work(worker, Some(Duration::ZERO)) {
             Wakeup::Leading(leadership) => Some(leadership),
             Wakeup::Work => None,
         }
     }
 
-    /// Nobody is marked as asleep or called who is neither: a call to one who is awake could be one too few for another.
+    /// No worker that is awake is marked as asleep or called: another worker would miss that call.
     fn assert_all_awake(queues: &WorkQueues<u32>) {
         for inbox in &queues.inboxes {
             let state = lock(&inbox.state);
@@ -258,18 +205,18 @@ mod loom_tests {
     fn work_for_a_follower_that_goes_to_sleep_reaches_it() {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
-            let leading = leadership(&queues, 0).expect("nobody else leads");
+            let leading = try_lead(&queues, 0).expect("no other worker leads");
             let follower = {
                 let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     let mut run = Vec::new();
                     while queues.take(1, 8, &mut run).is_none() {
-                        assert!(leadership(&queues, 1).is_none(), "worker 0 still leads");
+                        assert!(try_lead(&queues, 1).is_none(), "worker 0 still leads");
                     }
                     assert_eq!(run, [7]);
                 })
             };
-            queues.push(1, 0, [7].into_iter());
+            queues.push(1, 0, &[7]);
             follower.join().unwrap();
             assert_all_awake(&queues);
             queues.release(leading);
@@ -277,15 +224,15 @@ mod loom_tests {
     }
 
     #[test]
-    fn the_lead_passes_to_a_follower_that_goes_to_sleep() {
+    fn leadership_passes_to_a_follower_that_goes_to_sleep() {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
-            let leading = leadership(&queues, 0).expect("nobody else leads");
+            let leading = try_lead(&queues, 0).expect("no other worker leads");
             let follower = {
                 let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     let leadership = loop {
-                        if let Some(leadership) = leadership(&queues, 1) {
+                        if let Some(leadership) = try_lead(&queues, 1) {
                             break leadership;
                         }
                     };
@@ -293,34 +240,34 @@ mod loom_tests {
                 })
             };
             queues.release(leading);
-            follower.join().unwrap(); // worker 0 is busy elsewhere and never leads again
+            follower.join().unwrap(); // worker 0 works elsewhere and never leads again
             assert_all_awake(&queues);
         });
     }
 
     #[test]
-    fn the_lead_passes_by_a_sleeper_that_has_work() {
+    fn leadership_does_not_pass_to_a_sleeper_that_has_work() {
         let mut model = loom::model::Builder::new();
-        model.preemption_bound = Some(3); // three threads have too many interleavings to see them all
+        model.preemption_bound = Some(3); // three threads have too many interleavings to explore all
         model.check(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(3, 1));
-            let leading = leadership(&queues, 0).expect("nobody else leads");
+            let leading = try_lead(&queues, 0).expect("no other worker leads");
             let busy = {
                 let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     let mut run = Vec::new();
                     while queues.take(1, 8, &mut run).is_none() {
-                        if let Some(leadership) = leadership(&queues, 1) {
+                        if let Some(leadership) = try_lead(&queues, 1) {
                             queues.release(leadership);
                         }
-                    } // and is at work for the rest of the test
+                    } // and works for the rest of the test
                 })
             };
             let idle = {
                 let queues = Arc::clone(&queues);
-                thread::spawn(move || while leadership(&queues, 2).is_none() {})
+                thread::spawn(move || while try_lead(&queues, 2).is_none() {})
             };
-            queues.push(1, 0, [7].into_iter());
+            queues.push(1, 0, &[7]);
             queues.release(leading);
             busy.join().unwrap();
             idle.join().unwrap();
@@ -331,12 +278,12 @@ mod loom_tests {
     fn a_follower_that_goes_to_sleep_hears_the_stop() {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
-            let leading = leadership(&queues, 0).expect("nobody else leads");
+            let leading = try_lead(&queues, 0).expect("no other worker leads");
             let follower = {
                 let queues = Arc::clone(&queues);
                 thread::spawn(move || {
                     while !queues.is_stopped() {
-                        drop(leadership(&queues, 1));
+                        drop(try_lead(&queues, 1));
                     }
                 })
             };

@@ -1,11 +1,11 @@
 //! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory through the
 //! [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
 //!
-//! The way of a batch: a worker that leads takes a [request](transport::Request) from a lane's inlet, checks all of
-//! it, and shares its environments out; workers step them and write each result into its slot of the frame that
-//! the lane's outlet loaned; whoever writes the last slot sends the frame.
+//! The path of a batch: the leading worker receives a [request](transport::Request) from a lane's inlet, accepts all
+//! of it or nothing, and shares its environments out. The workers step them and write each result into its slot of a
+//! frame that the lane's outlet loaned. Completing the last slot publishes the frame.
 
-#![deny(unsafe_code)] // `slot`, and the one place that splits a frame with it, say why they may
+#![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 
 pub mod environment;
 pub mod fields;
@@ -15,16 +15,18 @@ pub mod rejection;
 pub mod slot;
 pub mod transport;
 
+mod autoreset;
 mod frame_assembler;
 mod hosted_env;
 #[allow(unsafe_code)]
 mod lane;
 mod leader_followers;
 mod sync;
+mod wait_strategy;
 mod workers;
 
-pub use hosted_env::Autoreset;
+pub use autoreset::{Autoreset, UnknownAutoreset};
 pub use lane::{LaneSpec, LaneStats};
-pub use leader_followers::WaitStrategy;
 pub use rejection::Rejection;
-pub use workers::{Pool, PoolOptions};
+pub use wait_strategy::{UnknownWaitStrategy, WaitStrategy};
+pub use workers::{Pool, PoolOptions, PoolStartError};

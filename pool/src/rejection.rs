@@ -1,9 +1,9 @@
-//! Why a request of a learner was refused. The same type is raised by the client before it sends and by the lane
-//! when it receives, and travels from the one to the other as the text of an error frame.
+//! Why a learner's request was refused. The client raises these errors before it sends, and the lane when it receives;
+//! the lane's travel to the client as JSON in a frame.
 
 use serde::{Deserialize, Serialize};
 
-/// A refused request. Nothing was stepped.
+/// A refused request. No environment was stepped or reset.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
@@ -12,20 +12,20 @@ pub enum Rejection {
     UnavailableAction { env: usize, agent: usize, action: i32, available: Vec<usize> },
     #[error("environment {env} does not exist; this lane has environments 0 to {last}", last = num_envs.saturating_sub(1))]
     UnknownEnv { env: i64, num_envs: usize },
-    #[error("no environment was chosen; expected at least one")]
+    #[error("a request must name at least one environment, got none")]
     NoEnv,
-    #[error("environment {env} is given twice in one request")]
+    #[error("environment {env} appears twice in one request")]
     DuplicateEnv { env: usize },
-    #[error("environment {env} is still working on an earlier request; receive its result first")]
+    #[error("environment {env} still works on an earlier request; receive its result first")]
     BusyEnv { env: usize },
     #[error("environment {env} has finished its episode and autoreset is disabled; reset it first")]
     FinishedEnv { env: usize },
-    #[error("{given} environments were given; a synchronous lane takes all {expected} at once")]
+    #[error("a synchronous lane steps all {expected} environments at once, got {given}")]
     IncompleteBatch { given: usize, expected: usize },
-    #[error("nothing was reset since this learner attached; call reset first")]
+    #[error("no environment was reset since this learner attached; call reset first")]
     NotReset,
     #[error("malformed request: {what}")]
     Malformed { what: String },
-    #[error("the lane failed and serves no more: {text}")]
+    #[error("the lane failed and is out of service: {text}")]
     LaneFailed { text: String },
 }

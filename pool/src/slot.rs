@@ -5,16 +5,16 @@ use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};
 use std::ptr::NonNull;
 
-/// The payload of a frame that workers are filling. Whoever made it keeps the memory alive and hands each slot
-/// to one thread at a time.
+/// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to one
+/// thread at a time.
 #[derive(Clone, Copy)]
 pub struct FrameMemory {
     base: NonNull<u8>,
     len: usize,
 }
 
-// SAFETY: `FrameMemory` is only an address and a length; all access goes through `slot`, whose caller vouches that
-// no two threads touch the same slot at once.
+// SAFETY: `FrameMemory` is only an address and a length. All access goes through `slot`, whose caller guarantees that
+// no two threads access the same slot at once.
 unsafe impl Send for FrameMemory {}
 
 impl FrameMemory {
@@ -49,8 +49,8 @@ pub struct Slot<'a> {
 }
 
 impl Slot<'_> {
-    /// The slot's row of a field, or `None` when the lane leaves the field out. It holds what an earlier frame left
-    /// there until it is written.
+    /// The slot's row of a field, or `None` if the lane omits the field. Until it is written it holds the data of an
+    /// earlier frame.
     ///
     /// # Panics
     /// If `T` is not the field's type.
@@ -60,13 +60,13 @@ impl Slot<'_> {
         let start = self.layout.offset(field)? + self.index * len * size_of::<T>();
         // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and the layout
         // places `slots` rows of `len` elements from the field's offset on, so the row is in bounds. The base is aligned
-        // to 64, the offset a multiple of 64 and the row of `size_of::<T>()`, so it is aligned. It came as
-        // bytes of a slice, so it is initialised, and `Element`s allow any bits.
-        // Rows of different slots and fields do not overlap (tested), and the caller of `slot` gave us this one alone.
+        // to 64, the offset is a multiple of 64 and the row one of `size_of::<T>()`, so it is aligned. It came as
+        // bytes of a slice, so it is initialised, and `Element`s allow any bits. Rows of different slots and fields
+        // do not overlap (tested), and the caller of `slot` guarantees that no other thread has this one.
         Some(unsafe { std::slice::from_raw_parts_mut(self.base.as_ptr().add(start).cast::<T>(), len) })
     }
 
-    /// Writes a field of one element a slot, if the lane has it.
+    /// Writes a field of one element per slot, if the lane has it.
     pub fn set<T: Element>(&mut self, field: Field, value: T) {
         if let Some(row) = self.row::<T>(field) {
             row[0] = value;

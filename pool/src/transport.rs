@@ -1,10 +1,10 @@
-//! What the pool asks of a transport. `ipc` answers with iceoryx2; tests answer with the heap.
+//! What the pool needs of a transport, as traits. `ipc` implements them over iceoryx2, the tests over the heap.
 
 use crate::rejection::Rejection;
 use std::sync::atomic::AtomicI32;
 use std::time::Duration;
 
-/// The pieces of one transport.
+/// The parts of one transport.
 pub trait Transport: Send + Sync + 'static {
     /// Where a lane's requests come from.
     type Inlet: Inlet;
@@ -14,47 +14,69 @@ pub trait Transport: Send + Sync + 'static {
     type Doorbell: Doorbell;
 }
 
+/// An error of the transport, for example that its memory is exhausted.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct TransportError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
+
 /// The receiving end of a lane.
 pub trait Inlet: Send + 'static {
     /// A received request, kept alive while it is read.
     type Message: Message;
-    /// The next request, if one is there; the error says what kept the lane from looking. Never blocks.
-    fn receive(&mut self) -> Result<Option<Self::Message>, String>;
+    /// The next request, if one is waiting. Never blocks.
+    fn receive(&mut self) -> Result<Option<Self::Message>, TransportError>;
 }
 
-/// A message from a process that need not be honest.
+/// A message from a process that is not trusted.
 pub trait Message {
-    /// The request in it, if its form is right for the lane.
+    /// The request in the message, if it is well-formed for this lane.
     fn request(&self) -> Result<Request<'_>, Rejection>;
 
-    /// How long ago it was sent, as far as the sender tells; only figures depend on it.
+    /// How long ago the sender claims to have sent it. Used for statistics only.
     fn waited(&self) -> Duration {
         Duration::ZERO
     }
 }
 
-/// A request as it lies in shared memory. The sender can still write to it, so every value is read once and checked
-/// after it was read; hence the atomics.
+/// One attachment of a learner to a lane. Unique within a supervisor, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SessionId(pub u64);
+
+/// Counts the requests of a session, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RequestNumber(pub u64);
+
+/// What a result belongs to. A reset of all environments begins a new epoch; results of an older one are dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Epoch {
+    /// The learner's session.
+    pub session: SessionId,
+    /// The reset that began the epoch; `None` before the session's first.
+    pub reset: Option<RequestNumber>,
+}
+
+/// A request in shared memory. The sender can still write to it, so every value is read once and checked after it
+/// was read; hence the atomics.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// The session that sends it; requests of any other are ignored.
-    pub session: u64,
-    /// The sender's count of its requests; answers name it.
-    pub number: u64,
-    /// What is asked.
+    /// The session of the sender.
+    pub session: SessionId,
+    /// The sender's number of the request, which a rejection names.
+    pub number: RequestNumber,
+    /// What the environments should do.
     pub kind: RequestKind,
-    /// `[count]`: the environments it is about.
+    /// `[count]`: the environments that the request is about.
     pub env_ids: &'a [AtomicI32],
     /// `[count, n_agents]`: their joint actions; empty for a reset.
     pub actions: &'a [AtomicI32],
 }
 
-/// What a request asks of its environments.
+/// What the environments of a request should do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestKind {
     /// One step.
     Step,
-    /// A new episode; environment `i` is seeded with `seed + i` if there is a seed.
+    /// A new episode. With a seed, environment `i` is seeded with `seed + i`.
     Reset {
         /// The seed of environment 0.
         seed: Option<u64>,
@@ -64,46 +86,37 @@ pub enum RequestKind {
 /// The sending end of a lane.
 ///
 /// # Safety
-/// What [`payload`](Outlet::payload) gives stays alive, at its address, and untouched by anyone else until its loan is
-/// published or dropped: several threads write to it meanwhile.
+/// What [`payload`](Outlet::payload) returns stays alive, at its address and without any other access, until its loan
+/// is published or dropped: several threads write to it in that time.
 #[allow(unsafe_code)] // a promise, no code
 pub unsafe trait Outlet: Send + 'static {
     /// The memory of a frame being filled, aligned to [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
     type Loan: Send;
-    /// A frame to fill; the error says why there is none now. Never blocks.
-    fn loan(&mut self) -> Result<Self::Loan, String>;
+    /// A frame to fill. An error means that no frame is free now. Never blocks.
+    fn loan(&mut self) -> Result<Self::Loan, TransportError>;
     /// The payload of a loaned frame; its address does not change until it is published.
     fn payload(loan: &mut Self::Loan) -> &mut [u8];
-    /// Sends a filled frame of `round` and wakes whoever waits for it.
-    fn publish(&mut self, loan: Self::Loan, epoch: Epoch, content: Content);
+    /// Sends a filled frame and wakes its readers. `epoch` is `None` while the lane has no learner.
+    fn publish(&mut self, loan: Self::Loan, epoch: Option<Epoch>, content: FrameContent);
 }
 
 /// What a published frame holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum FrameContent {
     /// Every slot is filled.
     Batch,
     /// The first bytes are a JSON [`Rejection`].
     Rejection {
-        /// The number of the refused request.
-        request: u64,
+        /// The refused request; `None` reports that the lane failed.
+        request: Option<RequestNumber>,
         /// Bytes of the text.
         len: usize,
     },
 }
 
-/// What a result belongs to. A reset of all environments begins a new round; what is left of the old one is dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Epoch {
-    /// The learner's session.
-    pub session: u64,
-    /// The number of the request that began the round; 0 before a session's first.
-    pub request: u64,
-}
-
 /// Wakes the one worker that waits for requests.
 pub trait Doorbell: Send + Sync + 'static {
-    /// Blocks until the bell is rung or the time is over. A ring while nobody waits is not lost.
+    /// Blocks until the bell rings or the time is over. A ring that comes before the wait ends it at once.
     fn wait(&self, timeout: Duration);
     /// Rings the bell.
     fn ring(&self);

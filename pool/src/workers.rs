@@ -1,19 +1,20 @@
-//! The worker threads: lead or follow, take a run of environments, serve it. See `leader_followers` for who waits where.
+//! The worker threads. A worker takes a run of its environments and serves it; an idle one leads or follows
+//! (`leader_followers`).
 
-use crate::lane::{Entry, Lane, LaneSpec, LaneStats, panic_text};
-use crate::leader_followers::{Leadership, WaitStrategy, Wakeup, WorkQueues};
-use crate::transport::{Doorbell, Transport};
+use crate::lane::{Entry, Lane, LaneSpec, LaneStats, Received, panic_text};
+use crate::leader_followers::{Leadership, Wakeup, WorkQueues};
+use crate::transport::{Doorbell, SessionId, Transport, TransportError};
+use crate::wait_strategy::WaitStrategy;
 use smaclite_engine::Scratch;
-use std::io::Error;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Environments a worker takes at a time: enough that queueing costs nothing, few enough that lanes take turns.
+/// Environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take turns.
 const RUN: usize = 16;
 
-/// A blocked leader looks around this often even if nobody rings.
+/// A blocked leader polls the lanes at least this often, even without a ring.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// How a pool runs.
@@ -26,11 +27,22 @@ pub struct PoolOptions {
 }
 
 impl Default for PoolOptions {
-    /// As many threads as this process may use, less one for the learner.
+    /// One thread per core that this process may use, less one for the learner.
     fn default() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         PoolOptions { threads: (cores - 1).max(1), wait: WaitStrategy::default() }
     }
+}
+
+/// Why a pool did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum PoolStartError {
+    /// A lane's transport has no frame.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The operating system refused a thread.
+    #[error("cannot start a worker thread: {0}")]
+    Thread(#[source] std::io::Error),
 }
 
 /// Lanes and the threads that serve them. Dropping it stops the threads.
@@ -43,20 +55,19 @@ struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
     queues: WorkQueues<Entry>,
     doorbell: T::Doorbell,
-    /// For how long idle workers look for work before they block.
+    /// How long idle workers poll for work before they block; `None` is without end.
     spin: Option<Duration>,
 }
 
 impl<T: Transport> Pool<T> {
-    /// Builds the lanes and starts the threads; an error is the operating system's refusal of a thread, or
-    /// the transport's of a lane's first frame.
+    /// Builds the lanes and starts the threads.
     pub fn start(
         lanes: Vec<(LaneSpec, T::Inlet, T::Outlet)>,
         doorbell: T::Doorbell,
         options: PoolOptions,
-    ) -> std::io::Result<Pool<T>> {
-        let lanes = lanes.into_iter().map(|(spec, i, o)| Lane::new(&spec, i, o).map_err(Error::other));
-        let lanes = lanes.collect::<std::io::Result<Vec<_>>>()?;
+    ) -> Result<Pool<T>, PoolStartError> {
+        let lanes = lanes.into_iter().map(|(spec, inlet, outlet)| Lane::new(&spec, inlet, outlet));
+        let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
         let threads = options.threads.max(1);
         let queues = WorkQueues::new(threads, lanes.len());
         let spin = options.wait.spin_time(threads);
@@ -65,32 +76,32 @@ impl<T: Transport> Pool<T> {
         for worker in 0..threads {
             let shared = Arc::clone(&pool.shared);
             let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
-            pool.threads.push(thread.spawn(move || shared.work(worker))?);
+            pool.threads.push(thread.spawn(move || shared.work(worker)).map_err(PoolStartError::Thread)?);
         }
         Ok(pool)
     }
 
-    /// From now on lane `lane` serves requests of `session` (or nobody's), beginning with a reset.
-    pub fn set_session(&self, lane: usize, session: Option<u64>) {
+    /// Makes lane `lane` serve the requests of `session`, beginning with a reset; `None` is no learner.
+    pub fn set_session(&self, lane: usize, session: Option<SessionId>) {
         self.shared.lanes[lane].set_session(session);
     }
 
-    /// A lane's figures.
+    /// A lane's statistics.
     pub fn stats(&self, lane: usize) -> LaneStats {
         self.shared.lanes[lane].stats()
     }
 
-    /// Why a lane is out of service, if it is.
+    /// Why lane `lane` failed, if it did.
     pub fn failure(&self, lane: usize) -> Option<&str> {
         self.shared.lanes[lane].failure()
     }
 
-    /// Ends the threads after the runs they are at.
+    /// Ends the threads after their present runs.
     pub fn stop(&mut self) {
         self.shared.queues.stop();
         self.shared.doorbell.ring();
         for thread in self.threads.drain(..) {
-            // A worker catches panics of its lanes; should one die all the same there is nobody left to tell.
+            // A worker catches the panics of its lanes. If it panics all the same, its pool ends here anyway.
             let _ = thread.join();
         }
     }
@@ -136,28 +147,32 @@ impl<T: Transport> Shared<T> {
         self.queues.release(leadership);
     }
 
-    /// Accepts every request that waits; was there one?
+    /// Accepts the next request of every lane. Returns whether there was one.
     fn accept_all(&self) -> bool {
         let mut any = false;
         for (index, lane) in self.lanes.iter().enumerate() {
-            let accepted =
-                catch_unwind(AssertUnwindSafe(|| lane.accept(|entries| self.share_out(index, entries))));
-            any |= accepted.unwrap_or_else(|panic| {
-                lane.fail(panic_text(panic.as_ref()));
-                false
-            });
+            match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
+                Ok(Received::Nothing) => {}
+                Ok(Received::Refused) => any = true,
+                Ok(Received::Accepted(entries)) => {
+                    any = true;
+                    self.share_out(index, &entries);
+                }
+                Err(panic) => lane.fail(panic_text(panic.as_ref())),
+            }
         }
         any
     }
 
-    /// Every environment has a worker it stays with, by its number: neighbours share one, so a batch is one run of
-    /// entries a worker. Lanes begin at different workers, so that small ones do not all meet at the first.
+    /// Puts each entry into the queue of its environment's worker. Neighbouring environments share a worker, so a
+    /// request in order is one run of entries per worker. Lanes begin at different workers, so that the only
+    /// environments of several small lanes do not all belong to the first one.
     fn share_out(&self, lane: usize, entries: &[Entry]) {
         let workers = self.queues.workers();
         let num_envs = self.lanes[lane].num_envs();
-        let owner = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
-        for worker in 0..workers {
-            self.queues.push(worker, lane, entries.iter().filter(|e| owner(e) == worker).copied());
+        let worker_of = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
+        for run in entries.chunk_by(|a, b| worker_of(a) == worker_of(b)) {
+            self.queues.push(worker_of(&run[0]), lane, run);
         }
     }
 }

@@ -59,7 +59,7 @@ class Batch:
         """float32 [M]: team reward of the step just made."""
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle: one side has nobody left."""
+        """bool [M]: the step ended the battle: one side has no unit left."""
     @property
     def truncated(self) -> NDArray[np.bool_]:
         """bool [M]: the step reached the episode limit with both sides alive."""

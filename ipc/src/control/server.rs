@@ -9,6 +9,7 @@ use super::protocol::{
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use smaclite_pool::transport::SessionId;
 use smaclite_pool::{LaneStats, Pool};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -286,7 +287,7 @@ impl ControlServer {
         *sessions += 1;
         lane.learner_pid = Some(pid);
         connection.take_role(Role::Learner(index));
-        self.pool.set_session(index, Some(*sessions));
+        self.pool.set_session(index, Some(SessionId(*sessions)));
         tracing::info!(lane = name, pid, "learner attached");
         Ok(ControlResponse::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
     }

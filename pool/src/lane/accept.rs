@@ -1,12 +1,14 @@
-//! How a request is accepted: entirely, with its environments busy and their actions copied, or not at all.
+//! How a lane accepts a request: either all of it, with its environments busy and their actions copied, or nothing.
 
 use super::Lane;
-use crate::hosted_env::{Autoreset, HostedEnv, Task};
+use crate::autoreset::Autoreset;
+use crate::hosted_env::{HostedEnv, Task};
 use crate::rejection::Rejection;
 use crate::sync::{MutexGuard, lock};
-use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, Transport};
+use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport};
 use smaclite_engine::IllegalAction;
 use std::hint::black_box;
+use std::ops::Deref;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// One environment's share of an accepted request.
@@ -15,133 +17,146 @@ pub(crate) struct Entry {
     pub(crate) env: u32,
     pub(super) task: Task,
     pub(super) epoch: Epoch,
-    pub(super) ticket: u64,
+    pub(super) ticket: Ticket,
 }
 
-/// The receiving side, held by the leading worker while it accepts requests and by the control side while it
-/// changes who the learner is.
+/// Numbers the requests that a lane received, of all sessions. A busy environment holds the ticket of its request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Ticket(u64);
+
+/// The receiving side of a lane. The leading worker locks it to accept requests; the control thread locks it to
+/// change the session.
 pub(super) struct Intake<I> {
     inlet: I,
-    session: Option<u64>,
-    pub(super) epoch: Epoch,
-    was_reset: bool,
-    /// Number of the session's last request.
-    number: u64,
-    /// Counts requests, so that a busy seat tells whether this very request took it.
-    ticket: u64,
-    /// The entries of the request being accepted.
-    accepted: Vec<Entry>,
+    /// `None` while the lane has no learner.
+    epoch: Option<Epoch>,
+    /// The session's last request.
+    last_request: Option<RequestNumber>,
+    ticket: Ticket,
+    /// The entries of the last request.
+    entries: Vec<Entry>,
 }
 
 impl<I> Intake<I> {
     pub(super) fn new(inlet: I) -> Self {
-        Intake {
-            inlet,
-            session: None,
-            epoch: Epoch::default(),
-            was_reset: false,
-            number: 0,
-            ticket: 0,
-            accepted: Vec::new(),
-        }
+        Intake { inlet, epoch: None, last_request: None, ticket: Ticket::default(), entries: Vec::new() }
     }
 
-    pub(super) fn set_session(&mut self, session: Option<u64>) {
-        self.session = session;
-        self.was_reset = false;
-        self.number = 0;
-        self.epoch = Epoch { session: session.unwrap_or(0), request: 0 };
+    /// Returns the session's epoch before its first reset.
+    pub(super) fn begin_session(&mut self, session: Option<SessionId>) -> Option<Epoch> {
+        self.last_request = None;
+        self.epoch = session.map(|session| Epoch { session, reset: None });
+        self.epoch
     }
 }
 
-/// A request on its way to acceptance.
-struct Checking<'a> {
-    request: Request<'a>,
-    epoch: &'a mut Epoch,
-    was_reset: bool,
-    ticket: u64,
-    accepted: &'a mut Vec<Entry>,
+/// What [`Lane::accept`] found.
+pub(crate) enum Received<'a, I> {
+    /// No request is waiting.
+    Nothing,
+    /// A request that the lane ignored or rejected.
+    Refused,
+    /// A request that the lane accepted.
+    Accepted(AcceptedEntries<'a, I>),
+}
+
+/// The entries of an accepted request. The lane's intake stays locked while they are shared out.
+pub(crate) struct AcceptedEntries<'a, I>(MutexGuard<'a, Intake<I>>);
+
+impl<I> Deref for AcceptedEntries<'_, I> {
+    type Target = [Entry];
+
+    fn deref(&self) -> &[Entry] {
+        &self.0.entries
+    }
 }
 
 impl<T: Transport> Lane<T> {
-    /// Accepts the next request, if there is one, and gives its entries to `share_out`. `false` if there was
-    /// none.
-    pub(crate) fn accept(&self, share_out: impl FnOnce(&[Entry])) -> bool {
-        let mut guard = lock(&self.intake);
-        let intake = &mut *guard;
+    /// Receives the next request and accepts or refuses it.
+    pub(crate) fn accept(&self) -> Received<'_, T::Inlet> {
+        let mut intake = lock(&self.intake);
         let message = intake.inlet.receive().unwrap_or_else(|error| {
-            tracing::warn!(lane = self.name, error, "requests could not be received");
+            tracing::warn!(lane = self.name, %error, "requests cannot be received");
             None
         });
-        let Some(message) = message else { return false };
+        let Some(message) = message else { return Received::Nothing };
         let request = match message.request() {
             Ok(request) => request,
             Err(rejection) => {
-                // Without a form it has no sender either; the learner's own client sends well-formed
-                // requests.
-                tracing::warn!(%rejection, "request ignored");
+                // A malformed request names no sender to answer. Our own client sends well-formed requests.
+                tracing::warn!(lane = self.name, %rejection, "request ignored");
                 self.counters.rejected();
-                return true;
+                return Received::Refused;
             }
         };
-        if Some(request.session) != intake.session {
-            tracing::debug!(session = request.session, "request of another session ignored");
+        let Some(epoch) = intake.epoch.filter(|epoch| epoch.session == request.session) else {
+            tracing::debug!(
+                lane = self.name,
+                session = request.session.0,
+                "request of another session ignored"
+            );
             self.counters.rejected();
-            return true;
-        }
-        intake.accepted.clear();
-        intake.ticket += 1;
-        let last = intake.number;
-        intake.number = last.max(request.number);
-        let Intake { was_reset, ticket, ref mut epoch, ref mut accepted, .. } = *intake;
-        let checked = in_order(last, request.number)
-            .and_then(|()| self.check(&mut Checking { request, epoch, was_reset, ticket, accepted }));
-        match checked {
+            return Received::Refused;
+        };
+        match self.try_accept(&mut intake, epoch, &request) {
             Ok(()) => {
-                intake.was_reset = true;
                 self.counters.accepted(message.waited());
-                share_out(&intake.accepted);
+                Received::Accepted(AcceptedEntries(intake))
             }
             Err(rejection) => {
-                self.roll_back(&intake.accepted);
-                drop(guard); // the answer may wait for a frame, the control thread must not
+                self.roll_back(&intake.entries);
+                drop(intake); // the answer may wait for a frame, and the control thread must not wait for that
                 self.reject(&request, &rejection);
+                Received::Refused
             }
         }
-        true
     }
 
-    /// Marks the request's environments busy and copies their actions, or says why not.
-    fn check(&self, checking: &mut Checking<'_>) -> Result<(), Rejection> {
+    /// Marks the request's environments busy and copies their actions. After an error the caller rolls back.
+    fn try_accept(
+        &self,
+        intake: &mut Intake<T::Inlet>,
+        epoch: Epoch,
+        request: &Request<'_>,
+    ) -> Result<(), Rejection> {
+        intake.entries.clear();
+        intake.ticket.0 += 1;
+        check_order(intake.last_request, request.number)?;
+        intake.last_request = Some(request.number);
         if let Some(text) = self.failure() {
             return Err(Rejection::LaneFailed { text: text.to_owned() });
         }
-        match checking.request.kind {
-            RequestKind::Step => self.check_step(checking),
-            RequestKind::Reset { seed } => self.check_reset(checking, seed),
+        match request.kind {
+            RequestKind::Step => self.try_accept_step(intake, epoch, request),
+            RequestKind::Reset { seed } => self.try_accept_reset(intake, epoch, request, seed),
         }
     }
 
-    fn check_step(&self, checking: &mut Checking<'_>) -> Result<(), Rejection> {
-        let Request { env_ids, actions, .. } = checking.request;
-        if !checking.was_reset {
+    fn try_accept_step(
+        &self,
+        intake: &mut Intake<T::Inlet>,
+        epoch: Epoch,
+        request: &Request<'_>,
+    ) -> Result<(), Rejection> {
+        let Request { env_ids, actions, .. } = *request;
+        if epoch.reset.is_none() {
             return Err(Rejection::NotReset);
         }
         if self.is_synchronous() && env_ids.len() != self.num_envs {
             return Err(Rejection::IncompleteBatch { given: env_ids.len(), expected: self.num_envs });
         }
-        fetch(env_ids);
-        fetch(actions);
+        prefetch(env_ids);
+        prefetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
-            let mut hosted = self.reserve(env, Task::Step, checking)?;
+            let mut hosted = self.reserve(intake, epoch, env, Task::Step)?;
             let hosted = &mut *hosted;
             hosted
                 .actions
                 .iter_mut()
                 .zip(actions)
                 .for_each(|(own, sent)| *own = sent.load(Ordering::Relaxed));
-            if !hosted.over {
+            if !hosted.is_over {
                 hosted.env.check(&hosted.actions).map_err(|illegal| at_env(env, illegal))?;
             } else if self.autoreset == Autoreset::Disabled {
                 return Err(Rejection::FinishedEnv { env });
@@ -150,29 +165,37 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    fn check_reset(&self, checking: &mut Checking<'_>, seed: Option<u64>) -> Result<(), Rejection> {
-        let env_ids = checking.request.env_ids;
-        let whole = env_ids.len() == self.num_envs;
-        if !checking.was_reset && !whole {
+    fn try_accept_reset(
+        &self,
+        intake: &mut Intake<T::Inlet>,
+        epoch: Epoch,
+        request: &Request<'_>,
+        seed: Option<u64>,
+    ) -> Result<(), Rejection> {
+        let is_full = request.env_ids.len() == self.num_envs;
+        if epoch.reset.is_none() && !is_full {
             return Err(Rejection::NotReset);
         }
-        // Every session begins with the lane's own seed, whatever an earlier learner did.
-        let seed = if checking.was_reset { seed } else { seed.or(Some(self.seed)) };
+        // Every session begins with the lane's own seed, so that it does not depend on earlier learners.
+        let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
-        if whole {
-            self.check_all_named(env_ids)?;
-            *checking.epoch = Epoch { request: checking.request.number, ..*checking.epoch };
-            self.begin_epoch(*checking.epoch);
-            return (0..self.num_envs).try_for_each(|env| self.reserve(env, reset(env), checking).map(drop));
+        if is_full {
+            self.check_all_named(request.env_ids)?;
+            let epoch = Epoch { reset: Some(request.number), ..epoch };
+            intake.epoch = Some(epoch);
+            self.begin_epoch(Some(epoch));
+            return (0..self.num_envs)
+                .try_for_each(|env| self.reserve(intake, epoch, env, reset(env)).map(drop));
         }
-        for id in env_ids {
+        for id in request.env_ids {
             let env = self.env_of(id.load(Ordering::Relaxed))?;
-            drop(self.reserve(env, reset(env), checking)?);
+            drop(self.reserve(intake, epoch, env, reset(env))?);
         }
         if self.is_synchronous() {
+            // A synchronous batch has every environment: the others are observed again.
             for env in 0..self.num_envs {
-                match self.reserve(env, Task::Observe, checking) {
-                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // the reset ones have their slot already
+                match self.reserve(intake, epoch, env, Task::Observe) {
+                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // a duplicate is one that this request resets
                     Err(busy) => return Err(busy),
                 }
             }
@@ -180,8 +203,8 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused
-    /// request would have freed seats that are still at work.
+    /// Checks that a full reset names every environment once. This comes before the new epoch begins: after that,
+    /// environments that still step count as free, and a refusal could not make them busy again.
     fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
         let mut named = vec![false; self.num_envs];
         env_ids.iter().try_for_each(|id| {
@@ -194,21 +217,21 @@ impl<T: Transport> Lane<T> {
         })
     }
 
-    /// Marks a seat busy, or says who took it.
+    /// Marks an environment busy with a task of the request being accepted.
     fn reserve(
         &self,
+        intake: &mut Intake<T::Inlet>,
+        epoch: Epoch,
         env: usize,
         task: Task,
-        checking: &mut Checking<'_>,
     ) -> Result<MutexGuard<'_, HostedEnv>, Rejection> {
         let mut hosted = lock(&self.envs[env]);
         match hosted.busy {
-            Some(ticket) if ticket == checking.ticket => Err(Rejection::DuplicateEnv { env }),
+            Some(ticket) if ticket == intake.ticket => Err(Rejection::DuplicateEnv { env }),
             Some(_) => Err(Rejection::BusyEnv { env }),
             None => {
-                hosted.busy = Some(checking.ticket);
-                let (epoch, ticket) = (*checking.epoch, checking.ticket);
-                checking.accepted.push(Entry { env: env as u32, task, epoch, ticket });
+                hosted.busy = Some(intake.ticket);
+                intake.entries.push(Entry { env: env as u32, task, epoch, ticket: intake.ticket });
                 Ok(hosted)
             }
         }
@@ -221,25 +244,28 @@ impl<T: Transport> Lane<T> {
             .ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs: self.num_envs })
     }
 
-    /// A refused request leaves no trace.
-    fn roll_back(&self, accepted: &[Entry]) {
-        accepted.iter().for_each(|e| lock(&self.envs[e.env as usize]).busy = None);
+    /// Frees the environments that a refused request had reserved.
+    fn roll_back(&self, entries: &[Entry]) {
+        entries.iter().for_each(|entry| lock(&self.envs[entry.env as usize]).busy = None);
     }
 }
 
-/// Reads from every cache line (but for the last, where integers do not begin on one). Another core wrote
-/// them last, and this way they come over side by side rather than each when its turn comes.
-fn fetch(integers: &[AtomicI32]) {
+/// Reads one integer per cache line (the last line may be left out). The learner's core wrote these lines, so each
+/// first read is a transfer between cores; reading them in a row lets the transfers overlap.
+fn prefetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();
     black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));
 }
 
-/// Rounds are told apart by the number of the request that began them, so numbers must not come twice.
-fn in_order(last: u64, number: u64) -> Result<(), Rejection> {
+/// An epoch is named by the request that began it, so numbers must not repeat within a session.
+fn check_order(last: Option<RequestNumber>, number: RequestNumber) -> Result<(), Rejection> {
+    let last = last.unwrap_or(RequestNumber(0)); // a session's first request has number 1
     if number > last {
         return Ok(());
     }
-    Err(Rejection::Malformed { what: format!("request number {number} came after number {last}") })
+    Err(Rejection::Malformed {
+        what: format!("request numbers must increase, got {} after {}", number.0, last.0),
+    })
 }
 
 fn at_env(env: usize, illegal: IllegalAction) -> Rejection {

@@ -1,37 +1,39 @@
-//! A lane: N environments of one scenario with one learner. A request is accepted (`accept`), and a worker's
-//! run of environments becomes slots of a frame. Which thread does what is decided elsewhere (`workers`).
+//! A lane: N environments of one scenario with one learner. The leading worker accepts its requests (`accept`); every
+//! worker steps its own environments and writes their slots of a frame. `workers` decides which thread does what.
 
 mod accept;
 mod stats;
 
-pub(crate) use accept::Entry;
+pub(crate) use accept::{Entry, Received, Ticket};
 pub use stats::LaneStats;
 
+use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
 use crate::fields::FieldSet;
 use crate::frame_assembler::{FrameAssembler, SlotClaim};
-use crate::hosted_env::{Autoreset, HostedEnv, StepCounts};
+use crate::hosted_env::HostedEnv;
 use crate::layout::Layout;
 use crate::rejection::Rejection;
+use crate::slot::FrameMemory;
 use crate::sync::{Mutex, lock};
-use crate::transport::{Epoch, Request, Transport};
+use crate::transport::{Epoch, Request, SessionId, Transport, TransportError};
 use accept::Intake;
 use smaclite_engine::{Scratch, Sizes, Step};
-use stats::Counters;
+use stats::{Counters, StepCounts};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// How long to wait for a frame. Memory that a dead process held comes back within 100 ms.
+/// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How to build a lane.
 pub struct LaneSpec {
     /// The name learners attach by.
     pub name: String,
-    /// Sizes of every environment of the lane.
+    /// Sizes of every environment.
     pub sizes: Sizes,
-    /// How many environments (N).
+    /// Environments (N).
     pub num_envs: usize,
     /// Slots of a frame (M): N for synchronous stepping, fewer for asynchronous.
     pub batch_size: usize,
@@ -39,7 +41,7 @@ pub struct LaneSpec {
     pub seed: u64,
     /// What happens at an episode's end.
     pub autoreset: Autoreset,
-    /// The fields of a frame; the `final_*` ones are kept only under same-step autoreset.
+    /// The fields of a frame. `final_*` fields exist only under same-step autoreset.
     pub fields: FieldSet,
     /// Makes environment `i`.
     pub make: MakeEnvironment,
@@ -70,8 +72,8 @@ pub(crate) struct Lane<T: Transport> {
 }
 
 impl<T: Transport> Lane<T> {
-    /// An error is the transport's, which has no frame.
-    pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Result<Self, String> {
+    /// Builds the environments and reserves the lane's first frame.
+    pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Result<Self, TransportError> {
         Ok(Lane {
             name: spec.name.clone(),
             num_envs: spec.num_envs,
@@ -94,11 +96,11 @@ impl<T: Transport> Lane<T> {
         self.layout.slots() == self.num_envs
     }
 
-    /// From now on requests of `session` are served, and nothing of an earlier session reaches it.
-    pub(crate) fn set_session(&self, session: Option<u64>) {
+    /// Serves `session` from now on. Nothing of an earlier session reaches it.
+    pub(crate) fn set_session(&self, session: Option<SessionId>) {
         let mut intake = lock(&self.intake);
-        intake.set_session(session);
-        self.begin_epoch(intake.epoch);
+        let epoch = intake.begin_session(session);
+        self.begin_epoch(epoch);
     }
 
     pub(crate) fn stats(&self) -> LaneStats {
@@ -109,31 +111,30 @@ impl<T: Transport> Lane<T> {
         self.failure.get().map(String::as_str)
     }
 
-    /// Called under the intake's lock. Work of the old round is still carried out, so that what follows does
-    /// not depend on how far the workers were; but the frame assembler gives it no slot.
-    fn begin_epoch(&self, epoch: Epoch) {
+    /// The caller holds the intake's lock. Work of the old epoch is still carried out, so that later episodes do not
+    /// depend on how far the workers had come; but its results get no slots.
+    fn begin_epoch(&self, epoch: Option<Epoch>) {
         lock(&self.assembler).begin_epoch(epoch);
         self.envs.iter().for_each(|hosted| lock(hosted).busy = None);
     }
 
-    /// Answers a request with the reason why it was refused. May wait for a frame: the caller holds no lock.
+    /// Answers a request with the reason why it was refused. May wait for a frame, so the caller holds no lock.
     fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
-        tracing::debug!(%rejection, "request rejected");
+        tracing::debug!(lane = self.name, %rejection, "request rejected");
         self.counters.rejected();
-        let text = text_of(rejection);
-        let sent =
-            self.when_a_frame_is_there(|assembler| assembler.report(request.session, request.number, &text));
-        sent.unwrap_or_else(|error| self.fail(error));
+        let text = json(rejection);
+        let sent = self.with_frame(|frames| frames.report_rejection(request.session, request.number, &text));
+        sent.unwrap_or_else(|error| self.fail(error.to_string()));
     }
 
-    /// Retries what needs a frame for as long as there is none, up to [`FRAME_TIMEOUT`]. The lane's memory
-    /// suffices by calculation, but what a killed learner held comes back only when the control thread cleans
-    /// up after it, and for that it may need any lock of this lane. So the caller holds none.
-    fn when_a_frame_is_there<R>(
+    /// Retries `attempt` while no frame is free, for at most [`FRAME_TIMEOUT`]. The lane's memory suffices by
+    /// calculation, but frames that a killed learner held come back only when the control thread recovers them, and
+    /// for that it may need any lock of this lane. So the caller holds none.
+    fn with_frame<R>(
         &self,
-        mut attempt: impl FnMut(&mut FrameAssembler<T::Outlet>) -> Result<R, String>,
-    ) -> Result<R, String> {
-        let mut begin = None; // a clock is read only where there is no frame
+        mut attempt: impl FnMut(&mut FrameAssembler<T::Outlet>) -> Result<R, TransportError>,
+    ) -> Result<R, TransportError> {
+        let mut begin = None; // the clock is read only when no frame is free
         loop {
             let outcome = attempt(&mut lock(&self.assembler));
             if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= FRAME_TIMEOUT {
@@ -143,103 +144,110 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    /// Steps a worker's run of environments and writes their slots. `run` is in the order it was shared out.
+    /// Steps a worker's run of environments and writes their slots. `run` has the order of the requests.
     pub(crate) fn serve(&self, run: &[Entry], scratch: &mut Scratch) {
         if self.failure().is_some() {
-            return; // what panicked once may be in any state
+            return; // after a panic the environments may be in any state
         }
         let mut counts = StepCounts::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
-                // A worker that was busy elsewhere may find an old round's steps and a new one's resets at
-                // once.
-                let mut epochs = run.chunk_by(|a, b| a.epoch == b.epoch);
-                epochs.try_for_each(|run| self.serve_run(run, scratch, &mut counts))
+                self.serve_synchronous(run, scratch, &mut counts)
             } else {
-                self.serve_each(run, scratch, &mut counts)
+                self.serve_asynchronous(run, scratch, &mut counts)
             }
         }));
         match served {
             Ok(Ok(())) => {}
-            Ok(Err(text)) => self.fail(text),
+            Ok(Err(error)) => self.fail(error.to_string()),
             Err(panic) => self.fail(panic_text(panic.as_ref())),
         }
         self.counters.stepped(&counts);
     }
 
-    /// Synchronous: all slots of the run are claimed at once, since environment i has slot i of the one open
-    /// frame.
-    fn serve_run(&self, run: &[Entry], scratch: &mut Scratch, counts: &mut StepCounts) -> Result<(), String> {
-        let Some(first) = run.first() else { return Ok(()) };
-        let claim = self.when_a_frame_is_there(|assembler| assembler.claim(first.epoch, run.len()))?;
-        for entry in run {
-            self.serve_env(entry, scratch, counts, |env| Ok(claim.map(|claim| (claim, env))))?;
-        }
-        claim.into_iter().for_each(|claim| self.finish(claim));
-        Ok(())
-    }
-
-    /// Asynchronous: whoever finishes first gets the next slot.
-    fn serve_each(
+    /// Environment i has slot i of the one open frame, so a worker claims the slots of its whole run at once.
+    fn serve_synchronous(
         &self,
         run: &[Entry],
         scratch: &mut Scratch,
         counts: &mut StepCounts,
-    ) -> Result<(), String> {
-        for entry in run {
-            let claim_slot = |_| {
-                let claim = self.when_a_frame_is_there(|assembler| assembler.claim(entry.epoch, 1))?;
-                Ok(claim.map(|claim| (claim, claim.first)))
-            };
-            let claim = self.serve_env(entry, scratch, counts, claim_slot)?;
-            claim.into_iter().for_each(|claim| self.finish(claim));
+    ) -> Result<(), TransportError> {
+        // After a delay a worker may find steps of an old epoch and resets of a new one in the same run.
+        for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
+            let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
+            for entry in run {
+                let step = self.step(entry, scratch);
+                counts.count(step);
+                let slot = claim.map(|claim| (claim.memory, entry.env as usize));
+                self.write(entry, step, slot, scratch);
+            }
+            self.complete(claim);
         }
         Ok(())
     }
 
-    fn serve_env(
+    /// Results get slots in the order in which they are ready.
+    fn serve_asynchronous(
         &self,
-        entry: &Entry,
+        run: &[Entry],
         scratch: &mut Scratch,
         counts: &mut StepCounts,
-        claim_slot: impl FnOnce(usize) -> Result<Option<(SlotClaim, usize)>, String>,
-    ) -> Result<Option<SlotClaim>, String> {
-        let env = entry.env as usize;
-        let step: Option<Step> = lock(&self.envs[env]).run(entry.task, self.autoreset, scratch);
-        counts.count(step);
-        // Meanwhile a new round may give the seat another task, but only this worker carries it out.
-        let claimed = claim_slot(env)?;
-        let mut hosted = lock(&self.envs[env]);
-        let Some((claim, index)) = claimed else {
-            hosted.discard(self.autoreset);
-            return Ok(None);
-        };
-        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is reported as written, which
-        // `finish` does after this. Slots are distinct: an asynchronous lane's claims do not overlap, and in
-        // a synchronous one `index` is the environment, which an accepted request holds once (`busy`).
-        let mut slot = unsafe { claim.memory.slot(&self.layout, index) };
-        hosted.write(env, step, self.autoreset, &mut slot, scratch);
-        // Claimed in an old round, the seat may be another request's by now.
-        hosted.busy = hosted.busy.filter(|ticket| *ticket != entry.ticket);
-        Ok(Some(claim))
+    ) -> Result<(), TransportError> {
+        for entry in run {
+            let step = self.step(entry, scratch);
+            counts.count(step);
+            let claim = self.with_frame(|frames| frames.claim(entry.epoch, 1))?;
+            self.write(entry, step, claim.map(|claim| (claim.memory, claim.first)), scratch);
+            self.complete(claim);
+        }
+        Ok(())
     }
 
-    fn finish(&self, claim: SlotClaim) {
-        if lock(&self.assembler).complete(claim) {
-            self.counters.sent();
+    fn step(&self, entry: &Entry, scratch: &mut Scratch) -> Option<Step> {
+        lock(&self.envs[entry.env as usize]).run(entry.task, self.autoreset, scratch)
+    }
+
+    /// Writes an environment's results into its slot, or discards them if their epoch is over. Since
+    /// [`step`](Lane::step) a new epoch may have given the environment another task, which this worker carries out
+    /// later.
+    fn write(
+        &self,
+        entry: &Entry,
+        step: Option<Step>,
+        slot: Option<(FrameMemory, usize)>,
+        scratch: &mut Scratch,
+    ) {
+        let env = entry.env as usize;
+        let mut hosted = lock(&self.envs[env]);
+        let Some((memory, index)) = slot else {
+            hosted.discard(self.autoreset);
+            return;
+        };
+        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which the caller
+        // reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and in a
+        // synchronous lane `index` is the environment, which an accepted request names once (`busy`).
+        let mut slot = unsafe { memory.slot(&self.layout, index) };
+        hosted.write(env, step, self.autoreset, &mut slot, scratch);
+        // If a new epoch began after the claim, the environment may be busy with another request.
+        hosted.busy = hosted.busy.filter(|ticket| *ticket != entry.ticket);
+    }
+
+    fn complete(&self, claim: Option<SlotClaim>) {
+        if claim.is_some_and(|claim| lock(&self.assembler).complete(claim)) {
+            self.counters.published();
         }
     }
 
-    /// Takes the lane out of service; its learner is told, other lanes go on.
+    /// Takes the lane out of service and reports why to its learner. Other lanes go on.
     pub(crate) fn fail(&self, text: String) {
         tracing::error!(lane = self.name, text, "lane failed");
         if self.failure.set(text.clone()).is_ok() {
-            lock(&self.assembler).report_failure(&text_of(&Rejection::LaneFailed { text }));
+            lock(&self.assembler).report_failure(&json(&Rejection::LaneFailed { text }));
         }
     }
 }
 
-fn text_of(rejection: &Rejection) -> Vec<u8> {
+fn json(rejection: &Rejection) -> Vec<u8> {
     serde_json::to_vec(rejection).expect("a rejection is plain data")
 }
 

@@ -1,30 +1,48 @@
-//! What a lane counts.
+//! Statistics of a lane.
 
-use crate::hosted_env::StepCounts;
 use serde::{Deserialize, Serialize};
+use smaclite_engine::Step;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// A lane's figures since it began.
+/// Counts of a lane since its pool started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LaneStats {
-    /// Steps of single environments; resets do not count.
+    /// Steps of single environments, without resets.
     pub steps: u64,
     /// Episodes that ended.
     pub episodes: u64,
     /// Episodes that the agents won.
     pub wins: u64,
-    /// Frames sent.
+    /// Frames published with a batch.
     pub frames: u64,
-    /// Requests refused.
+    /// Refused requests.
     pub rejected: u64,
-    /// Requests accepted.
+    /// Accepted requests.
     pub accepted: u64,
-    /// Nanoseconds that the accepted requests waited for a worker, summed.
+    /// Total time in nanoseconds that accepted requests waited for a worker.
     pub waited_ns: u64,
 }
 
-/// The figures while workers add to them.
+/// What a worker's run of environments adds to a lane's statistics.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct StepCounts {
+    pub(crate) steps: u64,
+    pub(crate) episodes: u64,
+    pub(crate) wins: u64,
+}
+
+impl StepCounts {
+    pub(crate) fn count(&mut self, step: Option<Step>) {
+        if let Some(step) = step {
+            self.steps += 1;
+            self.episodes += u64::from(step.terminated || step.truncated);
+            self.wins += u64::from(step.battle_won);
+        }
+    }
+}
+
+/// The counts while workers add to them.
 #[derive(Default)]
 pub(super) struct Counters {
     steps: AtomicU64,
@@ -56,7 +74,7 @@ impl Counters {
         add(&self.wins, counts.wins);
     }
 
-    pub(super) fn sent(&self) {
+    pub(super) fn published(&self) {
         add(&self.frames, 1);
     }
 

@@ -118,8 +118,7 @@ impl Environment for LaneEnvs {
         Ok(())
     }
 
-    fn step(&mut self, actions: &[i32], _scratch: &mut Scratch) -> Result<Step, IllegalAction> {
-        self.check(actions)?;
+    fn step_checked(&mut self, actions: &[i32], _scratch: &mut Scratch) -> Step {
         self.steps += 1;
         if let Some((log, mark)) = &self.oddity.log {
             log.lock().unwrap().push(*mark);
@@ -134,7 +133,7 @@ impl Environment for LaneEnvs {
         self.total += reward;
         let terminated = self.word.is_multiple_of(11);
         let truncated = !terminated && self.length == 9;
-        Ok(Step { reward, terminated, truncated, battle_won: terminated && self.word.is_multiple_of(2) })
+        Step { reward, terminated, truncated, battle_won: terminated && self.word.is_multiple_of(2) }
     }
 
     fn write_obs(&self, out: &mut [f32], _scratch: &mut Scratch) {

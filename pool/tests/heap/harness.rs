@@ -6,7 +6,7 @@ use smaclite_engine::{Battle, Scratch, Step};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Doorbell, RequestKind};
+use smaclite_pool::transport::{Doorbell, Epoch, RequestKind, RequestNumber, SessionId};
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -77,7 +77,7 @@ pub fn start_waiting(
         learners.push(Learner { ends, bell: bell.clone(), layout, session: 1, number: 0, epoch: 0 });
     }
     let pool = Pool::start(parts, bell, PoolOptions { threads, wait }).expect("threads can be had");
-    (0..lanes.len()).for_each(|lane| pool.set_session(lane, Some(1)));
+    (0..lanes.len()).for_each(|lane| pool.set_session(lane, Some(SessionId(1))));
     (pool, learners)
 }
 
@@ -96,7 +96,7 @@ pub fn start_battles(
     let (part, ends) = lane(spec);
     let options = PoolOptions { threads, wait: WaitStrategy::default() };
     let pool = Pool::start(vec![part], bell.clone(), options).expect("threads can be had");
-    pool.set_session(0, Some(1));
+    pool.set_session(0, Some(SessionId(1)));
     (pool, Learner { ends, bell, layout, session: 1, number: 0, epoch: 0 })
 }
 
@@ -153,7 +153,9 @@ impl Learner {
             if let Some((request, rejection)) = frame.rejection() {
                 panic!("request {request} was rejected: {rejection}");
             }
-            if (frame.epoch.session, frame.epoch.request) == (self.session, self.epoch) {
+            if frame.epoch
+                == Some(Epoch { session: SessionId(self.session), reset: Some(RequestNumber(self.epoch)) })
+            {
                 return self.rows(&frame);
             }
         }
@@ -287,7 +289,8 @@ impl Reference {
         if *over && autoreset == Autoreset::NextStep {
             return self.reset(env, None);
         }
-        let step = game.step(actions, &mut Scratch::new()).expect("the learner plays legal actions");
+        game.check(actions).expect("the learner plays legal actions");
+        let step = game.step_checked(actions, &mut Scratch::new());
         *over = step.terminated || step.truncated;
         if *over && autoreset == Autoreset::SameStep {
             let last = game.clone();

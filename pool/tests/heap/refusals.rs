@@ -95,7 +95,7 @@ fn numbers_that_come_twice_are_refused() {
     let legal: Vec<_> = rows.iter().flat_map(Row::legal_actions).collect();
     learner.number = 0;
     learner.send_step(&all(N), &legal);
-    assert!(matches!(learner.rejection(), Rejection::Malformed { what } if what.contains("number 1")));
+    assert!(matches!(learner.rejection(), Rejection::Malformed { what } if what.contains("got 1 after 1")));
 }
 
 #[test]

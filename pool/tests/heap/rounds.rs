@@ -4,6 +4,7 @@
 use crate::STEPS;
 use crate::game::{Gate, Oddity, SIZES};
 use crate::harness::{LaneSetup, Learner, Reference, Row, all, start};
+use smaclite_pool::transport::SessionId;
 use smaclite_pool::{Autoreset, Rejection};
 
 fn rows_of_all(learner: &Learner, num_envs: usize) -> Vec<Row> {
@@ -129,7 +130,7 @@ fn a_new_learner_hears_nothing_of_the_old_one() {
             gate.open();
         });
         learner.send_step(&ids, &actions(&rows)); // the dead learner's last message, still in the queue
-        pool.set_session(0, Some(2));
+        pool.set_session(0, Some(SessionId(2)));
         (learner.session, learner.number) = (2, 0);
         learner.send_reset(None, &all(N), N);
         // Frames of the first session may still lie in the channel; `batch` leaves them aside as a client

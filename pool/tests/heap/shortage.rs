@@ -3,6 +3,7 @@
 use crate::game::Oddity;
 use crate::harness::{LaneSetup, Learner, Row, all, start};
 use crate::transport::Heap;
+use smaclite_pool::transport::SessionId;
 use smaclite_pool::{Pool, Rejection};
 
 const N: usize = 4;
@@ -72,7 +73,7 @@ fn the_session_of_a_lane_that_waits_for_a_frame_can_be_changed() {
             let actions = if is_legal { legal } else { vec![-1; 2 * N] };
             learner.send_step(&all(N), &actions);
             learner.wait_for_shortage();
-            pool.set_session(0, Some(2));
+            pool.set_session(0, Some(SessionId(2)));
             learner.set_shortage(false);
             assert_eq!(pool.failure(0), None);
             (learner.session, learner.number) = (2, 0);

@@ -4,7 +4,8 @@
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
 use smaclite_pool::transport::{
-    Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, RequestKind, Transport,
+    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, RequestKind, RequestNumber, SessionId,
+    Transport, TransportError,
 };
 use smaclite_pool::{LaneSpec, Rejection};
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
@@ -47,7 +48,7 @@ impl Message for Received {
         let Some(kind) = self.message.kind else {
             return Err(Rejection::Malformed { what: "a message without a form".to_owned() });
         };
-        let (session, number) = (self.message.session, self.message.number);
+        let (session, number) = (SessionId(self.message.session), RequestNumber(self.message.number));
         Ok(Request { session, number, kind, env_ids: &self.env_ids, actions: &self.actions })
     }
 }
@@ -58,7 +59,7 @@ pub struct HeapInlet(Receiver<HeapMessage>);
 impl Inlet for HeapInlet {
     type Message = Received;
 
-    fn receive(&mut self) -> Result<Option<Received>, String> {
+    fn receive(&mut self) -> Result<Option<Received>, TransportError> {
         let Ok(message) = self.0.try_recv() else { return Ok(None) };
         let atomics = |values: &[i32]| values.iter().map(|v| AtomicI32::new(*v)).collect();
         Ok(Some(Received { env_ids: atomics(&message.env_ids), actions: atomics(&message.actions), message }))
@@ -106,10 +107,10 @@ pub struct HeapOutlet {
 unsafe impl Outlet for HeapOutlet {
     type Loan = Memory;
 
-    fn loan(&mut self) -> Result<Memory, String> {
+    fn loan(&mut self) -> Result<Memory, TransportError> {
         if self.shortage.on.load(Ordering::SeqCst) {
             self.shortage.refused.fetch_add(1, Ordering::SeqCst);
-            return Err("all frames are in use".to_owned());
+            return Err(TransportError("all frames are in use".into()));
         }
         Ok(Memory::new(self.len))
     }
@@ -118,7 +119,7 @@ unsafe impl Outlet for HeapOutlet {
         &mut loan.bytes[loan.start..loan.start + loan.len]
     }
 
-    fn publish(&mut self, memory: Memory, epoch: Epoch, content: Content) {
+    fn publish(&mut self, memory: Memory, epoch: Option<Epoch>, content: FrameContent) {
         let _ = self.frames.send(Frame { memory, epoch, content }); // a learner that left does not read it
     }
 }
@@ -127,9 +128,9 @@ unsafe impl Outlet for HeapOutlet {
 pub struct Frame {
     memory: Memory,
     /// What it answers.
-    pub epoch: Epoch,
+    pub epoch: Option<Epoch>,
     /// Batch or rejection.
-    pub content: Content,
+    pub content: FrameContent,
 }
 
 impl Frame {
@@ -140,9 +141,12 @@ impl Frame {
 
     /// The rejection in it, if it is one, and the request's number.
     pub fn rejection(&self) -> Option<(u64, Rejection)> {
-        let Content::Rejection { request, len } = self.content else { return None };
+        let FrameContent::Rejection { request, len } = self.content else { return None };
         let text = &self.memory.as_slice()[..len];
-        Some((request, serde_json::from_slice(text).expect("rejections are JSON")))
+        Some((
+            request.map_or(0, |number| number.0),
+            serde_json::from_slice(text).expect("rejections are JSON"),
+        ))
     }
 }
 

@@ -18,7 +18,10 @@ use libfuzzer_sys::fuzz_target;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Request, RequestKind, Transport};
+use smaclite_pool::transport::{
+    Doorbell, Epoch, FrameContent, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport,
+    TransportError,
+};
 use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, OnceLock};
@@ -50,7 +53,7 @@ struct RawMessage {
 impl Inlet for RawInlet {
     type Message = RawMessage;
 
-    fn receive(&mut self) -> Result<Option<RawMessage>, String> {
+    fn receive(&mut self) -> Result<Option<RawMessage>, TransportError> {
         let message = self.messages.try_recv().ok();
         let layout = &self.layout;
         Ok(message.map(|(header, words, len)| RawMessage { header, words, len, layout: layout.clone() }))
@@ -158,8 +161,8 @@ impl Bench {
         loop {
             let frame =
                 lane.frames.recv_timeout(Duration::from_secs(20)).expect("an honest learner is answered");
-            let ours = (frame.epoch.session, frame.epoch.request) == (self.session, epoch);
-            assert!(!ours || frame.content == Content::Batch, "{:?}", frame.rejection());
+            let ours = frame.epoch == Some(Epoch { session: SessionId(self.session), reset: Some(RequestNumber(epoch)) });
+            assert!(!ours || frame.content == FrameContent::Batch, "{:?}", frame.rejection());
             if ours {
                 return frame;
             }
@@ -172,7 +175,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut input = Input(bytes);
     let index = input.u64(1) as usize % 2;
     bench.session += 1;
-    bench.pool.set_session(index, Some(bench.session));
+    bench.pool.set_session(index, Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     for number in 1..=8 {
         if input.0.is_empty() {
@@ -183,7 +186,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     // A new learner comes: whatever is still in the queue is of a session that is over.
     bench.session += 1;
-    bench.pool.set_session(index, Some(bench.session));
+    bench.pool.set_session(index, Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     let header = RequestHeader::new(
         &lane.layout,

@@ -42,7 +42,7 @@ impl Odd {
 }
 
 impl Environment for Odd {
-    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction> {
+    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
         self.steps += 1;
         match self.oddity {
             Oddity::Panics { env, step } if env == self.env && step == self.steps => {
@@ -53,7 +53,7 @@ impl Environment for Odd {
             }
             _ => {}
         }
-        self.battle.step(actions, scratch)
+        self.battle.step(actions, scratch).expect("checked actions")
     }
 
     fn sizes(&self) -> Sizes {

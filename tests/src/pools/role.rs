@@ -149,7 +149,7 @@ impl Learner {
     /// `POOL`, or `POOL WAIT` for a way of waiting.
     fn connect(&mut self, argument: &str) -> Said {
         let (pool, wait) = argument.split_once(' ').unwrap_or((argument, "adaptive"));
-        let wait = wait.parse()?;
+        let wait = wait.parse().map_err(|error: smaclite_pool::UnknownWaitStrategy| error.to_string())?;
         let player = runtime_dir()
             .and_then(|runtime_dir| Player::connect_waiting(&runtime_dir, pool, &self.plan, wait))
             .map_err(|e| e.to_string())?;
