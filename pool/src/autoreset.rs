@@ -9,8 +9,8 @@ pub enum Autoreset {
     /// The next step ignores the action, resets, and returns the first observation with reward 0.
     #[default]
     NextStep,
-    /// The step that ends an episode returns the first observation of the next episode. The last observation, state
-    /// and mask are in `final_*`.
+    /// The step that ends an episode returns the first observation of the next episode. The last observation,
+    /// state and mask are in `final_*`.
     SameStep,
     /// Nothing: stepping a finished environment is an error until it is reset.
     Disabled,

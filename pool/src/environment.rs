@@ -1,10 +1,10 @@
-//! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows nothing of
-//! units or rules.
+//! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows
+//! nothing of units or rules.
 
 use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Step};
 
-/// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong to the
-/// pool. Users run [`Battle`]s; tests and benches have other environments.
+/// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong
+/// to the pool. Users run [`Battle`]s; tests and benches have other environments.
 pub trait Environment: Send {
     /// Sizes of everything written below.
     fn sizes(&self) -> Sizes;

@@ -1,5 +1,5 @@
-//! The fields of a frame, declared once. Offsets, views, spaces, documentation and the layout hash derive from
-//! [`FIELDS`]; no other place in the project states a field's type or shape.
+//! The fields of a frame, declared once. Offsets, views, spaces, documentation and the layout hash derive
+//! from [`FIELDS`]; no other place in the project states a field's type or shape.
 
 use std::fmt;
 
@@ -167,8 +167,8 @@ impl Field {
         matches!(self, Field::FinalObs | Field::FinalState | Field::FinalAvailActions)
     }
 
-    /// Whether a lane can omit the field. A learner always needs to know which environment a slot is and when its
-    /// episode ends.
+    /// Whether a lane can omit the field. A learner always needs to know which environment a slot is and when
+    /// its episode ends.
     pub const fn is_optional(self) -> bool {
         !matches!(self, Field::EnvId | Field::Reward | Field::Terminated | Field::Truncated)
     }

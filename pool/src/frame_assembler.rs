@@ -1,6 +1,6 @@
-//! The frames of a lane that are being filled. Workers claim slots, write them and report them as complete; completing
-//! the last slot of a frame publishes it. All calls hold the assembler's lock and none blocks. Slots are written
-//! without the lock, and a worker that finds no free frame waits without it.
+//! The frames of a lane that are being filled. Workers claim slots, write them and report them as complete;
+//! completing the last slot of a frame publishes it. All calls hold the assembler's lock and none blocks.
+//! Slots are written without the lock, and a worker that finds no free frame waits without it.
 
 use crate::slot::FrameMemory;
 use crate::transport::{Epoch, FrameContent, Outlet, RequestNumber, SessionId, TransportError};

@@ -21,7 +21,8 @@ pub(crate) enum Task {
 /// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
-    /// The accepted joint action, `[n_agents]`: a private copy, since a learner could change its sample after the check.
+    /// The accepted joint action, `[n_agents]`: a private copy, since a learner could change its sample after
+    /// the check.
     pub(crate) actions: Vec<i32>,
     /// The accepted request that this environment has not yet answered.
     pub(crate) busy: Option<Ticket>,
@@ -58,7 +59,8 @@ impl HostedEnv {
         }
     }
 
-    /// Writes the outcome of [`run`](HostedEnv::run) into the environment's slot; resets under same-step autoreset.
+    /// Writes the outcome of [`run`](HostedEnv::run) into the environment's slot; resets under same-step
+    /// autoreset.
     pub(crate) fn write(
         &mut self,
         env_id: usize,
@@ -80,8 +82,8 @@ impl HostedEnv {
         }
     }
 
-    /// Discards the outcome of [`run`](HostedEnv::run), for an epoch that is over. The environment's next results are the
-    /// same as if it had been written.
+    /// Discards the outcome of [`run`](HostedEnv::run), for an epoch that is over. The environment's next
+    /// results are the same as if it had been written.
     pub(crate) fn discard(&mut self, autoreset: Autoreset) {
         if self.is_over && autoreset == Autoreset::SameStep {
             self.reset();

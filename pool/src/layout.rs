@@ -1,5 +1,6 @@
-//! The offset of each field in a frame. It is a pure function of the field table, the sizes of the scenario, the number
-//! of slots and the chosen fields, so the writer and every reader compute the same offsets. They compare the hash.
+//! The offset of each field in a frame. It is a pure function of the field table, the sizes of the scenario,
+//! the number of slots and the chosen fields, so the writer and every reader compute the same offsets. They
+//! compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
 use smaclite_engine::Sizes;

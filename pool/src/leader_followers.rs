@@ -1,13 +1,15 @@
-//! The Leader/Followers pattern (Schmidt et al., POSA volume 2): how worker threads share the work without a dispatcher.
+//! The Leader/Followers pattern (Schmidt et al., POSA volume 2): how worker threads share the work without a
+//! dispatcher.
 //!
-//! Every worker has an inbox. At any time at most one idle worker is the *leader*: it polls the lanes for requests and
-//! shares them out. The other idle workers are *followers*: they wait at their inboxes. A leader that receives work
-//! of its own releases the leadership and wakes a sleeping follower to take it, so that requests never wait while
-//! a worker is idle. With one worker a request is received, stepped and answered on the same thread.
+//! Every worker has an inbox. At any time at most one idle worker is the *leader*: it polls the lanes for
+//! requests and shares them out. The other idle workers are *followers*: they wait at their inboxes. A leader
+//! that receives work of its own releases the leadership and wakes a sleeping follower to take it, so that
+//! requests never wait while a worker is idle. With one worker a request is received, stepped and answered on
+//! the same thread.
 //!
-//! Synchronisation: an inbox's mutex publishes its entries from the leader to the follower. `WorkQueues::led` orders
-//! one leader's accesses to the lanes before the next leader's. `Inbox::ready` is only a hint that lets a spinning
-//! follower poll without the lock; it publishes nothing.
+//! Synchronisation: an inbox's mutex publishes its entries from the leader to the follower. `WorkQueues::led`
+//! orders one leader's accesses to the lanes before the next leader's. `Inbox::ready` is only a hint that
+//! lets a spinning follower poll without the lock; it publishes nothing.
 
 use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, Ordering, lock, yield_now};
 use crossbeam::utils::CachePadded;
@@ -33,7 +35,8 @@ struct InboxState<E> {
 /// The inboxes of all workers, and whether one of them leads.
 pub(crate) struct WorkQueues<E> {
     inboxes: Vec<CachePadded<Inbox<E>>>,
-    /// A worker leads. Not a mutex: no thread blocks on it, and loom does not model the races of a failed `try_lock`.
+    /// A worker leads. Not a mutex: no thread blocks on it, and loom does not model the races of a failed
+    /// `try_lock`.
     led: AtomicBool,
     stop: AtomicBool,
 }
@@ -135,8 +138,9 @@ impl<E: Copy> WorkQueues<E> {
         led.is_ok().then(|| Leadership(&self.led))
     }
 
-    /// `asleep` is set before the last attempt to lead, and `release` ends the leadership before it reads `asleep`.
-    /// So one of the two notices the other, and requests are never without a leader while a worker sleeps.
+    /// `asleep` is set before the last attempt to lead, and `release` ends the leadership before it reads
+    /// `asleep`. So one of the two notices the other, and requests are never without a leader while a worker
+    /// sleeps.
     fn sleep(&self, worker: usize) -> Wakeup<'_> {
         let inbox = &self.inboxes[worker];
         lock(&inbox.state).asleep = true;

@@ -1,9 +1,9 @@
-//! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory through the
-//! [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
+//! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory
+//! through the [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
 //!
-//! The path of a batch: the leading worker receives a [request](transport::Request) from a lane's inlet, accepts all
-//! of it or nothing, and shares its environments out. The workers step them and write each result into its slot of a
-//! frame that the lane's outlet loaned. Completing the last slot publishes the frame.
+//! The path of a batch: the leading worker receives a [request](transport::Request) from a lane's inlet,
+//! accepts all of it or nothing, and shares its environments out. The workers step them and write each result
+//! into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the frame.
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 

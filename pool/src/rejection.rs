@@ -1,5 +1,5 @@
-//! Why a learner's request was refused. The client raises these errors before it sends, and the lane when it receives;
-//! the lane's travel to the client as JSON in a frame.
+//! Why a learner's request was refused. The client raises these errors before it sends, and the lane when it
+//! receives; the lane's travel to the client as JSON in a frame.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum Rejection {
     #[error("environment {env}, agent {agent}: action {action} is not available; available: {available:?}")]
     UnavailableAction { env: usize, agent: usize, action: i32, available: Vec<usize> },
-    #[error("environment {env} does not exist; this lane has environments 0 to {last}", last = num_envs.saturating_sub(1))]
+    #[error("environment {env} does not exist; this lane has {num_envs}, numbered from 0")]
     UnknownEnv { env: i64, num_envs: usize },
     #[error("a request must name at least one environment, got none")]
     NoEnv,

@@ -1,20 +1,20 @@
-//! Writing a frame from several threads: the memory of a loaned frame, split into slots that one thread each writes.
-//! The `unsafe` of this crate lives here and in its one caller, `lane`.
+//! Writing a frame from several threads: the memory of a loaned frame, split into slots that one thread each
+//! writes. The `unsafe` of this crate lives here and in its one caller, `lane`.
 
 use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};
 use std::ptr::NonNull;
 
-/// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to one
-/// thread at a time.
+/// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to
+/// one thread at a time.
 #[derive(Clone, Copy)]
 pub struct FrameMemory {
     base: NonNull<u8>,
     len: usize,
 }
 
-// SAFETY: `FrameMemory` is only an address and a length. All access goes through `slot`, whose caller guarantees that
-// no two threads access the same slot at once.
+// SAFETY: `FrameMemory` is only an address and a length. All access goes through `slot`, whose caller
+// guarantees that no two threads access the same slot at once.
 unsafe impl Send for FrameMemory {}
 
 impl FrameMemory {
@@ -30,8 +30,8 @@ impl FrameMemory {
     /// Slot `index` of the frame, for writing.
     ///
     /// # Safety
-    /// The payload given to [`FrameMemory::new`] is still alive and not otherwise borrowed, and no other `Slot` of
-    /// the same index exists.
+    /// The payload given to [`FrameMemory::new`] is still alive and not otherwise borrowed, and no other
+    /// `Slot` of the same index exists.
     ///
     /// # Panics
     /// If the frame has no such slot or is too small for the layout.
@@ -49,8 +49,8 @@ pub struct Slot<'a> {
 }
 
 impl Slot<'_> {
-    /// The slot's row of a field, or `None` if the lane omits the field. Until it is written it holds the data of an
-    /// earlier frame.
+    /// The slot's row of a field, or `None` if the lane omits the field. Until it is written it holds the
+    /// data of an earlier frame.
     ///
     /// # Panics
     /// If `T` is not the field's type.
@@ -58,11 +58,12 @@ impl Slot<'_> {
         assert_eq!(T::DTYPE, field.spec().dtype, "{}", field.spec().name);
         let len = self.layout.row_len(field);
         let start = self.layout.offset(field)? + self.index * len * size_of::<T>();
-        // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and the layout
-        // places `slots` rows of `len` elements from the field's offset on, so the row is in bounds. The base is aligned
-        // to 64, the offset is a multiple of 64 and the row one of `size_of::<T>()`, so it is aligned. It came as
-        // bytes of a slice, so it is initialised, and `Element`s allow any bits. Rows of different slots and fields
-        // do not overlap (tested), and the caller of `slot` guarantees that no other thread has this one.
+        // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and
+        // the layout places `slots` rows of `len` elements from the field's offset on, so the row is in
+        // bounds. The base is aligned to 64, the offset is a multiple of 64 and the row one of
+        // `size_of::<T>()`, so it is aligned. It came as bytes of a slice, so it is initialised, and
+        // `Element`s allow any bits. Rows of different slots and fields do not overlap (tested), and the
+        // caller of `slot` guarantees that no other thread has this one.
         Some(unsafe { std::slice::from_raw_parts_mut(self.base.as_ptr().add(start).cast::<T>(), len) })
     }
 
@@ -94,7 +95,8 @@ mod tests {
                 let layout = &layout;
                 scope.spawn(move || {
                     for index in worker * 2..worker * 2 + 2 {
-                        // SAFETY: the scope keeps `memory` alive, and each index is visited by one thread, once.
+                        // SAFETY: the scope keeps `memory` alive, and each index is visited by one thread,
+                        // once.
                         let mut slot = unsafe { frame.slot(layout, index) };
                         slot.set(Field::EnvId, index as i32);
                         slot.row::<f32>(Field::Obs).unwrap().fill(index as f32);

@@ -1,5 +1,5 @@
-//! Synchronisation primitives: those of the standard library, or loom's where its tests explore every interleaving
-//! (`just loom`).
+//! Synchronisation primitives: those of the standard library, or loom's where its tests explore every
+//! interleaving (`just loom`).
 
 #[cfg(loom)]
 pub(crate) use loom::{
@@ -14,8 +14,8 @@ pub(crate) use std::{
     thread::yield_now,
 };
 
-/// Locks a mutex, also a poisoned one: the lane itself catches and reports panics, and the data under these locks is
-/// consistent at every point where one can occur.
+/// Locks a mutex, also a poisoned one: the lane itself catches and reports panics, and the data under these
+/// locks is consistent at every point where one can occur.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }

@@ -1,4 +1,5 @@
-//! What the pool needs of a transport, as traits. `ipc` implements them over iceoryx2, the tests over the heap.
+//! What the pool needs of a transport, as traits. `ipc` implements them over iceoryx2, the tests over the
+//! heap.
 
 use crate::rejection::Rejection;
 use std::sync::atomic::AtomicI32;
@@ -46,7 +47,8 @@ pub struct SessionId(pub u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestNumber(pub u64);
 
-/// What a result belongs to. A reset of all environments begins a new epoch; results of an older one are dropped.
+/// What a result belongs to. A reset of all environments begins a new epoch; results of an older one are
+/// dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Epoch {
     /// The learner's session.
@@ -55,8 +57,8 @@ pub struct Epoch {
     pub reset: Option<RequestNumber>,
 }
 
-/// A request in shared memory. The sender can still write to it, so every value is read once and checked after it
-/// was read; hence the atomics.
+/// A request in shared memory. The sender can still write to it, so every value is read once and checked
+/// after it was read; hence the atomics.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     /// The session of the sender.
@@ -86,8 +88,8 @@ pub enum RequestKind {
 /// The sending end of a lane.
 ///
 /// # Safety
-/// What [`payload`](Outlet::payload) returns stays alive, at its address and without any other access, until its loan
-/// is published or dropped: several threads write to it in that time.
+/// What [`payload`](Outlet::payload) returns stays alive, at its address and without any other access, until
+/// its loan is published or dropped: several threads write to it in that time.
 #[allow(unsafe_code)] // a promise, no code
 pub unsafe trait Outlet: Send + 'static {
     /// The memory of a frame being filled, aligned to [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).

@@ -26,10 +26,12 @@ impl WaitStrategy {
         }
     }
 
-    /// How long to poll before blocking, in and around a pool of `threads` worker threads; `None` is without end.
+    /// How long to poll before blocking, in and around a pool of `threads` worker threads; `None` is without
+    /// end.
     ///
-    /// Waking a blocked thread costs about 50 us, so a thread polls at least that long. With a spare core it polls
-    /// for 500 us, which covers most batches; without one, longer polling would take the core from a worker.
+    /// Waking a blocked thread costs about 50 us, so a thread polls at least that long. With a spare core it
+    /// polls for 500 us, which covers most batches; without one, longer polling would take the core from a
+    /// worker.
     pub fn spin_time(self, threads: usize) -> Option<Duration> {
         let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
         match self {

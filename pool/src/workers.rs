@@ -11,7 +11,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take turns.
+/// Environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take
+/// turns.
 const RUN: usize = 16;
 
 /// A blocked leader polls the lanes at least this often, even without a ring.
@@ -164,9 +165,9 @@ impl<T: Transport> Shared<T> {
         any
     }
 
-    /// Puts each entry into the queue of its environment's worker. Neighbouring environments share a worker, so a
-    /// request in order is one run of entries per worker. Lanes begin at different workers, so that the only
-    /// environments of several small lanes do not all belong to the first one.
+    /// Puts each entry into the queue of its environment's worker. Neighbouring environments share a worker,
+    /// so a request in order is one run of entries per worker. Lanes begin at different workers, so that the
+    /// only environments of several small lanes do not all belong to the first one.
     fn share_out(&self, lane: usize, entries: &[Entry]) {
         let workers = self.queues.workers();
         let num_envs = self.lanes[lane].num_envs();

@@ -1,4 +1,5 @@
-//! How a lane accepts a request: either all of it, with its environments busy and their actions copied, or nothing.
+//! How a lane accepts a request: either all of it, with its environments busy and their actions copied, or
+//! nothing.
 
 use super::Lane;
 use crate::autoreset::Autoreset;
@@ -20,12 +21,13 @@ pub(crate) struct Entry {
     pub(super) ticket: Ticket,
 }
 
-/// Numbers the requests that a lane received, of all sessions. A busy environment holds the ticket of its request.
+/// Numbers the requests that a lane received, of all sessions. A busy environment holds the ticket of its
+/// request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Ticket(u64);
 
-/// The receiving side of a lane. The leading worker locks it to accept requests; the control thread locks it to
-/// change the session.
+/// The receiving side of a lane. The leading worker locks it to accept requests; the control thread locks it
+/// to change the session.
 pub(super) struct Intake<I> {
     inlet: I,
     /// `None` while the lane has no learner.
@@ -105,7 +107,8 @@ impl<T: Transport> Lane<T> {
             }
             Err(rejection) => {
                 self.roll_back(&intake.entries);
-                drop(intake); // the answer may wait for a frame, and the control thread must not wait for that
+                // The answer may wait for a frame, and the control thread must not wait for that.
+                drop(intake);
                 self.reject(&request, &rejection);
                 Received::Refused
             }
@@ -195,7 +198,8 @@ impl<T: Transport> Lane<T> {
             // A synchronous batch has every environment: the others are observed again.
             for env in 0..self.num_envs {
                 match self.reserve(intake, epoch, env, Task::Observe) {
-                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {} // a duplicate is one that this request resets
+                    // A duplicate is an environment that this request resets.
+                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {}
                     Err(busy) => return Err(busy),
                 }
             }
@@ -203,8 +207,8 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    /// Checks that a full reset names every environment once. This comes before the new epoch begins: after that,
-    /// environments that still step count as free, and a refusal could not make them busy again.
+    /// Checks that a full reset names every environment once. This comes before the new epoch begins: after
+    /// that, environments that still step count as free, and a refusal could not make them busy again.
     fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
         let mut named = vec![false; self.num_envs];
         env_ids.iter().try_for_each(|id| {
@@ -250,8 +254,8 @@ impl<T: Transport> Lane<T> {
     }
 }
 
-/// Reads one integer per cache line (the last line may be left out). The learner's core wrote these lines, so each
-/// first read is a transfer between cores; reading them in a row lets the transfers overlap.
+/// Reads one integer per cache line (the last line may be left out). The learner's core wrote these lines, so
+/// each first read is a transfer between cores; reading them in a row lets the transfers overlap.
 fn prefetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();
     black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));

@@ -1,5 +1,6 @@
-//! A lane: N environments of one scenario with one learner. The leading worker accepts its requests (`accept`); every
-//! worker steps its own environments and writes their slots of a frame. `workers` decides which thread does what.
+//! A lane: N environments of one scenario with one learner. The leading worker accepts its requests
+//! (`accept`); every worker steps its own environments and writes their slots of a frame. `workers` decides
+//! which thread does what.
 
 mod accept;
 mod stats;
@@ -24,7 +25,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
+/// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100
+/// ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// How to build a lane.
@@ -111,14 +113,15 @@ impl<T: Transport> Lane<T> {
         self.failure.get().map(String::as_str)
     }
 
-    /// The caller holds the intake's lock. Work of the old epoch is still carried out, so that later episodes do not
-    /// depend on how far the workers had come; but its results get no slots.
+    /// The caller holds the intake's lock. Work of the old epoch is still carried out, so that later episodes
+    /// do not depend on how far the workers had come; but its results get no slots.
     fn begin_epoch(&self, epoch: Option<Epoch>) {
         lock(&self.assembler).begin_epoch(epoch);
         self.envs.iter().for_each(|hosted| lock(hosted).busy = None);
     }
 
-    /// Answers a request with the reason why it was refused. May wait for a frame, so the caller holds no lock.
+    /// Answers a request with the reason why it was refused. May wait for a frame, so the caller holds no
+    /// lock.
     fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
         tracing::debug!(lane = self.name, %rejection, "request rejected");
         self.counters.rejected();
@@ -128,8 +131,8 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Retries `attempt` while no frame is free, for at most [`FRAME_TIMEOUT`]. The lane's memory suffices by
-    /// calculation, but frames that a killed learner held come back only when the control thread recovers them, and
-    /// for that it may need any lock of this lane. So the caller holds none.
+    /// calculation, but frames that a killed learner held come back only when the control thread recovers
+    /// them, and for that it may need any lock of this lane. So the caller holds none.
     fn with_frame<R>(
         &self,
         mut attempt: impl FnMut(&mut FrameAssembler<T::Outlet>) -> Result<R, TransportError>,
@@ -208,8 +211,8 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Writes an environment's results into its slot, or discards them if their epoch is over. Since
-    /// [`step`](Lane::step) a new epoch may have given the environment another task, which this worker carries out
-    /// later.
+    /// [`step`](Lane::step) a new epoch may have given the environment another task, which this worker
+    /// carries out later.
     fn write(
         &self,
         entry: &Entry,
@@ -223,9 +226,10 @@ impl<T: Transport> Lane<T> {
             hosted.discard(self.autoreset);
             return;
         };
-        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which the caller
-        // reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and in a
-        // synchronous lane `index` is the environment, which an accepted request names once (`busy`).
+        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which the
+        // caller reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap,
+        // and in a synchronous lane `index` is the environment, which an accepted request names once
+        // (`busy`).
         let mut slot = unsafe { memory.slot(&self.layout, index) };
         hosted.write(env, step, self.autoreset, &mut slot, scratch);
         // If a new epoch began after the claim, the environment may be busy with another request.
