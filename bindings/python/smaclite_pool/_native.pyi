@@ -1,5 +1,5 @@
-# Written by hand: generated stubs do not know the types of arrays. `mypy.stubtest` checks that names, parameters and
-# defaults are the module's.
+# Written by hand, because generated stubs lack the element types of arrays. `mypy.stubtest` checks that names,
+# parameters and defaults match the module. Full docstrings are in the module.
 
 from os import PathLike
 from types import TracebackType
@@ -30,14 +30,14 @@ _Rules = Literal["smaclite", "paper"]
 
 @final
 class Frame:
-    """The shared memory of one frame: the base of the arrays of a `Batch`."""
+    """The shared memory of one batch: the base object of its arrays."""
 
     @property
     def sequence(self) -> int: ...
 
 @final
 class Batch:
-    """M slots, one environment each; every field is a read-only array over shared memory."""
+    """The results of M environments, one per slot; every field is a read-only array over shared memory."""
 
     @property
     def env_id(self) -> NDArray[np.int32]:
@@ -89,16 +89,16 @@ class Batch:
         """bool [M, n_agents, n_actions]: same-step autoreset: last avail_actions, as final_obs."""
     @property
     def sequence(self) -> int:
-        """Counts the frames of the lane, from 1."""
+        """Number of this batch among all that the lane has sent, from 1."""
     def keys(self) -> list[str]: ...
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
-        """All fields as torch tensors over the same memory, by name; a write to one raises."""
+        """Return a dict from field names to torch tensors over the same memory. A write to one raises an error."""
     def __len__(self) -> int: ...
 
 @final
 class Envs:
-    """The environments of a lane, attached to by `make` or `connect`."""
+    """The environments of a lane, as returned by `make` and `connect`."""
 
     def reset(
         self,
