@@ -31,7 +31,8 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
 def test_properties_and_description_agree() -> None:
     with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
         described = envs.description
-        for name in ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size"):
+        sizes = ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
+        for name in sizes:
             assert getattr(envs, name) == described[name], name
         assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
         assert (envs.rules, envs.autoreset, envs.episode_limit) == ("smaclite", "next_step", 180)
@@ -160,8 +161,8 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
 
 @pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
-    """The exit once closed only idle environments: those of a thread inside `step` left the files of their pool until
-    the next start. The fixture `runtime_dir` fails this test if a file is left."""
+    """The exit once closed only idle environments: those of a thread inside `step` left the files of their
+    pool until the next start. The fixture `runtime_dir` fails this test if a file is left."""
     script = f"""
 import threading, time
 import smaclite_pool as sp

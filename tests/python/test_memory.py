@@ -42,8 +42,8 @@ def mapping_of(array: Any) -> Mapping:
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
-    """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped read-only. A later
-    write to that file shows in the array, so there is no copy in between."""
+    """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped read-only.
+    A later write to that file shows in the array, so there is no copy in between."""
     if attached:
         serve("2s3z:8", "--name", "train")
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
@@ -103,7 +103,7 @@ def test_a_slice_outlives_batch_environments_and_pool() -> None:
 
 
 def test_a_batch_is_freed_when_its_last_reference_goes() -> None:
-    """A reference cycle between a batch and its cached arrays would keep frames until the garbage collector runs."""
+    """A reference cycle between a batch and its arrays would keep frames until the garbage collector runs."""
     gc.disable()
     try:
         with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
@@ -131,7 +131,7 @@ def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
 
 
 def test_a_process_that_closes_nothing_leaves_no_files() -> None:
-    """The interpreter does not free objects that outlive it; the fixture `runtime_dir` looks for files they left."""
+    """The interpreter does not free objects that outlive it. The fixture `runtime_dir` detects left files."""
     done = run_script(
         """
 import smaclite_pool as sp

@@ -29,7 +29,7 @@ def test_the_program_runs_as_a_module_and_as_a_script() -> None:
 
 
 def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_path: Path) -> None:
-    # 6h_vs_8z has hydralisks, and for scenario files a unit file of that name takes precedence over the standard type.
+    # 6h_vs_8z has hydralisks; in scenario files, a unit file of that name replaces the standard type.
     (tmp_path / "HYDRALISK.json").write_text("not a unit")
     listed = run("-m", "smaclite_pool", "scenarios", cwd=tmp_path)
     assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr

@@ -1,4 +1,4 @@
-"""Timeouts, Ctrl-C and the supervisor's death end every wait; other threads run during a wait; forks are detected."""
+"""Timeouts, Ctrl-C and the supervisor's death end every wait. Other threads run meanwhile; forks are safe."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], max_held_batches=2, wait=wait) as envs:  # type: ignore[arg-type]
+    settings: dict[str, Any] = {"threads": 1, "fields": [], "max_held_batches": 2, "wait": wait}
+    with sp.make("bane_vs_bane", 40_000, **settings) as envs:
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
@@ -110,7 +112,8 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
     assert learner.returncode == 0
     if how == "died":
         server.wait()
-        with sp.make("2s3z", num_envs=1, name="train") as again:  # the name is free at once, and its files are removed
+        # The name is free at once, and the files of the old pool are removed.
+        with sp.make("2s3z", num_envs=1, name="train") as again:
             again.reset()
 
 
@@ -164,7 +167,8 @@ def test_calls_to_a_stopped_supervisor_time_out(serve: Serve) -> None:
     stop(server)
     for ask in (sp.connect, sp.status):
         begin = time.monotonic()
-        with pytest.raises(sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"):
+        expected = rf"`train` \(process {server.pid}\) did not answer within 0.3 s"
+        with pytest.raises(sp.ConnectError, match=expected):
             ask("train", timeout=0.3)
         assert time.monotonic() - begin < 8
     assert sp.pools() == ["train"]
@@ -197,7 +201,13 @@ print("fine")
 
 def test_a_killed_learner_frees_its_lane(serve: Serve) -> None:
     serve("2s3z:4", "--name", "train")
-    script = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True); time.sleep(100)'
+    script = """
+import smaclite_pool as sp, time
+envs = sp.connect("train")
+batch = envs.reset()
+print(1, flush=True)
+time.sleep(100)
+"""
     learner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "1\n"
     with pytest.raises(sp.LaneTaken) as caught:

@@ -32,7 +32,7 @@ class IllegalAction(InvalidRequest):
 
 
 class ScenarioError(PoolError, ValueError):
-    """A scenario is unknown, or a scenario or unit file is invalid; the message names the file, key and value."""
+    """A scenario is unknown, or a scenario or unit file is invalid; the message names file, key and value."""
 
 
 class StartError(PoolError, RuntimeError):
@@ -66,7 +66,7 @@ class LaneTaken(ConnectError):
 
 
 class PoolDied(PoolError, ConnectionError):
-    """The pool's supervisor has ended. Held batches stay readable; connect again once it has been restarted."""
+    """The pool's supervisor has ended. Held batches stay readable. Restart the pool and connect again."""
 
 
 class LaneFailed(PoolError, RuntimeError):
