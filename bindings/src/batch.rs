@@ -1,4 +1,4 @@
-//! A received batch in Python: one property a field, derived from the table of fields.
+//! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
 use crate::views;
 use pyo3::exceptions::PyAttributeError;
@@ -8,13 +8,14 @@ use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSpec};
 use std::ffi::CString;
 
-/// The shared memory of one frame, held for as long as this object lives. It is the base of the arrays of a `Batch`.
+/// The shared memory of one batch, which is not reused while this object exists. It is the base of the arrays
+/// of a `Batch`.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Frame(pub smaclite_ipc::Batch);
 
 #[pymethods]
 impl Frame {
-    /// Counts the frames of the lane, from 1.
+    /// Number of this batch among all that the lane has sent, from 1.
     #[getter]
     fn sequence(&self) -> u64 {
         self.0.sequence()
@@ -25,18 +26,21 @@ impl Frame {
     }
 }
 
-/// What `recv`, `step` and `reset` return: M slots, one environment each, in synchronous mode in the order of the
-/// environments.
+/// The results of M environments, one per slot, as returned by `recv`, `step` and `reset`.
 ///
-/// Every field is a read-only numpy array over shared memory: nothing is copied, and the memory stays valid
-/// and unchanged for as long as the batch, or any array or slice of it, is held, also after the pool is gone.
-/// A lane lets a learner hold `max_held_batches` batches at once; `copy()` what must stay longer. In a forked
-/// child they stay unchanged only while the parent holds them: `copy()` what the child keeps.
+/// In synchronous mode slot i is environment i; otherwise `env_id` says which environment a slot is.
 ///
-/// torch does not know read-only memory, where a write would end the process: `torch()` gives tensors that know.
+/// Every field is a read-only NumPy array over shared memory; nothing is copied. The memory stays valid and
+/// unchanged as long as the batch, or any array or slice of it, exists, even after the pool has ended. A
+/// learner may hold `max_held_batches` batches at the same time; use `copy()` to keep data for longer.
+///
+/// In a forked child the memory stays unchanged only while the parent holds the batch; use `copy()` there.
+///
+/// torch has no read-only tensors, and a write to this memory would crash the process: `torch()` returns
+/// tensors that raise an error instead.
 //
-// The arrays' base is the frame, not the batch: with the batch they would form a cycle, and only the garbage collector
-// would give the frame back.
+// The base of the arrays is the frame and not the batch. The batch caches its arrays, so with the batch as
+// base there would be a reference cycle, and the memory would be released only by the garbage collector.
 #[pyclass(frozen, weakref, module = "smaclite_pool")]
 pub struct Batch {
     frame: Py<Frame>,
@@ -51,48 +55,49 @@ impl Batch {
     fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         let view = self.views[field as usize].get_or_try_init(py, || {
             let array = views::array(self.frame.bind(py), field)?;
-            array.map(Bound::unbind).ok_or_else(|| left_out(field))
+            array.map(Bound::unbind).ok_or_else(|| missing_field_error(field))
         });
         view.map(|array| array.bind(py).clone())
     }
 
-    fn present(&self) -> impl Iterator<Item = &'static FieldSpec> {
+    fn specs(&self) -> impl Iterator<Item = &'static FieldSpec> {
         self.frame.get().0.layout().fields().iter().map(Field::spec)
     }
 }
 
-fn left_out(field: Field) -> PyErr {
+fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
     PyAttributeError::new_err(if field.is_final() {
-        format!("batches of this lane have no `{name}`: it exists with autoreset=\"same_step\"")
+        format!("batches of this lane do not include `{name}`; it exists only with autoreset=\"same_step\"")
     } else {
-        format!("batches of this lane have no `{name}`: name it in `fields`, or leave `fields` away for all")
+        format!("batches of this lane do not include `{name}`; add it to `fields`, or omit `fields` for all")
     })
 }
 
 #[pymethods]
 impl Batch {
-    /// Counts the frames of the lane, from 1.
+    /// Number of this batch among all that the lane has sent, from 1.
     #[getter]
     fn sequence(&self) -> u64 {
         self.frame.get().sequence()
     }
 
-    /// Names of the fields that the lane's batches have.
+    /// Names of the fields in this batch.
     fn keys(&self) -> Vec<&'static str> {
-        self.present().map(|spec| spec.name).collect()
+        self.specs().map(|spec| spec.name).collect()
     }
 
-    /// All fields as ordinary arrays of one's own, by name; they hold no frame.
+    /// Return a dict from field names to writeable copies of the arrays, which do not keep the batch's
+    /// memory.
     fn copy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let copies = PyDict::new(py);
-        for spec in self.present() {
+        for spec in self.specs() {
             copies.set_item(spec.name, self.view(py, spec.field)?.call_method0("copy")?)?;
         }
         Ok(copies)
     }
 
-    /// All fields as torch tensors over the same memory, by name; a write to one raises. See `smaclite_pool.torch`.
+    /// Return a dict from field names to torch tensors over the same memory. A write to one raises an error.
     fn torch<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("smaclite_pool.torch")?.call_method1("tensors", (slf,))
     }
@@ -111,29 +116,29 @@ impl Batch {
     }
 }
 
-/// Gives `Batch` a property for every field of the table.
-pub fn add_fields(py: Python<'_>) -> PyResult<()> {
+/// Adds a property to `Batch` for every field of the table.
+pub fn add_field_properties(py: Python<'_>) -> PyResult<()> {
     let class = py.get_type::<Batch>();
     let property = py.import("builtins")?.getattr("property")?;
     for spec in &FIELDS {
-        let getter = getter(py, spec)?;
-        class.setattr(spec.name, property.call1((getter, py.None(), py.None(), documentation(spec)))?)?;
+        let getter = new_getter(py, spec)?;
+        class.setattr(spec.name, property.call1((getter, py.None(), py.None(), docstring(spec)))?)?;
     }
     Ok(())
 }
 
-fn getter<'py>(py: Python<'py>, spec: &FieldSpec) -> PyResult<Bound<'py, PyCFunction>> {
+fn new_getter<'py>(py: Python<'py>, spec: &FieldSpec) -> PyResult<Bound<'py, PyCFunction>> {
     let field = spec.field;
     let name = CString::new(spec.name)?;
     let get = move |args: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| -> PyResult<Py<PyAny>> {
         let batch = args.get_item(0)?.cast_into::<Batch>()?;
         batch.get().view(args.py(), field).map(Bound::unbind)
     };
-    // The interpreter keeps the name for as long as the function, which is as long as the process.
+    // The function refers to its name, and both exist until the process ends.
     PyCFunction::new_closure(py, Some(Box::leak(name.into_boxed_c_str())), None, get)
 }
 
-fn documentation(spec: &FieldSpec) -> String {
+fn docstring(spec: &FieldSpec) -> String {
     let axis = |axis: &Axis| match axis {
         Axis::Agent => ", n_agents",
         Axis::Obs => ", obs_size",

@@ -1,6 +1,7 @@
-//! What Python passes as what Rust takes, or an error that says what was passed. Arrays that fit are read in place.
+//! Conversion of Python arguments: arrays, integers, timeouts and names. Arrays of the right type are read in
+//! place. Every error names the argument, what was expected and what was passed.
 
-use crate::errors::invalid;
+use crate::errors::invalid_request;
 use numpy::{
     Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
@@ -12,113 +13,112 @@ use std::fmt::Display;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// What was passed for an integer. Extracting it never fails, so that [`whole`] can say what is wrong and
-/// with which argument.
-pub enum Int {
+/// An integer argument. Extracting it never fails: [`to_unsigned`] reports errors, because it knows the
+/// argument's name.
+pub enum IntArg {
     Small(i128),
-    /// Beyond what any setting can be.
+    /// Does not fit into an `i128`, so it is out of range for every argument.
     Huge {
         negative: bool,
     },
-    /// The name of another type.
+    /// Not an integer; holds the name of the type.
     Other(String),
 }
 
-impl FromPyObject<'_, '_> for Int {
+impl FromPyObject<'_, '_> for IntArg {
     type Error = PyErr;
 
-    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Int> {
-        match given.extract::<i128>() {
-            Ok(value) => Ok(Int::Small(value)),
-            Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => {
-                Ok(Int::Huge { negative: given.lt(0)? })
+    fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<IntArg> {
+        match arg.extract::<i128>() {
+            Ok(value) => Ok(IntArg::Small(value)),
+            Err(error) if error.is_instance_of::<PyOverflowError>(arg.py()) => {
+                Ok(IntArg::Huge { negative: arg.lt(0)? })
             }
-            Err(_) => Ok(Int::Other(type_name(&given))),
+            Err(_) => Ok(IntArg::Other(type_name(&arg))),
         }
     }
 }
 
-fn type_name(given: &Bound<'_, PyAny>) -> String {
-    given.get_type().name().map_or_else(|_| "something else".to_owned(), |name| name.to_string())
+fn type_name(value: &Bound<'_, PyAny>) -> String {
+    value.get_type().name().map_or_else(|_| "an unnamed type".to_owned(), |name| name.to_string())
 }
 
-/// A Python integer as an unsigned type.
-pub fn whole<T: TryFrom<i128>>(name: &str, given: Int) -> PyResult<T> {
-    let most = u128::MAX >> (128 - 8 * size_of::<T>());
-    let (negative, got) = match given {
-        Int::Small(value) => match T::try_from(value) {
-            Ok(fits) => return Ok(fits),
+/// Converts to an unsigned type `T`, if the value is in range.
+pub fn to_unsigned<T: TryFrom<i128>>(name: &str, arg: IntArg) -> PyResult<T> {
+    let max = u128::MAX >> (128 - 8 * size_of::<T>());
+    let (negative, got) = match arg {
+        IntArg::Small(value) => match T::try_from(value) {
+            Ok(in_range) => return Ok(in_range),
             Err(_) => (value < 0, value.to_string()),
         },
-        Int::Huge { negative } => (negative, "an integer of more than 127 bits".to_owned()),
-        Int::Other(kind) => {
-            return Err(PyTypeError::new_err(format!("{name} must be an integer, got {kind}")));
+        IntArg::Huge { negative } => (negative, "an integer of more than 127 bits".to_owned()),
+        IntArg::Other(type_name) => {
+            return Err(PyTypeError::new_err(format!("{name} must be an integer, got {type_name}")));
         }
     };
-    Err(invalid(match negative {
-        true => format!("{name} must not be negative, got {got}"),
-        false => format!("{name} must be at most {most}, got {got}"),
+    Err(invalid_request(if negative {
+        format!("{name} must not be negative, got {got}")
+    } else {
+        format!("{name} must be at most {max}, got {got}")
     }))
 }
 
-/// A list of names.
-pub fn names(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    given.extract().map_err(|_| {
-        let kind = type_name(given);
-        PyTypeError::new_err(format!("{name} must be a list of strings, such as [\"obs\"], got {kind}"))
+/// A list of strings.
+pub fn string_list(name: &str, arg: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    arg.extract().map_err(|_| {
+        let got = type_name(arg);
+        PyTypeError::new_err(format!("{name} must be a list of strings, such as [\"obs\"], got {got}"))
     })
 }
 
-/// One of a few words.
-pub fn word<T: FromStr>(word: &str) -> PyResult<T>
+/// Parses an option that has a fixed set of values, such as `wait`.
+pub fn parse_option<T: FromStr>(value: &str) -> PyResult<T>
 where
     T::Err: Display,
 {
-    word.parse::<T>().map_err(invalid)
+    value.parse::<T>().map_err(invalid_request)
 }
 
-/// What was passed for a number of seconds; integers beyond a float's range are infinite.
-pub struct Seconds(pub f64);
-
-impl FromPyObject<'_, '_> for Seconds {
-    type Error = PyErr;
-
-    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Seconds> {
-        match given.extract::<f64>() {
-            Ok(seconds) => Ok(Seconds(seconds)),
-            Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => {
-                Ok(Seconds(if given.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
-            }
-            Err(_) => {
-                let kind = type_name(&given);
-                Err(PyTypeError::new_err(format!("timeout must be a number of seconds or None, got {kind}")))
-            }
+/// Extracts a timeout in seconds. Integers beyond the range of a float become infinite.
+///
+/// For `from_py_with`: the arguments have the type `Option<f64>`, so that their defaults are literals, which
+/// PyO3 shows in the signature.
+pub fn timeout_seconds(arg: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    match arg.extract::<Option<f64>>() {
+        Ok(seconds) => Ok(seconds),
+        Err(error) if error.is_instance_of::<PyOverflowError>(arg.py()) => {
+            Ok(Some(if arg.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
+        }
+        Err(_) => {
+            let got = type_name(arg);
+            Err(PyTypeError::new_err(format!("timeout must be a number of seconds or None, got {got}")))
         }
     }
 }
 
-/// A timeout in seconds; `None` and what a `Duration` cannot hold, such as infinity, are no timeout.
-pub fn seconds(timeout: Option<Seconds>) -> PyResult<Option<Duration>> {
+/// A timeout as a duration. `None` and values beyond the range of `Duration`, such as infinity, mean no
+/// timeout.
+pub fn to_duration(timeout: Option<f64>) -> PyResult<Option<Duration>> {
     match timeout {
         None => Ok(None),
-        Some(Seconds(seconds)) if seconds >= Duration::MAX.as_secs_f64() => Ok(None),
-        Some(Seconds(seconds)) => Duration::try_from_secs_f64(seconds).map(Some).map_err(|_| {
-            invalid(format!("timeout must be a number of seconds from 0, or None, got {seconds:?}"))
+        Some(seconds) if seconds >= Duration::MAX.as_secs_f64() => Ok(None),
+        Some(seconds) => Duration::try_from_secs_f64(seconds).map(Some).map_err(|_| {
+            invalid_request(format!("timeout must be at least 0 seconds, or None, got {seconds:?}"))
         }),
     }
 }
 
-/// A description or status as a dict.
-pub fn dict_of<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
-    let text = serde_json::to_string(value).map_err(invalid)?;
+/// Converts a description or status to a dict.
+pub fn to_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
+    let text = serde_json::to_string(value).map_err(invalid_request)?;
     Ok(py.import("json")?.call_method1("loads", (text,))?.cast_into::<PyDict>()?)
 }
 
-/// A C-contiguous array of i32: the one that was passed, if it is one, else a converted copy.
-pub struct Ints<'py>(PyReadonlyArrayDyn<'py, i32>);
+/// A C-contiguous int32 array: the one that was passed if it is one, otherwise a converted copy.
+pub struct Int32Array<'py>(PyReadonlyArrayDyn<'py, i32>);
 
-impl Ints<'_> {
-    /// All elements, row-major.
+impl Int32Array<'_> {
+    /// All elements, in row-major order.
     pub fn as_slice(&self) -> PyResult<&[i32]> {
         Ok(self.0.as_slice()?)
     }
@@ -129,56 +129,84 @@ impl Ints<'_> {
     }
 }
 
-/// Actions for `count` environments: any integer array-like of shape `[count, n_agents]`.
-pub fn actions<'py>(given: &Bound<'py, PyAny>, count: usize, n_agents: usize) -> PyResult<Ints<'py>> {
-    ints("actions", given, &[Some(count), Some(n_agents)])
+/// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_agents]`.
+pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -> PyResult<Int32Array<'py>> {
+    int32_array("actions", arg, &[Some(num_envs), Some(n_agents)])
 }
 
-/// Environment ids: any integer array-like of one axis.
-pub fn env_ids<'py>(given: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Ints<'py>>> {
-    given.map(|given| ints("env_id", given, &[None])).transpose()
+/// Environment ids: an integer array-like with one axis.
+pub fn env_ids<'py>(arg: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Int32Array<'py>>> {
+    arg.map(|arg| int32_array("env_id", arg, &[None])).transpose()
 }
 
-/// A request that names environments must name at least one.
-pub fn some<C: AsRef<[i32]>>(name: &str, chosen: C) -> PyResult<C> {
-    match chosen.as_ref() {
-        [] => Err(invalid(format!("{name} chooses no environment; at least one is needed"))),
-        _ => Ok(chosen),
+/// Refuses an empty selection of environments.
+pub fn require_envs<C: AsRef<[i32]>>(name: &str, env_ids: C) -> PyResult<C> {
+    if env_ids.as_ref().is_empty() {
+        return Err(invalid_request(format!("{name} must select at least one environment, got none")));
+    }
+    Ok(env_ids)
+}
+
+/// The array that sampled actions are written to.
+pub fn output_array<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let expected =
+        format!("out must be a C-contiguous, writeable int32 array of shape {}", format_shape(&shape));
+    let array = match out.cast_into::<PyArray2<i32>>() {
+        Ok(array) => array,
+        Err(error) => {
+            let got = describe(&error.into_inner());
+            return Err(PyTypeError::new_err(format!("{expected}, got {got}")));
+        }
+    };
+    let got = if array.shape() != shape {
+        describe(&array)
+    } else if !array.is_c_contiguous() {
+        "one that is not C-contiguous".to_owned()
+    } else if array.try_readwrite().is_err() {
+        "one that is not writeable".to_owned()
+    } else {
+        return Ok(array);
+    };
+    Err(invalid_request(format!("{expected}, got {got}")))
+}
+
+/// An array's element type and shape, or the type of any other object.
+fn describe(value: &Bound<'_, PyAny>) -> String {
+    match value.cast::<PyUntypedArray>() {
+        Ok(array) => format!("{} of shape {}", array.dtype(), format_shape(array.shape())),
+        Err(_) => type_name(value),
     }
 }
 
-/// The array that actions are written to, if it is fit for that.
-pub fn actions_out<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
-    let wanted = format!("out must be a C-contiguous, writeable int32 array of shape {}", tuple(&shape));
-    let Ok(array) = out.cast_into::<PyArray2<i32>>() else { return Err(PyTypeError::new_err(wanted)) };
-    let fits = array.shape() == shape && array.is_c_contiguous() && array.try_readwrite().is_ok();
-    if fits { Ok(array) } else { Err(invalid(wanted)) }
-}
-
-/// `None` in `shape` is any length.
-fn ints<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Option<usize>]) -> PyResult<Ints<'py>> {
-    let array = as_array(name, given)?;
-    let fits = array.ndim() == shape.len()
-        && array.shape().iter().zip(shape).all(|(n, e)| e.is_none_or(|e| *n == e));
-    if !fits {
+/// Converts an array-like. `None` in `shape` accepts any length.
+fn int32_array<'py>(
+    name: &str,
+    arg: &Bound<'py, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<Int32Array<'py>> {
+    let array = to_array(name, arg)?;
+    let has_shape = array.ndim() == shape.len()
+        && array.shape().iter().zip(shape).all(|(n, expected)| expected.is_none_or(|e| *n == e));
+    if !has_shape {
         let got = match array.dtype().kind() {
-            b'O' => type_name(given), // None, a dict, or what else is no array
-            _ => tuple(array.shape()),
+            b'O' => type_name(arg), // not array-like: None, a dict, ...
+            _ => format_shape(array.shape()),
         };
-        let wanted = wanted(shape);
-        return Err(invalid(format!("{name} must be an integer array of shape {wanted}, got {got}")));
+        let expected = format_expected_shape(shape);
+        let text = format!("{name} must be an integer array of shape {expected}, got {got}");
+        return Err(invalid_request(text));
     }
     if let Ok(array) = array.cast::<PyArrayDyn<i32>>()
         && array.is_c_contiguous()
     {
-        return Ok(Ints(array.try_readonly()?));
+        return Ok(Int32Array(array.try_readonly()?));
     }
     let py = array.py();
-    let empty = array.len() == 0; // an empty list becomes an array of floats
+    let empty = array.len() == 0; // NumPy converts an empty list to a float array
     match array.dtype().kind() {
         b'i' => narrow::<i64>(name, &array.call_method1("astype", ("int64",))?),
         b'u' => narrow::<u64>(name, &array.call_method1("astype", ("uint64",))?),
-        _ if empty => Ok(Ints(numpy::PyArray::zeros(py, array.shape(), false).try_readonly()?)),
+        _ if empty => Ok(Int32Array(numpy::PyArray::zeros(py, array.shape(), false).try_readonly()?)),
         _ => {
             let dtype = array.dtype();
             let text = format!("{name} must be an integer array, got {dtype} (int32 avoids a copy)");
@@ -187,26 +215,27 @@ fn ints<'py>(name: &str, given: &Bound<'py, PyAny>, shape: &[Option<usize>]) -> 
     }
 }
 
-fn as_array<'py>(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
-    if let Ok(array) = given.cast::<PyUntypedArray>() {
+fn to_array<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    if let Ok(array) = arg.cast::<PyUntypedArray>() {
         return Ok(array.clone());
     }
-    let array = given.py().import("numpy")?.call_method1("asarray", (given,));
-    let array = array
-        .map_err(|error| invalid(format!("{name} cannot be made an array: {}", error.value(given.py()))))?;
+    let array = arg.py().import("numpy")?.call_method1("asarray", (arg,));
+    let array = array.map_err(|error| {
+        invalid_request(format!("{name} must be an array or nested lists: {}", error.value(arg.py())))
+    })?;
     Ok(array.cast_into::<PyUntypedArray>()?)
 }
 
-/// As i32, if every element fits.
+/// Converts to int32, if every element is in range.
 fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
     name: &str,
     wide: &Bound<'py, PyAny>,
-) -> PyResult<Ints<'py>> {
+) -> PyResult<Int32Array<'py>> {
     let wide = wide.cast::<PyArrayDyn<T>>()?.try_readonly()?;
     let mut narrowed = Vec::with_capacity(wide.len());
     for (index, element) in wide.as_array().indexed_iter() {
         let value = (*element).try_into().map_err(|_| {
-            invalid(format!(
+            invalid_request(format!(
                 "{name} must fit into int32, got {element} at index {:?}",
                 numpy::ndarray::Dimension::slice(&index)
             ))
@@ -214,35 +243,37 @@ fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
         narrowed.push(value);
     }
     let array = PyArray1::from_vec(wide.py(), narrowed).reshape(wide.shape())?;
-    Ok(Ints(array.try_readonly()?))
+    Ok(Int32Array(array.try_readonly()?))
 }
 
-/// The environments that a mask, `bool[num_envs]`, selects.
-pub fn masked(mask: &Bound<'_, PyAny>, num_envs: usize) -> PyResult<Vec<i32>> {
-    let array = as_array("mask", mask)?;
+/// The ids of the environments that a mask, `bool[num_envs]`, selects.
+pub fn selected_envs(mask: &Bound<'_, PyAny>, num_envs: usize) -> PyResult<Vec<i32>> {
+    let array = to_array("mask", mask)?;
     if array.shape() != [num_envs] {
-        let wanted = tuple(&[num_envs]);
-        let got = tuple(array.shape());
-        return Err(invalid(format!("mask must be a bool array of shape {wanted}, got shape {got}")));
+        let (expected, got) = (format_shape(&[num_envs]), format_shape(array.shape()));
+        return Err(invalid_request(format!(
+            "mask must be a bool array of shape {expected}, got shape {got}"
+        )));
     }
     let Ok(array) = array.cast::<PyArrayDyn<bool>>() else {
         return Err(PyTypeError::new_err(format!("mask must be a bool array, got {}", array.dtype())));
     };
     let array = array.try_readonly()?;
-    let chosen =
-        array.as_array().iter().zip(0..).filter(|(chosen, _)| **chosen).map(|(_, env)| env).collect();
-    some("mask", chosen)
+    let ids =
+        array.as_array().iter().zip(0..).filter(|(selected, _)| **selected).map(|(_, env)| env).collect();
+    require_envs("mask", ids)
 }
 
-/// A shape as Python writes it.
-fn tuple(shape: &[usize]) -> String {
-    wanted(&shape.iter().copied().map(Some).collect::<Vec<_>>())
+/// A shape in Python's notation.
+fn format_shape(shape: &[usize]) -> String {
+    format_expected_shape(&shape.iter().copied().map(Some).collect::<Vec<_>>())
 }
 
-fn wanted(shape: &[Option<usize>]) -> String {
-    let extents: Vec<_> = shape.iter().map(|n| n.map_or("K".to_owned(), |n| n.to_string())).collect();
-    match extents.as_slice() {
+/// The same for an expected shape, with `K` for any length.
+fn format_expected_shape(shape: &[Option<usize>]) -> String {
+    let lengths: Vec<_> = shape.iter().map(|n| n.map_or("K".to_owned(), |n| n.to_string())).collect();
+    match lengths.as_slice() {
         [one] => format!("({one},)"),
-        _ => format!("({})", extents.join(", ")),
+        _ => format!("({})", lengths.join(", ")),
     }
 }

@@ -1,10 +1,13 @@
-//! A lane's environments in Python: the methods of a client, and what the lane is.
+//! `Envs`, the environments of a lane in Python: the methods of a client and the properties of the lane.
 
 use crate::batch::Batch;
-use crate::convert::{self, Int, Ints, Seconds, dict_of, env_ids, masked, seconds, some, whole};
-use crate::errors::{class, invalid, of_client};
+use crate::convert::{
+    self, Int32Array, IntArg, env_ids, require_envs, selected_envs, timeout_seconds, to_dict, to_duration,
+    to_unsigned,
+};
+use crate::errors::{class, client_error, invalid_request};
 use crate::exit;
-use crate::wait::waiting;
+use crate::wait::wait_detached;
 use numpy::{PyArray2, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -12,17 +15,17 @@ use smaclite_ipc::{Client, LaneDescription, Supervisor};
 use smaclite_pool::layout::Layout;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
-/// What is attached, until it is closed.
-pub struct Shared(Mutex<Option<Attached>>);
+/// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
+pub struct SharedClient(Mutex<Option<Attached>>);
 
-/// Dropped in this order: the learner says good-bye to its pool before that ends.
+/// Dropped in this order: the client detaches from the pool before an embedded pool stops.
 struct Attached {
     client: Client,
     _embedded: Option<Supervisor>,
 }
 
-impl Shared {
-    /// Closes, unless a call of another thread is under way.
+impl SharedClient {
+    /// Closes and returns `true`, unless another thread's call is using the client.
     pub fn close_if_idle(&self) -> bool {
         match self.0.try_lock() {
             Ok(mut attached) => drop(attached.take()),
@@ -32,42 +35,47 @@ impl Shared {
         true
     }
 
-    /// The client, for one call. Never waits: a thread that waited for another's `recv` with a signal handler in
-    /// between could wait for itself.
-    fn turn(&self) -> PyResult<Turn<'_>> {
+    /// Locks the client for one call. Never blocks: a signal handler that runs during `recv` and calls a
+    /// method would wait for its own thread.
+    fn try_lock(&self) -> PyResult<ClientGuard<'_>> {
         if exit::is_exiting() {
-            return Err(exit::cut_short());
+            return Err(exit::exiting_error());
         }
         match self.0.try_lock() {
-            Ok(attached) if attached.is_some() => Ok(Turn(attached)),
-            Ok(_) => Err(class::Closed::new_err("these environments are closed")),
+            Ok(attached) if attached.is_some() => Ok(ClientGuard(attached)),
+            Ok(_) => Err(class::Closed::new_err("these environments are closed; call make or connect again")),
             Err(TryLockError::WouldBlock) => Err(class::Busy::new_err(
-                "another thread is in a call of these environments; a lane has one learner, so take turns",
+                "another thread is using these environments; only one thread may call them at a time",
             )),
-            Err(TryLockError::Poisoned(_)) => {
-                Err(class::PoolError::new_err("an earlier call failed inside; close these environments"))
-            }
+            Err(TryLockError::Poisoned(_)) => Err(class::PoolError::new_err(
+                "an earlier call of these environments panicked; close them and call make or connect again",
+            )),
         }
     }
 }
 
-struct Turn<'a>(MutexGuard<'a, Option<Attached>>);
+struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
 
-impl Turn<'_> {
+impl ClientGuard<'_> {
     fn client(&mut self) -> &mut Client {
-        &mut self.0.as_mut().expect("a turn is given only while attached").client
+        &mut self.0.as_mut().expect("try_lock returns a guard only while attached").client
     }
 }
 
-/// The environments of a lane, attached to by `make` or `connect`: this process is their learner until `close`, or the
-/// end of a `with` block.
+/// The environments of a lane, as returned by `make` and `connect`.
 ///
-/// Every call that waits can be ended with Ctrl-C and takes a `timeout` in seconds (None: for ever). After a Timeout or
-/// KeyboardInterrupt the batch is still under way: `recv` it, or `reset`. One thread at a time; a second one's call
-/// raises Busy. After a fork the child's calls raise Forked.
+/// This process is the lane's only learner until `close` or the end of a `with` block. In the documentation
+/// of the methods, N is `num_envs`, M is `batch_size` and K is the number of environments in a request.
+///
+/// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
+/// Timeout or KeyboardInterrupt the batch is still being computed: call `recv` to get it, or `reset` to
+/// discard it.
+///
+/// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
+/// in the child raise Forked; calls after `close` raise Closed.
 #[pyclass(frozen, weakref, module = "smaclite_pool")]
 pub struct Envs {
-    shared: Arc<Shared>,
+    shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
     embedded: bool,
@@ -77,153 +85,248 @@ impl Envs {
     pub fn new(client: Client, supervisor: Option<Supervisor>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let embedded = supervisor.is_some();
-        let shared = Arc::new(Shared(Mutex::new(Some(Attached { client, _embedded: supervisor }))));
-        exit::remember(&shared);
+        let shared = Arc::new(SharedClient(Mutex::new(Some(Attached { client, _embedded: supervisor }))));
+        exit::close_at_exit(&shared);
         Envs { shared, description, layout, embedded }
     }
 
-    /// How many environments a request is about.
-    fn count(&self, ids: Option<&Ints<'_>>) -> usize {
-        ids.map_or(self.description.num_envs, Ints::len)
+    /// The number of environments in a request.
+    fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
+        ids.map_or(self.description.num_envs, Int32Array::len)
     }
 
-    fn joint<'py>(
+    /// Converts the arguments of `step` and `send`.
+    fn step_arguments<'py>(
         &self,
         actions: &Bound<'py, PyAny>,
-        env_id: Given<'_, 'py>,
-    ) -> PyResult<(Ints<'py>, Option<Ints<'py>>)> {
+        env_id: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Int32Array<'py>, Option<Int32Array<'py>>)> {
         let ids = env_ids(env_id)?;
         if let Some(ids) = &ids {
-            some("env_id", ids.as_slice()?)?;
+            require_envs("env_id", ids.as_slice()?)?;
         }
-        let actions = convert::actions(actions, self.count(ids.as_ref()), self.description.n_agents)?;
+        let n_envs = self.request_size(ids.as_ref());
+        let actions = convert::actions(actions, n_envs, self.description.n_agents)?;
         Ok((actions, ids))
     }
 }
 
-type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
-
 #[pymethods]
 impl Envs {
-    /// Begin a new episode and return the batch of first observations.
+    /// Start new episodes and return the batch with their first observations.
     ///
-    /// With a seed, environment i is seeded with seed + i; without one its generator goes on (the first reset uses the
-    /// seed of `make` or `serve`). `mask`, bool [num_envs], or `env_id`, integers [K], choose environments; the others
-    /// of a synchronous lane come along unchanged. A whole reset drops results that were not received.
+    /// A reset of all environments discards results that were not received. A synchronous lane always returns
+    /// all environments; those that were not selected are unchanged.
+    ///
+    /// Args:
+    ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. None continues each
+    ///         environment's random generator; the first reset then uses the seed of `make` or
+    ///         `smaclite-pool serve`.
+    ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
+    ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
+    ///     timeout: seconds to wait for the batch; None for no limit.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, or a selected environment is still working on an earlier
+    ///         request.
+    ///     TypeError: the seed or an environment id is not an integer, or the mask is not bool.
+    ///     Timeout: the batch did not arrive in time.
+    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
     #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None))]
     fn reset(
         &self,
         py: Python<'_>,
-        seed: Option<Int>,
-        mask: Given<'_, '_>,
-        env_id: Given<'_, '_>,
-        timeout: Option<Seconds>,
+        seed: Option<IntArg>,
+        mask: Option<&Bound<'_, PyAny>>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
-        let (seed, timeout) = (seed.map(|s| whole("seed", s)).transpose()?, seconds(timeout)?);
-        let chosen = match (mask, env_id) {
-            (Some(_), Some(_)) => return Err(invalid("mask and env_id both choose environments; give one")),
-            (Some(mask), None) => Some(masked(mask, self.description.num_envs)?),
+        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
+        let timeout = to_duration(timeout)?;
+        let ids = match (mask, env_id) {
+            (Some(_), Some(_)) => {
+                return Err(invalid_request("mask and env_id cannot be combined; pass only one of them"));
+            }
+            (Some(mask), None) => Some(selected_envs(mask, self.description.num_envs)?),
             (None, ids) => match env_ids(ids)? {
-                Some(ids) => Some(some("env_id", ids.as_slice()?.to_vec())?),
+                Some(ids) => Some(require_envs("env_id", ids.as_slice()?.to_vec())?),
                 None => None,
             },
         };
-        let mut turn = self.shared.turn()?;
-        let client = turn.client();
-        let batch = waiting(py, timeout, |wait| client.reset(seed, chosen.as_deref(), wait))?;
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        let batch = wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?;
         Batch::new(py, batch)
     }
 
-    /// `send` and `recv`.
+    /// Send actions and return the next batch: `send`, then `recv`.
+    ///
+    /// Args:
+    ///     actions: integers [K, n_agents], as for `send`.
+    ///     env_id: integers [K], as for `send`.
+    ///     timeout: seconds to wait for the batch; None for no limit.
+    ///
+    /// Raises:
+    ///     IllegalAction: an action is not available; no environment was stepped.
+    ///     InvalidRequest: an argument is invalid; no environment was stepped.
+    ///     TypeError: actions or environment ids are not integers; no environment was stepped.
+    ///     Timeout: the batch did not arrive in time.
+    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
     #[pyo3(signature = (actions, env_id=None, timeout=None))]
     fn step(
         &self,
         py: Python<'_>,
         actions: &Bound<'_, PyAny>,
-        env_id: Given<'_, '_>,
-        timeout: Option<Seconds>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
-        let timeout = seconds(timeout)?;
-        let (actions, ids) = self.joint(actions, env_id)?;
-        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
-        let mut turn = self.shared.turn()?;
-        let client = turn.client();
-        let batch = waiting(py, timeout, |wait| client.step(actions, ids, wait))?;
+        let timeout = to_duration(timeout)?;
+        let (actions, ids) = self.step_arguments(actions, env_id)?;
+        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        let batch = wait_detached(py, timeout, |wait| client.step(actions, ids, wait))?;
         Batch::new(py, batch)
     }
 
-    /// Send actions, integers [K, n_agents], to environments `env_id`, integers [K], or to all in order. Returns at once,
-    /// but for a supervisor that has stopped reading: that is a PoolError after 5 seconds, and nothing was sent.
+    /// Send actions without waiting for the result.
     ///
-    /// C-contiguous int32 is read in place; other integers and lists are converted. Raises IllegalAction, naming
-    /// environment, agent, action and what was available, and InvalidRequest; then nothing was stepped.
+    /// Args:
+    ///     actions: integers [K, n_agents], one action per agent, each 0 to n_actions - 1 and available
+    ///         according to `avail_actions`. A C-contiguous int32 array is read in place; other integer
+    ///         arrays and nested lists are converted.
+    ///     env_id: integers [K], the ids of the environments, each at most once. None, the default, means all
+    ///         in order. In synchronous mode every request must include all environments.
+    ///
+    /// Raises:
+    ///     IllegalAction: an action is not available; no environment was stepped.
+    ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request;
+    ///         no environment was stepped.
+    ///     TypeError: actions or environment ids are not integers; no environment was stepped.
+    ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
     #[pyo3(signature = (actions, env_id=None))]
-    fn send(&self, py: Python<'_>, actions: &Bound<'_, PyAny>, env_id: Given<'_, '_>) -> PyResult<()> {
-        let (actions, ids) = self.joint(actions, env_id)?;
-        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Ints::as_slice).transpose()?);
-        let mut turn = self.shared.turn()?;
-        let client = turn.client();
-        waiting(py, None, |wait| client.send(actions, ids, wait))
+    fn send(
+        &self,
+        py: Python<'_>,
+        actions: &Bound<'_, PyAny>,
+        env_id: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (actions, ids) = self.step_arguments(actions, env_id)?;
+        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        wait_detached(py, None, |wait| client.send(actions, ids, wait))
     }
 
-    /// WaitStrategy for the next batch: the M environments that are done first.
+    /// Wait for the next batch: the first M environments that finish.
     ///
-    /// Raises Timeout, PoolDied, TooManyBatchesHeld, and InvalidRequest if nothing is to come.
+    /// Args:
+    ///     timeout: seconds to wait for the batch; None for no limit.
+    ///
+    /// Raises:
+    ///     InvalidRequest: fewer than M results are outstanding, so no batch would arrive.
+    ///     Timeout: the batch did not arrive in time.
+    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
+    ///     PoolError: batches were lost because this process did not receive them in time; reset all
+    ///         environments.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
     #[pyo3(signature = (timeout=None))]
-    fn recv(&self, py: Python<'_>, timeout: Option<Seconds>) -> PyResult<Batch> {
-        let timeout = seconds(timeout)?;
-        let mut turn = self.shared.turn()?;
-        let client = turn.client();
-        let batch = waiting(py, timeout, |wait| client.recv(wait))?;
+    fn recv(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+    ) -> PyResult<Batch> {
+        let timeout = to_duration(timeout)?;
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        let batch = wait_detached(py, timeout, |wait| client.recv(wait))?;
         Batch::new(py, batch)
     }
 
-    /// ControlRequest for a new episode in every environment and return at once; `recv` the first observations.
+    /// Request new episodes in all environments without waiting; `recv` returns the first observations.
+    ///
+    /// Args:
+    ///     seed: as for `reset`.
+    ///
+    /// Raises:
+    ///     InvalidRequest: the seed is out of range.
+    ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
     #[pyo3(signature = (seed=None))]
-    fn async_reset(&self, py: Python<'_>, seed: Option<Int>) -> PyResult<()> {
-        let seed = seed.map(|s| whole("seed", s)).transpose()?;
-        let mut turn = self.shared.turn()?;
-        let client = turn.client();
-        waiting(py, None, |wait| client.send_reset(seed, None, wait))
+    fn async_reset(&self, py: Python<'_>, seed: Option<IntArg>) -> PyResult<()> {
+        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        wait_detached(py, None, |wait| client.send_reset(seed, None, wait))
     }
 
-    /// Draw uniformly random legal actions, int32 [K, n_agents], for environments `env_id`, or all, by what was last
-    /// received of each. `out`, a C-contiguous int32 array of that shape, is written and returned.
+    /// Draw uniformly random available actions, according to the last received `avail_actions` of each
+    /// environment.
+    ///
+    /// Args:
+    ///     env_id: integers [K], the ids of the environments; None, the default, means all.
+    ///     out: a writeable C-contiguous int32 array [K, n_agents] to write to; None allocates one.
+    ///
+    /// Returns:
+    ///     int32 [K, n_agents]: the actions; `out`, if it was passed.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, or there was no reset yet.
+    ///     TypeError: `out` is not a two-dimensional int32 array, or environment ids are not integers.
     #[pyo3(signature = (env_id=None, out=None))]
     fn sample_actions<'py>(
         &self,
         py: Python<'py>,
-        env_id: Given<'_, 'py>,
+        env_id: Option<&Bound<'py, PyAny>>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let ids = env_ids(env_id)?;
-        let shape = [self.count(ids.as_ref()), self.description.n_agents];
+        let shape = [self.request_size(ids.as_ref()), self.description.n_agents];
         let out = match out {
-            Some(out) => convert::actions_out(out, shape)?,
+            Some(out) => convert::output_array(out, shape)?,
             None => PyArray2::zeros(py, shape, false),
         };
-        let ids = ids.as_ref().map(Ints::as_slice).transpose()?;
-        let mut turn = self.shared.turn()?;
-        let mut drawn = out.try_readwrite()?;
-        turn.client().sample_actions(ids, drawn.as_slice_mut()?).map_err(of_client)?;
-        drop(drawn);
+        let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
+        let mut guard = self.shared.try_lock()?;
+        let mut actions = out.try_readwrite()?;
+        guard.client().sample_actions(ids, actions.as_slice_mut()?).map_err(client_error)?;
+        drop(actions);
         Ok(out)
     }
 
-    /// Seed the generator of `sample_actions`.
-    fn seed_sampler(&self, seed: Int) -> PyResult<()> {
-        let seed = whole("seed", seed)?;
-        self.shared.turn()?.client().seed_sampler(seed);
+    /// Seed the random generator of `sample_actions`.
+    ///
+    /// Args:
+    ///     seed: from 0 to `2**64 - 1`.
+    ///
+    /// Raises:
+    ///     InvalidRequest: the seed is out of range.
+    fn seed_sampler(&self, seed: IntArg) -> PyResult<()> {
+        let seed = to_unsigned("seed", seed)?;
+        self.shared.try_lock()?.client().seed_sampler(seed);
         Ok(())
     }
 
-    /// Give the lane back; an embedded pool ends. Batches and arrays stay readable. A second time does nothing.
+    /// Detach from the lane and stop an embedded pool. Batches and their arrays stay valid. Closing twice has
+    /// no effect.
+    ///
+    /// Raises:
+    ///     Busy: another thread is using these environments.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        match py.detach(|| self.shared.close_if_idle()) {
-            true => Ok(()),
-            false => Err(class::Busy::new_err(
-                "another thread is in a call of these environments; close them after it",
-            )),
+        if py.detach(|| self.shared.close_if_idle()) {
+            Ok(())
+        } else {
+            Err(class::Busy::new_err(
+                "another thread is using these environments; close them after its call has returned",
+            ))
         }
     }
 
@@ -245,49 +348,50 @@ impl Envs {
         )
     }
 
-    /// Environments (N).
+    /// Number of environments (N).
     #[getter]
     fn num_envs(&self) -> usize {
         self.description.num_envs
     }
 
-    /// Environments in a batch (M); equal to `num_envs` for synchronous stepping.
+    /// Number of environments per batch (M); equal to `num_envs` in synchronous mode.
     #[getter]
     fn batch_size(&self) -> usize {
         self.description.batch_size
     }
 
-    /// Agents of an environment.
+    /// Number of agents per environment.
     #[getter]
     fn n_agents(&self) -> usize {
         self.description.n_agents
     }
 
-    /// Enemies of an environment.
+    /// Number of enemies per environment.
     #[getter]
     fn n_enemies(&self) -> usize {
         self.description.n_enemies
     }
 
-    /// Actions of an agent: no-op (only for the dead), stop, move north, south, east, west, then one a target.
+    /// Number of actions per agent: no-op (dead agents only), stop, move north, south, east and west, then
+    /// one per target.
     #[getter]
     fn n_actions(&self) -> usize {
         self.description.n_actions
     }
 
-    /// Features of an agent's observation.
+    /// Number of features in an agent's observation.
     #[getter]
     fn obs_size(&self) -> usize {
         self.description.obs_size
     }
 
-    /// Features of the state.
+    /// Number of features in the state.
     #[getter]
     fn state_size(&self) -> usize {
         self.description.state_size
     }
 
-    /// Steps after which an episode is truncated; None for no limit.
+    /// Number of steps after which an episode is truncated; None for no limit.
     #[getter]
     fn episode_limit(&self) -> Option<u32> {
         self.description.episode_limit
@@ -299,13 +403,13 @@ impl Envs {
         &self.description.scenario
     }
 
-    /// What happens at an episode's end: "next_step", "same_step" or "disabled".
+    /// What happens at the end of an episode: "next_step", "same_step" or "disabled".
     #[getter]
     fn autoreset(&self) -> &'static str {
         self.description.autoreset.name()
     }
 
-    /// Environment i begins with seed + i.
+    /// The lane's seed: environment i starts with seed + i.
     #[getter]
     fn seed(&self) -> u64 {
         self.description.seed
@@ -323,19 +427,19 @@ impl Envs {
         &self.description.lane
     }
 
-    /// The process of the pool's supervisor; this one, if embedded.
+    /// Process id of the pool's supervisor; this process if the pool is embedded.
     #[getter]
     fn pid(&self) -> u32 {
         self.description.pid
     }
 
-    /// The rules that are played: "smaclite" or "paper".
+    /// The rule set: "smaclite" or "paper".
     #[getter]
     fn rules(&self) -> &str {
         &self.description.rules
     }
 
-    /// Data type and shape of every field of a batch, by name.
+    /// A dict from the name of each field in a batch to its dtype and shape.
     #[getter]
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let fields = PyDict::new(py);
@@ -346,9 +450,9 @@ impl Envs {
         Ok(fields)
     }
 
-    /// Everything about the lane as a dict, as `smaclite-pool status --json` shows it.
+    /// All properties of the lane as a dict, as in the output of `smaclite-pool status --json`.
     #[getter]
     fn description<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        dict_of(py, &self.description)
+        to_dict(py, &self.description)
     }
 }

@@ -1,4 +1,5 @@
-//! Every Rust error as the exception of `smaclite_pool.errors` that fits it. The texts are the Rust side's.
+//! Maps every Rust error to an exception class of `smaclite_pool.errors`. The texts are those of the Rust
+//! errors.
 
 use pyo3::prelude::*;
 use smaclite_ipc::{
@@ -6,7 +7,7 @@ use smaclite_ipc::{
 };
 use smaclite_pool::Rejection;
 
-/// The classes, imported from Python when first raised.
+/// The exception classes, imported from Python when first raised.
 pub mod class {
     pyo3::import_exception!(smaclite_pool.errors, PoolError);
     pyo3::import_exception!(smaclite_pool.errors, InvalidRequest);
@@ -26,17 +27,17 @@ pub mod class {
     pyo3::import_exception!(smaclite_pool.errors, Closed);
 }
 
-/// A value that cannot be.
-pub fn invalid(what: impl ToString) -> PyErr {
-    class::InvalidRequest::new_err(what.to_string())
+/// An invalid argument or request.
+pub fn invalid_request(text: impl ToString) -> PyErr {
+    class::InvalidRequest::new_err(text.to_string())
 }
 
-/// Of [`smaclite_ipc::Client`]'s methods.
-pub fn of_client(error: ClientError) -> PyErr {
+/// For errors of the methods of [`smaclite_ipc::Client`].
+pub fn client_error(error: ClientError) -> PyErr {
     let text = error.to_string();
     match error {
-        ClientError::Rejected(rejection) => of_rejection(rejection),
-        ClientError::WrongLength { .. } | ClientError::NothingToReceive { .. } => invalid(text),
+        ClientError::Rejected(rejection) => rejection_error(rejection),
+        ClientError::WrongLength { .. } | ClientError::NothingToReceive { .. } => invalid_request(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),
@@ -48,26 +49,26 @@ pub fn of_client(error: ClientError) -> PyErr {
     }
 }
 
-fn of_rejection(rejection: Rejection) -> PyErr {
+fn rejection_error(rejection: Rejection) -> PyErr {
     let text = rejection.to_string();
     match rejection {
         Rejection::UnavailableAction { env, agent, action, available } => {
             class::IllegalAction::new_err((text, env, agent, action, available))
         }
         Rejection::LaneFailed { .. } => class::LaneFailed::new_err(text),
-        _ => invalid(text),
+        _ => invalid_request(text),
     }
 }
 
-/// Of attaching and asking.
-pub fn of_connect(error: Connect) -> PyErr {
+/// For errors of attaching to a pool and of requests on its control socket.
+pub fn connect_error(error: Connect) -> PyErr {
     let text = error.to_string();
     match error {
         Connect::Refused(ControlError::LaneTaken { learner_pid, .. }) => {
             class::LaneTaken::new_err((text, learner_pid))
         }
         Connect::Refused(ControlError::LaneFailed { .. }) => class::LaneFailed::new_err(text),
-        Connect::Control(Control::Name(_)) => invalid(text),
+        Connect::Control(Control::Name(_)) => invalid_request(text),
         Connect::Control(Control::NoSuchPool { .. }) => class::NoSuchPool::new_err(text),
         Connect::Control(Control::Gone { .. }) => class::PoolDied::new_err(text),
         Connect::Memory(_) => class::TooLittleMemory::new_err(text),
@@ -75,11 +76,11 @@ pub fn of_connect(error: Connect) -> PyErr {
     }
 }
 
-/// Of starting a pool.
-pub fn of_start(error: Start) -> PyErr {
+/// For errors of starting a pool.
+pub fn start_error(error: Start) -> PyErr {
     let text = error.to_string();
     match error {
-        Start::Name(_) | Start::Lane { .. } | Start::NoLanes => invalid(text),
+        Start::Name(_) | Start::Lane { .. } | Start::NoLanes => invalid_request(text),
         Start::Memory(_) => class::TooLittleMemory::new_err(text),
         _ => class::StartError::new_err(text),
     }

@@ -1,8 +1,10 @@
-//! Pools that are still open when the interpreter ends are closed, because objects may outlive it unfreed:
-//! also those that a daemon thread is using or making, which is frozen in the middle of that when the
-//! interpreter is gone.
+//! Closes open pools when the interpreter exits.
+//!
+//! CPython may exit without freeing every object, so destructors alone are not enough. A daemon thread may
+//! also be using or making environments at that time, and the exiting interpreter freezes it in the middle of
+//! that call.
 
-use crate::envs::Shared;
+use crate::envs::SharedClient;
 use crate::errors::class;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -10,86 +12,87 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Set when the interpreter ends: waits end, and no call begins.
+/// Set when the interpreter exits: waits end, and new calls fail.
 static EXITING: AtomicBool = AtomicBool::new(false);
 
-/// Calls of `make` and `connect` that may come to have something to close.
-static BEGINNING: AtomicUsize = AtomicUsize::new(0);
+/// Number of running `make` and `connect` calls, whose environments are not in [`OPEN_CLIENTS`] yet.
+static PENDING_CALLS: AtomicUsize = AtomicUsize::new(0);
 
-/// Threads whose work was given up, which may be about to take back what they made.
-static ABANDONED: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
+/// Threads with cancelled work, which may still have to release what they created.
+static CANCELLED_THREADS: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
 
-/// How long the end of the interpreter waits for other threads; their calls look for it every 100 ms.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long the exit waits for other threads. Blocked calls check [`is_exiting`] every 100 ms.
+const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Locked only while attached to the interpreter, so that a fork never copies it locked.
-static LIVE: Mutex<Vec<Weak<Shared>>> = Mutex::new(Vec::new());
+/// Clients to close at exit. Locked only while attached to the interpreter, so that a fork never copies a
+/// locked mutex.
+static OPEN_CLIENTS: Mutex<Vec<Weak<SharedClient>>> = Mutex::new(Vec::new());
 
-/// Has `shared` closed at exit, if it lives then.
-pub fn remember(shared: &Arc<Shared>) {
-    let mut live = LIVE.lock().unwrap_or_else(PoisonError::into_inner);
-    live.retain(|other| other.strong_count() > 0);
-    live.push(Arc::downgrade(shared));
+/// Closes `client` at exit, unless it is closed or dropped before.
+pub fn close_at_exit(client: &Arc<SharedClient>) {
+    let mut clients = OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner);
+    clients.retain(|other| other.strong_count() > 0);
+    clients.push(Arc::downgrade(client));
 }
 
-/// Registers with `atexit`.
-pub fn close_at_exit(module: &Bound<'_, PyModule>) -> PyResult<()> {
+/// Registers [`close_all`] with `atexit`.
+pub fn register_atexit(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let close_all = wrap_pyfunction!(close_all, module)?;
     module.py().import("atexit")?.call_method1("register", (close_all,))?;
     Ok(())
 }
 
-/// Is the interpreter at its end?
+/// Whether the interpreter is exiting.
 pub fn is_exiting() -> bool {
     EXITING.load(Ordering::SeqCst)
 }
 
-/// The error of a call that the interpreter's end cut short.
-pub fn cut_short() -> PyErr {
-    class::Closed::new_err("the interpreter is at its end; these environments are closed")
+/// The error of a call that fails because the interpreter is exiting.
+pub fn exiting_error() -> PyErr {
+    class::Closed::new_err("the Python interpreter is exiting; these environments are closed")
 }
 
-/// Has the interpreter's end wait a little for `thread`.
-pub fn abandon(thread: JoinHandle<()>) {
-    let mut abandoned = ABANDONED.lock().unwrap_or_else(PoisonError::into_inner);
-    abandoned.retain(|other| !other.is_finished());
-    abandoned.push(thread);
+/// Makes the exit wait for `thread`, for at most [`EXIT_TIMEOUT`].
+pub fn join_at_exit(thread: JoinHandle<()>) {
+    let mut threads = CANCELLED_THREADS.lock().unwrap_or_else(PoisonError::into_inner);
+    threads.retain(|other| !other.is_finished());
+    threads.push(thread);
 }
 
-/// Held by a call that makes something to close, until [`remember`] knows of it.
-pub struct Beginning(());
+/// Held by `make` and `connect` until their client is registered with [`close_at_exit`].
+pub struct PendingCall(());
 
-impl Beginning {
-    pub fn new() -> PyResult<Beginning> {
-        // SeqCst: either the interpreter's end sees this call, or this call sees the end.
-        BEGINNING.fetch_add(1, Ordering::SeqCst);
-        let beginning = Beginning(());
-        if is_exiting() { Err(cut_short()) } else { Ok(beginning) }
+impl PendingCall {
+    pub fn new() -> PyResult<PendingCall> {
+        // SeqCst: either the exit sees this call, or this call sees that the interpreter is exiting.
+        PENDING_CALLS.fetch_add(1, Ordering::SeqCst);
+        let call = PendingCall(());
+        if is_exiting() { Err(exiting_error()) } else { Ok(call) }
     }
 }
 
-impl Drop for Beginning {
+impl Drop for PendingCall {
     fn drop(&mut self) {
-        BEGINNING.fetch_sub(1, Ordering::SeqCst);
+        PENDING_CALLS.fetch_sub(1, Ordering::SeqCst);
     }
 }
 
 #[pyfunction]
 fn close_all(py: Python<'_>) {
     EXITING.store(true, Ordering::SeqCst);
-    let end = Instant::now() + PATIENCE;
-    let until = |is_done: &dyn Fn() -> bool| {
-        while !is_done() && Instant::now() < end {
+    let deadline = Instant::now() + EXIT_TIMEOUT;
+    let wait_until = |is_done: &dyn Fn() -> bool| {
+        while !is_done() && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));
         }
     };
-    py.detach(|| until(&|| BEGINNING.load(Ordering::SeqCst) == 0));
-    let abandoned = std::mem::take(&mut *ABANDONED.lock().unwrap_or_else(PoisonError::into_inner));
-    py.detach(|| until(&|| abandoned.iter().all(JoinHandle::is_finished)));
-    let live = std::mem::take(&mut *LIVE.lock().unwrap_or_else(PoisonError::into_inner));
+    py.detach(|| wait_until(&|| PENDING_CALLS.load(Ordering::SeqCst) == 0));
+    let threads = std::mem::take(&mut *CANCELLED_THREADS.lock().unwrap_or_else(PoisonError::into_inner));
+    py.detach(|| wait_until(&|| threads.iter().all(JoinHandle::is_finished)));
+    let clients = std::mem::take(&mut *OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
-        for shared in live.iter().filter_map(Weak::upgrade) {
-            until(&|| shared.close_if_idle());
+        for client in clients.iter().filter_map(Weak::upgrade) {
+            wait_until(&|| client.close_if_idle());
         }
     });
 }

@@ -1,7 +1,8 @@
-//! The extension module behind the Python package `smaclite_pool`: it converts, waits without the interpreter, and maps
-//! errors. What a pool is and does lives in `smaclite-ipc`; the names users import are in `python/smaclite_pool`.
+//! The extension module of the Python package `smaclite_pool`. It converts arguments and results, waits
+//! detached from the interpreter, and maps errors. Pools are implemented in `smaclite-ipc`; the public Python
+//! names are in `python/smaclite_pool`.
 
-#![deny(unsafe_code)] // `views` says why it may
+#![deny(unsafe_code)] // except in `views`, whose SAFETY comments say why
 
 mod batch;
 mod convert;
@@ -18,7 +19,7 @@ mod wait;
 
 use pyo3::prelude::*;
 
-/// Native part of `smaclite_pool`; import the package, not this module.
+/// Native part of `smaclite_pool`. Import the package, not this module.
 #[pymodule]
 mod _native {
     use super::PyModule;
@@ -39,9 +40,9 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        super::views::ready_numpy(module.py())?;
+        super::views::load_numpy(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        super::batch::add_fields(module.py())?;
-        super::exit::close_at_exit(module)
+        super::batch::add_field_properties(module.py())?;
+        super::exit::register_atexit(module)
     }
 }

@@ -1,11 +1,13 @@
-//! The two ways to get environments: of a pool within this process, and of a pool that runs already.
+//! The two ways to get environments: `make` starts a pool in this process, `connect` attaches to a running
+//! pool.
 
-use crate::convert::{Int, Seconds, names, seconds, whole, word};
+use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_duration, to_unsigned};
 use crate::envs::Envs;
-use crate::errors::{self, invalid};
-use crate::exit::Beginning;
+use crate::errors::{self, invalid_request};
+use crate::exit::PendingCall;
 use crate::query::runtime_dir;
-use crate::wait::{GivenUp, apart};
+use crate::wait::{IsCancelled, run_on_thread};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
 use smaclite_ipc::{
@@ -17,115 +19,129 @@ use smaclite_scenarios::Scenario;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// More threads than any machine has cores are a mistake.
+/// No machine has as many cores; a larger value is a mistake.
 const MAX_THREADS: usize = 1024;
 
-/// Start a pool within this process and attach to it.
+/// Start a pool in this process and attach to it.
 ///
 /// Args:
-///     scenario: a standard scenario (see `scenarios()`) or the path of a scenario file (JSON).
-///     num_envs: environments (N), 1 to 1,000,000.
-///     batch_size: environments in a batch (M). N, the default, steps all at once; fewer makes stepping asynchronous:
-///         `send` actions to some, `recv` the first M that are done.
-///     seed: environment i is seeded with seed + i and then plays, given the same actions, the very episodes of the
-///         published environment.
-///     threads: worker threads; by default the cores this process may use, less one for the learner.
-///     autoreset: at an episode's end, "next_step" (the next step ignores the action, resets, and returns reward 0),
-///         "same_step" (the last observation is in `final_*`) or "disabled" (`reset` with a mask).
-///     episode_limit: steps after which an episode is truncated; None for no limit; "default" for the scenario's own.
-///     rules: "smaclite" (as the published environment plays) or "paper" (as its paper says).
-///     fields: names of the fields that batches have; None for all. `env_id`, `reward`, `terminated` and `truncated`
-///         are always there.
-///     max_held_batches: batches that may be held at once, 2 to 1024.
-///     wait: how learner and idle workers wait: "adaptive" (spin a little, then block), "spin" or "block".
-///     name: the pool's name; by default a unique one.
+///     scenario: the name of a standard scenario (see `scenarios()`) or the path of a scenario file (JSON).
+///     num_envs: number of environments (N), 1 to 1,000,000.
+///     batch_size: number of environments per batch (M), 1 to N. The default, N, steps all environments
+///         together (synchronous mode). With fewer, stepping is asynchronous: `send` actions to some
+///         environments, and `recv` the first M that finish.
+///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. With the same seed and actions it
+///         plays the same episodes as the published environment.
+///     threads: number of worker threads, 1 to 1024. The default is the number of cores available to this
+///         process, minus one for the learner, but at least one.
+///     autoreset: what happens at the end of an episode. "next_step": the next step ignores the actions,
+///         resets the environment and returns reward 0. "same_step": the last step already returns the first
+///         observation of the next episode, and `final_*` hold the last one. "disabled": the environment
+///         waits for a `reset`.
+///     episode_limit: number of steps after which an episode is truncated, at least 1; None for no limit;
+///         "default" for the scenario's limit.
+///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
+///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
+///         `truncated` are always included.
+///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
+///     wait: how the learner and idle workers wait: "adaptive" (spin briefly, then block), "spin" or "block".
+///     name: the pool's name; a unique one by default.
 ///
-/// Raises ScenarioError for a wrong scenario or unit file, InvalidRequest for a setting that cannot be, TooLittleMemory
-/// if /dev/shm is too small, and StartError.
+/// Raises:
+///     ScenarioError: the scenario is unknown, or a scenario or unit file is invalid.
+///     InvalidRequest: another argument is invalid.
+///     TypeError: an argument has the wrong type.
+///     TooLittleMemory: /dev/shm is too small.
+///     StartError: the pool could not start, for instance because its name is in use.
+// PyO3 shows only literals as defaults, so their text is repeated here; a test compares the two.
 #[pyfunction]
-#[pyo3(signature = (scenario, num_envs=Int::Small(64), *, batch_size=None, seed=Int::Small(0), threads=None, autoreset="next_step",
-    episode_limit=Some(Limit::Word("default".to_owned())), rules="smaclite", fields=None,
-    max_held_batches=Int::Small(4), wait="adaptive", name=None))]
-#[pyo3(
-    text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, autoreset='next_step', \
-    episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, wait='adaptive', name=None)"
-)]
+#[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
+    threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
+    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), wait="adaptive", name=None))]
+#[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
+    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
+    wait='adaptive', name=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
     scenario: PathBuf,
-    num_envs: Int,
-    batch_size: Option<Int>,
-    seed: Int,
-    threads: Option<Int>,
+    num_envs: IntArg,
+    batch_size: Option<IntArg>,
+    seed: IntArg,
+    threads: Option<IntArg>,
     autoreset: &str,
-    episode_limit: Option<Limit>,
+    episode_limit: Option<EpisodeLimit>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
-    max_held_batches: Int,
+    max_held_batches: IntArg,
     wait: &str,
     name: Option<String>,
 ) -> PyResult<Envs> {
-    let wait = word::<WaitStrategy>(wait)?;
-    let threads = threads.map_or(Ok(PoolOptions::default().threads), |n| whole("threads", n))?;
-    if !(1..=MAX_THREADS).contains(&threads) {
-        return Err(invalid(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
-    }
-    let num_envs = whole("num_envs", num_envs)?;
-    let batch_size = batch_size.map_or(Ok(num_envs), |n| whole("batch_size", n))?;
-    let (seed, max_held_batches) = (whole("seed", seed)?, whole("max_held_batches", max_held_batches)?);
-    let (rules, autoreset, limit) = (word::<Rules>(rules)?, word(autoreset)?, limit_of(episode_limit)?);
+    let wait = parse_option::<WaitStrategy>(wait)?;
+    let options = PoolOptions { threads: thread_count(threads)?, wait };
+    let num_envs = to_unsigned("num_envs", num_envs)?;
+    let batch_size = batch_size.map_or(Ok(num_envs), |n| to_unsigned("batch_size", n))?;
+    let seed = to_unsigned("seed", seed)?;
+    let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
+    let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
+    let limit = to_episode_limit(episode_limit)?;
     let fields = match fields {
-        Some(given) => FieldSet::from_names(names("fields", &given)?).map_err(invalid)?,
+        Some(names) => FieldSet::from_names(string_list("fields", &names)?).map_err(invalid_request)?,
         None => FieldSet::ALL,
     };
-    let options = PoolOptions { threads, wait };
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
-    let _beginning = Beginning::new()?;
-    let start = move |given_up: GivenUp<'_>| {
+    let _pending = PendingCall::new()?;
+    let start = move |is_cancelled: IsCancelled<'_>| {
         let scenario = Scenario::resolve(&scenario.to_string_lossy());
         let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
-        if let LaneEnvs::Battle { rules: played, episode_limit, .. } = &mut lane.game {
-            (*played, *episode_limit) = (rules, limit);
+        if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.game {
+            (*lane_rules, *episode_limit) = (rules, limit);
         }
-        lane.spectators = 0; // its name is not told to others
+        lane.spectators = 0; // other processes do not know the pool's name
         let lane = LaneConfig { batch_size, seed, autoreset, fields, max_held_batches, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
-        let prepared = config.prepare().map_err(errors::of_start)?;
-        let supervisor = Supervisor::start_prepared(prepared, given_up).map_err(errors::of_start)?;
-        let client =
-            Client::connect(supervisor.runtime_dir(), &name, None, wait).map_err(errors::of_connect)?;
-        Ok((client, supervisor))
+        let prepared = config.prepare().map_err(errors::start_error)?;
+        let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
+        let client = Client::connect(supervisor.runtime_dir(), &name, None, wait);
+        Ok((client.map_err(errors::connect_error)?, supervisor))
     };
-    apart(py, start)?.map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
+    run_on_thread(py, start)?.map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
 }
 
-/// Steps, or the word that stands for the scenario's own limit.
+fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {
+    let threads = threads.map_or(Ok(PoolOptions::default().threads), |n| to_unsigned("threads", n))?;
+    if !(1..=MAX_THREADS).contains(&threads) {
+        return Err(invalid_request(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
+    }
+    Ok(threads)
+}
+
+/// A number of steps, or the name of the scenario's own limit.
 #[derive(FromPyObject)]
-pub enum Limit {
+pub enum EpisodeLimit {
     #[pyo3(annotation = "str")]
-    Word(String),
+    Name(String),
     #[pyo3(annotation = "int")]
-    Steps(Int),
+    Steps(IntArg),
 }
 
-/// As [`LaneEnvs::Battle`] has it.
-fn limit_of(limit: Option<Limit>) -> PyResult<Option<Option<u32>>> {
+/// The limit as in [`LaneEnvs::Battle`]: the outer `None` is the scenario's limit, the inner one no limit.
+fn to_episode_limit(limit: Option<EpisodeLimit>) -> PyResult<Option<Option<u32>>> {
+    const EXPECTED: &str = "episode_limit must be an integer of at least 1, None or \"default\"";
     match limit {
         None => Ok(Some(None)),
-        Some(Limit::Word(word)) if word == "default" => Ok(None),
-        Some(Limit::Word(word)) => Err(invalid(format!(
-            "episode_limit must be a number of steps, None or \"default\", got `{word}`"
-        ))),
-        Some(Limit::Steps(Int::Small(0))) => {
-            Err(invalid("episode_limit must be at least 1, got 0; None is no limit"))
+        Some(EpisodeLimit::Name(name)) if name == "default" => Ok(None),
+        Some(EpisodeLimit::Name(name)) => Err(invalid_request(format!("{EXPECTED}, got `{name}`"))),
+        Some(EpisodeLimit::Steps(IntArg::Other(type_name))) => {
+            Err(PyTypeError::new_err(format!("{EXPECTED}, got {type_name}")))
         }
-        Some(Limit::Steps(steps)) => Ok(Some(Some(whole("episode_limit", steps)?))),
+        Some(EpisodeLimit::Steps(IntArg::Small(0))) => Err(invalid_request(format!("{EXPECTED}, got 0"))),
+        Some(EpisodeLimit::Steps(steps)) => Ok(Some(Some(to_unsigned("episode_limit", steps)?))),
     }
 }
 
-/// A custom scenario may have any name; a lane may not.
+/// The scenario's name, if a lane can have it: names of custom scenarios are less restricted.
 fn lane_name(scenario: &str) -> &str {
     if check_name(scenario).is_ok() { scenario } else { "lane" }
 }
@@ -135,39 +151,38 @@ fn unique_name() -> String {
     format!("embedded-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
 }
 
-/// Attach to a lane of a running pool, as started by `smaclite-pool serve`.
+/// Attach to a lane of a running pool, as started by `smaclite-pool serve`. The lane belongs to this process
+/// until `close`.
 ///
 /// Args:
-///     pool: the pool's name (`--name`).
-///     lane: the lane's name; a pool's only lane needs none.
-///     timeout: seconds to wait for the pool to appear and to answer; None for no limit. With 0, the default, it must run
-///         already, and has 10 seconds to answer.
-///     wait: how to wait for batches: "adaptive" (spin a little, then block), "spin" or "block".
+///     pool: the pool's name (the option `--name` of `serve`).
+///     lane: the lane's name; it may be omitted if the pool has only one lane.
+///     timeout: seconds to wait for the pool to start and answer; None for no limit. With 0, the default, the
+///         pool must be running already, and has 10 seconds to answer.
+///     wait: how to wait for batches: "adaptive" (spin briefly, then block), "spin" or "block".
 ///
-/// The lane is this process's until `close`. Raises NoSuchPool, LaneTaken if the lane has a learner, PoolDied
-/// if the pool ends meanwhile, and ConnectError.
+/// Raises:
+///     NoSuchPool: no pool of that name is running.
+///     LaneTaken: the lane has another learner.
+///     LaneFailed: the lane failed.
+///     PoolDied: the pool ended during the call.
+///     TooLittleMemory: /dev/shm is too small.
+///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
+///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(
-    signature = (pool, lane=None, *, timeout=Some(Seconds(0.0)), wait="adaptive"),
-    text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive')"
-)]
+#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive"))]
 pub fn connect(
     py: Python<'_>,
     pool: String,
     lane: Option<String>,
-    timeout: Option<Seconds>,
+    #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
 ) -> PyResult<Envs> {
-    let (wait, timeout, runtime_dir) = (word(wait)?, seconds(timeout)?, runtime_dir()?);
-    let _beginning = Beginning::new()?;
-    let client = apart(py, move |interrupted| {
-        Client::connect_within(
-            &runtime_dir,
-            &pool,
-            lane.as_deref(),
-            wait,
-            WaitOptions { timeout, interrupted },
-        )
+    let (wait, timeout, runtime_dir) = (parse_option(wait)?, to_duration(timeout)?, runtime_dir()?);
+    let _pending = PendingCall::new()?;
+    let client = run_on_thread(py, move |interrupted| {
+        let options = WaitOptions { timeout, interrupted };
+        Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
     })?;
-    Ok(Envs::new(client.map_err(errors::of_connect)?, None))
+    Ok(Envs::new(client.map_err(errors::connect_error)?, None))
 }

@@ -5,8 +5,8 @@ use std::ffi::OsString;
 
 /// Run the `smaclite-pool` program in this process and return its exit status.
 ///
-/// `args[0]` is the program's name. Ctrl-C is the program's own affair while it runs: have SIGINT at its default first,
-/// as `python -m smaclite_pool` does.
+/// `args[0]` is the name of the program. The program handles Ctrl-C itself, so SIGINT must have its default
+/// action (`signal.SIG_DFL`), as in `python -m smaclite_pool`.
 #[pyfunction]
 pub fn run_program(py: Python<'_>, args: Vec<OsString>) -> i32 {
     py.detach(|| smaclite_ipc::cli::run(args))

@@ -1,44 +1,60 @@
-//! Questions that need no learner: which scenarios there are, which pools run, how they do.
+//! Queries that need no learner: the scenarios, the running pools and the status of a pool.
 
-use crate::convert::{Seconds, dict_of, seconds};
+use crate::convert::{timeout_seconds, to_dict, to_duration};
 use crate::errors;
-use crate::wait::apart;
+use crate::wait::run_on_thread;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_ipc::{RuntimeDir, WaitOptions, running_pools, status_within};
 use smaclite_scenarios::Scenario;
 
-/// The place of this user's pools.
+/// The runtime directory of the current user's pools.
 pub fn runtime_dir() -> PyResult<RuntimeDir> {
-    RuntimeDir::for_current_user().map_err(|error| errors::of_connect(error.into()))
+    RuntimeDir::for_current_user().map_err(|error| errors::connect_error(error.into()))
 }
 
-/// Names of the standard scenarios, the 23 maps of SMAC, which `make` takes.
+/// Names of the standard scenarios: the 23 maps of SMAC. `make` accepts each of them.
 #[pyfunction]
 pub fn scenarios() -> Vec<&'static str> {
     Scenario::standard_names().collect()
 }
 
-/// What the pool `pool` of this user is doing.
+/// Return the current state of a running pool.
 ///
-/// Returns a dict with `pool`, `pid`, `threads`, `uptime_s`, `shared_memory` (bytes) and `lanes`: a list of dicts with
-/// `description` (as `Envs.description`), `learner_pid` (the learner's process or None), `figures` (counts since the start),
-/// `steps_per_s` and `failure`.
+/// Args:
+///     pool: the pool's name. It must be a pool of the current user.
+///     timeout: seconds to wait for an answer, at least 0; None for no limit.
 ///
-/// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that
-/// name runs, and ConnectError if it does not answer in time.
+/// Returns:
+///     A dict with `pool` (name), `pid` (process id of the supervisor), `threads` (number of workers),
+///         `uptime_s` (seconds), `shared_memory` (bytes reserved for batches) and `lanes`, a list of dicts,
+///         each with `description` (as `Envs.description`), `learner_pid` (process id of the attached learner
+///         or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`, `wins`, `frames`,
+///         `rejected`, `accepted` and `waited_ns`, counted since the pool started), `steps_per_s` and
+///         `queue_wait_us` (averages over the last second) and `failure` (error text of a failed lane or
+///         None).
+///
+/// Raises:
+///     NoSuchPool: no pool of that name is running.
+///     ConnectError: the pool did not answer in time.
+///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool, *, timeout=Some(Seconds(10.0))), text_signature = "(pool, *, timeout=10.0)")]
-pub fn status(py: Python<'_>, pool: String, timeout: Option<Seconds>) -> PyResult<Bound<'_, PyDict>> {
-    let (runtime_dir, timeout) = (runtime_dir()?, seconds(timeout)?);
-    let status = apart(py, move |interrupted| {
+#[pyo3(signature = (pool, *, timeout=10.0))]
+pub fn status(
+    py: Python<'_>,
+    pool: String,
+    #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+) -> PyResult<Bound<'_, PyDict>> {
+    let (runtime_dir, timeout) = (runtime_dir()?, to_duration(timeout)?);
+    let status = run_on_thread(py, move |interrupted| {
         status_within(&runtime_dir, &pool, WaitOptions { timeout, interrupted })
     })?;
-    dict_of(py, &status.map_err(errors::of_connect)?)
+    to_dict(py, &status.map_err(errors::connect_error)?)
 }
 
-/// Names of this user's running pools, sorted; embedded ones too, and those that are stopped and do not
-/// answer.
+/// Names of the current user's running pools, sorted.
+///
+/// Includes embedded pools, and pools whose process is stopped (SIGSTOP) and would not answer.
 #[pyfunction]
 pub fn pools() -> PyResult<Vec<String>> {
     Ok(running_pools(&runtime_dir()?))

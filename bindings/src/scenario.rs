@@ -1,6 +1,6 @@
 //! What a scenario is, as a dict: the figures that observations are fractions of, and the map.
 
-use crate::convert::dict_of;
+use crate::convert::to_dict;
 use crate::errors::class;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn scenario(py: Python<'_>, scenario: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    dict_of(py, &described(&resolve(py, &scenario)?))
+    to_dict(py, &described(&resolve(py, &scenario)?))
 }
 
 /// A standard scenario, or the one in a file; other Python threads run while it is read.

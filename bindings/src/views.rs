@@ -1,4 +1,4 @@
-//! numpy arrays over a frame's shared memory: in place, read-only, and keeping the frame alive.
+//! NumPy arrays over the shared memory of a frame: not copied, read-only, and each keeps the frame alive.
 
 use crate::batch::Frame;
 use numpy::ndarray::{ArrayView, IxDyn};
@@ -6,25 +6,27 @@ use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_pool::fields::{Dtype, Field};
 
-/// A field of a frame as an array whose base is the frame; `None` if the lane leaves the field out.
+/// A field of a frame as an array whose base object is the frame; `None` if the lane does not include the
+/// field.
 pub fn array<'py>(frame: &Bound<'py, Frame>, field: Field) -> PyResult<Option<Bound<'py, PyAny>>> {
     let array = match field.spec().dtype {
-        Dtype::F32 => typed::<f32>(frame, field)?.map(Bound::into_any),
-        Dtype::I32 => typed::<i32>(frame, field)?.map(Bound::into_any),
-        Dtype::Bool => typed::<bool>(frame, field)?.map(Bound::into_any),
+        Dtype::F32 => typed_array::<f32>(frame, field)?.map(Bound::into_any),
+        Dtype::I32 => typed_array::<i32>(frame, field)?.map(Bound::into_any),
+        Dtype::Bool => typed_array::<bool>(frame, field)?.map(Bound::into_any),
     };
     Ok(array)
 }
 
-/// Has numpy loaded now: `numpy` would load it at its first use and panic if Ctrl-C came in between.
-pub fn ready_numpy(py: Python<'_>) -> PyResult<()> {
+/// Loads NumPy's C API. The crate `numpy` would otherwise load it at its first use, and panic if Ctrl-C
+/// interrupted that.
+pub fn load_numpy(py: Python<'_>) -> PyResult<()> {
     py.import("numpy")?;
     PyArray::<i32, _>::zeros(py, [0], false).try_readonly()?;
     Ok(())
 }
 
 /// `T` must be the field's element type.
-fn typed<'py, T: Element>(
+fn typed_array<'py, T: Element>(
     frame: &Bound<'py, Frame>,
     field: Field,
 ) -> PyResult<Option<Bound<'py, PyArrayDyn<T>>>> {
@@ -35,13 +37,15 @@ fn typed<'py, T: Element>(
     let bytes = shape.iter().product::<usize>() * size_of::<T>();
     let first = batch.bytes()[start..start + bytes].as_ptr().cast::<T>();
     debug_assert!(first.is_aligned());
-    // SAFETY: the slice above shows that `shape` elements of `T` lie at `first`, which is aligned: blocks are on cache
-    // lines. No Rust reference to the elements is made: ndarray and numpy only note the pointer, shape and strides, so
-    // a byte that is not 0 or 1 in a boolean field, which only a hostile supervisor writes, is numpy's to interpret.
+    // SAFETY: the slice expression above checks that the bytes of `shape` elements of `T` exist at `first`.
+    // `first` is aligned, because every field starts on a cache line. No Rust reference to an element is
+    // created: ndarray and numpy only store the pointer, shape and strides. A hostile supervisor may
+    // therefore write bytes other than 0 and 1 to a boolean field; only NumPy reads them.
     let view = unsafe { ArrayView::from_shape_ptr(IxDyn(&shape), first) };
-    // SAFETY: the base object is the frame, which owns the sample: its memory stays mapped, and is not given back to be
-    // written again, until the frame is freed. Nothing writes through this array: it is made read-only before anyone
-    // else sees it, and numpy lets nobody undo that, since its base is not a writeable buffer.
+    // SAFETY: the array's base object is the frame, which owns the sample. Until the frame is freed, the
+    // memory stays mapped and is not returned to the supervisor, which would overwrite it. Nothing writes
+    // through this array: it is made read-only before any other code can access it, and NumPy refuses to make
+    // it writeable again, because its base object is not a writeable buffer.
     let array = unsafe { PyArray::borrow_from_array(&view, frame.clone().into_any()) };
     let array = array.try_readwrite()?.make_nonwriteable();
     Ok(Some((*array).clone()))

@@ -1,5 +1,5 @@
-//! Waiting without the interpreter: other Python threads run meanwhile, and Ctrl-C or the interpreter's end
-//! ends the wait.
+//! Waiting detached from the interpreter, so that other Python threads run meanwhile. Ctrl-C and the exit of
+//! the interpreter end every wait.
 
 use crate::{errors, exit};
 use pyo3::prelude::*;
@@ -10,67 +10,69 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// How often signal handlers run while work is waited for.
+/// How often signal handlers run while [`run_on_thread`] waits.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What tells work that it was given up.
-pub type GivenUp<'a> = &'a mut dyn FnMut() -> bool;
+/// Returns `true` once the result of the work is no longer needed.
+pub type IsCancelled<'a> = &'a mut dyn FnMut() -> bool;
 
-/// Does work that cannot be interrupted itself (reading files, creating and opening shared memory) in a
-/// thread of its own, so that a signal handler's exception ends the wait for it at once. Work that is given
-/// up is told so when it asks, and what it still yields is dropped.
-pub fn apart<T: Send + 'static>(
+/// Runs `work` on a new thread and waits for its result.
+///
+/// For work that cannot be interrupted: reading files, creating and opening shared memory. An exception from
+/// a signal handler ends the wait at once. The work can query whether it was cancelled; a result that it
+/// still returns is dropped.
+pub fn run_on_thread<T: Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(GivenUp<'_>) -> T + Send + 'static,
+    work: impl FnOnce(IsCancelled<'_>) -> T + Send + 'static,
 ) -> PyResult<T> {
     let (sender, mut receiver) = channel();
-    let given_up = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&given_up);
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&cancelled);
     let thread = std::thread::Builder::new().name("smaclite-wait".to_owned()).spawn(move || {
-        // The flag publishes nothing but itself.
-        let _ = sender.send(work(&mut || asked.load(Ordering::Relaxed)));
+        // Relaxed: the flag publishes nothing but itself.
+        let _ = sender.send(work(&mut || flag.load(Ordering::Relaxed)));
     })?;
     loop {
-        let outcome;
-        (outcome, receiver) = py.detach(move || (receiver.recv_timeout(CHECK_INTERVAL), receiver));
-        match outcome {
-            Ok(outcome) => return Ok(outcome),
+        let received;
+        (received, receiver) = py.detach(move || (receiver.recv_timeout(CHECK_INTERVAL), receiver));
+        match received {
+            Ok(result) => return Ok(result),
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(error) = look(py) {
-                    given_up.store(true, Ordering::Relaxed);
-                    exit::abandon(thread);
+                if let Err(error) = check_interrupts(py) {
+                    cancelled.store(true, Ordering::Relaxed);
+                    exit::join_at_exit(thread);
                     return Err(error);
                 }
             }
             Err(RecvTimeoutError::Disconnected) => match thread.join() {
                 Err(panic) => resume_unwind(panic),
-                Ok(()) => unreachable!("a thread that does not panic sends its outcome"),
+                Ok(()) => unreachable!("a thread that does not panic sends its result"),
             },
         }
     }
 }
 
-/// Why a wait must end, if it must.
-fn look(py: Python<'_>) -> PyResult<()> {
-    if exit::is_exiting() { Err(exit::cut_short()) } else { py.check_signals() }
+/// An error if the interpreter is exiting or a signal handler raised an exception.
+fn check_interrupts(py: Python<'_>) -> PyResult<()> {
+    if exit::is_exiting() { Err(exit::exiting_error()) } else { py.check_signals() }
 }
 
-/// Runs a wait of a client detached from the interpreter; a signal handler's exception ends it.
-pub fn waiting<T: Send>(
+/// Runs a wait of a client detached from the interpreter. An exception from a signal handler ends it.
+pub fn wait_detached<T: Send>(
     py: Python<'_>,
     timeout: Option<Duration>,
     wait: impl FnOnce(WaitOptions<'_>) -> Result<T, ClientError> + Send,
 ) -> PyResult<T> {
     let mut raised = None;
-    let outcome = py.detach(|| {
+    let result = py.detach(|| {
         let mut interrupted = || {
-            raised = Python::attach(look).err();
+            raised = Python::attach(check_interrupts).err();
             raised.is_some()
         };
         wait(WaitOptions { timeout, interrupted: &mut interrupted })
     });
     match raised {
         Some(error) => Err(error),
-        None => outcome.map_err(errors::of_client),
+        None => result.map_err(errors::client_error),
     }
 }

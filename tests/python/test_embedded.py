@@ -1,4 +1,4 @@
-"""A pool within the process: what is made, how it steps, and what happens at an episode's end."""
+"""Embedded pools: their properties, stepping, and the end of an episode."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
 def test_properties_and_description_agree() -> None:
     with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
         described = envs.description
-        for name in ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size"):
+        sizes = ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
+        for name in sizes:
             assert getattr(envs, name) == described[name], name
         assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
         assert (envs.rules, envs.autoreset, envs.episode_limit) == ("smaclite", "next_step", 180)
-        assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["holder"] == envs.pid
+        assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["learner_pid"] == envs.pid
         assert "MMM2" in repr(envs) and "mine" in repr(envs)
     assert sp.pools() == []
 
@@ -84,7 +85,7 @@ def test_the_sampler_draws_every_legal_action_and_no_other() -> None:
 
 
 def stop(batch: sp.Batch) -> Any:
-    """Stop, or nothing for the dead."""
+    """Stop, or no-op for dead agents."""
     return np.where(batch.alive, 1, 0)
 
 
@@ -114,7 +115,7 @@ def test_same_step_autoreset_keeps_the_last_observation() -> None:
             _ = a.final_obs
 
 
-def test_disabled_autoreset_asks_for_a_masked_reset() -> None:
+def test_disabled_autoreset_requires_a_masked_reset() -> None:
     with sp.make("2s3z", num_envs=3, episode_limit=2, autoreset="disabled") as envs:
         batch = envs.reset(seed=1)
         batch = envs.step(stop(batch))
@@ -130,18 +131,18 @@ def test_disabled_autoreset_asks_for_a_masked_reset() -> None:
         envs.step(stop(batch))
 
 
-def test_no_episode_limit_and_one_of_ones_own() -> None:
+def test_an_episode_limit_can_be_removed_or_changed() -> None:
     with sp.make("2s3z", 1, episode_limit=None) as envs:
         assert envs.episode_limit is None
     with sp.make("2s3z", 1, episode_limit=7) as envs:
         assert envs.episode_limit == 7
 
 
-def test_a_lane_may_leave_fields_out() -> None:
+def test_a_lane_includes_only_selected_fields() -> None:
     with sp.make("2s3z", num_envs=2, fields=["obs"]) as envs:
         batch = envs.reset()
         assert batch.keys() == ["env_id", "obs", "reward", "terminated", "truncated"]
-        with pytest.raises(AttributeError, match="no `state`: name it in `fields`"):
+        with pytest.raises(AttributeError, match="do not include `state`; add it to `fields`"):
             _ = batch.state
         assert not hasattr(batch, "nonsense")
 
@@ -160,8 +161,8 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
 
 @pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
-    """Only what was idle was closed at exit: a thread in the middle of `step` kept its pool's files until the next
-    start. The fixture `place` fails this test if a file is left."""
+    """The exit once closed only idle environments: those of a thread inside `step` left the files of their
+    pool until the next start. The fixture `runtime_dir` fails this test if a file is left."""
     script = f"""
 import threading, time
 import smaclite_pool as sp

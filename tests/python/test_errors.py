@@ -1,4 +1,4 @@
-"""What was wrong, where, and what would be right; and nothing is stepped."""
+"""Errors say what was wrong, where, and what is accepted; a request with an error steps no environment."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from numpy.typing import NDArray
 
 
 @pytest.fixture
@@ -19,9 +20,9 @@ def envs() -> Iterator[sp.Envs]:
         yield made
 
 
-def test_an_illegal_action_names_environment_agent_and_what_was_available(envs: sp.Envs) -> None:
+def test_an_illegal_action_names_environment_agent_and_available_actions(envs: sp.Envs) -> None:
     actions = np.ones((2, 5), np.int32)
-    actions[1, 3] = 0  # no-op is for the dead
+    actions[1, 3] = 0  # no-op is for dead agents
     with pytest.raises(sp.IllegalAction, match="environment 1, agent 3: action 0 is not available") as caught:
         envs.step(actions)
     error = caught.value
@@ -35,60 +36,87 @@ def test_an_illegal_action_names_environment_agent_and_what_was_available(envs: 
         with pytest.raises(sp.IllegalAction, match=f"action {action} "):
             envs.step(actions)
     actions[1, 3] = 1
-    assert envs.step(actions).episode_length.tolist() == [1, 1], "nothing was stepped before"
+    assert envs.step(actions).episode_length.tolist() == [1, 1], "no environment was stepped before"
 
 
 Call = Callable[[sp.Envs], Any]
 
 
+def read_only() -> NDArray[np.int32]:
+    array = np.zeros((2, 5), np.int32)
+    array.flags.writeable = False
+    return array
+
+
 @pytest.mark.parametrize(
     ("call", "error", "match"),
     [
-        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
+        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest,
+         r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
         (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
         (lambda e: e.step([]), sp.InvalidRequest, r"got \(0,\)"),
-        (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest, "actions cannot be made an array"),
+        (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest,
+         "actions must be an array or nested lists: .*inhomogeneous"),
         (lambda e: e.step(None), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got NoneType"),
         (lambda e: e.step({}), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
-        (lambda e: e.step([[1] * 5], env_id=3), sp.InvalidRequest, r"env_id must be .* shape \(K,\), got \(\)"),
-        (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id chooses no environment"),
+        (lambda e: e.step([[1] * 5], env_id=3), sp.InvalidRequest,
+         r"env_id must be .* shape \(K,\), got \(\)"),
+        (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id must select at least one environment"),
         (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
         (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
         (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
-        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest, r"fit into int32, got 1099511627776 at index \[0, 0\]"),
-        (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), sp.InvalidRequest, "9223372036854775808 at index"),
+        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest,
+         r"fit into int32, got 1099511627776 at index \[0, 0\]"),
+        (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), sp.InvalidRequest,
+         "9223372036854775808 at index"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), sp.InvalidRequest, "environment 2 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), sp.InvalidRequest, "environment -1 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), sp.InvalidRequest, "environment 1 appears twice"),
         (lambda e: e.step([[1] * 5], env_id=[1]), sp.InvalidRequest, "steps all 2 environments at once"),
         (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id must be .*, got \(1, 1\)"),
-        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError, "env_id must be an integer array, got float64"),
+        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError,
+         "env_id must be an integer array, got float64"),
         (lambda e: e.recv(), sp.InvalidRequest, "send actions first"),
-        (lambda e: e.recv(timeout=-1), sp.InvalidRequest, "timeout must be .* from 0, or None, got -1.0"),
+        (lambda e: e.recv(timeout=-1), sp.InvalidRequest,
+         "timeout must be at least 0 seconds, or None, got -1.0"),
         (lambda e: e.recv(timeout=-(10**400)), sp.InvalidRequest, "timeout must be .*, got -inf"),
         (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
         (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout must be .*, got NaN"),
         (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed must not be negative, got -1"),
-        (lambda e: e.reset(seed=2**64), sp.InvalidRequest, "seed must be at most 18446744073709551615, got 184467"),
-        (lambda e: e.reset(seed=2**200), sp.InvalidRequest, "seed must be at most .*, got an integer of more than 127"),
+        (lambda e: e.reset(seed=2**64), sp.InvalidRequest,
+         "seed must be at most 18446744073709551615, got 184467"),
+        (lambda e: e.reset(seed=2**200), sp.InvalidRequest,
+         "seed must be at most .*, got an integer of more than 127"),
         (lambda e: e.reset(seed=-(2**200)), sp.InvalidRequest, "seed must not be negative"),
         (lambda e: e.reset(seed=1.5), TypeError, "seed must be an integer, got float"),
         (lambda e: e.seed_sampler(10**300), sp.InvalidRequest, "seed must be at most"),
-        (lambda e: e.reset(mask=[True]), sp.InvalidRequest, r"mask must be a bool array of shape \(2,\), got shape \(1,\)"),
+        (lambda e: e.reset(mask=[True]), sp.InvalidRequest,
+         r"mask must be a bool array of shape \(2,\), got shape \(1,\)"),
         (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
-        (lambda e: e.reset(mask=[True, False], env_id=[0]), sp.InvalidRequest, "give one"),
+        (lambda e: e.reset(mask=[True, False], env_id=[0]), sp.InvalidRequest,
+         "mask and env_id cannot be combined"),
         (lambda e: e.reset(env_id=[5]), sp.InvalidRequest, "environment 5 does not exist"),
-        (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest, "env_id chooses no environment"),
-        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest, "mask chooses no environment"),
-        (lambda e: e.sample_actions(out=np.zeros((2, 5))), TypeError, "int32 array of shape"),
-        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest, r"out must be .* shape \(2, 5\)"),
+        (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest,
+         "env_id must select at least one environment"),
+        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest,
+         "mask must select at least one environment"),
+        (lambda e: e.sample_actions(out=np.zeros((2, 5))), TypeError,
+         r"int32 array .*, got float64 of shape \(2, 5\)"),
+        (lambda e: e.sample_actions(out=[[0] * 5] * 2), TypeError, r"out must be .*, got list"),
+        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest,
+         r"out must be .* shape \(2, 5\), got int32 of shape \(1, 5\)"),
+        (lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T), sp.InvalidRequest,
+         "got one that is not C-contiguous"),
+        (lambda e: e.sample_actions(out=read_only()), sp.InvalidRequest, "got one that is not writeable"),
         (lambda e: e.sample_actions(env_id=[7]), sp.InvalidRequest, "environment 7 does not exist"),
     ],
 )
-def test_a_wrong_request_says_what_is_accepted(envs: sp.Envs, call: Call, error: type[Exception], match: str) -> None:
+def test_a_wrong_request_says_what_is_accepted(
+    envs: sp.Envs, call: Call, error: type[Exception], match: str
+) -> None:
     with pytest.raises(error, match=match):
         call(envs)
-    assert envs.step([[1] * 5] * 2).episode_length.tolist() == [1, 1], "and the next right one works"
+    assert envs.step([[1] * 5] * 2).episode_length.tolist() == [1, 1], "and the next valid request works"
 
 
 @pytest.mark.parametrize(
@@ -102,19 +130,20 @@ def test_a_wrong_request_says_what_is_accepted(envs: sp.Envs, call: Call, error:
         ({"num_envs": 64.0}, TypeError, "num_envs must be an integer, got float"),
         ({"batch_size": 9}, sp.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
         ({"threads": 0}, sp.InvalidRequest, "threads must be between 1 and 1024, got 0"),
-        ({"autoreset": "never"}, sp.InvalidRequest, "not `never`"),
+        ({"autoreset": "never"}, sp.InvalidRequest, "got `never`"),
         ({"rules": "mine"}, sp.InvalidRequest, "mine"),
-        ({"wait": "sleep"}, sp.InvalidRequest, "not `sleep`"),
+        ({"wait": "sleep"}, sp.InvalidRequest, "got `sleep`"),
         ({"fields": ["obz"]}, sp.InvalidRequest, "unknown field `obz`; the fields are env_id"),
         ({"fields": "obs"}, TypeError, r"fields must be a list of strings, such as \[\"obs\"\], got str"),
-        ({"episode_limit": 0}, sp.InvalidRequest, "at least 1, got 0"),
-        ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer, got float"),
+        ({"episode_limit": 0}, sp.InvalidRequest, 'an integer of at least 1, None or "default", got 0'),
+        ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer .*, got float"),
         ({"episode_limit": "none"}, sp.InvalidRequest, "got `none`"),
         ({"episode_limit": 2**40}, sp.InvalidRequest, "at most 4294967295"),
         ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
         ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
-        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, sp.TooLittleMemory, "bytes"),
+        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, sp.TooLittleMemory,
+         "bytes"),
     ],
 )
 def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Exception], match: str) -> None:
@@ -123,8 +152,8 @@ def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Ex
     assert sp.pools() == []
 
 
-def test_a_wrong_scenario_file_names_file_key_and_value(place: Path) -> None:
-    path = place / "wrong.json"
+def test_a_wrong_scenario_file_names_file_key_and_value(runtime_dir: Path) -> None:
+    path = runtime_dir / "wrong.json"
     path.write_text('{"num_allied_units": "two"}')
     with pytest.raises(sp.ScenarioError, match="wrong.json"):
         sp.make(path)
@@ -147,19 +176,19 @@ def test_a_name_that_no_pool_can_have() -> None:
             assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
 
 
-def test_a_name_or_lane_that_is_taken(envs: sp.Envs) -> None:
+def test_a_name_or_lane_that_is_in_use(envs: sp.Envs) -> None:
     with pytest.raises(sp.LaneTaken, match=f"process {envs.pid}") as caught:
         sp.connect(envs.name)
-    assert caught.value.holder == envs.pid and isinstance(caught.value, ConnectionError)
+    assert caught.value.learner_pid == envs.pid and isinstance(caught.value, ConnectionError)
     with pytest.raises(sp.StartError, match="runs already"):
         sp.make("2s3z", 1, name=envs.name)
 
 
 def test_no_such_pool_or_lane(envs: sp.Envs) -> None:
     with pytest.raises(sp.NoSuchPool, match=f"running: {envs.name}"):
-        sp.connect("nobody", timeout=0.05)
+        sp.connect("absent", timeout=0.05)
     with pytest.raises(sp.NoSuchPool):
-        sp.status("nobody")
+        sp.status("absent")
     with pytest.raises(sp.ConnectError, match="no lane `x`; the pool has `2s3z`"):
         sp.connect(envs.name, "x")
 

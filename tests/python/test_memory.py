@@ -1,4 +1,4 @@
-"""Batches in place: no copy between the worker that writes and the array that is read, and memory that stays."""
+"""Batches are read in place: no copy is made between worker and array, and held memory stays valid."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def mapping_of(array: Any) -> Mapping:
 
 
 @pytest.mark.parametrize("attached", [False, True])
-def test_zero_copy(attached: bool, serve: Serve, place: Path) -> None:
-    """An observation lies in the iceoryx2 data segment, mapped read-only, that the supervisor's workers write to; what
-    is written into that file afterwards shows in the array, so nothing was copied on the way."""
+def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
+    """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped read-only.
+    A later write to that file shows in the array, so there is no copy in between."""
     if attached:
         serve("2s3z:8", "--name", "train")
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
         batch = envs.reset(seed=1)
         mapping = mapping_of(batch.obs)
-        assert mapping.path.startswith(f"/dev/shm/{shm_prefix(place)}"), mapping
+        assert mapping.path.startswith(f"/dev/shm/{shm_prefix(runtime_dir)}"), mapping
         assert mapping.path.endswith(".data"), mapping
         assert mapping.permissions == "r--s"
         writers = [m for m in mappings(envs.pid) if m.file == mapping.file and "w" in m.permissions]
@@ -79,7 +79,7 @@ def test_arrays_are_read_only_and_stay_so() -> None:
         assert all(array.flags.owndata and array.flags.writeable for array in own.values())
 
 
-def test_a_held_batch_does_not_change_while_others_come() -> None:
+def test_a_held_batch_does_not_change_while_others_arrive() -> None:
     with sp.make("2s3z", num_envs=4, max_held_batches=3) as envs:
         first = envs.reset(seed=1)
         own = first.copy()
@@ -102,8 +102,8 @@ def test_a_slice_outlives_batch_environments_and_pool() -> None:
         assert np.array_equal(part, expected)
 
 
-def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
-    """A cycle between a batch and its cached arrays once would have kept frames until the garbage collector ran."""
+def test_a_batch_is_freed_when_its_last_reference_goes() -> None:
+    """A reference cycle between a batch and its arrays would keep frames until the garbage collector runs."""
     gc.disable()
     try:
         with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
@@ -118,20 +118,20 @@ def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
         gc.enable()
 
 
-def test_holding_too_many_frames_is_an_error_and_ends_with_letting_go() -> None:
+def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
     with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
         held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
         held.append(envs.step(envs.sample_actions()))
         first = held[0].copy()
         with pytest.raises(sp.TooManyBatchesHeld, match="all 2 frames"):
             envs.step(envs.sample_actions())
-        assert np.array_equal(held[0], first), "never an overwrite"
+        assert np.array_equal(held[0], first), "a held batch is never overwritten"
         held.clear()
-        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still under way"
+        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still being computed"
 
 
-def test_nothing_is_left_by_a_process_that_closes_nothing() -> None:
-    """Objects that outlive the interpreter are not freed by it; the fixture looks for what they left."""
+def test_a_process_that_closes_nothing_leaves_no_files() -> None:
+    """The interpreter does not free objects that outlive it. The fixture `runtime_dir` detects left files."""
     done = run_script(
         """
 import smaclite_pool as sp

@@ -1,4 +1,4 @@
-"""The program and the example, as a person runs them."""
+"""The program and the example, run as users run them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    whole = [sys.executable, *command]
-    return subprocess.run(whole, capture_output=True, text=True, timeout=100, check=False, cwd=cwd)
+    argv = [sys.executable, *command]
+    return subprocess.run(argv, capture_output=True, text=True, timeout=100, check=False, cwd=cwd)
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -29,16 +29,16 @@ def test_the_program_runs_as_a_module_and_as_a_script() -> None:
 
 
 def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_path: Path) -> None:
-    # 6h_vs_8z has hydralisks, and a unit file of that name comes before the standard type in scenario files.
+    # 6h_vs_8z has hydralisks; in scenario files, a unit file of that name replaces the standard type.
     (tmp_path / "HYDRALISK.json").write_text("not a unit")
     listed = run("-m", "smaclite_pool", "scenarios", cwd=tmp_path)
     assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr
 
 
-def test_exit_codes_mean_something() -> None:
+def test_exit_codes_distinguish_usage_errors_from_failures() -> None:
     assert run("-m", "smaclite_pool", "nonsense").returncode == 2
-    failed = run("-m", "smaclite_pool", "status", "nobody")
-    assert failed.returncode == 1 and "nobody" in failed.stderr and "Traceback" not in failed.stderr
+    failed = run("-m", "smaclite_pool", "status", "absent")
+    assert failed.returncode == 1 and "absent" in failed.stderr and "Traceback" not in failed.stderr
 
 
 def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:

@@ -1,7 +1,8 @@
-"""Types: the package is strictly typed, and the stub of the native module is the module."""
+"""The package is strictly typed, and the stub and signatures of the native module match the module."""
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,8 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def check(*command: str) -> None:
-    done = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=REPOSITORY, check=False)
+    argv = [sys.executable, "-m", *command]
+    done = subprocess.run(argv, capture_output=True, text=True, cwd=REPOSITORY, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -24,10 +26,21 @@ def test_the_stub_matches_the_module() -> None:
     check("mypy.stubtest", "smaclite_pool._native")
 
 
+def test_the_defaults_in_the_signature_of_make_are_its_defaults() -> None:
+    """Its text is written by hand, because PyO3 shows only literals; stubtest compares the stub with it."""
+    parameters = inspect.signature(sp.make).parameters.values()
+    defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
+    assert len(defaults) == 11 and defaults["num_envs"] == 64
+    with sp.make("2s3z") as implicit, sp.make("2s3z", **defaults) as explicit:
+        for name, value in implicit.description.items():
+            assert name in ("pool", "instance") or value == explicit.description[name], name
+
+
 def test_the_stub_declares_every_field_with_its_type() -> None:
-    """stubtest sees names only; types and texts come from the table of fields."""
+    """stubtest compares names only; types and texts come from the table of fields."""
     stub = (Path(sp.__file__).parent / "_native.pyi").read_text()
-    fields = [name for name, value in vars(sp.Batch).items() if isinstance(value, property) and " [M" in str(value.__doc__)]
+    properties = {name: value for name, value in vars(sp.Batch).items() if isinstance(value, property)}
+    fields = [name for name, value in properties.items() if " [M" in str(value.__doc__)]
     assert len(fields) == 16
     for name in fields:
         text = getattr(sp.Batch, name).__doc__

@@ -1,4 +1,4 @@
-"""Every wait ends: with a timeout, Ctrl-C, the supervisor's death; other threads run meanwhile; a fork is noticed."""
+"""Timeouts, Ctrl-C and the supervisor's death end every wait. Other threads run meanwhile; forks are safe."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,13 +22,13 @@ from conftest import Serve, left_over, run_script
 
 @pytest.fixture
 def slow() -> Iterator[sp.Envs]:
-    """Environments whose batch takes long: thousands of large battles on one thread."""
+    """Environments with slow batches: thousands of large battles on one thread."""
     with sp.make("bane_vs_bane", num_envs=4000, threads=1, fields=[], max_held_batches=2) as envs:
         envs.reset()
         yield envs
 
 
-def test_a_timeout_leaves_the_batch_under_way(slow: sp.Envs) -> None:
+def test_a_timeout_does_not_cancel_the_batch(slow: sp.Envs) -> None:
     with pytest.raises(sp.Timeout, match="no batch arrived within 0.01 s") as caught:
         slow.step(np.ones((4000, slow.n_agents), np.int32), timeout=0.01)
     assert isinstance(caught.value, TimeoutError)
@@ -43,7 +44,8 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], max_held_batches=2, wait=wait) as envs:  # type: ignore[arg-type]
+    settings: dict[str, Any] = {"threads": 1, "fields": [], "max_held_batches": 2, "wait": wait}
+    with sp.make("bane_vs_bane", 40_000, **settings) as envs:
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
@@ -53,10 +55,10 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
                 envs.recv()
         finally:
             signal.signal(signal.SIGALRM, before)
-        assert envs.recv(timeout=100).sequence == 2, "it was still under way"
+        assert envs.recv(timeout=100).sequence == 2, "it was still being computed"
 
 
-def test_other_threads_run_during_a_wait_and_may_not_join_it(slow: sp.Envs) -> None:
+def test_other_threads_run_during_a_wait_and_their_calls_raise_busy(slow: sp.Envs) -> None:
     waiting = threading.Thread(target=slow.step, args=(np.ones((4000, slow.n_agents), np.int32),))
     waiting.start()
     refused = 0
@@ -74,13 +76,13 @@ STOPPED = """
 import os, signal, sys
 from pathlib import Path
 import smaclite_pool as sp
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background of a script
+signal.signal(signal.SIGINT, signal.default_int_handler)  # SIGINT is ignored in background jobs of a script
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
 os.kill(envs.pid, signal.SIGSTOP)
 threads = Path(f"/proc/{envs.pid}/task")
 while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
-    pass  # a thread may go on for a moment
+    pass  # a thread may run on for a moment
 envs.send(envs.sample_actions())
 try:
     print("waiting", flush=True)
@@ -96,11 +98,11 @@ except sp.PoolDied as error:
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
 @pytest.mark.parametrize("how", ["interrupted", "died"])
 def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
-    """With Ctrl-C, and with the death of the supervisor."""
+    """By Ctrl-C and by the death of the supervisor."""
     server = serve("2s3z:4", "--name", "train")
     learner = subprocess.Popen([sys.executable, "-c", STOPPED, wait], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "waiting\n"
-    time.sleep(0.3)  # to be in `recv`, most likely
+    time.sleep(0.3)  # by now it is most likely in `recv`
     if how == "interrupted":
         learner.send_signal(signal.SIGINT)
     else:
@@ -110,12 +112,13 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
     assert learner.returncode == 0
     if how == "died":
         server.wait()
-        with sp.make("2s3z", num_envs=1, name="train") as again:  # the name is free at once, and cleaned up
+        # The name is free at once, and the files of the old pool are removed.
+        with sp.make("2s3z", num_envs=1, name="train") as again:
             again.reset()
 
 
 def stop(server: subprocess.Popen[str]) -> None:
-    """SIGSTOP, and waits until every thread has stopped: one may go on, and answer, for a moment."""
+    """Sends SIGSTOP and waits until every thread has stopped: until then one may still answer."""
     server.send_signal(signal.SIGSTOP)
     threads = Path(f"/proc/{server.pid}/task")
     while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
@@ -143,28 +146,29 @@ except sp.StartError as error:
 
 
 @pytest.mark.parametrize("call", ["status", "connect", "list", "make"])
-def test_no_call_waits_for_a_stopped_supervisor_against_its_callers_will(call: str, serve: Serve) -> None:
-    """They once waited for ten seconds, whatever timeout and Ctrl-C said."""
+def test_calls_to_a_stopped_supervisor_can_be_interrupted(call: str, serve: Serve) -> None:
+    """They once waited for ten seconds, regardless of timeout and Ctrl-C."""
     server = serve("2s3z:4", "--name", "train")
     stop(server)
     asking = subprocess.Popen([sys.executable, "-c", STOPPED_CALLS, call], stdout=subprocess.PIPE, text=True)
     assert asking.stdout is not None and asking.stdout.readline() == "waiting\n"
     if call in ("status", "connect"):
-        time.sleep(0.5)  # to be in the call, most likely
+        time.sleep(0.5)  # by now it is most likely in the call
         asking.send_signal(signal.SIGINT)
     asking.wait(timeout=8)
-    with asking.stdout:  # `communicate` would pass over what `readline` has in its buffer
+    with asking.stdout:  # `communicate` would skip what `readline` has buffered
         said = asking.stdout.read().strip()
     expected = {"list": "['train']", "make": f"a pool named `train` runs already (process {server.pid})"}
     assert said.startswith(expected.get(call, "interrupted")), said
 
 
-def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
+def test_calls_to_a_stopped_supervisor_time_out(serve: Serve) -> None:
     server = serve("2s3z:4", "--name", "train")
     stop(server)
     for ask in (sp.connect, sp.status):
         begin = time.monotonic()
-        with pytest.raises(sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"):
+        expected = rf"`train` \(process {server.pid}\) did not answer within 0.3 s"
+        with pytest.raises(sp.ConnectError, match=expected):
             ask("train", timeout=0.3)
         assert time.monotonic() - begin < 8
     assert sp.pools() == ["train"]
@@ -173,8 +177,8 @@ def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
         envs.reset()
 
 
-def test_an_interrupted_make_leaves_nothing_behind(place: Path) -> None:
-    """What was being made is taken back, at the interpreter's exit at the latest."""
+def test_an_interrupted_make_leaves_no_files(runtime_dir: Path) -> None:
+    """What it had created is removed, at the interpreter's exit at the latest."""
     script = """
 import signal, sys
 import smaclite_pool as sp
@@ -192,20 +196,26 @@ print("fine")
 """
     done = run_script(script)
     assert done.stdout == "fine\n", done.stderr
-    assert not left_over(place)
+    assert not left_over(runtime_dir)
 
 
 def test_a_killed_learner_frees_its_lane(serve: Serve) -> None:
     serve("2s3z:4", "--name", "train")
-    script = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True); time.sleep(100)'
+    script = """
+import smaclite_pool as sp, time
+envs = sp.connect("train")
+batch = envs.reset()
+print(1, flush=True)
+time.sleep(100)
+"""
     learner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "1\n"
     with pytest.raises(sp.LaneTaken) as caught:
         sp.connect("train")
-    assert caught.value.holder == learner.pid
+    assert caught.value.learner_pid == learner.pid
     learner.kill()
     learner.communicate()
-    while sp.status("train")["lanes"][0]["holder"] is not None:
+    while sp.status("train")["lanes"][0]["learner_pid"] is not None:
         pass
     with sp.connect("train") as envs:
         with pytest.raises(sp.InvalidRequest, match="call reset first"):
@@ -233,7 +243,7 @@ if child == 0:
         os._exit(4)
     del batch
     envs.close()
-    sys.exit(0)  # the usual way out, with everything the interpreter does at its end
+    sys.exit(0)  # the usual exit, with all cleanup of the interpreter
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 assert np.array_equal(batch.obs, before)
 for _ in range(20):
@@ -243,12 +253,12 @@ print("fine")
 """
 
 
-def test_a_forked_child_is_told_and_disturbs_nobody() -> None:
+def test_a_forked_child_gets_errors_and_does_not_affect_its_parent() -> None:
     done = run_script(FORK)
     assert done.stdout == "fine\n", done.stderr
 
 
-def test_the_supervisor_of_a_process_is_not_ended_by_its_child() -> None:
+def test_a_forked_child_does_not_end_the_pool_of_its_parent() -> None:
     with sp.make("2s3z", num_envs=1) as envs:
         envs.reset()
         child = os.fork()
@@ -285,21 +295,21 @@ print("fine")
 
 @pytest.mark.parametrize("how", ["close", "del"])
 def test_an_embedded_pool_ends_while_a_forked_worker_waits_for_its_parent(how: str) -> None:
-    """The end waited for a socket that the worker had a copy of: a deadlock, and Ctrl-C did not help."""
+    """`close` once waited for a socket of which the worker had a copy: a deadlock that ignored Ctrl-C."""
     done = run_script(BESIDE_A_CHILD, how)
     assert done.stdout == "fine\n", done.stderr
 
 
 @pytest.mark.parametrize("timeout", [float(sys.maxsize), 2.0**64, 1e300, float("inf"), None])
 def test_a_timeout_beyond_any_clock_is_no_limit(timeout: float | None) -> None:
-    """It was a panic where the batch came late, and the environments could not be used any more."""
+    """It once was a panic if the batch was late, and the environments were unusable afterwards."""
     with sp.make("MMM2", num_envs=256, threads=1, wait="block", fields=[]) as envs:
         envs.reset(timeout=timeout)
         assert envs.step(np.ones((256, envs.n_agents), np.int32), timeout=timeout).sequence == 2
 
 
 def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
-    """`make` held the interpreter's lock for as long as it read a scenario file: minutes, once."""
+    """`make` once held the interpreter's lock while it read a scenario file, which took minutes."""
     path = tmp_path / "large.json"
     path.write_text("[" + ",".join(["[1]"] * 1_500_000) + "]")
     is_done, n_runs = threading.Event(), 0
@@ -313,7 +323,7 @@ def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
     interval = sys.getswitchinterval()
     thread = threading.Thread(target=run)
     thread.start()
-    # So long that the other thread runs only while this one has let go of the lock.
+    # Long enough that the other thread runs only while this one has released the interpreter's lock.
     sys.setswitchinterval(20)
     try:
         for _ in range(20):

@@ -1,22 +1,23 @@
-"""Battles of SMAClite, many at once, stepped by native worker threads and read in place from shared memory.
+"""Batched SMAClite battles, stepped by native worker threads and read from shared memory without a copy.
 
     import smaclite_pool as sp
 
-    with sp.make("2s3z", num_envs=64) as envs:      # a pool within this process
+    with sp.make("2s3z", num_envs=64) as envs:      # a pool in this process
         batch = envs.reset(seed=1)
         for _ in range(1000):
-            actions = envs.sample_actions()         # int32 [64, n_agents], legal
-            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, batch.reward, ...
+            actions = envs.sample_actions()         # int32 [64, n_agents], available actions only
+            batch = envs.step(actions)              # batch.obs, batch.avail_actions, batch.reward, ...
 
-A pool in a process of its own is served by `smaclite-pool serve 2s3z:64 --name train` and attached to by
-`sp.connect("train")`: the same methods, the same bits.
+`smaclite-pool serve 2s3z:64 --name train` serves a pool in a separate process, and `sp.connect("train")`
+attaches to it. Methods and results are the same, bit for bit.
 
 Code written for a framework goes on as it is, by a module each: `gymnasium` (its ids, `smaclite_pool/2s3z-v0` and so
 on, need only this import), `drop_in` (for `import smaclite`), `smac`, `epymarl`, `on_policy`, `pettingzoo`, `torchrl`,
 `rllib`, `envpool`, `torch`, `jax` and `ray`. `help("smaclite_pool.smac")` and its like begin with an example.
 
-Words: an agent is a learner's slot, a unit any body. A step is one decision. A lane is a set of environments with one
-learner. A batch has M slots, one environment each.
+Terms: an agent is a unit that the learner controls; a unit is any body in a battle. A step is one decision of
+the agents. A lane is a set of environments with one learner. A batch holds the results of M environments, one
+per slot.
 """
 
 from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status

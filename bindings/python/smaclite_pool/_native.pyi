@@ -1,5 +1,5 @@
-# Written by hand: generated stubs do not know the types of arrays. `mypy.stubtest` checks that names, parameters and
-# defaults are the module's.
+# Written by hand, because generated stubs lack the element types of arrays. `mypy.stubtest` checks that
+# names, parameters and defaults match the module. Full docstrings are in the module.
 
 from os import PathLike
 from types import TracebackType
@@ -30,42 +30,42 @@ _Rules = Literal["smaclite", "paper"]
 
 @final
 class Frame:
-    """The shared memory of one frame: the base of the arrays of a `Batch`."""
+    """The shared memory of one batch: the base object of its arrays."""
 
     @property
     def sequence(self) -> int: ...
 
 @final
 class Batch:
-    """M slots, one environment each; every field is a read-only array over shared memory."""
+    """The results of M environments, one per slot; every field is a read-only array over shared memory."""
 
     @property
     def env_id(self) -> NDArray[np.int32]:
-        """int32 [M]: which environment the slot is."""
+        """int32 [M]: id of the slot's environment."""
     @property
     def obs(self) -> NDArray[np.float32]:
-        """float32 [M, n_agents, obs_size]: observation of each agent; zeros for the dead."""
+        """float32 [M, n_agents, obs_size]: observation of each agent; zeros for dead agents."""
     @property
     def state(self) -> NDArray[np.float32]:
         """float32 [M, state_size]: global state, for training only."""
     @property
     def avail_actions(self) -> NDArray[np.bool_]:
-        """bool [M, n_agents, n_actions]: which actions are legal in the next step."""
+        """bool [M, n_agents, n_actions]: which actions are available in the next step."""
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """bool [M, n_agents]: which agents live."""
+        """bool [M, n_agents]: which agents are alive."""
     @property
     def reward(self) -> NDArray[np.float32]:
         """float32 [M]: team reward of the step just made."""
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle: one side has no unit left."""
+        """bool [M]: the step ended the battle: all units of one side are dead."""
     @property
     def truncated(self) -> NDArray[np.bool_]:
         """bool [M]: the step reached the episode limit with both sides alive."""
     @property
     def battle_won(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle in a victory of the agents."""
+        """bool [M]: the step ended the battle and the agents won."""
     @property
     def dead_allies(self) -> NDArray[np.int32]:
         """int32 [M]: agents that died so far in the episode."""
@@ -80,7 +80,7 @@ class Batch:
         """int32 [M]: steps so far; on an episode's last step its total."""
     @property
     def final_obs(self) -> NDArray[np.float32]:
-        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended in this step."""
+        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended."""
     @property
     def final_state(self) -> NDArray[np.float32]:
         """float32 [M, state_size]: same-step autoreset: last state, as final_obs."""
@@ -89,16 +89,16 @@ class Batch:
         """bool [M, n_agents, n_actions]: same-step autoreset: last avail_actions, as final_obs."""
     @property
     def sequence(self) -> int:
-        """Counts the frames of the lane, from 1."""
+        """Number of this batch among all that the lane has sent, from 1."""
     def keys(self) -> list[str]: ...
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
-        """All fields as torch tensors over the same memory, by name; a write to one raises."""
+        """Return a dict from field names to torch tensors over the same memory. Writing to one raises."""
     def __len__(self) -> int: ...
 
 @final
 class Envs:
-    """The environments of a lane, attached to by `make` or `connect`."""
+    """The environments of a lane, as returned by `make` and `connect`."""
 
     def reset(
         self,
@@ -107,7 +107,9 @@ class Envs:
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
     ) -> Batch: ...
-    def step(self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None) -> Batch: ...
+    def step(
+        self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
+    ) -> Batch: ...
     def send(self, actions: ArrayLike, env_id: ArrayLike | None = None) -> None: ...
     def recv(self, timeout: float | None = None) -> Batch: ...
     def async_reset(self, seed: int | None = None) -> None: ...

@@ -1,27 +1,27 @@
-"""What can go wrong, under one base class; each is also the built-in that fits it."""
+"""Exceptions of this package. All derive from `PoolError` and from a fitting built-in exception."""
 
 from __future__ import annotations
 
 
 class PoolError(Exception):
-    """Base of every error of this package."""
+    """Base class of all exceptions of this package."""
 
 
 class InvalidRequest(PoolError, ValueError):
-    """A value that cannot be: a setting, a shape, an environment, a request out of turn. Nothing was done."""
+    """A setting, shape, environment id or request is invalid. The call had no effect."""
 
 
 class IllegalAction(InvalidRequest):
-    """An action that is not available to its agent. Nothing was stepped, in no environment."""
+    """An action is not available to its agent. No environment was stepped."""
 
     env: int
-    """The environment."""
+    """Id of the environment."""
     agent: int
-    """The agent in it."""
+    """Index of the agent in the environment."""
     action: int
-    """The action that was given."""
+    """The invalid action."""
     available: list[int]
-    """The actions that are available to the agent."""
+    """The actions that are available to the agent, in ascending order."""
 
     def __init__(self, message: str, env: int, agent: int, action: int, available: list[int]) -> None:
         super().__init__(message)
@@ -32,62 +32,62 @@ class IllegalAction(InvalidRequest):
 
 
 class ScenarioError(PoolError, ValueError):
-    """A scenario or unit file that is wrong; the message names file, key, value and what would be right."""
+    """A scenario is unknown, or a scenario or unit file is invalid; the message names file, key and value."""
 
 
 class StartError(PoolError, RuntimeError):
-    """A pool could not start. Nothing of it is left."""
+    """A pool could not start. Everything it had created is removed."""
 
 
 class TooLittleMemory(PoolError, MemoryError):
-    """/dev/shm has too little room; the message says how much is needed and how to get it."""
+    """/dev/shm has too little free space; the message says how much is needed and how to provide it."""
 
 
 class ConnectError(PoolError, ConnectionError):
-    """A pool could not be attached to or asked."""
+    """Attaching to a pool, or requesting its status, failed."""
 
 
 class NoSuchPool(ConnectError):
-    """No pool of that name runs; the message names those that do."""
+    """No pool of that name is running; the message lists the running pools."""
 
 
 class LaneTaken(ConnectError):
-    """The lane has a learner already."""
+    """The lane already has a learner."""
 
-    holder: int
-    """The learner's process."""
+    learner_pid: int
+    """Process id of that learner."""
 
-    def __init__(self, message: str, holder: int) -> None:
+    def __init__(self, message: str, learner_pid: int) -> None:
         super().__init__(message)
-        self.holder = holder
+        self.learner_pid = learner_pid
 
     def __reduce__(self) -> tuple[type[LaneTaken], tuple[str, int]]:
-        return type(self), (str(self), self.holder)
+        return type(self), (str(self), self.learner_pid)
 
 
 class PoolDied(PoolError, ConnectionError):
-    """The supervisor is gone. Batches that are held stay readable; connect anew once it is back."""
+    """The pool's supervisor has ended. Held batches stay readable. Restart the pool and connect again."""
 
 
 class LaneFailed(PoolError, RuntimeError):
-    """A worker failed inside; the lane serves no more. Other lanes go on."""
+    """An internal error stopped the lane. Other lanes of the pool continue."""
 
 
 class Timeout(PoolError, TimeoutError):
-    """Nothing came in time. The batch is still under way: `recv` it, or `reset`."""
+    """No batch arrived in time. It is still being computed: `recv` it, or `reset` to discard it."""
 
 
 class TooManyBatchesHeld(PoolError, RuntimeError):
-    """As many batches are held as the lane allows. Drop one and every array over it, then `recv` again."""
+    """`max_held_batches` batches are in use. Release one and all arrays over it, then call `recv` again."""
 
 
 class Forked(PoolError, RuntimeError):
-    """The environments belong to the process that attached; after a fork the child connects by itself."""
+    """The environments belong to the parent process. After a fork, the child must connect itself."""
 
 
 class Busy(PoolError, RuntimeError):
-    """Another thread is in a call of these environments."""
+    """Another thread is using these environments."""
 
 
 class Closed(PoolError, ValueError):
-    """The environments were closed."""
+    """The environments are closed."""
