@@ -102,19 +102,19 @@ use Dtype::{Bool, F32, I32};
 
 /// The table of fields, in their order in a frame.
 pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
-    spec(Field::EnvId, "env_id", I32, &[], "which environment the slot is"),
-    spec(Field::Obs, "obs", F32, &[Agent, Obs], "observation of each agent; zeros for the dead"),
+    spec(Field::EnvId, "env_id", I32, &[], "number of the environment"),
+    spec(Field::Obs, "obs", F32, &[Agent, Obs], "observation of each agent; zeros for dead agents"),
     spec(Field::State, "state", F32, &[State], "global state, for training only"),
     spec(
         Field::AvailActions,
         "avail_actions",
         Bool,
         &[Agent, Action],
-        "which actions are legal in the next step",
+        "which actions are available in the next step",
     ),
-    spec(Field::Alive, "alive", Bool, &[Agent], "which agents live"),
+    spec(Field::Alive, "alive", Bool, &[Agent], "which agents are alive"),
     spec(Field::Reward, "reward", F32, &[], "team reward of the step just made"),
-    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: one side has no unit left"),
+    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: all units of one side are dead"),
     spec(
         Field::Truncated,
         "truncated",
