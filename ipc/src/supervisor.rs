@@ -108,7 +108,10 @@ impl LaneConfig {
             ));
         }
         if !(2..=1024).contains(&self.max_held_batches) {
-            return bad(format!("max_held_batches must be between 2 and 1024, got {}", self.max_held_batches));
+            return bad(format!(
+                "max_held_batches must be between 2 and 1024, got {}",
+                self.max_held_batches
+            ));
         }
         if self.spectators > 64 {
             return bad(format!("spectators must be between 0 and 64, got {}", self.spectators));
@@ -118,8 +121,13 @@ impl LaneConfig {
 
     /// Splits the settings into what the pool builds and what learners are told.
     fn prepare(self, shared: &Shared<'_>) -> (LaneSpec, LaneDescription) {
-        let capacity =
-            Capacity::new(self.num_envs, self.batch_size, shared.threads, self.max_held_batches, self.spectators);
+        let capacity = Capacity::new(
+            self.num_envs,
+            self.batch_size,
+            shared.threads,
+            self.max_held_batches,
+            self.spectators,
+        );
         let (scenario, rules, episode_limit, sizes, make) = match self.game {
             Game::Battle { scenario, rules, episode_limit } => {
                 let mut arena = Arena::new(&scenario, rules);

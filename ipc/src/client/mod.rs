@@ -429,7 +429,9 @@ impl Parts {
                 Ok(Some(sample)) => sample,
                 Ok(None) => return Ok(None),
                 Err(ReceiveError::ExceedsMaxBorrows) => {
-                    return Err(ClientError::TooManyHeld { limit: self.description.capacity.max_held_batches });
+                    return Err(ClientError::TooManyHeld {
+                        limit: self.description.capacity.max_held_batches,
+                    });
                 }
                 Err(error) => return Err(doing("receiving a frame")(error).into()),
             };
