@@ -25,7 +25,8 @@ pub(crate) struct Roster {
 }
 
 impl Roster {
-    /// Reads the list of groups. Every unit must start on the map, and no two units of one plane at one point.
+    /// Reads the list of groups. Every unit must start on the map, and no two units of one plane at one
+    /// point.
     pub(crate) fn read(groups: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<Roster, ScenarioError> {
         let mut roster = Roster::default();
         for group in groups.items()? {

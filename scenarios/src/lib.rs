@@ -1,5 +1,5 @@
-//! Scenarios: units, start positions and maps. The 23 standard scenarios, the eight terrain presets, and the reader of
-//! scenario files.
+//! Scenarios: units, start positions and maps. The 23 standard scenarios, the eight terrain presets, and the
+//! reader of scenario files.
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles.
 //! This crate plays no battles; it checks everything that the engine relies on (ids, counts, positions on the

@@ -91,7 +91,8 @@ fn attack_point(file: &Object, terrain: &Terrain) -> Result<[f64; 2], FileError>
 
 /// The length of the type one-hot, and the position in it of each type of the roster.
 ///
-/// A one-hot of length 1 carries no information, so a file's 1 counts as 0, and then `unit_type_ids` has no effect.
+/// A one-hot of length 1 carries no information, so a file's 1 counts as 0, and then `unit_type_ids` has no
+/// effect.
 fn read_type_ids(
     file: &Object,
     files: &UnitFiles,
@@ -117,7 +118,8 @@ fn read_type_ids(
     Ok((num_unit_types as usize, type_ids?))
 }
 
-/// Reads `unit_type_ids`, a bijection of unit types onto 0..n. It may contain types that the groups do not have.
+/// Reads `unit_type_ids`, a bijection of unit types onto 0..n. It may contain types that the groups do not
+/// have.
 fn read_ids(node: &Node, n: u32, files: &UnitFiles) -> Result<Vec<(UnitSource, usize)>, ScenarioError> {
     let mut ids: Vec<(UnitSource, usize)> = Vec::new();
     for (name, entry) in node.entries()? {

@@ -1,12 +1,13 @@
 //! The length of obstacle outline that a unit can have in sight, and its limit.
 //!
-//! Collision avoidance considers every obstacle edge within a unit's speed plus radius. On a large map with many
-//! obstacles a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
+//! Collision avoidance considers every obstacle edge within a unit's speed plus radius. On a large map with
+//! many obstacles a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
 
 use crate::{Rect, Terrain};
 
-/// The largest length of outline, in squares, that a unit may have in sight. No map of up to 64 x 64 squares has
-/// more at any speed, and no map of any size has more within the 5 squares or so that the standard units see.
+/// The largest length of outline, in squares, that a unit may have in sight. No map of up to 64 x 64 squares
+/// has more at any speed, and no map of any size has more within the 5 squares or so that the standard units
+/// see.
 pub const MAX_OUTLINE_IN_SIGHT: usize = 1 << 16;
 
 /// The outlines of a map's obstacles, cut into pieces of one square, as a table of sums.

@@ -1,4 +1,5 @@
-//! The search for the unit type that a scenario file names: a standard type, or a file in one of a few folders.
+//! The search for the unit type that a scenario file names: a standard type, or a file in one of a few
+//! folders.
 
 use crate::ScenarioError;
 use smaclite_units::UnitType;
@@ -6,8 +7,8 @@ use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The standard type that the published environment lacks. Scenarios for that environment define it in a file,
-/// so a file of this name has priority.
+/// The standard type that the published environment lacks. Scenarios for that environment define it in a
+/// file, so a file of this name has priority.
 const ADDED: &str = "HYDRALISK";
 
 /// The identity of a unit type: two names of one file are one type.
@@ -80,9 +81,9 @@ impl<'a> UnitFiles<'a> {
         ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
-    /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself relative to the
-    /// scenario file or to the working directory, then beside the scenario file, then in the working
-    /// directory.
+    /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself
+    /// relative to the scenario file or to the working directory, then beside the scenario file, then in the
+    /// working directory.
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();

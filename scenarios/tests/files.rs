@@ -324,8 +324,8 @@ fn names_and_paths_that_lead_nowhere() {
     let cases = [
         (
             "2s3zz",
-            "`2s3zz` is neither a standard scenario nor the path of a file, as in `./my_scenario.json`; did you \
-             mean `2s3z`?",
+            "`2s3zz` is neither a standard scenario nor the path of a file, as in `./my_scenario.json`; did \
+             you mean `2s3z`?",
         ),
         ("no/where.json", "no/where.json: cannot be read: No such file or directory (os error 2)"),
     ];

@@ -1,8 +1,8 @@
 //! Unit types: the stats of a unit, the ten standard types, and the reader of unit files.
 //!
 //! Nothing here moves or fights; a [`UnitType`] is a record of stats that the engine reads. The checked JSON
-//! reader in [`mod@file`] reads unit files here and scenario files in `smaclite-scenarios`, so that both report
-//! mistakes in the same form.
+//! reader in [`mod@file`] reads unit files here and scenario files in `smaclite-scenarios`, so that both
+//! report mistakes in the same form.
 //!
 //! ```
 //! use smaclite_units::UnitType;

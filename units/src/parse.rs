@@ -64,8 +64,8 @@ impl UnitType {
     /// ```
     ///
     /// # Errors
-    /// [`UnitError`] for the first mistake: invalid JSON, an unknown or missing key, a value of the wrong type or
-    /// out of range, or values that contradict each other.
+    /// [`UnitError`] for the first mistake: invalid JSON, an unknown or missing key, a value of the wrong
+    /// type or out of range, or values that contradict each other.
     pub fn from_json(text: &str, name: &str, source: &str) -> Result<UnitType, UnitError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;

@@ -1,5 +1,5 @@
-//! Checked reading of JSON files: every mistake becomes an error of one line that says where it is and what is
-//! accepted.
+//! Checked reading of JSON files: every mistake becomes an error of one line that says where it is and what
+//! is accepted.
 //!
 //! Objects keep the order of their keys, because the order of unit types in a group decides where the units
 //! start, and a duplicate key is an error. The meaning of the keys is defined in `parse` and in
@@ -20,8 +20,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The largest scenario file, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to a huge file does
-/// not fill the memory.
+/// The largest scenario file, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to a huge file
+/// does not fill the memory.
 pub const MAX_SCENARIO_BYTES: u64 = 8 << 20;
 
 /// The largest unit file, in bytes. A scenario may name a thousand of them.
@@ -37,8 +37,8 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    // Some files that claim to be regular block when they are read, as /proc/kmsg does. With NONBLOCK the read
-    // is an error instead.
+    // Some files that claim to be regular block when they are read, as /proc/kmsg does. With NONBLOCK the
+    // read is an error instead.
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
     let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
     let file = File::from(file);

@@ -73,7 +73,8 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The error that this value contradicts others; `conflict` completes a sentence that begins with the key.
+    /// The error that this value contradicts others; `conflict` completes a sentence that begins with the
+    /// key.
     pub fn conflict(&self, conflict: String) -> FileError {
         FileError::Conflict { file: self.file.into(), key: self.key.clone(), conflict }
     }

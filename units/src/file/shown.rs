@@ -5,8 +5,8 @@ use std::path::Path;
 /// The largest number of characters that a message shows of a key, a name or a string.
 const MAX_TEXT: usize = 60;
 
-/// The largest number of characters that a message shows of a path. Of a longer path the end is shown, because
-/// it identifies the file.
+/// The largest number of characters that a message shows of a path. Of a longer path the end is shown,
+/// because it identifies the file.
 const MAX_PATH: usize = 400;
 
 /// The beginning of `text`, on one line.
