@@ -1,8 +1,8 @@
-//! The engine beside recorded battles of the published environment, step by step and over whole episodes, to
-//! the bit.
+//! Comparison of the engine with recorded battles of the published environment, bit for bit: step by step,
+//! and over whole episodes.
 //!
-//! `SMACLITE_TRACES=folder cargo test --release -p smaclite-tests --test conformance -- --nocapture` checks
-//! any other recordings, with a `<scenario>.json` beside those of custom scenarios.
+//! `SMACLITE_TRACES=folder cargo test --release -p smaclite-tests --test conformance -- --nocapture` compares
+//! with other recordings, which have a `<scenario>.json` beside those of custom scenarios.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use smaclite_tests::compare::{self, Comparison};
 use smaclite_tests::{Recording, recording};
 
 #[test]
-fn battles_are_those_of_the_published_environment() {
+fn battles_equal_those_of_the_published_environment() {
     let mut total = Tally::default();
     let mut whole_episodes = 0;
     let recordings = recording::all();
@@ -30,11 +30,11 @@ fn battles_are_those_of_the_published_environment() {
     }
     let files = recordings.len();
     println!("total: {files} files, {total}, whole episodes {whole_episodes} of {files}");
-    assert_eq!(total.same, total.steps, "steps that are the recorded ones, see above");
-    assert_eq!(whole_episodes, files, "whole episodes that are the recorded ones, see above");
+    assert_eq!(total.same, total.steps, "steps equal to the recorded ones, see above");
+    assert_eq!(whole_episodes, files, "whole episodes equal to the recorded ones, see above");
 }
 
-/// How many steps are those of the recording.
+/// Number of steps that equal the recording.
 #[derive(Default)]
 struct Tally {
     steps: usize,
@@ -67,17 +67,16 @@ impl fmt::Display for Tally {
     }
 }
 
-/// A recording played in two ways at once: as one episode from its reset, and each step from its recorded
-/// snapshot.
+/// A recording replayed in two ways: as one episode from its reset, and each step from its recorded snapshot.
 struct Replay<'a> {
     recording: &'a Recording,
     /// Played from the reset with the recorded actions alone.
     episode: Battle,
-    /// Put into each recorded snapshot in turn.
+    /// Restored from each recorded snapshot in turn.
     step: Battle,
     scratch: Scratch,
     tally: Tally,
-    /// Where the episode first differs from the recording.
+    /// The first difference between the episode and the recording.
     episode_difference: Option<String>,
 }
 
@@ -107,7 +106,7 @@ impl<'a> Replay<'a> {
         }
     }
 
-    /// From the recorded snapshot, with the recorded orders, one step must lead to the next snapshot.
+    /// From the recorded snapshot with the recorded orders, one step must lead to the next recorded snapshot.
     fn play_step(&mut self, t: usize, name: &str) {
         let recording = self.recording;
         let snapshot = recording.snapshot(t, &self.episode);
@@ -126,7 +125,7 @@ impl<'a> Replay<'a> {
         self.tally.count(name, &comparison);
     }
 
-    /// The episode goes on by a step: the recorded orders must come out, and the recorded snapshot.
+    /// Plays one step of the episode: it must have the recorded orders, and lead to the recorded snapshot.
     fn play_episode(&mut self, t: usize, name: &str) {
         if self.episode_difference.is_some() {
             return;

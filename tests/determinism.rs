@@ -1,4 +1,4 @@
-//! The same battles on 1, 2 and 4 threads come to the same bits, and so do battles that share a scratch.
+//! The same battles on 1, 2 and 4 threads have the same bits, also if battles share a scratch.
 
 use std::sync::Arc;
 use std::thread;
@@ -36,19 +36,19 @@ fn course(mut battle: Battle, seed: u64, scratch: &mut Scratch) -> Course {
     course
 }
 
-/// The courses of all battles, dealt out to threads; each thread has one scratch for all of its battles.
+/// The courses of all battles, distributed over threads; each thread has one scratch for all of its battles.
 fn courses(n_threads: usize) -> Vec<Course> {
     let battles = battles();
     let mut courses: Vec<Course> = vec![Vec::new(); battles.len()];
     thread::scope(|scope| {
-        let mut hands: Vec<Vec<_>> = (0..n_threads).map(|_| Vec::new()).collect();
+        let mut shares: Vec<Vec<_>> = (0..n_threads).map(|_| Vec::new()).collect();
         for (i, (battle, course)) in battles.into_iter().zip(&mut courses).enumerate() {
-            hands[i % n_threads].push((i, battle, course));
+            shares[i % n_threads].push((i, battle, course));
         }
-        for hand in hands {
+        for share in shares {
             scope.spawn(move || {
                 let mut scratch = Scratch::new();
-                for (i, battle, out) in hand {
+                for (i, battle, out) in share {
                     *out = course(battle, i as u64, &mut scratch);
                 }
             });
@@ -57,7 +57,7 @@ fn courses(n_threads: usize) -> Vec<Course> {
     courses
 }
 
-/// Where two courses of the same battles first differ.
+/// The first difference between two courses of the same battles.
 fn first_difference(a: &[Course], b: &[Course]) -> Option<String> {
     let bits = |units: &Units, unit: usize| {
         let floats = [
@@ -96,7 +96,7 @@ fn threads_change_no_bit() {
 }
 
 #[test]
-fn a_difference_is_named() {
+fn a_difference_is_reported() {
     let a = courses(1);
     let mut b = a.clone();
     b[3][17].pos[2].x = f32::from_bits(b[3][17].pos[2].x.to_bits() ^ 1);

@@ -1,9 +1,10 @@
-//! The standard scenarios are the 23 maps of SMAC, with the same sizes: code written for SMAC runs unchanged.
+//! The standard scenarios are the 23 maps of SMAC, with the same sizes, so that code written for SMAC runs
+//! unchanged.
 
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::Scenario;
 
-/// SMAC's figures: name, agents, enemies, episode limit, actions, sizes of observation and state.
+/// SMAC's sizes: name, agents, enemies, episode limit, actions, sizes of observation and state.
 const MAPS: [(&str, [usize; 6]); 23] = [
     ("10m_vs_11m", [10, 11, 150, 17, 105, 243]),
     ("1c3s5z", [9, 9, 180, 15, 162, 270]),
@@ -34,7 +35,7 @@ const MAPS: [(&str, [usize; 6]); 23] = [
 fn sizes_are_those_of_smac() {
     let found: Vec<(&str, [usize; 6])> = Scenario::standard_names()
         .map(|name| {
-            let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} should be readable"));
+            let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} must be readable"));
             let arena = Arena::new(&scenario, Rules::default());
             let (s, limit) = (arena.sizes(), arena.episode_limit().unwrap_or(0) as usize);
             (name, [s.n_agents, s.n_enemies, limit, s.n_actions, s.obs_size, s.state_size])

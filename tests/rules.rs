@@ -1,4 +1,4 @@
-//! Rules that recorded battles seldom or never come to, in battles of a few units set up for them.
+//! Rules that recorded battles seldom or never exercise, in battles of a few units.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use smaclite_scenarios::Scenario;
 const STOP: i32 = action::STOP as i32;
 const TARGET: i32 = action::FIRST_TARGET as i32;
 
-/// A battle of a few units on open ground, each type's count as in a scenario file: `"MARINE": 2`.
+/// A battle of a few units without obstacles. Units are given as in a scenario file: `"MARINE": 2`.
 struct Setting {
     battle: Battle,
     snapshot: Snapshot,
@@ -43,8 +43,8 @@ impl Setting {
         self
     }
 
-    /// Plays one step with units acting by ascending id, or in another order; what was seen after its first
-    /// tick.
+    /// Plays one step, with units acting by ascending id or in another order; returns the battle after its
+    /// first tick.
     fn play(&mut self, actions: &[i32], order: Option<&[u32]>) -> FirstTick {
         self.battle.restore(&self.snapshot).expect("a snapshot of this battle");
         let ids: Vec<u32> = (0..self.snapshot.units.hp.len() as u32).collect();
@@ -69,19 +69,19 @@ struct FirstTick {
     earned: f64,
 }
 
-/// R1: with a target that is no healer, while some agent is a living healer out of sight.
+/// R1: with a target that is not a healer, while an agent is a living healer out of sight.
 #[test]
-fn r1_a_unit_with_a_target_turns_to_a_nearer_one_only_by_smaclites_rules() {
+fn r1_a_unit_with_a_target_switches_to_a_nearer_one_only_under_smaclite() {
     for (rules, target) in [(Rules::Smaclite, 2), (Rules::Paper, 1)] {
         let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 2"#, r#""MARINE": 1"#);
         setting.place(0, 2.0, 16.0).place(1, 18.0, 16.0).place(2, 20.0, 16.0).place(3, 22.0, 16.0);
         setting.snapshot.units.target[3] = Some(1);
-        let seen = setting.play(&[STOP; 3], None);
-        assert_eq!(seen.units.target[3], Some(target), "{rules}");
+        let after = setting.play(&[STOP; 3], None);
+        assert_eq!(after.units.target[3], Some(target), "{rules}");
     }
 }
 
-/// R1: healers come first under both rule sets, however far.
+/// R1: healers are attacked first under both rule sets, at any distance.
 #[test]
 fn r1_healers_come_first() {
     for rules in [Rules::Smaclite, Rules::Paper] {
@@ -89,15 +89,15 @@ fn r1_healers_come_first() {
         setting.place(0, 17.5, 16.0).place(1, 20.0, 16.0).place(2, 22.0, 16.0);
         for target in [None, Some(1)] {
             setting.snapshot.units.target[2] = target;
-            let seen = setting.play(&[STOP; 2], None);
-            assert_eq!(seen.units.target[2], Some(0), "{rules}");
+            let after = setting.play(&[STOP; 2], None);
+            assert_eq!(after.units.target[2], Some(0), "{rules}");
         }
     }
 }
 
-/// A marine with 3 health beside an enemy zealot, and a medivac that has been healing it. Zealots cannot hit
+/// A marine with 3 health beside an enemy zealot, and a medivac that heals it. Zealots cannot attack
 /// medivacs.
-fn last_breath(rules: Rules) -> Setting {
+fn dying_marine(rules: Rules) -> Setting {
     let mut setting = Setting::new(rules, r#""MEDIVAC": 1, "MARINE": 1"#, r#""ZEALOT": 1"#);
     setting.place(0, 8.0, 16.0).place(1, 9.0, 16.0).place(2, 9.9, 16.0);
     setting.snapshot.units.hp[1] = 3.0;
@@ -107,21 +107,21 @@ fn last_breath(rules: Rules) -> Setting {
 
 /// R2: a marine is killed, and healed later in the same tick.
 #[test]
-fn r2_a_heal_in_the_tick_of_the_kill_saves_only_by_smaclites_rules() {
+fn r2_a_heal_in_the_tick_of_the_kill_saves_only_under_smaclite() {
     for (rules, lives) in [(Rules::Smaclite, true), (Rules::Paper, false)] {
-        let mut setting = last_breath(rules);
-        let seen = setting.play(&[TARGET + 1, STOP], Some(&[2, 1, 0]));
-        assert_eq!(seen.units.alive[1], lives, "{rules}");
-        assert_eq!(seen.units.hp[1], if lives { 0.5625 } else { 0.0 }, "{rules}");
+        let mut setting = dying_marine(rules);
+        let after = setting.play(&[TARGET + 1, STOP], Some(&[2, 1, 0]));
+        assert_eq!(after.units.alive[1], lives, "{rules}");
+        assert_eq!(after.units.hp[1], if lives { 0.5625 } else { 0.0 }, "{rules}");
         let full = setting.snapshot.units.energy[0] + 0.5625 / 16.0;
-        assert_eq!(seen.units.energy[0], if lives { full - 1.0 } else { full }, "{rules}");
+        assert_eq!(after.units.energy[0], if lives { full - 1.0 } else { full }, "{rules}");
     }
 }
 
-/// R2: a commanded healer goes on healing one that is out of the battle, to no effect.
+/// R2: a commanded healer continues to heal a dead unit, without effect.
 #[test]
-fn r2_the_dead_do_not_rise() {
-    let mut setting = last_breath(Rules::Smaclite);
+fn r2_dead_units_stay_dead() {
+    let mut setting = dying_marine(Rules::Smaclite);
     setting.play(&[TARGET + 1, STOP], Some(&[0, 1, 2]));
     let units = setting.battle.units();
     assert!(units.hp[1] > 0.0 && !units.alive[1]);
@@ -130,45 +130,44 @@ fn r2_the_dead_do_not_rise() {
     assert!(setting.battle.is_available(1, action::NO_OP));
 }
 
-/// R3: an enemy medivac (3.5 squares a second) without a target, among marines (3.15) and away from them.
+/// R3: an enemy medivac (3.5 squares per second) without a target, among marines (3.15) and away from them.
 #[test]
-fn r3_a_healer_goes_as_its_slowest_neighbour() {
+fn r3_a_healer_has_the_speed_of_the_slowest_unit_around() {
     for rules in [Rules::Smaclite, Rules::Paper] {
         let mut setting = Setting::new(rules, r#""MARINE": 1"#, r#""MEDIVAC": 1, "MARINE": 2"#);
         setting.place(0, 2.0, 16.0).place(1, 25.0, 16.0).place(2, 24.0, 16.0);
         for (x, speed) in [(26.0, 3.15), (10.0, 3.15)] {
             setting.place(3, x, 16.0);
-            let seen = setting.play(&[STOP], None);
-            assert!((seen.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
+            let after = setting.play(&[STOP], None);
+            assert!((after.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", after.preferred[1]);
         }
         setting.place(2, 10.0, 17.0);
-        let seen = setting.play(&[STOP], None);
-        assert!((seen.preferred[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
+        let after = setting.play(&[STOP], None);
+        assert!((after.preferred[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", after.preferred[1]);
     }
 }
 
-/// R3: a medivac among faster stalkers (4.13) wants to go as fast as they do; its maximum limits what comes
-/// of it.
+/// R3: a medivac among faster stalkers (4.13) prefers their speed; its maximum limits the resulting velocity.
 #[test]
-fn r3_a_healer_may_want_to_go_faster_than_it_can() {
+fn r3_a_healer_may_prefer_more_than_its_maximum_speed() {
     for (rules, speed) in [(Rules::Smaclite, 4.13), (Rules::Paper, 3.5)] {
         let mut setting = Setting::new(rules, r#""MARINE": 1"#, r#""MEDIVAC": 1, "STALKER": 1"#);
         setting.place(0, 2.0, 16.0).place(1, 25.0, 16.0).place(2, 24.0, 16.0);
-        let seen = setting.play(&[STOP], None);
-        assert!((seen.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", seen.preferred[1]);
-        assert!((seen.units.vel[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", seen.units.vel[1]);
+        let after = setting.play(&[STOP], None);
+        assert!((after.preferred[1].length() - speed).abs() < 1e-5, "{rules}: {}", after.preferred[1]);
+        assert!((after.units.vel[1].length() - 3.5).abs() < 1e-5, "{rules}: {}", after.units.vel[1]);
     }
 }
 
 /// R4: a marine is killed after it declared an attack and before its turn, and healed in the same tick.
 #[test]
-fn r4_an_attack_that_was_declared_before_a_revival_is_held() {
-    let mut setting = last_breath(Rules::Smaclite);
-    let seen = setting.play(&[TARGET + 1, TARGET], Some(&[2, 1, 0]));
-    assert!(seen.units.alive[1] && seen.units.declared[1]);
-    assert_eq!(seen.units.shield[2], 50.0, "the marine had no turn");
-    // It did not move either: the velocity with which it last moved is that of before.
-    assert_eq!(seen.units.vel[1], Vec2::ZERO);
+fn r4_an_attack_that_was_declared_before_death_and_healing_is_held() {
+    let mut setting = dying_marine(Rules::Smaclite);
+    let after = setting.play(&[TARGET + 1, TARGET], Some(&[2, 1, 0]));
+    assert!(after.units.alive[1] && after.units.declared[1]);
+    assert_eq!(after.units.shield[2], 50.0, "the marine had no turn");
+    // It did not move either, so it keeps the velocity with which it last moved.
+    assert_eq!(after.units.vel[1], Vec2::ZERO);
 }
 
 /// R4: the held attack is executed at any distance, in the next turn with a target.
@@ -178,80 +177,82 @@ fn r4_a_held_attack_is_executed_at_any_distance() {
         let mut setting = Setting::new(Rules::Smaclite, r#""MARINE": 1"#, r#""MARINE": 1"#);
         setting.place(0, 9.0, 16.0).place(1, 14.9, 16.0);
         setting.snapshot.units.declared[0] = declared;
-        let seen = setting.play(&[TARGET], None);
-        assert_eq!(seen.units.hp[1], if declared { 39.0 } else { 45.0 }, "declared: {declared}");
-        assert!(seen.preferred[0].x > 0.0 && !seen.units.declared[0]);
+        let after = setting.play(&[TARGET], None);
+        assert_eq!(after.units.hp[1], if declared { 39.0 } else { 45.0 }, "declared: {declared}");
+        assert!(after.preferred[0].x > 0.0 && !after.units.declared[0]);
     }
 }
 
-/// Whether a target is new is a matter of the healer's target field, which is empty under a command to target
-/// a dead unit: with less than 5 energy such a heal still happens, from the second tick after the death on.
+/// The healer's target field decides whether a target is new, and it is empty under a command to target a
+/// dead unit: with less than 5 energy such a heal still happens, from the second tick after the death on.
 #[test]
-fn five_energy_are_not_asked_for_the_dead() {
-    let mut setting = last_breath(Rules::Smaclite);
+fn healing_dead_units_does_not_require_five_energy() {
+    let mut setting = dying_marine(Rules::Smaclite);
     setting.snapshot.units.energy[0] = 4.0;
     setting.play(&[TARGET + 1, STOP], Some(&[0, 1, 2]));
     let units = setting.battle.units();
     assert!(units.hp[1] > 0.0 && !units.alive[1]);
 }
 
-/// A healer with less than 5 energy turns to no new target, but goes on with the one it has.
+/// A healer with less than 5 energy heals no new target, but continues with its current one.
 #[test]
-fn five_energy_for_a_new_target() {
+fn a_new_target_requires_five_energy() {
     for (energy, previous, heals) in [(4.5, None, false), (5.0, None, true), (4.5, Some(1), true)] {
         let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
         setting.snapshot.units.hp[1] = 30.0;
         setting.snapshot.units.energy[0] = energy;
         setting.snapshot.units.target[0] = previous;
-        let seen = setting.play(&[TARGET + 1, STOP], None);
-        assert_eq!(seen.units.hp[1], if heals { 30.5625 } else { 30.0 }, "energy {energy}");
-        assert_eq!(seen.units.target[0], heals.then_some(1));
+        let after = setting.play(&[TARGET + 1, STOP], None);
+        assert_eq!(after.units.hp[1], if heals { 30.5625 } else { 30.0 }, "energy {energy}");
+        assert_eq!(after.units.target[0], heals.then_some(1));
     }
 }
 
 /// A healer drops a target at full health.
 #[test]
-fn nobody_is_healed_beyond_full_health() {
+fn healing_stops_at_full_health() {
     let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
     setting.snapshot.units.target[0] = Some(1);
-    let seen = setting.play(&[TARGET + 1, STOP], None);
-    assert_eq!((seen.units.target[0], seen.units.healing[0]), (None, 0.0));
+    let after = setting.play(&[TARGET + 1, STOP], None);
+    assert_eq!((after.units.target[0], after.units.healing[0]), (None, 0.0));
 }
 
-/// An enemy that blows itself up adds its health to the reward; one of ours adds nothing but its hits.
+/// An enemy that blows itself up adds its health to the reward; an agent that does adds only the damage of
+/// its hits.
 #[test]
-fn what_an_explosion_earns() {
+fn reward_of_an_explosion() {
     let mut setting = Setting::new(Rules::Smaclite, r#""ZEALOT": 1"#, r#""BANELING": 1"#);
     setting.place(0, 16.0, 16.0).place(1, 17.0, 16.0);
-    let seen = setting.play(&[STOP], Some(&[1, 0]));
-    assert_eq!(seen.earned, 30.0);
-    // 80 damage: 50 to the shield, and 1 of the rest to armor.
-    assert_eq!((seen.units.shield[0], seen.units.hp[0]), (0.0, 71.0));
+    let after = setting.play(&[STOP], Some(&[1, 0]));
+    assert_eq!(after.earned, 30.0);
+    // 80 damage: the shield absorbs 50, and armor 1 of the rest.
+    assert_eq!((after.units.shield[0], after.units.hp[0]), (0.0, 71.0));
 
     let mut setting = Setting::new(Rules::Smaclite, r#""BANELING": 1"#, r#""ZERGLING": 2"#);
     setting.place(0, 16.0, 16.0).place(1, 16.9, 16.0).place(2, 25.0, 16.0);
-    let seen = setting.play(&[TARGET], Some(&[0, 1, 2]));
-    assert_eq!(seen.earned, 45.0);
-    assert!(!seen.units.alive[0] && !seen.units.alive[1]);
+    let after = setting.play(&[TARGET], Some(&[0, 1, 2]));
+    assert_eq!(after.earned, 45.0);
+    assert!(!after.units.alive[0] && !after.units.alive[1]);
 }
 
-/// Explosions and beams reach every plane: `valid_targets` decides only what a unit may aim at.
+/// Explosions and beams hit every plane: `valid_targets` decides only which units may be targeted.
 #[test]
 fn explosions_and_beams_hit_units_in_the_air() {
     let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 1, "MARINE": 1"#, r#""BANELING": 1"#);
     setting.place(0, 17.5, 17.0).place(1, 16.0, 16.0).place(2, 17.0, 16.0);
-    let seen = setting.play(&[STOP; 2], Some(&[2, 0, 1]));
-    assert_eq!(seen.units.hp[0], 150.0 - 79.0, "1 of the 80 goes to armor");
+    let after = setting.play(&[STOP; 2], Some(&[2, 0, 1]));
+    assert_eq!(after.units.hp[0], 150.0 - 79.0, "armor absorbs 1 of the 80");
 
     let mut setting = Setting::new(Rules::Smaclite, r#""COLOSSUS": 1"#, r#""MEDIVAC": 1, "MARINE": 1"#);
     setting.place(0, 12.0, 16.0).place(1, 17.0, 17.0).place(2, 17.0, 16.0);
-    let seen = setting.play(&[TARGET + 1], Some(&[0]));
-    assert_eq!(seen.units.hp[1], 150.0 - 2.0 * 9.0, "two hits of 10");
+    let after = setting.play(&[TARGET + 1], Some(&[0]));
+    assert_eq!(after.units.hp[1], 150.0 - 2.0 * 9.0, "two hits of 10");
 }
 
-/// A colossus goes on firing at a target that died in this step; when nobody else is there, nothing happens.
+/// A colossus continues to fire at a target that died in this step. If no other unit is there it hits
+/// nothing, but its cooldown starts.
 #[test]
-fn a_laser_on_the_dead_spends_its_cooldown() {
+fn a_laser_at_a_dead_target_starts_its_cooldown() {
     let mut setting =
         Setting::new(Rules::Smaclite, r#""COLOSSUS": 1, "MARINE": 1"#, r#""MARINE": 1, "ZEALOT": 1"#);
     setting.place(0, 12.0, 16.0).place(1, 13.0, 17.5).place(2, 17.0, 16.0).place(3, 29.0, 16.0);
@@ -263,10 +264,10 @@ fn a_laser_on_the_dead_spends_its_cooldown() {
     assert!((0.5..1.07).contains(&units.cooldown[0]), "cooldown {}", units.cooldown[0]);
 }
 
-/// In what a healer observes of the enemies stands which allies are within its targeting range, healers
-/// included, though the available actions leave healers out.
+/// In a healer's observation the first entry of the enemy blocks says which allies are within its targeting
+/// range. That includes healers, which the available actions exclude.
 #[test]
-fn a_healers_observation_marks_healers_too() {
+fn a_healers_observation_includes_healers_in_range() {
     let mut setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 2, "MARINE": 1"#, r#""MARINE": 3"#);
     setting.place(0, 9.0, 16.0).place(1, 10.0, 16.0).place(2, 9.0, 17.0);
     (3..6).for_each(|enemy| _ = setting.place(enemy, 15.0, 14.0 + enemy as f32));
@@ -274,16 +275,15 @@ fn a_healers_observation_marks_healers_too() {
     let sizes = setting.battle.arena().sizes();
     let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
     setting.battle.write_obs(&mut obs, &mut Scratch::new());
-    // After the four moves, five numbers an enemy; the first is the mark.
-    let marks = |agent: usize| [0, 1, 2].map(|enemy| obs[agent * sizes.obs_size + 4 + 5 * enemy]);
-    assert_eq!([marks(0), marks(1)], [[0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]);
+    // After the four moves there are five numbers per enemy.
+    let in_range = |agent: usize| [0, 1, 2].map(|enemy| obs[agent * sizes.obs_size + 4 + 5 * enemy]);
+    assert_eq!([in_range(0), in_range(1)], [[0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]);
     assert!(!setting.battle.is_available(0, action::FIRST_TARGET + 1));
 }
 
-/// Healers heal neither themselves nor each other, wherever they stand in their group, and see enemies in the
-/// columns of their allies.
+/// Healers can target neither themselves nor each other, whatever their position in their group.
 #[test]
-fn whom_healers_can_target() {
+fn targets_of_healers() {
     let setting = Setting::new(Rules::Smaclite, r#""MEDIVAC": 2, "MARINE": 2"#, r#""MARINE": 1"#);
     let sizes = setting.battle.arena().sizes();
     assert_eq!(sizes.n_actions, 6 + 4);

@@ -1,5 +1,5 @@
-//! The engine beside battles that were recorded tick by tick: for finding the first tick and quantity that
-//! differ.
+//! Comparison of the engine with battles that were recorded tick by tick, which finds the first tick and
+//! quantity that differ.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use smaclite_tests::compare;
 use smaclite_tests::recording::{self, Ticks};
 
 #[test]
-fn every_tick_is_that_of_the_published_environment() {
+fn every_tick_equals_that_of_the_published_environment() {
     let mut differences = Vec::new();
     let mut n_ticks = 0;
     for recording in &recording::all() {
@@ -31,17 +31,17 @@ fn first_difference(recording: &Recording, ticks: &Ticks) -> Option<String> {
     let mut scratch = Scratch::new();
     let mut first = None;
     for (t, actions) in recording.actions.iter().enumerate() {
-        let step = battle.step_observed(actions, ExecutionOrder::Drawn, &mut scratch, |seen| {
-            let tick = t * TICKS_PER_STEP + seen.index;
+        let step = battle.step_observed(actions, ExecutionOrder::Drawn, &mut scratch, |played| {
+            let tick = t * TICKS_PER_STEP + played.index;
             let mut comparison = compare::Comparison::default();
-            for unit in (0..seen.units.pos.len()).filter(|&unit| ticks.frames[tick].alive[unit]) {
-                let (recorded, found) = (ticks.preferred[tick][unit], seen.preferred[unit]);
+            for unit in (0..played.units.pos.len()).filter(|&unit| ticks.frames[tick].alive[unit]) {
+                let (recorded, found) = (ticks.preferred[tick][unit], played.preferred[unit]);
                 comparison.same(format_args!("preferred velocity of unit {unit}"), recorded, found);
             }
-            comparison.same("execution order", &recording.orders[t][seen.index][..], seen.order);
-            let units = compare::units(&ticks.frames[tick + 1], seen.units);
+            comparison.same("execution order", &recording.orders[t][played.index][..], played.order);
+            let units = compare::units(&ticks.frames[tick + 1], played.units);
             comparison.difference = comparison.difference.or(units.difference);
-            comparison.same("reward", ticks.earned[tick], seen.earned);
+            comparison.same("reward", ticks.earned[tick], played.earned);
             if let (None, Some(difference)) = (&first, comparison.difference) {
                 first = Some(format!("step {t}, tick {tick}: {difference}"));
             }

@@ -1,50 +1,48 @@
-//! The `groups` of a scenario file: which units there are and where they start.
+//! The `groups` of a scenario file: the units and their start positions.
 
-use crate::layout::layout;
+use crate::formation;
 use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Placement, ScenarioError, Terrain};
-use smaclite_units::file::{FileError, Limits, Node};
-use smaclite_units::{Plane, UnitType};
+use smaclite_units::file::{FileError, Node, Range};
+use smaclite_units::{Keyword, Plane, UnitType};
 use std::collections::HashSet;
 
-/// Wider than any map; where the units then stand is checked against the map itself.
-const COORDINATE: Limits = Limits::from_to(-1e6, 1e6);
+/// Wider than any map; the positions of the units are checked against the map itself.
+const COORDINATE: Range = Range::closed(-1e6, 1e6);
 
-/// The units of a scenario and their types, in the order that gives both their ids.
+/// The units of a scenario and their types; the order defines the ids of both.
 #[derive(Default)]
 pub(crate) struct Roster {
     pub(crate) unit_types: Vec<UnitType>,
-    /// Where each of `unit_types` comes from.
+    /// The source of each of `unit_types`.
     pub(crate) sources: Vec<UnitSource>,
-    /// Where the file first names each of `unit_types`.
+    /// The key that first names each of `unit_types`.
     keys: Vec<String>,
     pub(crate) units: Vec<Placement>,
-    n_allies: usize,
-    n_enemies: usize,
-    /// Start positions that are taken, as f32 bits, by plane.
-    taken: HashSet<(u8, u32, u32)>,
+    /// Occupied start positions: plane, and x and y as f32 bits.
+    occupied: HashSet<(u8, u32, u32)>,
 }
 
 impl Roster {
-    /// Reads the list of groups; every unit stands on the map and no two of one plane on the same point.
+    /// Reads the list of groups. Every unit must start on the map, and no two units of one plane at one
+    /// point.
     pub(crate) fn read(groups: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<Roster, ScenarioError> {
         let mut roster = Roster::default();
         for group in groups.items()? {
             roster.add_group(&group, files, terrain)?;
         }
-        for (word, count) in [("ALLY", roster.n_allies), ("ENEMY", roster.n_enemies)] {
-            if count == 0 {
-                return Err(groups
-                    .invalid(format!("a list with at least one group of faction {word}"))
-                    .into());
+        for faction in [Faction::Ally, Faction::Enemy] {
+            if roster.count(faction) == 0 {
+                let expected = format!("a list with at least one group of faction {}", faction.name());
+                return Err(groups.invalid(expected).into());
             }
         }
         roster.check_sight(files, terrain)?;
         Ok(roster)
     }
 
-    /// Checks that no type sees so many obstacles that a battle would be no use.
+    /// Checks that no type sees more obstacles than a battle can handle in reasonable time.
     fn check_sight(&self, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
         let range = |unit_type: &UnitType| unit_type.speed + unit_type.radius();
         let types =
@@ -66,22 +64,21 @@ impl Roster {
              and within more than {largest} squares there are too many"
         );
         let (file, key, value) = (self.sources[i].to_string(), key.into(), value.to_string());
-        Err(files.wrong(&self.keys[i], FileError::Invalid { file, key, value, expected }))
+        Err(files.invalid_unit(&self.keys[i], FileError::Invalid { file, key, value, expected }))
     }
 
     /// Checks a file's count of units against the groups.
     pub(crate) fn check_count(&self, count: &Node, faction: Faction) -> Result<(), ScenarioError> {
-        let (word, counted) = match faction {
-            Faction::Ally => ("ALLY", self.n_allies),
-            Faction::Enemy => ("ENEMY", self.n_enemies),
-        };
-        match count.integer(1, MAX_UNITS)? as usize == counted {
-            true => Ok(()),
-            false => {
-                let expected = format!("{counted}, the number of {word} units in `groups`");
-                Err(count.invalid(expected).into())
-            }
+        let actual = self.count(faction);
+        if count.integer(1, MAX_UNITS)? as usize != actual {
+            let expected = format!("{actual}, the number of {} units in `groups`", faction.name());
+            return Err(count.invalid(expected).into());
         }
+        Ok(())
+    }
+
+    fn count(&self, faction: Faction) -> usize {
+        self.units.iter().filter(|unit| unit.faction == faction).count()
     }
 
     fn add_group(&mut self, node: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
@@ -90,7 +87,7 @@ impl Roster {
             group.require("x", "the group's centre, in squares from the west edge")?.number(COORDINATE)?;
         let y =
             group.require("y", "the group's centre, in squares from the south edge")?.number(COORDINATE)?;
-        let faction: Faction = group.require("faction", "ALLY or ENEMY")?.word()?;
+        let faction: Faction = group.require("faction", "ALLY or ENEMY")?.keyword()?;
         let units = group.require("units", "an object of unit types and their counts")?;
         let types = self.read_units(&units, files)?;
         let radii: Vec<f64> = types.iter().map(|&unit_type| self.unit_types[unit_type].radius()).collect();
@@ -98,9 +95,10 @@ impl Roster {
             Faction::Ally => 1.0,
             Faction::Enemy => -1.0,
         };
-        for (unit_type, position) in types.into_iter().zip(layout([x, y], direction, &radii)) {
+        for (unit_type, position) in types.into_iter().zip(formation::positions([x, y], direction, &radii)) {
             self.check_position(node, unit_type, position, terrain)?;
-            self.place(unit_type, faction, position);
+            let id_in_faction = self.count(faction);
+            self.units.push(Placement { unit_type, faction, id_in_faction, position });
         }
         Ok(())
     }
@@ -122,18 +120,19 @@ impl Roster {
             let n = count.integer(1, MAX_UNITS)? as usize;
             if self.units.len() + types.len() + n > MAX_UNITS as usize {
                 let total = self.units.len() + types.len() + n;
-                let conflict = format!("makes {total} units; a scenario has at most {MAX_UNITS}");
+                let conflict =
+                    format!("raises the number of units to {total}; at most {MAX_UNITS} are allowed");
                 return Err(count.conflict(conflict).into());
             }
             types.extend(std::iter::repeat_n(unit_type, n));
         }
-        match types.is_empty() {
-            true => Err(units.invalid("an object with at least one unit type").into()),
-            false => Ok(types),
+        if types.is_empty() {
+            return Err(units.invalid("an object with at least one unit type").into());
         }
+        Ok(types)
     }
 
-    /// Positions are checked as the f32 that the battle starts from.
+    /// Checks a start position, rounded to f32 as in a battle.
     fn check_position(
         &mut self,
         group: &Node,
@@ -148,21 +147,12 @@ impl Roster {
             let conflict = format!("puts a {name} at ({x}, {y}), outside the {width} x {height} map");
             return Err(group.conflict(conflict).into());
         }
-        // Collision avoidance has no direction in which two bodies on one point could part.
-        if !self.taken.insert((*plane as u8, x.to_bits(), y.to_bits())) {
+        // Collision avoidance has no direction in which it could separate two units at one point.
+        if !self.occupied.insert((*plane as u8, x.to_bits(), y.to_bits())) {
             let conflict =
                 format!("puts a {name} at ({x}, {y}), where another {plane} unit starts; move the group");
             return Err(group.conflict(conflict).into());
         }
         Ok(())
-    }
-
-    fn place(&mut self, unit_type: usize, faction: Faction, position: [f64; 2]) {
-        let count = match faction {
-            Faction::Ally => &mut self.n_allies,
-            Faction::Enemy => &mut self.n_enemies,
-        };
-        self.units.push(Placement { unit_type, faction, id_in_faction: *count, position });
-        *count += 1;
     }
 }

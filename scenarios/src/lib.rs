@@ -1,9 +1,9 @@
-//! Scenarios: who fights where. The 23 standard scenarios, the eight terrain presets, and the reader of
-//! scenario files.
+//! Scenarios: units, start positions and maps. The 23 standard scenarios, the eight terrain presets, and the
+//! reader of scenario files.
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles.
-//! Nothing in here plays a battle, and everything the engine relies on (ids, counts, positions on the map) is
-//! checked here.
+//! This crate plays no battles; it checks everything that the engine relies on (ids, counts, positions on the
+//! map).
 //!
 //! ```
 //! use smaclite_scenarios::Scenario;
@@ -18,8 +18,8 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod formation;
 mod groups;
-mod layout;
 mod obstacles;
 mod read;
 mod scenario;
@@ -33,5 +33,5 @@ pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 pub use terrain::{MAX_SIDE, Rect, Terrain};
 
-/// The most units that a scenario may have, both sides together.
+/// The largest number of units of a scenario, both factions together.
 pub const MAX_UNITS: u32 = 1000;

@@ -1,4 +1,4 @@
-//! Blocked squares as rectangles, the form in which collision avoidance sees them.
+//! The blocked squares as rectangles, whose outlines collision avoidance avoids.
 
 use crate::{Rect, Terrain};
 

@@ -1,11 +1,9 @@
-//! The reader of scenario files: which keys there are, their defaults, and how they depend on one another.
+//! The reader of scenario files: the keys, their defaults, and the dependencies between them.
 
 use crate::groups::Roster;
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Scenario, ScenarioError, Terrain};
-use smaclite_units::file::{
-    FileError, Json, Limits, MAX_SCENARIO_BYTES, Node, Object, read_text, shown_path,
-};
+use smaclite_units::file::{FileError, Json, MAX_SCENARIO_BYTES, Node, Object, Range, read_text, shown_path};
 use std::path::Path;
 
 /// Every key of a scenario file.
@@ -34,11 +32,11 @@ const MAX_NAME: usize = 100;
 const MAX_PATH: usize = 4096;
 
 impl Scenario {
-    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are looked for
-    /// from `base_dir`, the folder the file lies in.
+    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are searched
+    /// from `base_dir`, the folder that contains the file.
     ///
     /// # Errors
-    /// [`ScenarioError`] for the first thing that is wrong with the file or with a unit file that it names.
+    /// [`ScenarioError`] for the first mistake in the file or in a unit file that it names.
     pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
         Scenario::read(text, source, Some(base_dir))
     }
@@ -54,7 +52,7 @@ impl Scenario {
         let groups = file.require("groups", "a list of groups with `x`, `y`, `faction` and `units`")?;
         let roster = Roster::read(&groups, &files, &terrain)?;
         for (key, faction) in [("num_allied_units", Faction::Ally), ("num_enemy_units", Faction::Enemy)] {
-            roster.check_count(&file.require(key, "the number of units of that side")?, faction)?;
+            roster.check_count(&file.require(key, "the number of units of that faction")?, faction)?;
         }
         let (num_unit_types, type_ids) = read_type_ids(&file, &files, &roster)?;
         Ok(Scenario {
@@ -82,18 +80,19 @@ impl Scenario {
 }
 
 fn attack_point(file: &Object, terrain: &Terrain) -> Result<[f64; 2], FileError> {
-    let node = file.require("attack_point", "[x, y], where the enemies march to")?;
+    let node = file.require("attack_point", "[x, y], the point that the enemies march to")?;
     let items = node.items()?;
     let [x, y] = items.as_slice() else {
         return Err(node.invalid("two numbers, [x, y]"));
     };
-    let limits = |side: u32| Limits::from_to(0.0, side.into());
-    Ok([x.number(limits(terrain.width()))?, y.number(limits(terrain.height()))?])
+    let range = |side: u32| Range::closed(0.0, side.into());
+    Ok([x.number(range(terrain.width()))?, y.number(range(terrain.height()))?])
 }
 
 /// The length of the type one-hot, and the position in it of each type of the roster.
 ///
-/// A one-hot of length 1 says nothing, so a file's 1 counts as 0, and then `unit_type_ids` has no effect.
+/// A one-hot of length 1 carries no information, so a file's 1 counts as 0, and then `unit_type_ids` has no
+/// effect.
 fn read_type_ids(
     file: &Object,
     files: &UnitFiles,
@@ -109,7 +108,8 @@ fn read_type_ids(
     let id_of = |(source, name): (&UnitSource, &str)| {
         let found = ids.iter().find(|(known, _)| known == source);
         found.map(|(_, id)| *id).ok_or_else(|| {
-            let expected = format!("an id from 0 to {}, because `groups` has the type", num_unit_types - 1);
+            let expected =
+                format!("an id from 0 to {}, because `groups` contains the type", num_unit_types - 1);
             file.missing(&format!("unit_type_ids.{name}"), &expected).into()
         })
     };
@@ -118,25 +118,23 @@ fn read_type_ids(
     Ok((num_unit_types as usize, type_ids?))
 }
 
-/// Reads `unit_type_ids`, a bijection of unit types onto 0..n. It may have types that are not on the field.
+/// Reads `unit_type_ids`, a bijection of unit types onto 0..n. It may contain types that the groups do not
+/// have.
 fn read_ids(node: &Node, n: u32, files: &UnitFiles) -> Result<Vec<(UnitSource, usize)>, ScenarioError> {
     let mut ids: Vec<(UnitSource, usize)> = Vec::new();
     for (name, entry) in node.entries()? {
         let source = files.find(name, &entry)?;
         let id = entry.integer(0, n - 1)? as usize;
         if ids.iter().any(|(known, _)| *known == source) {
-            return Err(entry.invalid("left out: another key names the same unit type").into());
+            return Err(entry.invalid("left out, because another key names the same unit type").into());
         }
         if ids.iter().any(|(_, known)| *known == id) {
             return Err(entry.invalid(format!("an id from 0 to {} that no other type has", n - 1)).into());
         }
         ids.push((source, id));
     }
-    match ids.len() == n as usize {
-        true => Ok(ids),
-        false => {
-            let expected = format!("an object of size {n}, as `num_unit_types` says");
-            Err(node.invalid(expected).into())
-        }
+    if ids.len() != n as usize {
+        return Err(node.invalid(format!("an object of size {n}, the value of `num_unit_types`")).into());
     }
+    Ok(ids)
 }

@@ -1,9 +1,9 @@
-//! The scenario as the engine sees it. How a file becomes one is in `read`.
+//! The scenario as plain, checked data. `read` reads it from a file.
 
 use crate::Terrain;
-use smaclite_units::{UnitType, Word};
+use smaclite_units::{Keyword, UnitType};
 
-/// The side a unit fights for.
+/// The faction that a unit fights for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Faction {
     /// Controlled by the agents.
@@ -12,8 +12,9 @@ pub enum Faction {
     Enemy,
 }
 
-impl Word for Faction {
-    const WORDS: &'static [(&'static str, Faction)] = &[("ALLY", Faction::Ally), ("ENEMY", Faction::Enemy)];
+impl Keyword for Faction {
+    const KEYWORDS: &'static [(&'static str, Faction)] =
+        &[("ALLY", Faction::Ally), ("ENEMY", Faction::Enemy)];
 }
 
 /// One unit at the start of an episode.
@@ -21,9 +22,9 @@ impl Word for Faction {
 pub struct Placement {
     /// Index into [`Scenario::unit_types`].
     pub unit_type: usize,
-    /// Its side.
+    /// Its faction.
     pub faction: Faction,
-    /// Its number within its side, from 0 in battle-wide order.
+    /// Its number within its faction, from 0 in battle-wide order.
     pub id_in_faction: usize,
     /// Start position `[x, y]` in squares.
     pub position: [f64; 2],
@@ -32,7 +33,7 @@ pub struct Placement {
 /// A checked scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
-    /// The name its file gives it.
+    /// The `name` of its file.
     pub name: String,
     /// The map.
     pub terrain: Terrain,

@@ -1,15 +1,16 @@
-//! How much of the obstacles' outlines a unit can have in sight, and the limit on it.
+//! The length of obstacle outline that a unit can have in sight, and its limit.
 //!
-//! Collision avoidance looks at every obstacle edge within a unit's speed and radius. On a large map of many
-//! obstacles a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
+//! Collision avoidance considers every obstacle edge within a unit's speed plus radius. On a large map with
+//! many obstacles a speed of 315, mistyped for 3.15, would fill the memory and make every step last minutes.
 
 use crate::{Rect, Terrain};
 
-/// The most squares of outline that a unit may have in sight. No map of up to 64 x 64 squares has more at any
-/// speed, and no map of whatever size within the 5 squares or so that the standard units see.
+/// The largest length of outline, in squares, that a unit may have in sight. No map of up to 64 x 64 squares
+/// has more at any speed, and no map of any size has more within the 5 squares or so that the standard units
+/// see.
 pub const MAX_OUTLINE_IN_SIGHT: usize = 1 << 16;
 
-/// The outlines of a map's obstacles, cut into pieces of one square and counted.
+/// The outlines of a map's obstacles, cut into pieces of one square, as a table of sums.
 pub(crate) struct Outlines {
     /// For (x, y) the pieces with a south-western end south and west of it, row by row; one column and row
     /// more than the grid has lines.
@@ -37,9 +38,9 @@ impl Outlines {
         Outlines { sums, columns, rows }
     }
 
-    /// The squares of outline within `range` of any square of the map, at most.
+    /// The largest length of outline, in squares, within `range` of any square of the map.
     pub(crate) fn most_in_sight(&self, range: f64) -> usize {
-        // A piece is counted at one end and may be in sight with the other.
+        // A piece is counted at its south-western end; its other end may be in sight, one square farther.
         let reach = range.ceil() as usize + 1;
         let window =
             |at: usize, end: usize| (at.saturating_sub(reach), end.min(at.saturating_add(reach + 1)));
@@ -70,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn outlines_are_counted_where_they_are_seen() {
+    fn outlines_are_counted_where_they_are_in_sight() {
         let one = Outlines::of(&map(9, |x, y| (x, y) != (0, 0)));
         assert_eq!((one.most_in_sight(0.0), one.most_in_sight(1e9)), (4, 4));
         // The middle sees all of two squares in opposite corners from 4 squares away.

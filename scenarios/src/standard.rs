@@ -8,7 +8,7 @@ use crate::{Scenario, ScenarioError};
 use smaclite_units::file::{did_you_mean, shortened};
 use std::path::Path;
 
-/// Names and files, in the order they are listed to people.
+/// Names and files, in the order in which they are listed.
 const STANDARD: [(&str, &str); 23] = [
     ("10m_vs_11m", include_str!("../data/10m_vs_11m.json")),
     ("1c3s5z", include_str!("../data/1c3s5z.json")),
@@ -51,14 +51,14 @@ impl Scenario {
     /// The standard scenario of that name, else the scenario file at that path.
     ///
     /// # Errors
-    /// [`ScenarioError::Unknown`] with the nearest standard name if it is neither; otherwise as
+    /// [`ScenarioError::Unknown`] with the closest standard name if it is neither; otherwise as
     /// [`load`](Scenario::load).
     pub fn resolve(name_or_path: &str) -> Result<Scenario, ScenarioError> {
         if let Some(scenario) = Scenario::standard(name_or_path) {
             return Ok(scenario);
         }
         let path = Path::new(name_or_path);
-        // What is clearly meant as a path gets the error of a file that cannot be read.
+        // A text that looks like a path gets the error of a file that cannot be read.
         if path.components().count() > 1 || name_or_path.ends_with(".json") || path.exists() {
             return Scenario::load(path);
         }

@@ -1,4 +1,5 @@
-//! Which unit type a name in a scenario file means: a standard one, or a file in one of a few places.
+//! The search for the unit type that a scenario file names: a standard type, or a file in one of a few
+//! folders.
 
 use crate::ScenarioError;
 use smaclite_units::UnitType;
@@ -6,11 +7,11 @@ use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The standard type that the published environment lacks. There the name means a file, so a file comes
-/// first.
+/// The standard type that the published environment lacks. Scenarios for that environment define it in a
+/// file, so a file of this name has priority.
 const ADDED: &str = "HYDRALISK";
 
-/// What identifies a unit type: two names that mean the same file mean the same type.
+/// The identity of a unit type: two names of one file are one type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum UnitSource {
     Standard(String),
@@ -26,7 +27,7 @@ impl fmt::Display for UnitSource {
     }
 }
 
-/// Where a scenario's unit files are looked for.
+/// Where a scenario's unit files are searched.
 pub(crate) struct UnitFiles<'a> {
     scenario: &'a str,
     /// None for an embedded scenario, which uses no unit files.
@@ -40,7 +41,8 @@ impl<'a> UnitFiles<'a> {
         UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
     }
 
-    /// What `name`, the key of entry `node`, means. Standard names come first, except [`ADDED`].
+    /// The unit type that `name`, the key of entry `node`, refers to. Standard names have priority, except
+    /// [`ADDED`].
     pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, ScenarioError> {
         let is_standard = UnitType::standard_names().any(|standard| standard == name);
         if is_standard && name != ADDED {
@@ -71,17 +73,17 @@ impl<'a> UnitFiles<'a> {
             }
             UnitSource::File(path) => UnitType::load(path),
         };
-        loaded.map_err(|error| self.wrong(node.key(), error))
+        loaded.map_err(|error| self.invalid_unit(node.key(), error))
     }
 
-    /// The complaint about the type that the scenario names at `key`.
-    pub(crate) fn wrong(&self, key: &str, error: FileError) -> ScenarioError {
+    /// The error that the unit type named at `key` is invalid.
+    pub(crate) fn invalid_unit(&self, key: &str, error: FileError) -> ScenarioError {
         ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
     }
 
-    /// The paths that `name` may mean, best first: in `custom_unit_path`, which is itself relative to the
-    /// scenario file or to the working directory, then beside the scenario file, then in the working
-    /// directory.
+    /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself
+    /// relative to the scenario file or to the working directory, then beside the scenario file, then in the
+    /// working directory.
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();
@@ -94,7 +96,7 @@ impl<'a> UnitFiles<'a> {
         }
         candidates.push(base_dir.join(&name));
         candidates.push(PathBuf::from(name));
-        // Neighbours are equal for absolute paths and for a scenario file in the working directory.
+        // Adjacent paths are equal for absolute paths and for a scenario file in the working directory.
         candidates.dedup();
         candidates
     }

@@ -98,17 +98,11 @@ fn check(cases: &[Case]) {
 fn bad_keys_and_values() {
     check(&[
         (&[("grups", "[]")], "unknown key `grups`; did you mean `groups`?"),
-        (&[("name", "")], "`name` is missing; it should be the scenario's name"),
-        (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but should be true or false"),
-        (
-            &[("attack_point", "[9]")],
-            "`attack_point` is a list of length 1, but should be two numbers, [x, y]",
-        ),
-        (&[("attack_point", "[9, 33]")], "`attack_point[1]` is 33, but should be a number from 0 to 32"),
-        (
-            &[("episode_limit", "0")],
-            "`episode_limit` is 0, but should be a whole number from 1 to 4294967295",
-        ),
+        (&[("name", "")], "`name` is missing; it must be the scenario's name"),
+        (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but must be true or false"),
+        (&[("attack_point", "[9]")], "`attack_point` is a list of length 1, but must be two numbers, [x, y]"),
+        (&[("attack_point", "[9, 33]")], "`attack_point[1]` is 33, but must be a number from 0 to 32"),
+        (&[("episode_limit", "0")], "`episode_limit` is 0, but must be a whole number from 1 to 4294967295"),
     ]);
 }
 
@@ -119,37 +113,37 @@ fn bad_terrain() {
     check(&[
         (
             &[("terrain_preset", "\"SIMPEL\"")],
-            "`terrain_preset` is \"SIMPEL\", but should be one of ALL_GREEN, CHECKERBOARD, \
+            "`terrain_preset` is \"SIMPEL\", but must be one of ALL_GREEN, CHECKERBOARD, \
              CORRIDOR, NARROW, OCTAGON, PENTAGON, RAVINE, SIMPLE; did you mean `SIMPLE`?",
         ),
         (
             &[("terrain_preset", "")],
-            "`terrain_preset` is missing; it should be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, NARROW, \
-             OCTAGON, PENTAGON, RAVINE, SIMPLE; or `terrain` draws the map",
+            "`terrain_preset` is missing; it must be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, NARROW, \
+             OCTAGON, PENTAGON, RAVINE, SIMPLE; or `terrain` must define the map",
         ),
         (
             &[("terrain", "[]")],
-            "`terrain_preset` is \"SIMPLE\", but should be left out, because `terrain` draws the map",
+            "`terrain_preset` is \"SIMPLE\", but must be left out, because `terrain` defines the map",
         ),
-        (&[("width", "40")], "`width` is 40, but should be 32, the size of the terrain presets"),
-        (&[("height", "2000")], "`height` is 2000, but should be a whole number from 1 to 1024"),
+        (&[("width", "40")], "`width` is 40, but must be 32, the size of the terrain presets"),
+        (&[("height", "2000")], "`height` is 2000, but must be a whole number from 1 to 1024"),
         (
             &[("terrain_preset", ""), ("terrain", "[]")],
-            "`terrain` is a list of length 0, but should be a list of 32 rows, as `height` says \
-             (32 if it is left out)",
+            "`terrain` is a list of length 0, but must be a list of 32 rows, the value of `height` \
+             (32 if it is missing)",
         ),
         (
             &inline(r#"["__", "_"]"#),
-            "`terrain[1]` is \"_\", but should be a row of 2 squares, as `width` says; it has 1",
+            "`terrain[1]` is \"_\", but must be a row of 2 squares, the value of `width`; it has 1",
         ),
         (
             &inline(r#"["__", "_."]"#),
-            "`terrain[1]` is \"_.\", but should be made of `_` (walkable) and `X` (blocked), without '.'",
+            "`terrain[1]` is \"_.\", but must be made of `_` (walkable) and `X` (blocked), without '.'",
         ),
-        (&inline(r#"["__", 3]"#), "`terrain[1]` is 3, but should be a string of `_` and `X`"),
+        (&inline(r#"["__", 3]"#), "`terrain[1]` is 3, but must be a string of `_` and `X`"),
         (
             &inline(r#"["__", ["_", 1]]"#),
-            "`terrain[1][1]` is 1, but should be a string of 1 to 1024 bytes, on one line",
+            "`terrain[1][1]` is 1, but must be a string of 1 to 1024 bytes, on one line",
         ),
     ]);
 }
@@ -170,33 +164,33 @@ fn bad_groups() {
         ),
         (
             one(&at("9", r#"{"ZEALOT": -1}"#)),
-            "`groups[0].units.ZEALOT` is -1, but should be a whole number from 1 to 1000",
+            "`groups[0].units.ZEALOT` is -1, but must be a whole number from 1 to 1000",
         ),
         (
             one(&at("9", r#"{"ZEALOT": 1000, "MARINE": 1}"#)),
-            "`groups[0].units.MARINE` makes 1001 units; a scenario has at most 1000",
+            "`groups[0].units.MARINE` raises the number of units to 1001; at most 1000 are allowed",
         ),
         (
             one(&at("9", "{}")),
-            "`groups[0].units` is an object of size 0, but should be an object with at least one unit type",
+            "`groups[0].units` is an object of size 0, but must be an object with at least one unit type",
         ),
-        (one(&at("\"9\"", "{}")), "`groups[0].x` is \"9\", but should be a number from -1000000 to 1000000"),
+        (one(&at("\"9\"", "{}")), "`groups[0].x` is \"9\", but must be a number from -1000000 to 1000000"),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("ALLY", "ALY")),
-            "`groups[0].faction` is \"ALY\", but should be one of ALLY, ENEMY; did you mean `ALLY`?",
+            "`groups[0].faction` is \"ALY\", but must be one of ALLY, ENEMY; did you mean `ALLY`?",
         ),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("faction", "side")),
-            "unknown key `groups[0].side`; valid are x, y, faction, units",
+            "unknown key `groups[0].side`; expected one of x, y, faction, units",
         ),
         (
             one(&at("9", r#"{"ZEALOTT": 1}"#)),
             "`groups[0].units.ZEALOTT` is neither a standard unit type nor a unit file \
-             (looked for ZEALOTT.json); did you mean `ZEALOT`?",
+             (tried ZEALOTT.json); did you mean `ZEALOT`?",
         ),
         (
             one(enemy),
-            "`groups` is a list of length 1, but should be a list with at least one group of faction ALLY",
+            "`groups` is a list of length 1, but must be a list with at least one group of faction ALLY",
         ),
     ];
     for (groups, message) in &cases {
@@ -210,31 +204,30 @@ fn bad_counts_and_ids() {
     check(&[
         (
             &[("num_enemy_units", "3")],
-            "`num_enemy_units` is 3, but should be 2, the number of ENEMY units in `groups`",
+            "`num_enemy_units` is 3, but must be 2, the number of ENEMY units in `groups`",
         ),
-        (
-            &[("num_allied_units", "0")],
-            "`num_allied_units` is 0, but should be a whole number from 1 to 1000",
-        ),
+        (&[("num_allied_units", "0")], "`num_allied_units` is 0, but must be a whole number from 1 to 1000"),
         (
             &[("num_unit_types", "3")],
-            "`unit_type_ids` is missing; it should be an object of unit types and their ids, 0 to 2",
+            "`unit_type_ids` is missing; it must be an object of unit types and their ids, 0 to 2",
         ),
         (
             &ids(r#"{"ZEALOT": 0, "STALKER": 1}"#),
-            "`unit_type_ids` is an object of size 2, but should be an object of size 3, as `num_unit_types` says",
+            "`unit_type_ids` is an object of size 2, but must be an object of size 3, the value of \
+             `num_unit_types`",
         ),
         (
             &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 3}"#),
-            "`unit_type_ids.MARINE` is 3, but should be a whole number from 0 to 2",
+            "`unit_type_ids.MARINE` is 3, but must be a whole number from 0 to 2",
         ),
         (
             &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 1}"#),
-            "`unit_type_ids.MARINE` is 1, but should be an id from 0 to 2 that no other type has",
+            "`unit_type_ids.MARINE` is 1, but must be an id from 0 to 2 that no other type has",
         ),
         (
             &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MEDIVAC": 2}"#),
-            "`unit_type_ids.MARINE` is missing; it should be an id from 0 to 2, because `groups` has the type",
+            "`unit_type_ids.MARINE` is missing; it must be an id from 0 to 2, because `groups` contains the \
+             type",
         ),
     ]);
 }
@@ -273,7 +266,7 @@ fn unit_files_are_found() {
 }
 
 /// The published environment has no HYDRALISK, so scenarios for it bring a file of that name. That file is
-/// meant, although HYDRALISK is a standard type here; for the other standard types files are not read.
+/// used, although HYDRALISK is a standard type here; for the other standard types files are not read.
 #[test]
 fn a_hydralisk_file_comes_before_the_standard_type() {
     let (folder, standard) = folder("HYDRALISK", "");
@@ -291,8 +284,8 @@ fn the_papers_example_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let units = folder.path().join("smaclite/env/units/smaclite_units");
     fs::create_dir_all(&units).unwrap();
-    let unit = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3, "size": 3,
-                   "attributes": ["LIGHT", "BIOLOGICAL"], "minimum_scan_range": 100,
+    let unit = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
+                   "size": 3, "attributes": ["LIGHT", "BIOLOGICAL"], "minimum_scan_range": 100,
                    "valid_targets": ["GROUND", "AIR"]}"#;
     fs::write(units.join("example_custom_unit.json"), unit).unwrap();
     let text = r#"{"name": "10m_vs_11m", "custom_unit_path": "smaclite/env/units/smaclite_units",
@@ -322,7 +315,7 @@ fn a_bad_unit_file_is_named_with_its_scenario() {
     let (folder, _) = folder("scout", "");
     fs::write(folder.path().join("scout.json"), SCOUT.replace("45", "-45")).unwrap();
     let error = Scenario::load(&folder.path().join("duel.json")).unwrap_err().to_string();
-    let end = "scout.json: `hp` is -45, but should be a number above 0 and at most 1000000";
+    let end = "scout.json: `hp` is -45, but must be a number above 0 and at most 1000000";
     assert!(error.contains("duel.json: `groups[0].units.scout`: ") && error.ends_with(end), "{error}");
 }
 
@@ -331,8 +324,8 @@ fn names_and_paths_that_lead_nowhere() {
     let cases = [
         (
             "2s3zz",
-            "`2s3zz` is neither a standard scenario nor a file (give its path, as in `./my_scenario.json`); \
-             did you mean `2s3z`?",
+            "`2s3zz` is neither a standard scenario nor the path of a file, as in `./my_scenario.json`; did \
+             you mean `2s3z`?",
         ),
         ("no/where.json", "no/where.json: cannot be read: No such file or directory (os error 2)"),
     ];
@@ -341,7 +334,7 @@ fn names_and_paths_that_lead_nowhere() {
     }
 }
 
-/// A scenario of one unit a side on a map of this side with every other square blocked.
+/// A scenario with one unit per faction, on a square map of this side where every other square is blocked.
 fn on_a_checkerboard(side: usize, unit: &str) -> String {
     let row =
         |y: usize| (0..side).map(|x| if (x + y).is_multiple_of(2) { '_' } else { 'X' }).collect::<String>();
@@ -355,7 +348,7 @@ fn on_a_checkerboard(side: usize, unit: &str) -> String {
     file(&[&map[..], &units[..]].concat())
 }
 
-/// A speed of 315, mistyped for 3.15, once asked for terabytes of obstacle edges in sight.
+/// A speed of 315, mistyped for 3.15, once allocated terabytes for obstacle edges in sight.
 #[test]
 fn a_unit_that_would_see_too_many_obstacles_is_refused() {
     let (folder, _) = folder("scout", "");
@@ -367,12 +360,12 @@ fn a_unit_that_would_see_too_many_obstacles_is_refused() {
     let fast = SCOUT.replace("3.15", "315");
     let error = load(1024, &fast).unwrap_err();
     assert!(error.starts_with("duel.json: `groups[0].units.scout`: "), "{error}");
-    let expected = "scout.json: `speed` is 315, but should be at most 87.5 on this map: ground units see \
+    let expected = "scout.json: `speed` is 315, but must be at most 87.5 on this map: ground units see \
                     obstacles within `speed` plus half of `size`, and within more than 89 squares there are \
                     too many";
     assert!(error.ends_with(expected), "{error}");
     let error = load(1024, &SCOUT.replace("\"size\": 3", "\"size\": 300")).unwrap_err();
-    assert!(error.contains("scout.json: `size` is 300, but should be at most 178 on this map"), "{error}");
+    assert!(error.contains("scout.json: `size` is 300, but must be at most 178 on this map"), "{error}");
 
     load(1024, SCOUT).unwrap();
     load(1024, &SCOUT.replace("3.15", "87.5")).unwrap();
@@ -381,15 +374,15 @@ fn a_unit_that_would_see_too_many_obstacles_is_refused() {
     load(1024, &flying).unwrap();
 }
 
-/// A name of 1 MB was accepted and went into every answer of the pool.
+/// A name of 1 MB was accepted and became part of every response of the pool.
 #[test]
 fn a_scenario_has_a_short_name() {
     let named = |name: &str| read(&[("name", &format!("{name:?}"))]).map(|scenario| scenario.name);
     assert_eq!(named(&"n".repeat(100)), Ok("n".repeat(100)));
     let shown = "n".repeat(60);
     let error =
-        format!("duel.json: `name` is \"{shown}...\", but should be a string of 1 to 100 bytes, on one line");
+        format!("duel.json: `name` is \"{shown}...\", but must be a string of 1 to 100 bytes, on one line");
     assert_eq!(named(&"n".repeat(101)), Err(error));
-    let error = "duel.json: `name` is \"two?lines\", but should be a string of 1 to 100 bytes, on one line";
+    let error = "duel.json: `name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
     assert_eq!(named("two\nlines"), Err(error.into()));
 }

@@ -1,12 +1,12 @@
-//! The embedded scenarios and terrains hold the published figures, and those of the SMAC maps that the
-//! published environment lacks.
+//! The embedded scenarios and terrains are those of the published environment, and of the SMAC maps that it
+//! lacks.
 
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 /// name, allies and enemies by type, attack point, one-hot types by id, shields (ally, enemy), step limit
 type Row = (&'static str, &'static str, &'static str, [f64; 2], &'static str, (bool, bool), u32);
 
-const FIGURES: [Row; 23] = [
+const SCENARIOS: [Row; 23] = [
     ("10m_vs_11m", "10 MARINE", "11 MARINE", [9.0, 16.0], "", (false, false), 150),
     (
         "1c3s5z",
@@ -72,7 +72,7 @@ const FIGURES: [Row; 23] = [
     ("so_many_baneling", "7 ZEALOT", "32 BANELING", [4.47, 4.33], "", (true, false), 100),
 ];
 
-/// `2 STALKER 3 ZEALOT`: the units of a side in id order, runs of a type counted.
+/// `2 STALKER 3 ZEALOT`: the units of a faction in id order, as runs of one type with their lengths.
 fn side(scenario: &Scenario, faction: Faction) -> String {
     let mut runs: Vec<(&str, usize)> = Vec::new();
     for (id, unit) in scenario.units.iter().filter(|unit| unit.faction == faction).enumerate() {
@@ -95,10 +95,10 @@ fn types_by_id(scenario: &Scenario) -> String {
 }
 
 #[test]
-fn figures_of_every_scenario() {
-    assert!(Scenario::standard_names().eq(FIGURES.iter().map(|row| row.0)));
-    for (name, allies, enemies, attack_point, types, shields, limit) in FIGURES {
-        let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} should be readable"));
+fn contents_of_every_scenario() {
+    assert!(Scenario::standard_names().eq(SCENARIOS.iter().map(|row| row.0)));
+    for (name, allies, enemies, attack_point, types, shields, limit) in SCENARIOS {
+        let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} must be readable"));
         assert_eq!(scenario.name, name);
         assert_eq!(side(&scenario, Faction::Ally), allies, "{name}");
         assert_eq!(side(&scenario, Faction::Enemy), enemies, "{name}");

@@ -6,7 +6,7 @@ use smaclite_engine::{Battle, Scratch, Units};
 
 use crate::Recording;
 
-/// What [`units`] and [`frame`] found.
+/// The result of [`units`] and [`frame`].
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
     /// The first quantity whose bits differ.
@@ -18,7 +18,7 @@ pub struct Comparison {
 /// One quantity that differs.
 #[derive(Clone, Debug)]
 pub struct Difference {
-    /// What, and of which unit or agent.
+    /// The quantity, and its unit or agent.
     pub what: String,
     /// Its recorded value.
     pub recorded: String,
@@ -32,7 +32,7 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Equality of bits: 0.0 is not -0.0, and NaN is itself.
+/// Equality of bits: 0.0 differs from -0.0, and a NaN equals itself.
 pub trait SameBits: fmt::Debug {
     /// Whether both have the same bits.
     fn same_bits(&self, other: &Self) -> bool;
@@ -77,9 +77,10 @@ impl Comparison {
     }
 }
 
-/// Compares units with recorded ones. Of the dead only health counts: their other values are stale.
+/// Compares units with recorded ones. Of dead units only the health is compared: their other values are
+/// stale.
 ///
-/// `declared` is compared where the recording has it.
+/// `declared` is compared where the recording contains it.
 pub fn units(recorded: &Units, found: &Units) -> Comparison {
     let mut comparison = Comparison::default();
     for unit in 0..recorded.alive.len() {

@@ -1,4 +1,4 @@
-//! Reading recorded battles.
+//! The reader of recorded battles.
 
 use std::error::Error;
 use std::fs::File;
@@ -13,21 +13,21 @@ use smaclite_engine::{Battle, Generator, NeighbourOrder, Snapshot, TICKS_PER_STE
 use smaclite_scenarios::Scenario;
 use zip::ZipArchive;
 
-/// A zip file with an array a member.
+/// A zip file with one array per member.
 type Archive = ZipArchive<BufReader<File>>;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// One recorded battle: T steps of U units, A of them agents'.
+/// One recorded battle of T steps.
 pub struct Recording {
-    /// Where it was read from.
+    /// The file.
     pub path: PathBuf,
     /// Name of the scenario.
     pub scenario: String,
     /// Seed of the battle's generator.
     pub seed: u64,
-    /// What the recorded environment said of its sizes: agents, enemies, actions, floats in obs and state.
+    /// The sizes of the recorded environment: agents, enemies, actions, floats in obs and state.
     pub sizes: [usize; 5],
-    /// What it said of the greatest unscaled reward.
+    /// Its greatest unscaled return.
     pub max_reward: f64,
     /// Units before each step, and after the last: T + 1.
     pub frames: Vec<Units>,
@@ -47,11 +47,11 @@ pub struct Recording {
     pub state: Vec<Vec<f32>>,
     /// Available actions likewise.
     pub avail: Vec<Vec<u8>>,
-    /// The same tick by tick, in files that have it.
+    /// The same tick by tick, in files that contain it.
     pub ticks: Option<Ticks>,
 }
 
-/// What files recorded tick by tick have in addition.
+/// The additional content of files that were recorded tick by tick.
 pub struct Ticks {
     /// Units before each tick, and after the last: 8 T + 1.
     pub frames: Vec<Units>,
@@ -69,10 +69,10 @@ pub fn folder() -> PathBuf {
     }
 }
 
-/// All recordings in the folder and the folders in it, by path.
+/// All recordings in the folder and its subfolders, by path.
 ///
 /// # Panics
-/// If one cannot be read, or there is none.
+/// If one cannot be read, or there are none.
 pub fn all() -> Vec<Recording> {
     let mut paths = Vec::new();
     gather(&folder(), &mut paths);
@@ -97,7 +97,7 @@ impl Recording {
     /// Reads one file.
     ///
     /// # Errors
-    /// What of it could not be read.
+    /// The part that could not be read.
     pub fn read(path: &Path) -> Result<Recording> {
         let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
         let meta: Vec<u8> = integers(&mut archive, "meta")?.into_iter().map(|x| x as u8).collect();
@@ -113,13 +113,14 @@ impl Recording {
         let [n_agents, n_enemies, n_actions, obs_size, state_size] = sizes;
         let n_units = n_agents + n_enemies;
         let has_ticks = archive.index_for_name("tick_pos.npy").is_some();
-        let ticks = match has_ticks {
-            true => Some(Ticks {
+        let ticks = if has_ticks {
+            Some(Ticks {
                 frames: frames(&mut archive, "tick_", n_units)?,
                 preferred: rows(vectors(&mut archive, "tick_pref")?, n_units),
                 earned: floats(&mut archive, "tick_reward")?,
-            }),
-            false => None,
+            })
+        } else {
+            None
         };
         Ok(Recording {
             path: path.to_owned(),
@@ -135,7 +136,7 @@ impl Recording {
             orders: orders(&integers(&mut archive, "order")?, n_units),
             rewards: floats(&mut archive, "reward")?,
             terminated: flags(&mut archive, "terminated")?,
-            won: flags(&mut archive, "won")?.first().copied().ok_or("nothing in won")?,
+            won: flags(&mut archive, "won")?.first().copied().ok_or("won is empty")?,
             obs: rows(singles(&mut archive, "obs")?, n_agents * obs_size),
             state: rows(singles(&mut archive, "state")?, state_size),
             avail: rows(
@@ -173,11 +174,12 @@ impl Recording {
         self.actions.len()
     }
 
-    /// The battle before step `t`. What the recording does not hold comes from `played`, the same battle
-    /// played up to there: the neighbour order, planned velocities, and in older files the declared attacks.
+    /// The battle before step `t`. Values that the recording does not contain come from `played`, the same
+    /// battle played up to there: the neighbour order, planned velocities, and in older files the declared
+    /// attacks.
     ///
-    /// If `played` is not that battle, because it differs from the recording, the order without a history is
-    /// used.
+    /// If other units are alive in `played`, because it differs from the recording, the neighbour order is
+    /// that of the start of an episode.
     pub fn snapshot(&self, t: usize, played: &Battle) -> Snapshot {
         let last = t.checked_sub(1).map(|last| &self.actions[last]);
         let mut units = self.frames[t].clone();
@@ -189,9 +191,10 @@ impl Recording {
         if units.declared.is_empty() {
             units.declared.clone_from(&played.units().declared);
         }
-        let neighbour_order = match units.alive == played.units().alive {
-            true => played.save().neighbour_order,
-            false => NeighbourOrder::new(played.arena(), &units),
+        let neighbour_order = if units.alive == played.units().alive {
+            played.save().neighbour_order
+        } else {
+            NeighbourOrder::new(played.arena(), &units)
         };
         Snapshot {
             units,
@@ -242,8 +245,8 @@ fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Uni
 }
 
 fn orders(ids: &[i64], n_units: usize) -> Vec<[Vec<u32>; TICKS_PER_STEP]> {
-    const NOBODY: i64 = 255;
-    let tick = |ids: &[i64]| ids.iter().take_while(|&&id| id != NOBODY).map(|&id| id as u32).collect();
+    const PADDING: i64 = 255;
+    let tick = |ids: &[i64]| ids.iter().take_while(|&&id| id != PADDING).map(|&id| id as u32).collect();
     let ticks = |step: &[i64]| std::array::from_fn(|i| tick(&step[i * n_units..(i + 1) * n_units]));
     ids.chunks_exact(TICKS_PER_STEP * n_units).map(ticks).collect()
 }
@@ -273,7 +276,7 @@ fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
     Ok(integers(archive, name)?.into_iter().map(|flag| flag != 0).collect())
 }
 
-/// Integers of whatever width.
+/// Integers of any width.
 fn integers(archive: &mut Archive, name: &str) -> Result<Vec<i64>> {
     let array = array(archive, name)?;
     let npyz::DType::Plain(dtype) = array.dtype() else { return Err(format!("{name} is a record").into()) };

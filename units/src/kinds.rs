@@ -1,33 +1,48 @@
-//! The closed vocabularies of unit files: planes, attributes, combat types and targeters, and sets of them.
-//! How a file is read is in `parse`.
+//! The enums of unit files and the keywords of their values: planes, attributes, combat types and targeters,
+//! and sets of them. `parse` reads the files.
 
 use std::fmt;
 
-/// A closed set of words that stand for values in a file.
-pub trait Word: Copy + 'static {
-    /// Every word with what it stands for, in the order error messages list them.
-    const WORDS: &'static [(&'static str, Self)];
+/// A type whose values have fixed names in files.
+pub trait Keyword: Copy + PartialEq + 'static {
+    /// Every keyword and its value, in the order in which error messages list them.
+    const KEYWORDS: &'static [(&'static str, Self)];
+
+    /// The value that a keyword names.
+    fn from_name(name: &str) -> Option<Self> {
+        Self::KEYWORDS.iter().find(|(keyword, _)| *keyword == name).map(|(_, value)| *value)
+    }
+
+    /// The keyword of this value; empty if it has none.
+    fn name(self) -> &'static str {
+        Self::KEYWORDS.iter().find(|(_, value)| *value == self).map_or("", |(keyword, _)| keyword)
+    }
+
+    /// All keywords.
+    fn names() -> impl Iterator<Item = &'static str> {
+        Self::KEYWORDS.iter().map(|(keyword, _)| *keyword)
+    }
 }
 
-/// The layer a unit lives in. Units avoid only bodies of their own plane.
+/// The layer a unit lives in. Units avoid only units of the same plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Plane {
     /// On foot or wheels: the only plane that obstacles stop.
     Ground,
     /// Flying: passes over obstacles.
     Air,
-    /// Attackable by everyone, whatever their `valid_targets`.
+    /// Can be attacked by every unit, whatever its `valid_targets`.
     Colossus,
 }
 
-impl Word for Plane {
-    const WORDS: &'static [(&'static str, Plane)] =
+impl Keyword for Plane {
+    const KEYWORDS: &'static [(&'static str, Plane)] =
         &[("GROUND", Plane::Ground), ("AIR", Plane::Air), ("COLOSSUS", Plane::Colossus)];
 }
 
 impl fmt::Display for Plane {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(word_of(*self))
+        f.write_str(self.name())
     }
 }
 
@@ -36,8 +51,8 @@ impl fmt::Display for Plane {
 pub struct PlaneSet(u8);
 
 impl PlaneSet {
-    /// Whether `plane` was put into the set. The rule that everyone may attack `COLOSSUS` is not in here but
-    /// in [`UnitType::can_attack`](crate::UnitType::can_attack).
+    /// Whether `plane` is in the set. The rule that every unit may attack `COLOSSUS` is not here but in
+    /// [`UnitType::can_attack`](crate::UnitType::can_attack).
     pub fn contains(self, plane: Plane) -> bool {
         self.0 & (1 << plane as u8) != 0
     }
@@ -51,7 +66,7 @@ impl FromIterator<Plane> for PlaneSet {
 
 /// A trait of a unit type that other types can have a damage bonus against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[allow(missing_docs)] // the game's own words, which say what they are
+#[allow(missing_docs)] // StarCraft II's attributes by their names there
 pub enum Attribute {
     Light,
     Armored,
@@ -63,8 +78,8 @@ pub enum Attribute {
     Heroic,
 }
 
-impl Word for Attribute {
-    const WORDS: &'static [(&'static str, Attribute)] = &[
+impl Keyword for Attribute {
+    const KEYWORDS: &'static [(&'static str, Attribute)] = &[
         ("LIGHT", Attribute::Light),
         ("ARMORED", Attribute::Armored),
         ("MASSIVE", Attribute::Massive),
@@ -78,7 +93,7 @@ impl Word for Attribute {
 
 impl fmt::Display for Attribute {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(word_of(*self))
+        f.write_str(self.name())
     }
 }
 
@@ -99,17 +114,17 @@ impl FromIterator<Attribute> for AttributeSet {
     }
 }
 
-/// A unit's part in the battle.
+/// Whether a unit attacks or heals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CombatType {
-    /// Attacks units of the other side.
+    /// Attacks units of the other faction.
     Damage,
-    /// Heals units of its own side.
+    /// Heals units of the same faction.
     Healing,
 }
 
-impl Word for CombatType {
-    const WORDS: &'static [(&'static str, CombatType)] =
+impl Keyword for CombatType {
+    const KEYWORDS: &'static [(&'static str, CombatType)] =
         &[("DAMAGE", CombatType::Damage), ("HEALING", CombatType::Healing)];
 }
 
@@ -120,7 +135,7 @@ pub enum Targeter {
     Standard,
     /// Kills the attacker and hits all enemies around it.
     Kamikaze {
-        /// Reach of the blast from the attacker's centre, to which the victim's radius is added.
+        /// Radius of the blast around the attacker's centre, to which the victim's radius is added.
         radius: f64,
     },
     /// Hits all enemies that touch a rectangle centred on the target.
@@ -132,8 +147,4 @@ pub enum Targeter {
     },
     /// Heals its target.
     Heal,
-}
-
-fn word_of<T: Word + PartialEq>(value: T) -> &'static str {
-    T::WORDS.iter().find(|(_, candidate)| *candidate == value).map_or("?", |(word, _)| word)
 }

@@ -1,8 +1,8 @@
-//! Unit types: what a body in a battle is made of, the ten standard types, and the reader of unit files.
+//! Unit types: the stats of a unit, the ten standard types, and the reader of unit files.
 //!
-//! Nothing here moves or fights; a [`UnitType`] is a table of figures that the engine reads. The checked JSON
-//! reader in [`mod@file`] serves unit files here and scenario files in `smaclite-scenarios`, so that both
-//! speak of mistakes in the same way.
+//! Nothing here moves or fights; a [`UnitType`] is a record of stats that the engine reads. The checked JSON
+//! reader in [`mod@file`] reads unit files here and scenario files in `smaclite-scenarios`, so that both
+//! report mistakes in the same form.
 //!
 //! ```
 //! use smaclite_units::UnitType;
@@ -21,8 +21,8 @@ mod standard;
 mod unit_type;
 
 pub use file::FileError;
-pub use kinds::{Attribute, AttributeSet, CombatType, Plane, PlaneSet, Targeter, Word};
+pub use kinds::{Attribute, AttributeSet, CombatType, Keyword, Plane, PlaneSet, Targeter};
 pub use unit_type::UnitType;
 
-/// Why a unit file was refused; its message is one line that names the file, the key and what would be right.
+/// Why a unit file was refused; its message is one line: the file, the key, the value and what is accepted.
 pub type UnitError = FileError;

@@ -1,7 +1,7 @@
-//! The reader of unit files: which keys there are, their defaults, and what is refused.
+//! The reader of unit files: the keys, their defaults, and the checks of their values.
 
-use crate::file::{Json, Limits, MAX_UNIT_BYTES, Node, Object, read_text, shown_path};
-use crate::{Attribute, CombatType, Plane, Targeter, UnitError, UnitType, Word};
+use crate::file::{Json, MAX_UNIT_BYTES, Node, Object, Range, read_text, shown_path};
+use crate::{Attribute, CombatType, Keyword, Plane, Targeter, UnitError, UnitType};
 use std::path::Path;
 
 /// Every key of a unit file.
@@ -29,22 +29,21 @@ const KEYS: [&str; 21] = [
     "targeter_kwargs",
 ];
 
-/// No real figure comes near these; they keep the simulator's f32 arithmetic finite.
-const LARGEST: f64 = 1e6;
-const LARGEST_SIZE: f64 = 1024.0;
-const MOST_ATTACKS: u32 = 1000;
+/// No useful value comes near these limits; they keep the simulator's f32 arithmetic finite.
+const MAX_VALUE: f64 = 1e6;
+const MAX_SIZE: f64 = 1024.0;
+const MAX_ATTACKS: u32 = 1000;
 
-const AMOUNT: Limits = Limits::from_to(0.0, LARGEST);
-const POSITIVE: Limits = Limits::above_to(0.0, LARGEST);
-const SIZE: Limits = Limits::above_to(0.0, LARGEST_SIZE);
+const NON_NEGATIVE: Range = Range::closed(0.0, MAX_VALUE);
+const POSITIVE: Range = Range::left_open(0.0, MAX_VALUE);
+const SIZE: Range = Range::left_open(0.0, MAX_SIZE);
 
-/// What the word `MELEE` stands for as an attack range, in squares.
+/// The attack range that `MELEE` stands for, in squares.
 const MELEE_RANGE: f64 = 0.1;
 const DEFAULT_SCAN_RANGE: f64 = 5.0;
 
 impl UnitType {
-    /// Reads a unit file's text. `name` becomes the type's name; `source` is what error messages call the
-    /// file.
+    /// Reads a unit file's text. `name` becomes the type's name; error messages call the file `source`.
     ///
     /// `hp`, `armor`, `damage`, `cooldown`, `speed`, `attack_range`, `size`, `valid_targets` and `attributes`
     /// are required; the other keys have defaults. `starting_energy` is another name for `initial_energy`,
@@ -55,8 +54,9 @@ impl UnitType {
     ///
     /// let text = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
     ///                "size": 3, "attributes": ["LIGHT"], "valid_targets": ["GROUND", "ARI"]}"#;
-    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err(); let expected =
-    /// r#"scout.json: `valid_targets[1]` is "ARI", but should be one of GROUND, AIR, COLOSSUS"#;
+    /// let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
+    /// let expected =
+    ///     r#"scout.json: `valid_targets[1]` is "ARI", but must be one of GROUND, AIR, COLOSSUS"#;
     /// assert_eq!(error.to_string(), format!("{expected}; did you mean `AIR`?"));
     ///
     /// let scout = UnitType::from_json(&text.replace("ARI", "AIR"), "scout", "scout.json").unwrap();
@@ -64,33 +64,33 @@ impl UnitType {
     /// ```
     ///
     /// # Errors
-    /// [`UnitError`] for the first thing that is wrong: no JSON, a key that is unknown or missing, a value of
-    /// the wrong type or out of range, or values at odds with one another.
+    /// [`UnitError`] for the first mistake: invalid JSON, an unknown or missing key, a value of the wrong
+    /// type or out of range, or values that contradict each other.
     pub fn from_json(text: &str, name: &str, source: &str) -> Result<UnitType, UnitError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;
-        let energy = optional(&file, "energy", AMOUNT, 0.0)?;
-        let combat_type = optional_word(&file, "combat_type", CombatType::Damage)?;
+        let energy = optional(&file, "energy", NON_NEGATIVE, 0.0)?;
+        let combat_type = optional_keyword(&file, "combat_type", CombatType::Damage)?;
         Ok(UnitType {
             name: name.into(),
             hp: required(&file, "hp", POSITIVE)?,
-            shield: optional(&file, "shield", AMOUNT, 0.0)?,
-            hp_regen: optional(&file, "hp_regen", AMOUNT, 0.0)?,
+            shield: optional(&file, "shield", NON_NEGATIVE, 0.0)?,
+            hp_regen: optional(&file, "hp_regen", NON_NEGATIVE, 0.0)?,
             energy,
             initial_energy: initial_energy(&file, energy)?,
-            armor: required(&file, "armor", AMOUNT)?,
-            damage: required(&file, "damage", AMOUNT)?,
-            attacks: file.get("attacks").map_or(Ok(1), |node| node.integer(1, MOST_ATTACKS))?,
+            armor: required(&file, "armor", NON_NEGATIVE)?,
+            damage: required(&file, "damage", NON_NEGATIVE)?,
+            attacks: file.get("attacks").map_or(Ok(1), |node| node.integer(1, MAX_ATTACKS))?,
             bonuses: bonuses(&file)?,
-            cooldown: required(&file, "cooldown", AMOUNT)?,
-            speed: required(&file, "speed", AMOUNT)?,
+            cooldown: required(&file, "cooldown", NON_NEGATIVE)?,
+            speed: required(&file, "speed", NON_NEGATIVE)?,
             attack_range: attack_range(&file)?,
-            minimum_scan_range: optional(&file, "minimum_scan_range", AMOUNT, DEFAULT_SCAN_RANGE)?,
+            minimum_scan_range: optional(&file, "minimum_scan_range", NON_NEGATIVE, DEFAULT_SCAN_RANGE)?,
             size: required(&file, "size", SIZE)?,
-            plane: optional_word(&file, "plane", Plane::Ground)?,
+            plane: optional_keyword(&file, "plane", Plane::Ground)?,
             combat_type,
-            valid_targets: words::<Plane>(&file, "valid_targets")?.into_iter().collect(),
-            attributes: words::<Attribute>(&file, "attributes")?.into_iter().collect(),
+            valid_targets: keywords::<Plane>(&file, "valid_targets")?.into_iter().collect(),
+            attributes: keywords::<Attribute>(&file, "attributes")?.into_iter().collect(),
             targeter: targeter(&file, combat_type)?,
         })
     }
@@ -105,28 +105,28 @@ impl UnitType {
     }
 }
 
-fn required(file: &Object, key: &str, limits: Limits) -> Result<f64, UnitError> {
-    file.require(key, &limits.expected())?.number(limits)
+fn required(file: &Object, key: &str, range: Range) -> Result<f64, UnitError> {
+    file.require(key, &range.expected())?.number(range)
 }
 
-fn optional(file: &Object, key: &str, limits: Limits, default: f64) -> Result<f64, UnitError> {
-    file.get(key).map_or(Ok(default), |node| node.number(limits))
+fn optional(file: &Object, key: &str, range: Range, default: f64) -> Result<f64, UnitError> {
+    file.get(key).map_or(Ok(default), |node| node.number(range))
 }
 
-fn optional_word<T: Word>(file: &Object, key: &str, default: T) -> Result<T, UnitError> {
-    file.get(key).map_or(Ok(default), |node| node.word())
+fn optional_keyword<T: Keyword>(file: &Object, key: &str, default: T) -> Result<T, UnitError> {
+    file.get(key).map_or(Ok(default), |node| node.keyword())
 }
 
-/// A required list of words; it may be empty.
-fn words<T: Word>(file: &Object, key: &str) -> Result<Vec<T>, UnitError> {
-    let expected = T::WORDS.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");
-    let list = file.require(key, &format!("a list of words out of {expected}"))?;
-    list.items()?.iter().map(Node::word).collect()
+/// A required list of keywords; it may be empty.
+fn keywords<T: Keyword>(file: &Object, key: &str) -> Result<Vec<T>, UnitError> {
+    let names = T::names().collect::<Vec<_>>().join(", ");
+    let list = file.require(key, &format!("a list of keywords out of {names}"))?;
+    list.items()?.iter().map(Node::keyword).collect()
 }
 
-/// The paper says `initial_energy`, files in circulation `starting_energy`.
+/// The paper calls the key `initial_energy`, existing files `starting_energy`.
 fn initial_energy(file: &Object, energy: f64) -> Result<f64, UnitError> {
-    let read = |node: &Node| match node.number(AMOUNT)? {
+    let read = |node: &Node| match node.number(NON_NEGATIVE)? {
         value if value <= energy => Ok(value),
         _ => Err(node.invalid(format!("at most `energy`, which is {energy}"))),
     };
@@ -136,7 +136,7 @@ fn initial_energy(file: &Object, energy: f64) -> Result<f64, UnitError> {
         (Some(initial), Some(starting)) => {
             let value = read(&initial)?;
             if read(&starting)? != value {
-                return Err(starting.invalid(format!("{value} like `initial_energy`, its other name")));
+                return Err(starting.invalid(format!("{value}, the value of its alias `initial_energy`")));
             }
             Ok(value)
         }
@@ -145,65 +145,66 @@ fn initial_energy(file: &Object, energy: f64) -> Result<f64, UnitError> {
 
 fn bonuses(file: &Object) -> Result<Vec<(Attribute, f64)>, UnitError> {
     let Some(node) = file.get("bonuses") else { return Ok(Vec::new()) };
-    let bonus = |(name, node): (&str, Node)| Ok((node.key_word(name)?, node.number(AMOUNT)?));
+    let bonus = |(name, node): (&str, Node)| Ok((node.key_as_keyword(name)?, node.number(NON_NEGATIVE)?));
     node.entries()?.into_iter().map(bonus).collect()
 }
 
 fn attack_range(file: &Object) -> Result<f64, UnitError> {
-    let expected = format!("{} or \"MELEE\"", AMOUNT.expected());
+    let expected = format!("{} or \"MELEE\"", NON_NEGATIVE.expected());
     let node = file.require("attack_range", &expected)?;
     match node.json() {
-        Json::String(word) if word == "MELEE" => Ok(MELEE_RANGE),
-        _ => node.number(AMOUNT).map_err(|_| node.invalid(expected)),
+        Json::String(text) if text == "MELEE" => Ok(MELEE_RANGE),
+        _ => node.number(NON_NEGATIVE).map_err(|_| node.invalid(expected)),
     }
 }
 
-/// The words of `targeter`; the figures that belong to each are in `targeter_kwargs`.
+/// The keywords of `targeter`; the parameters of each are in `targeter_kwargs`.
 #[derive(Clone, Copy, PartialEq)]
-enum TargeterWord {
+enum TargeterKind {
     Standard,
     Kamikaze,
     LaserBeam,
     Heal,
 }
 
-impl Word for TargeterWord {
-    const WORDS: &'static [(&'static str, TargeterWord)] = &[
-        ("STANDARD", TargeterWord::Standard),
-        ("KAMIKAZE", TargeterWord::Kamikaze),
-        ("LASER_BEAM", TargeterWord::LaserBeam),
-        ("HEAL", TargeterWord::Heal),
+impl Keyword for TargeterKind {
+    const KEYWORDS: &'static [(&'static str, TargeterKind)] = &[
+        ("STANDARD", TargeterKind::Standard),
+        ("KAMIKAZE", TargeterKind::Kamikaze),
+        ("LASER_BEAM", TargeterKind::LaserBeam),
+        ("HEAL", TargeterKind::Heal),
     ];
 }
 
 fn targeter(file: &Object, combat_type: CombatType) -> Result<Targeter, UnitError> {
-    let word = optional_word(file, "targeter", TargeterWord::Standard)?;
-    check_role(file, word, combat_type)?;
-    let kwargs = |word: &str, keys: &[&str]| match file.get("targeter_kwargs") {
+    let kind = optional_keyword(file, "targeter", TargeterKind::Standard)?;
+    check_combat_type(file, kind, combat_type)?;
+    let kwargs = |keys: &[&str]| match file.get("targeter_kwargs") {
         Some(node) => node.object(keys),
         None => {
-            let figures = keys.join("` and `");
-            Err(file.missing("targeter_kwargs", &format!("an object with `{figures}` for targeter {word}")))
+            let (keys, targeter) = (keys.join("` and `"), kind.name());
+            Err(file.missing("targeter_kwargs", &format!("an object with `{keys}` for targeter {targeter}")))
         }
     };
-    match word {
-        TargeterWord::Kamikaze => {
-            let kwargs = kwargs("KAMIKAZE", &["radius"])?;
-            Ok(Targeter::Kamikaze { radius: required(&kwargs, "radius", AMOUNT)? })
+    match kind {
+        TargeterKind::Kamikaze => {
+            let kwargs = kwargs(&["radius"])?;
+            Ok(Targeter::Kamikaze { radius: required(&kwargs, "radius", NON_NEGATIVE)? })
         }
-        TargeterWord::LaserBeam => {
-            let kwargs = kwargs("LASER_BEAM", &["width", "height"])?;
-            let (width, height) = (required(&kwargs, "width", AMOUNT)?, required(&kwargs, "height", AMOUNT)?);
+        TargeterKind::LaserBeam => {
+            let kwargs = kwargs(&["width", "height"])?;
+            let width = required(&kwargs, "width", NON_NEGATIVE)?;
+            let height = required(&kwargs, "height", NON_NEGATIVE)?;
             Ok(Targeter::LaserBeam { width, height })
         }
-        TargeterWord::Standard => no_kwargs(file, "STANDARD").map(|()| Targeter::Standard),
-        TargeterWord::Heal => no_kwargs(file, "HEAL").map(|()| Targeter::Heal),
+        TargeterKind::Standard => check_no_kwargs(file, kind).map(|()| Targeter::Standard),
+        TargeterKind::Heal => check_no_kwargs(file, kind).map(|()| Targeter::Heal),
     }
 }
 
-/// A healer's targeter heals and nobody else's does.
-fn check_role(file: &Object, word: TargeterWord, combat_type: CombatType) -> Result<(), UnitError> {
-    match (word == TargeterWord::Heal, combat_type == CombatType::Healing, file.get("targeter")) {
+/// Healers have the targeter HEAL, and no other units have it.
+fn check_combat_type(file: &Object, kind: TargeterKind, combat_type: CombatType) -> Result<(), UnitError> {
+    match (kind == TargeterKind::Heal, combat_type == CombatType::Healing, file.get("targeter")) {
         (false, true, None) => Err(file.missing("targeter", "HEAL, because `combat_type` is HEALING")),
         (false, true, Some(node)) => Err(node.invalid("HEAL, because `combat_type` is HEALING")),
         (true, false, _) => match file.get("combat_type") {
@@ -214,10 +215,10 @@ fn check_role(file: &Object, word: TargeterWord, combat_type: CombatType) -> Res
     }
 }
 
-fn no_kwargs(file: &Object, word: &str) -> Result<(), UnitError> {
+fn check_no_kwargs(file: &Object, kind: TargeterKind) -> Result<(), UnitError> {
     match file.get("targeter_kwargs") {
         Some(node) if !node.entries()?.is_empty() => {
-            Err(node.invalid(format!("left out: targeter {word} has no figures of its own")))
+            Err(node.invalid(format!("left out: targeter {} has no parameters", kind.name())))
         }
         _ => Ok(()),
     }

@@ -1,11 +1,11 @@
 //! The ten standard unit types, embedded from `units/data`.
 //!
 //! Nine are the published environment's. HYDRALISK is added for SMAC's map 6h_vs_8z: its health is that of
-//! the map, its other figures are the game's public unit statistics, which are also the source of the nine.
+//! the map, its other stats are the public unit statistics of StarCraft II, the source of the nine as well.
 
 use crate::UnitType;
 
-/// Names and files, in the order they are listed to people.
+/// Names and files, in the order in which they are listed.
 const STANDARD: [(&str, &str); 10] = [
     ("BANELING", include_str!("../data/BANELING.json")),
     ("COLOSSUS", include_str!("../data/COLOSSUS.json")),

@@ -1,9 +1,9 @@
-//! One unit type's figures and the questions the engine asks of them. Where they come from is in `parse` and
+//! The stats of one unit type, and the values that the engine derives from them. They come from `parse` and
 //! `standard`.
 
 use crate::{Attribute, AttributeSet, CombatType, Plane, PlaneSet, Targeter};
 
-/// The figures of a unit type, as its file gives them. Distances are in terrain squares, times in seconds.
+/// The stats of a unit type, as its file gives them. Distances are in terrain squares, times in seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnitType {
     /// A standard type's name (`MARINE`), or the stem of the file it was read from.
@@ -18,7 +18,7 @@ pub struct UnitType {
     pub energy: f64,
     /// Energy at the start of an episode, at most `energy`.
     pub initial_energy: f64,
-    /// Taken off the part of each hit that reaches health.
+    /// Subtracted from the part of each hit that reaches health.
     pub armor: f64,
     /// Damage of one hit before bonuses and armor.
     pub damage: f64,
@@ -30,9 +30,9 @@ pub struct UnitType {
     pub cooldown: f64,
     /// Maximum speed in squares per second; 0 for a unit that never moves.
     pub speed: f64,
-    /// Reach of the attack between the two bodies' edges.
+    /// Range of the attack, measured between the edges of the two units.
     pub attack_range: f64,
-    /// How far the unit looks for targets of its own choice.
+    /// How far the unit searches for targets under an attack-move command.
     pub minimum_scan_range: f64,
     /// Diameter, above 0.
     pub size: f64,
@@ -40,9 +40,9 @@ pub struct UnitType {
     pub plane: Plane,
     /// Whether it attacks or heals.
     pub combat_type: CombatType,
-    /// The planes it can hit; ask [`can_attack`](Self::can_attack), which knows the exception.
+    /// The planes whose units it can attack; [`can_attack`](Self::can_attack) adds the exception.
     pub valid_targets: PlaneSet,
-    /// What other types' bonuses look at.
+    /// The attributes that other types' bonuses refer to.
     pub attributes: AttributeSet,
     /// What its attack does; `Heal` exactly when `combat_type` is `Healing`.
     pub targeter: Targeter,
@@ -65,7 +65,7 @@ impl UnitType {
     }
 
     /// Damage of one hit on `victim`: `damage` and the bonus for each attribute that the victim has. Shield
-    /// and armor are not in it.
+    /// and armor are not included.
     pub fn damage_against(&self, victim: &UnitType) -> f64 {
         let bonuses = self.bonuses.iter().filter(|(attribute, _)| victim.attributes.contains(*attribute));
         bonuses.fold(self.damage, |damage, (_, bonus)| damage + bonus)

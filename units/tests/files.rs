@@ -1,4 +1,4 @@
-//! Custom unit files: what is accepted, and the message for everything that is not.
+//! Custom unit files: what is accepted, and the message for everything that is refused.
 
 use smaclite_units::{CombatType, FileError, Plane, Targeter, UnitType};
 
@@ -49,12 +49,12 @@ fn starting_energy_is_initial_energy() {
     assert_eq!(energy(&[("starting_energy", "50")]), Ok(50.0));
     assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "50")]), Ok(50.0));
     let differing =
-        "scout.json: `starting_energy` is 50, but should be 60 like `initial_energy`, its other name";
+        "scout.json: `starting_energy` is 50, but must be 60, the value of its alias `initial_energy`";
     assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "60")]), Err(differing.into()));
 }
 
 #[test]
-fn targeters_with_their_figures() {
+fn targeters_with_their_parameters() {
     let targeter = |word, kwargs| {
         read(&[("targeter", word), ("targeter_kwargs", kwargs)]).map(|unit_type| unit_type.targeter)
     };
@@ -68,55 +68,56 @@ fn targeters_with_their_figures() {
 }
 
 #[test]
-fn bad_files_say_what_would_be_right() {
+fn errors_say_what_is_accepted() {
     let cases: &[(&[(&str, &str)], &str)] = &[
         (&[("hpp", "45")], "unknown key `hpp`; did you mean `hp`?"),
         (&[("attack_rnage", "3")], "unknown key `attack_rnage`; did you mean `attack_range`?"),
-        (&[("hp", "")], "`hp` is missing; it should be a number above 0 and at most 1000000"),
+        (&[("hp", "")], "`hp` is missing; it must be a number above 0 and at most 1000000"),
         (
             &[("valid_targets", "")],
-            "`valid_targets` is missing; it should be a list of words out of GROUND, AIR, COLOSSUS",
+            "`valid_targets` is missing; it must be a list of keywords out of GROUND, AIR, COLOSSUS",
         ),
-        (&[("hp", "0")], "`hp` is 0, but should be a number above 0 and at most 1000000"),
-        (&[("hp", "\"45\"")], "`hp` is \"45\", but should be a number above 0 and at most 1000000"),
-        (&[("hp", "null")], "`hp` is null, but should be a number above 0 and at most 1000000"),
-        (&[("hp", "1e300")], "`hp` is 1e300, but should be a number above 0 and at most 1000000"),
-        (&[("speed", "-3.15")], "`speed` is -3.15, but should be a number from 0 to 1000000"),
-        (&[("size", "2000")], "`size` is 2000, but should be a number above 0 and at most 1024"),
-        (&[("attacks", "1.5")], "`attacks` is 1.5, but should be a whole number from 1 to 1000"),
-        (&[("attacks", "0")], "`attacks` is 0, but should be a whole number from 1 to 1000"),
+        (&[("hp", "0")], "`hp` is 0, but must be a number above 0 and at most 1000000"),
+        (&[("hp", "\"45\"")], "`hp` is \"45\", but must be a number above 0 and at most 1000000"),
+        (&[("hp", "null")], "`hp` is null, but must be a number above 0 and at most 1000000"),
+        (&[("hp", "1e300")], "`hp` is 1e300, but must be a number above 0 and at most 1000000"),
+        (&[("speed", "-3.15")], "`speed` is -3.15, but must be a number from 0 to 1000000"),
+        (&[("size", "2000")], "`size` is 2000, but must be a number above 0 and at most 1024"),
+        (&[("attacks", "1.5")], "`attacks` is 1.5, but must be a whole number from 1 to 1000"),
+        (&[("attacks", "0")], "`attacks` is 0, but must be a whole number from 1 to 1000"),
         (
             &[("attack_range", "\"MELE\"")],
-            "`attack_range` is \"MELE\", but should be a number from 0 to 1000000 or \"MELEE\"",
+            "`attack_range` is \"MELE\", but must be a number from 0 to 1000000 or \"MELEE\"",
         ),
         (
             &[("energy", "10"), ("initial_energy", "20")],
-            "`initial_energy` is 20, but should be at most `energy`, which is 10",
+            "`initial_energy` is 20, but must be at most `energy`, which is 10",
         ),
-        (&[("plane", "\"WATER\"")], "`plane` is \"WATER\", but should be one of GROUND, AIR, COLOSSUS"),
+        (&[("plane", "\"WATER\"")], "`plane` is \"WATER\", but must be one of GROUND, AIR, COLOSSUS"),
         (
             &[("plane", "\"ground\"")],
-            "`plane` is \"ground\", but should be one of GROUND, AIR, COLOSSUS; did you mean `GROUND`?",
+            "`plane` is \"ground\", but must be one of GROUND, AIR, COLOSSUS; did you mean `GROUND`?",
         ),
-        (&[("plane", "1")], "`plane` is 1, but should be one of GROUND, AIR, COLOSSUS"),
+        (&[("plane", "1")], "`plane` is 1, but must be one of GROUND, AIR, COLOSSUS"),
         (
             &[("valid_targets", r#"["GROUND", "ARI"]"#)],
-            "`valid_targets[1]` is \"ARI\", but should be one of GROUND, AIR, COLOSSUS; did you mean `AIR`?",
+            "`valid_targets[1]` is \"ARI\", but must be one of GROUND, AIR, COLOSSUS; did you mean `AIR`?",
         ),
-        (&[("valid_targets", "\"AIR\"")], "`valid_targets` is \"AIR\", but should be a list"),
+        (&[("valid_targets", "\"AIR\"")], "`valid_targets` is \"AIR\", but must be a list"),
         (&[("bonuses", r#"{"ARMOURED": 5}"#)], "unknown key `bonuses.ARMOURED`; did you mean `ARMORED`?"),
         (
             &[("bonuses", r#"{"ARMORED": -5}"#)],
-            "`bonuses.ARMORED` is -5, but should be a number from 0 to 1000000",
+            "`bonuses.ARMORED` is -5, but must be a number from 0 to 1000000",
         ),
         (
             &[("targeter", "\"KAMIKAZI\"")],
-            "`targeter` is \"KAMIKAZI\", but should be one of STANDARD, KAMIKAZE, LASER_BEAM, HEAL; \
+            "`targeter` is \"KAMIKAZI\", but must be one of STANDARD, KAMIKAZE, LASER_BEAM, HEAL; \
              did you mean `KAMIKAZE`?",
         ),
         (
             &[("targeter", "\"LASER_BEAM\"")],
-            "`targeter_kwargs` is missing; it should be an object with `width` and `height` for targeter LASER_BEAM",
+            "`targeter_kwargs` is missing; it must be an object with `width` and `height` for targeter \
+             LASER_BEAM",
         ),
         (
             &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", r#"{"radus": 2}"#)],
@@ -124,24 +125,24 @@ fn bad_files_say_what_would_be_right() {
         ),
         (
             &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", "{}")],
-            "`targeter_kwargs.radius` is missing; it should be a number from 0 to 1000000",
+            "`targeter_kwargs.radius` is missing; it must be a number from 0 to 1000000",
         ),
         (
             &[("targeter_kwargs", r#"{"radius": 2}"#)],
-            "`targeter_kwargs` is an object of size 1, but should be left out: \
-             targeter STANDARD has no figures of its own",
+            "`targeter_kwargs` is an object of size 1, but must be left out: \
+             targeter STANDARD has no parameters",
         ),
         (
             &[("combat_type", "\"HEALING\"")],
-            "`targeter` is missing; it should be HEAL, because `combat_type` is HEALING",
+            "`targeter` is missing; it must be HEAL, because `combat_type` is HEALING",
         ),
         (
             &[("targeter", "\"HEAL\"")],
-            "`combat_type` is missing; it should be HEALING, because `targeter` is HEAL",
+            "`combat_type` is missing; it must be HEALING, because `targeter` is HEAL",
         ),
         (
             &[("combat_type", "\"HEALING\""), ("targeter", "\"STANDARD\"")],
-            "`targeter` is \"STANDARD\", but should be HEAL, because `combat_type` is HEALING",
+            "`targeter` is \"STANDARD\", but must be HEAL, because `combat_type` is HEALING",
         ),
     ];
     for (changes, message) in cases {
@@ -153,11 +154,11 @@ fn bad_files_say_what_would_be_right() {
 #[test]
 fn text_that_is_not_a_unit() {
     let cases = [
-        ("1", "the whole file is 1, but should be an object, { ... }"),
-        ("[]", "the whole file is a list of length 0, but should be an object, { ... }"),
+        ("1", "the whole file is 1, but must be an object, { ... }"),
+        ("[]", "the whole file is a list of length 0, but must be an object, { ... }"),
         ("{\"hp\": 45\n \"armor\": 0}", "line 2, column 2: expected `,` or `}`"),
         ("{\"hp\": NaN}", "line 1, column 8: expected value"),
-        ("{\"hp\": 45,\n \"hp\": 46}", "line 2, column 10: key `hp` is given twice"),
+        ("{\"hp\": 45,\n \"hp\": 46}", "line 2, column 10: key `hp` is duplicate"),
         ("", "line 1, column 0: EOF while parsing a value"),
     ];
     for (text, message) in cases {
@@ -172,14 +173,14 @@ fn text_that_is_not_a_unit() {
 fn a_file_names_its_type() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("long_scout.json");
-    // Editors on Windows start a file with a byte order mark.
+    // Some editors on Windows start a file with a byte order mark.
     std::fs::write(&path, format!("\u{feff}{}", file(&[]))).unwrap();
     assert_eq!(UnitType::load(&path).unwrap().name, "long_scout");
 
     let error = UnitType::load(folder.path()).unwrap_err().to_string();
     assert!(error.ends_with("cannot be read: it is not a regular file"), "{error}");
-    let error = UnitType::load(&folder.path().join("nobody.json")).unwrap_err().to_string();
-    assert!(error.contains("nobody.json: cannot be read: No such file"), "{error}");
+    let error = UnitType::load(&folder.path().join("missing.json")).unwrap_err().to_string();
+    assert!(error.contains("missing.json: cannot be read: No such file"), "{error}");
 }
 
 /// A key of 3 MB once cost 1.8 s of edit distances and made a message of 3 MB; a value, a name or a path can
@@ -191,12 +192,9 @@ fn messages_are_short_lines_whatever_a_file_holds() {
     let shown = "long?key".repeat(400_000)[..60].to_owned() + "...";
     let quoted = format!("\"{escaped}\"");
     let cases: [(&[(&str, &str)], String); 3] = [
-        (&[(&escaped, "45")], format!("unknown key `{shown}`; valid are hp, ")),
-        (&[("plane", &quoted)], format!("`plane` is \"{shown}\", but should be one of GROUND, ")),
-        (
-            &[(&escaped, "1"), (&escaped, "2")],
-            format!("line 1, column 7200170: key `{shown}` is given twice"),
-        ),
+        (&[(&escaped, "45")], format!("unknown key `{shown}`; expected one of hp, ")),
+        (&[("plane", &quoted)], format!("`plane` is \"{shown}\", but must be one of GROUND, ")),
+        (&[(&escaped, "1"), (&escaped, "2")], format!("line 1, column 7200170: key `{shown}` is duplicate")),
     ];
     for (changes, message) in cases {
         let error = read(changes).unwrap_err().to_string();
@@ -209,8 +207,8 @@ fn messages_are_short_lines_whatever_a_file_holds() {
     assert!(error.len() < 500 && error.contains("key.json: cannot be read: "), "{} bytes", error.len());
 }
 
-/// Whatever is no file was read to its end: `check /dev/zero` filled the memory, and a FIFO waited for a
-/// writer.
+/// Files that are not regular were read to their end: `check /dev/zero` filled the memory, and a FIFO waited
+/// for a writer.
 #[test]
 fn only_files_of_a_limited_size_are_read() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,11 +1,11 @@
-//! The embedded unit files hold the published figures.
+//! The embedded unit files have the published stats.
 
-use smaclite_units::{Attribute, CombatType, Plane, Targeter, UnitType, Word};
+use smaclite_units::{Attribute, CombatType, Keyword, Plane, Targeter, UnitType};
 
 /// name, hp, shield, armor, damage, attacks, cooldown, speed, attack range, size
 type Row = (&'static str, f64, f64, f64, f64, u32, f64, f64, f64, f64);
 
-const FIGURES: [Row; 10] = [
+const STATS: [Row; 10] = [
     ("BANELING", 30.0, 0.0, 0.0, 80.0, 1, 1.0, 3.15, 0.25, 0.75),
     ("COLOSSUS", 200.0, 150.0, 1.0, 10.0, 2, 1.07, 3.15, 7.0, 2.0),
     ("HYDRALISK", 80.0, 0.0, 0.0, 12.0, 1, 0.59, 3.15, 5.0, 1.25),
@@ -19,11 +19,11 @@ const FIGURES: [Row; 10] = [
 ];
 
 fn standard(name: &str) -> UnitType {
-    UnitType::standard(name).unwrap_or_else(|| panic!("{name} should be readable"))
+    UnitType::standard(name).unwrap_or_else(|| panic!("{name} must be readable"))
 }
 
 #[test]
-fn figures_of_every_type() {
+fn stats_of_every_type() {
     let found: Vec<Row> = UnitType::standard_names()
         .map(|name| {
             let t = standard(name);
@@ -32,19 +32,19 @@ fn figures_of_every_type() {
             (name, t.hp, t.shield, t.armor, t.damage, t.attacks, t.cooldown, t.speed, range, size)
         })
         .collect();
-    assert_eq!(found, FIGURES);
+    assert_eq!(found, STATS);
 }
 
-/// Checks one figure of all types: the named ones have their value, all others the default.
-fn check<T: PartialEq + std::fmt::Debug>(figure: impl Fn(&UnitType) -> T, default: T, others: &[(&str, T)]) {
+/// Checks one stat of all types: the named types have their value, all others the default.
+fn check<T: PartialEq + std::fmt::Debug>(stat: impl Fn(&UnitType) -> T, default: T, others: &[(&str, T)]) {
     for name in UnitType::standard_names() {
         let expected = others.iter().find(|(other, _)| *other == name).map_or(&default, |(_, value)| value);
-        assert_eq!(&figure(&standard(name)), expected, "{name}");
+        assert_eq!(&stat(&standard(name)), expected, "{name}");
     }
 }
 
 #[test]
-fn figures_of_a_few_types() {
+fn stats_of_a_few_types() {
     let zerg = ["BANELING", "HYDRALISK", "SPINE_CRAWLER", "ZERGLING"];
     let regenerating = zerg.map(|name| (name, 0.38));
     check(|t| t.hp_regen, 0.0, &regenerating);
@@ -74,8 +74,8 @@ fn planes_and_attributes_of_every_type() {
     let shooters = ["HYDRALISK", "MARINE", "STALKER"].map(|name| (name, [true; 3]));
     check(attackable, [true, false, true], &shooters);
     let attributes = |t: &UnitType| {
-        let words = Attribute::WORDS.iter().filter(|(_, attribute)| t.attributes.contains(*attribute));
-        words.map(|(word, _)| *word).collect::<Vec<_>>().join(" ")
+        let all = Attribute::KEYWORDS.iter().filter(|(_, attribute)| t.attributes.contains(*attribute));
+        all.map(|(keyword, _)| *keyword).collect::<Vec<_>>().join(" ")
     };
     let expected = [
         ("BANELING", "BIOLOGICAL"),
@@ -85,7 +85,7 @@ fn planes_and_attributes_of_every_type() {
         ("SPINE_CRAWLER", "ARMORED BIOLOGICAL STRUCTURE"),
         ("STALKER", "ARMORED MECHANICAL"),
     ]
-    .map(|(name, words)| (name, words.to_owned()));
+    .map(|(name, attributes)| (name, attributes.to_owned()));
     check(attributes, "LIGHT BIOLOGICAL".to_owned(), &expected);
 }
 

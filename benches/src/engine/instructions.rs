@@ -1,7 +1,6 @@
-//! How many instructions the phases of a step take, counted by callgrind (`valgrind` must be installed).
+//! Number of instructions of the phases of a step, counted by callgrind (`valgrind` must be installed).
 //!
-//! The engine keeps its phases from being inlined into each other, so each is a function in callgrind's
-//! output.
+//! The engine's phases are not inlined, so each is a function in callgrind's output.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -10,21 +9,21 @@ use std::process::Command;
 use super::Plays;
 use super::play::Play;
 
-/// Titles of the columns, and the ends of the names of the functions they are about.
+/// Titles of the columns, and the ends of the names of the functions that they measure.
 const PHASES: [(&str, &str); 10] = [
-    ("order", "battle::Battle::set_order"),
-    ("targets", "tick::targets::clean_up"),
-    ("preferred", "tick::preferred::declare"),
+    ("order", "battle::Battle::set_execution_order"),
+    ("targets", "tick::targets::drop_lost"),
+    ("preferred", "tick::preferred::decide"),
     ("avoid", "tick::avoid::plan_velocities"),
-    ("execute", "tick::execute::all"),
-    ("deaths", "tick::deaths::take_out"),
+    ("execute", "tick::execute::take_turns"),
+    ("deaths", "tick::deaths::remove_dead"),
     ("legal", "encode::avail::Available::update"),
     ("obs", "encode::obs::write_obs"),
     ("state", "encode::state::write_state"),
     ("avail", "encode::avail::Available::write"),
 ];
 
-/// Prints the instructions of each phase for each living unit and tick.
+/// Prints the number of instructions of each phase per living unit and tick.
 pub(crate) fn instructions(plays: &Plays) -> Result<(), Box<dyn Error>> {
     println!("instructions per living unit and tick, {} player, {} steps", plays.policy, plays.steps);
     print!("{:16} {:>8}", "scenario", "all");
@@ -42,7 +41,7 @@ pub(crate) fn instructions(plays: &Plays) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The other side: plays once under callgrind.
+/// The measured process: plays once under callgrind.
 pub(crate) fn play_once(scenario: &str, policy: &str, steps: usize) -> Result<(), Box<dyn Error>> {
     Play::record(scenario, policy, steps)?.play_measured();
     Ok(())
@@ -65,11 +64,11 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
     Ok(Counts::parse(&String::from_utf8_lossy(&text)))
 }
 
-/// Instructions by function, with those of the functions it called.
+/// Number of instructions by function, including the functions that it calls.
 struct Counts(HashMap<String, f64>);
 
 impl Counts {
-    /// Reads callgrind's output: lines of costs under the function that they belong to, where the line after
+    /// Reads callgrind's output: lines of costs below the name of their function, where the line after
     /// `calls=` is the whole cost of a call.
     fn parse(text: &str) -> Counts {
         let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
@@ -92,7 +91,7 @@ impl Counts {
     }
 }
 
-/// A name is written out where it first appears, `(7) name`, and later is `(7)`.
+/// A name appears in full where it is first used, `(7) name`, and later as `(7)`.
 fn full_name(written: &str, names: &mut HashMap<String, String>) -> String {
     let (number, name) = written.split_once(' ').unwrap_or((written, ""));
     if !name.is_empty() {

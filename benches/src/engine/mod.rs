@@ -1,5 +1,5 @@
-//! What one battle costs: its time, and its instructions phase by phase. Time differs from run to run and
-//! from machine to machine; instructions hardly do, so they are what changes to the engine are judged by.
+//! The cost of one battle: its time, and its number of instructions by phase. Time differs between runs and
+//! machines; instruction counts hardly do, so changes to the engine are judged by them.
 
 mod instructions;
 mod play;
@@ -10,13 +10,13 @@ pub(crate) use times::times;
 
 use smaclite_scenarios::Scenario;
 
-/// What to play.
+/// The battles to play.
 #[derive(clap::Args)]
 pub(crate) struct Plays {
-    /// Who plays: `nearest` or `random`
+    /// The policy: `nearest` or `random`
     #[arg(long, default_value = "nearest", value_parser = ["nearest", "random"])]
     policy: String,
-    /// Steps of each scenario, from the first episode of seed 1 on
+    /// Number of steps per scenario, from the first episode of seed 1 on
     #[arg(long, default_value_t = 200)]
     steps: usize,
     /// Names or files of scenarios; the standard ones if none are given

@@ -1,5 +1,5 @@
-//! What is measured: one battle, stepped by actions that were chosen beforehand, with everything written out
-//! that a pool would write.
+//! The measured work: one battle, stepped by actions that were chosen beforehand, with all outputs that a
+//! pool would write.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -8,12 +8,12 @@ use std::time::Instant;
 use smaclite_engine::{Arena, Battle, Rules, Scratch, TICKS_PER_STEP, policy};
 use smaclite_scenarios::Scenario;
 
-/// A battle with its actions and the memory that it writes to.
+/// A battle with its actions and the memory for its outputs.
 pub(crate) struct Play {
     start: Battle,
     /// `[steps, n_agents]`.
     actions: Vec<i32>,
-    /// Living units at the begin of each step, times the ticks of a step, summed.
+    /// Sum over all steps of the number of living units at the start of the step, times the ticks per step.
     pub(crate) unit_ticks: u64,
     scratch: Scratch,
     obs: Vec<f32>,
@@ -23,7 +23,7 @@ pub(crate) struct Play {
 }
 
 impl Play {
-    /// Chooses the actions of that many steps. The policies are "nearest" and "random".
+    /// Chooses the actions of `steps` steps. The policies are "nearest" and "random".
     pub(crate) fn record(scenario: &str, policy: &str, steps: usize) -> Result<Play, String> {
         let scenario = Scenario::resolve(scenario).map_err(|e| e.to_string())?;
         let start = Battle::new(Arc::new(Arena::new(&scenario, Rules::default())), 1);
@@ -62,7 +62,7 @@ impl Play {
         self.actions.len() / self.alive.len()
     }
 
-    /// Plays all of it from the start. Not inlined: callgrind collects inside this function alone.
+    /// Plays all steps. Not inlined: callgrind collects inside this function only.
     #[inline(never)]
     pub(crate) fn play_measured(&mut self) {
         let mut battle = self.start.clone();
@@ -71,9 +71,8 @@ impl Play {
         }
     }
 
-    /// Plays all of it from the start and keeps the shortest time that each step has taken so far, in
-    /// nanoseconds: other programs may share the processor, and a step is over before they interrupt it more
-    /// often than not.
+    /// Plays all steps and keeps the shortest time of each step so far, in nanoseconds. Other programs may
+    /// share the processor; the shortest time is that of a run that they did not interrupt.
     pub(crate) fn play_timed(&mut self, shortest: &mut [u64]) {
         let mut battle = self.start.clone();
         for (step, shortest) in shortest.iter_mut().enumerate() {

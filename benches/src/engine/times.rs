@@ -1,4 +1,4 @@
-//! How long a step takes, for every scenario.
+//! The time of a step, for every scenario.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 use super::Plays;
 use super::play::Play;
 
-/// Plays each scenario again and again for `seconds`, one thread, and prints what a living unit costs in a
-/// tick.
+/// Plays each scenario repeatedly for `seconds`, on one thread, and prints the time per living unit and tick.
 pub(crate) fn times(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>> {
     println!("{} player, one thread, observation, state and availability written in each step", plays.policy);
     println!("{:16} {:>14} {:>10} {:>12}", "scenario", "ns/unit/tick", "steps/s", "ns/step");

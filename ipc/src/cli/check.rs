@@ -83,12 +83,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("one.json");
         std::fs::write(&file, "1").unwrap();
-        check(&file, "the whole file is 1, but should be a unit or a scenario, { ... }");
+        check(&file, "the whole file is 1, but must be a unit or a scenario, { ... }");
         std::fs::write(&file, "{").unwrap();
         check(&file, "line 1, column 1: EOF while parsing an object");
         std::fs::write(&file, "{\"groups\": 3}").unwrap();
-        check(&file, "`name` is missing; it should be the scenario's name");
+        check(&file, "`name` is missing; it must be the scenario's name");
         std::fs::write(&file, "{}").unwrap();
-        check(&file, "`hp` is missing; it should be a number above 0 and at most 1000000");
+        check(&file, "`hp` is missing; it must be a number above 0 and at most 1000000");
     }
 }

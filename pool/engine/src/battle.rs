@@ -1,70 +1,35 @@
-//! A battle: an arena's units in one episode after another, stepped by joint actions.
+//! A battle: the units of an arena in one episode after another, stepped by joint actions.
 //!
-//! What happens in a tick is in `tick`, what agents see is in `encode`, saving and restoring in `snapshot`.
+//! Here are steps and episodes: commands, the execution order, and victory, defeat and the time limit. The
+//! rules of a tick are in `tick`, what agents observe is in `encode`, the check of snapshots is in
+//! `snapshot`.
 
 use std::sync::Arc;
 
-use crate::arena::Arena;
-use crate::command::{Command, IllegalAction};
+use crate::arena::{Arena, Sizes};
+use crate::command::{Command, IllegalAction, action};
 use crate::encode::{self, Available};
 use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::scratch::Scratch;
 use crate::snapshot::{Snapshot, SnapshotError};
+use crate::step::{ExecutionOrder, Step, Tick};
 use crate::tick::{self, World};
 use crate::units::{AliveIds, Units, refill};
 use crate::{TICKS_PER_STEP, WIN_REWARD};
 
-/// One battle. A clone goes on independently, to the same bits.
+/// One battle. A clone continues independently, with the same bits.
 #[derive(Clone, Debug)]
 pub struct Battle {
     arena: Arc<Arena>,
     units: Units,
-    living: AliveIds,
+    alive_ids: AliveIds,
     neighbour_order: NeighbourOrder,
     last_actions: Vec<Option<u32>>,
     available: Available,
     generator: Generator,
     episode_length: u32,
     episode_return: f64,
-}
-
-/// What came of a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
-    /// The agents' common reward, scaled so that a win without enemy regeneration gives a return of 20.
-    pub reward: f64,
-    /// A side has nobody left.
-    pub terminated: bool,
-    /// The episode limit is reached, and neither side is gone.
-    pub truncated: bool,
-    /// No enemy lives.
-    pub battle_won: bool,
-}
-
-/// Who acts when in phase 4 of each tick.
-#[derive(Clone, Copy, Debug)]
-pub enum ExecutionOrder<'a> {
-    /// Drawn from the battle's own generator.
-    Drawn,
-    /// Battle-wide ids in order, tick by tick, as recorded. Who is not in the list does not act; ids of dead
-    /// units, or of none, are passed over. The generator is not touched.
-    Given(&'a [&'a [u32]; TICKS_PER_STEP]),
-}
-
-/// A look at a battle after a tick, for those who compare it with a recording.
-#[derive(Clone, Copy, Debug)]
-pub struct Tick<'a> {
-    /// Which tick of the step, from 0.
-    pub index: usize,
-    /// Battle-wide ids in the order of phase 4.
-    pub order: &'a [u32],
-    /// The units after the tick.
-    pub units: &'a Units,
-    /// The preferred velocity of each unit that was alive when the tick began, by battle-wide id.
-    pub preferred: &'a [glam::Vec2],
-    /// The reward of the tick, unscaled and without that for winning.
-    pub earned: f64,
 }
 
 impl Battle {
@@ -75,7 +40,7 @@ impl Battle {
             available: Available::new(&arena.sizes()),
             arena,
             units: Units::default(),
-            living: AliveIds::default(),
+            alive_ids: AliveIds::default(),
             neighbour_order: NeighbourOrder::default(),
             last_actions: Vec::new(),
             generator: Generator::new(seed),
@@ -86,17 +51,17 @@ impl Battle {
         battle
     }
 
-    /// The arena it is fought in.
+    /// The arena.
     pub fn arena(&self) -> &Arc<Arena> {
         &self.arena
     }
 
-    /// Seeds the generator anew; the episode goes on as it is.
+    /// Seeds the generator again; the episode continues.
     pub fn reseed(&mut self, seed: u64) {
         self.generator = Generator::new(seed);
     }
 
-    /// Begins a new episode. The generator goes on where it was.
+    /// Begins a new episode. The generator is not reset.
     pub fn reset(&mut self) {
         self.units.reset(&self.arena);
         self.neighbour_order.reset(&self.arena, &self.units);
@@ -106,22 +71,23 @@ impl Battle {
         self.refresh_derived();
     }
 
-    /// Works out what follows from the units: who lives, and what agents can do.
+    /// Computes what follows from the units: which are alive, and which actions are available.
     fn refresh_derived(&mut self) {
-        self.living.gather(&self.arena, &self.units);
-        self.available.update(&self.arena, &self.units, &self.living);
+        self.alive_ids.refresh(&self.arena, &self.units);
+        self.available.update(&self.arena, &self.units, &self.alive_ids);
     }
 
-    /// Whether [`step`](Self::step) would accept this joint action, one number for each agent.
+    /// Whether [`step`](Self::step) accepts this joint action, one number per agent.
     ///
     /// # Errors
-    /// The first action, by agent, that would be refused.
+    /// The illegal action of the agent with the lowest number, or a wrong count of actions.
     pub fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
         let sizes = self.arena.sizes();
         if actions.len() != sizes.n_agents {
             return Err(IllegalAction::WrongCount { given: actions.len(), n_agents: sizes.n_agents });
         }
         for (agent, &action) in actions.iter().enumerate() {
+            // One look at a bit for a legal action; only for an illegal one is the reason determined.
             match usize::try_from(action) {
                 Ok(number) if self.is_available(agent, number) => {}
                 Ok(number) if number < sizes.n_actions => {
@@ -134,21 +100,35 @@ impl Battle {
         Ok(())
     }
 
-    /// Plays one step of eight ticks; all are played even if one side is gone before the last.
+    /// Plays one step of eight ticks; all are played even if a faction has no units left before the last.
     ///
-    /// An episode that is over can be stepped further as long as its actions are legal; whoever drives the
-    /// battle decides when to reset.
+    /// An episode that is over can be stepped further with legal actions; the caller decides when to reset.
     ///
     /// # Errors
-    /// As [`check`](Self::check); then nothing was stepped.
+    /// As [`check`](Self::check); then the battle is unchanged.
     pub fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction> {
-        self.step_observed(actions, ExecutionOrder::Drawn, scratch, |_| {})
+        self.check(actions)?;
+        Ok(self.step_checked(actions, scratch))
+    }
+
+    /// As [`step`](Self::step) without the check, for callers that have [checked](Self::check) these actions
+    /// against the battle as it is now.
+    ///
+    /// Actions that `check` refuses are a mistake of the caller; builds with debug assertions panic. Other
+    /// builds give them a defined effect, and the battle stays valid:
+    /// - A number that is no action, or a missing one, counts as no-op. Surplus numbers are ignored.
+    /// - A living agent's no-op is a stop. The actions of dead agents have no effect.
+    /// - Any other action is carried out although it is not available: a unit walks to a target out of range,
+    ///   stops at a wall, or leaves the map; to target a unit that does not exist is a stop.
+    pub fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
+        debug_assert_eq!(self.check(actions), Ok(()), "unchecked actions");
+        self.play(actions, ExecutionOrder::Drawn, scratch, |_| {})
     }
 
     /// As [`step`](Self::step), with the execution orders of a recording.
     ///
     /// # Errors
-    /// As [`check`](Self::check); then nothing was stepped.
+    /// As [`check`](Self::check); then the battle is unchanged.
     pub fn step_in_order(
         &mut self,
         actions: &[i32],
@@ -158,62 +138,89 @@ impl Battle {
         self.step_observed(actions, order, scratch, |_| {})
     }
 
-    /// As [`step_in_order`](Self::step_in_order), with a look at the battle after each tick.
+    /// As [`step_in_order`](Self::step_in_order); `observe` is called with the battle after each tick.
     ///
     /// # Errors
-    /// As [`check`](Self::check); then nothing was stepped.
+    /// As [`check`](Self::check); then the battle is unchanged.
     pub fn step_observed(
         &mut self,
         actions: &[i32],
         order: ExecutionOrder<'_>,
         scratch: &mut Scratch,
-        mut observe: impl FnMut(Tick<'_>),
+        observe: impl FnMut(Tick<'_>),
     ) -> Result<Step, IllegalAction> {
         self.check(actions)?;
-        self.give_commands(actions, scratch);
+        Ok(self.play(actions, order, scratch, observe))
+    }
+
+    fn play(
+        &mut self,
+        actions: &[i32],
+        order: ExecutionOrder<'_>,
+        scratch: &mut Scratch,
+        mut observe: impl FnMut(Tick<'_>),
+    ) -> Step {
+        self.set_last_actions(actions);
+        self.give_commands(scratch);
         let mut earned = 0.0;
         for tick in 0..TICKS_PER_STEP {
-            self.set_order(order, tick, scratch);
+            self.set_execution_order(order, tick, scratch);
             let world = &mut World {
                 arena: &self.arena,
                 units: &mut self.units,
-                living: &mut self.living,
+                alive_ids: &mut self.alive_ids,
                 neighbour_order: &mut self.neighbour_order,
-                plan: &mut scratch.plan,
+                scratch: &mut scratch.tick,
             };
+            // Summed over ticks before it is scaled: scaling each would round differently.
             let earned_now = tick::run(world);
             earned += earned_now;
             observe(Tick {
                 index: tick,
-                order: &scratch.plan.order,
+                order: &scratch.tick.order,
                 units: &self.units,
-                preferred: &scratch.plan.preferred[..self.units.pos.len()],
+                preferred: &scratch.tick.preferred[..self.units.pos.len()],
                 earned: earned_now,
             });
         }
-        Ok(self.conclude(actions, earned))
+        self.finish_step(earned)
     }
 
-    /// Fixes what everyone does for the whole step: the destination of a move is set here, once.
-    fn give_commands(&self, actions: &[i32], scratch: &mut Scratch) {
+    /// Stores the action of every agent. Only [`step_checked`](Self::step_checked) may come here with numbers
+    /// that are no actions or with a wrong count of actions.
+    fn set_last_actions(&mut self, actions: &[i32]) {
+        let Sizes { n_agents, n_actions, .. } = self.arena.sizes();
+        let known = |&action: &i32| Some(action as u32).filter(|&action| (action as usize) < n_actions);
+        let no_op = Some(action::NO_OP as u32);
+        let all = actions.iter().map(|action| known(action).or(no_op)).chain(std::iter::repeat(no_op));
+        refill(&mut self.last_actions, all.take(n_agents));
+    }
+
+    /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once, and
+    /// enemies attack-move whatever the agents do.
+    fn give_commands(&self, scratch: &mut Scratch) {
         let arena = &*self.arena;
-        let plan = &mut scratch.plan;
-        plan.fit(arena);
-        refill(&mut plan.commands, arena.unit_ids().map(|_| Command::AttackMove));
-        for (&id, &action) in arena.agents.iter().zip(actions) {
+        let scratch = &mut scratch.tick;
+        scratch.reserve(arena);
+        refill(&mut scratch.commands, arena.unit_ids().map(|_| Command::AttackMove));
+        for (&id, action) in arena.agents.iter().zip(&self.last_actions) {
             let targets = if arena.stats(id).is_healer { &arena.agents } else { &arena.enemies };
             let position = self.units.pos[id as usize];
-            plan.commands[id as usize] = Command::from_action(action as usize, position, targets);
+            let action = action.map_or(action::NO_OP, |action| action as usize);
+            scratch.commands[id as usize] = Command::from_action(action, position, targets);
         }
     }
 
-    #[inline(never)] // so that profiles show it
-    fn set_order(&mut self, order: ExecutionOrder<'_>, tick: usize, scratch: &mut Scratch) {
+    /// Sets the execution order of a tick: which unit moves and acts first in phase 4.
+    #[inline(never)]
+    fn set_execution_order(&mut self, order: ExecutionOrder<'_>, tick: usize, scratch: &mut Scratch) {
         let n_units = self.units.pos.len();
-        let into = &mut scratch.plan.order;
+        let into = &mut scratch.tick.order;
         match order {
+            // Each tick shuffles the ascending ids of the living units; the order of the last tick has no
+            // effect.
             ExecutionOrder::Drawn => {
-                refill(into, self.living.all.iter().copied());
+                refill(into, self.alive_ids.all.iter().copied());
                 self.generator.shuffle(into);
             }
             ExecutionOrder::Given(orders) => {
@@ -222,10 +229,11 @@ impl Battle {
         }
     }
 
-    fn conclude(&mut self, actions: &[i32], earned: f64) -> Step {
-        self.available.update(&self.arena, &self.units, &self.living);
-        refill(&mut self.last_actions, actions.iter().map(|&action| Some(action as u32)));
-        let battle_won = self.living.enemies.is_empty();
+    fn finish_step(&mut self, earned: f64) -> Step {
+        self.available.update(&self.arena, &self.units, &self.alive_ids);
+        // A win is that no enemy is alive, also if the last agent died in the same tick. At the time limit
+        // only this counts, not the health that is left: a truncated episode is not won.
+        let battle_won = self.alive_ids.enemies.is_empty();
         let reward = self.arena.scale_reward(if battle_won { earned + WIN_REWARD } else { earned });
         self.episode_length = self.episode_length.saturating_add(1);
         self.episode_return += reward;
@@ -234,7 +242,7 @@ impl Battle {
     }
 
     fn is_terminated(&self) -> bool {
-        self.living.enemies.is_empty() || self.living.allies.is_empty()
+        self.alive_ids.enemies.is_empty() || self.alive_ids.allies.is_empty()
     }
 
     fn is_at_limit(&self) -> bool {
@@ -254,31 +262,38 @@ impl Battle {
         self.available.of(agent)
     }
 
-    /// Whether an action is available to an agent; false for numbers that are none.
+    /// Whether an action is available to an agent; false if there is no such agent or action.
     pub fn is_available(&self, agent: usize, action: usize) -> bool {
         agent < self.arena.agents.len() && self.available.has(agent, action)
     }
 
-    /// Writes what the agents observe: f32 `[n_agents, obs_size]`, all zeros for the dead.
+    /// Writes the observations of all agents: f32 `[n_agents, obs_size]`, all zeros for dead agents.
     ///
-    /// A row has, with distances divided by the sight range 9 (a unit is seen if nearer) and health and
-    /// shield by their maximum: whether the moves north, south, east, west are available; for each enemy:
-    /// whether target action of its number is available, distance, dx, dy, health, \[shield\], \[type\]; for
-    /// each other ally: 1, distance, dx, dy, health, \[shield\], \[type\]; own health, \[shield\], \[type\].
-    /// Unseen blocks are zero.
+    /// A row consists of
+    /// - whether the moves north, south, east and west are available: 0 or 1;
+    /// - for each enemy: whether the target action of its number is available, distance, dx, dy, health,
+    ///   \[shield\], \[type\];
+    /// - for each other ally: 1, distance, dx, dy, health, \[shield\], \[type\];
+    /// - own health, \[shield\], \[type\].
+    ///
+    /// Distances are divided by the sight range of 9 squares, health and shield by their maximum. Blocks of
+    /// units that are dead or not nearer than the sight range are zero.
     ///
     /// # Panics
     /// If `out` has another size.
     pub fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
-        encode::write_obs(&self.view(), out, &mut scratch.sights);
+        encode::write_obs(&self.view(), out, &mut scratch.obs);
     }
 
     /// Writes the state: f32 `[state_size]`.
     ///
-    /// It has for each agent: health, cooldown (energy for healers), x, y from the centre of the map in
-    /// shares of its sides, \[shield\], \[type\]; for each enemy the same without cooldown; and for each
-    /// agent a one-hot of its last action, all zeros after a reset. Blocks of the dead are zero, but for the
-    /// last action.
+    /// It consists of
+    /// - for each agent: health, cooldown (energy for healers), x, y, \[shield\], \[type\];
+    /// - for each enemy: health, x, y, \[shield\], \[type\];
+    /// - for each agent: a one-hot of its last action, all zeros after a reset.
+    ///
+    /// x and y are relative to the centre of the map and divided by its sides, the other values by their
+    /// maximum. Blocks of dead units are zero, except for the last action.
     ///
     /// # Panics
     /// If `out` has another size.
@@ -286,7 +301,7 @@ impl Battle {
         encode::write_state(&self.view(), &self.last_actions, out);
     }
 
-    /// Writes which actions are available: 0 or 1, `[n_agents, n_actions]`.
+    /// Writes which actions are available: u8 0 or 1, `[n_agents, n_actions]`.
     ///
     /// # Panics
     /// If `out` has another size.
@@ -294,12 +309,12 @@ impl Battle {
         self.available.write(out);
     }
 
-    /// Writes which agents live: 0 or 1, `[n_agents]`.
+    /// Writes which agents are alive: u8 0 or 1, `[n_agents]`.
     ///
     /// # Panics
     /// If `out` has another size.
     pub fn write_alive(&self, out: &mut [u8]) {
-        assert_eq!(out.len(), self.arena.agents.len(), "one byte an agent");
+        assert_eq!(out.len(), self.arena.agents.len(), "one byte per agent");
         for (out, &id) in out.iter_mut().zip(&self.arena.agents) {
             *out = u8::from(self.units.alive[id as usize]);
         }
@@ -309,19 +324,19 @@ impl Battle {
         encode::View { arena: &self.arena, units: &self.units, available: &self.available }
     }
 
-    /// The units as they are now.
+    /// The current state of all units.
     pub fn units(&self) -> &Units {
         &self.units
     }
 
-    /// Agents that died in this episode.
+    /// Number of agents that died in this episode.
     pub fn dead_allies(&self) -> usize {
-        self.arena.agents.len() - self.living.allies.len()
+        self.arena.agents.len() - self.alive_ids.allies.len()
     }
 
-    /// Enemies that died in this episode.
+    /// Number of enemies that died in this episode.
     pub fn dead_enemies(&self) -> usize {
-        self.arena.enemies.len() - self.living.enemies.len()
+        self.arena.enemies.len() - self.alive_ids.enemies.len()
     }
 
     /// The sum of the rewards of this episode.
@@ -329,12 +344,12 @@ impl Battle {
         self.episode_return
     }
 
-    /// The steps of this episode.
+    /// Number of steps of this episode.
     pub fn episode_length(&self) -> u32 {
         self.episode_length
     }
 
-    /// All that is needed to go on from here, bit for bit.
+    /// The state of the battle, from which it continues with the same bits.
     pub fn save(&self) -> Snapshot {
         Snapshot {
             units: self.units.clone(),
@@ -346,11 +361,12 @@ impl Battle {
         }
     }
 
-    /// Puts the battle where a snapshot of the same arena was taken.
+    /// Sets the battle to the state of a snapshot of the same arena.
     ///
     /// # Errors
-    /// What in the snapshot cannot be of this arena; then nothing was changed.
+    /// The first value of the snapshot that this arena does not allow; then the battle is unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        // Everything is checked before anything changes, and `clone_from` reuses the memory of this battle.
         snapshot.check(&self.arena)?;
         self.units.clone_from(&snapshot.units);
         self.neighbour_order.clone_from(&snapshot.neighbour_order);

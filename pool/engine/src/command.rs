@@ -1,13 +1,13 @@
-//! Actions of agents, and the commands that units carry through a step.
+//! The actions of agents, and the commands that units follow during a step.
 
 use glam::Vec2;
 use thiserror::Error;
 
-/// The actions of an agent by number.
+/// The numbers of an agent's actions.
 pub mod action {
-    /// Only for the dead, and all they can do.
+    /// The only action of a dead agent.
     pub const NO_OP: usize = 0;
-    /// Stay.
+    /// Stand still.
     pub const STOP: usize = 1;
     /// Move 2 squares north (+y).
     pub const NORTH: usize = 2;
@@ -21,13 +21,13 @@ pub mod action {
     pub const FIRST_TARGET: usize = 6;
 }
 
-/// How far a move goes, in squares.
+/// Length of a move, in squares.
 const MOVE: f64 = 2.0;
 
 /// The directions of the four moves, in the order of their actions.
 pub(crate) const DIRECTIONS: [[f64; 2]; 4] = [[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]];
 
-/// What a unit is told to do for the eight ticks of a step.
+/// What a unit does during the eight ticks of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Command {
     /// No-op and stop.
@@ -36,19 +36,24 @@ pub(crate) enum Command {
     MoveTo([f64; 2]),
     /// Attack or heal a unit, by battle-wide id.
     Target(u32),
-    /// March to the scenario's attack point and attack who comes near; heal, for healers.
+    /// March to the scenario's attack point and attack opponents in scan range; healers heal. All enemies do
+    /// this.
     AttackMove,
 }
 
 impl Command {
-    /// The command that an action is for a unit at `position`; `targets` are the units that its target
-    /// actions mean, by in-faction id.
+    /// The command of an action of a unit at `position`; `targets` are the units that its target actions
+    /// refer to, by in-faction id.
     pub fn from_action(action: usize, position: Vec2, targets: &[u32]) -> Command {
         match action {
             action::NORTH..action::FIRST_TARGET => {
+                // The destination is a point, not a direction: a unit that others push aside still walks to
+                // it.
                 let [x, y] = DIRECTIONS[action - action::NORTH];
                 Command::MoveTo([f64::from(position.x) + MOVE * x, f64::from(position.y) + MOVE * y])
             }
+            // Healers and damage dealers have equally many target actions, but their targets may be fewer.
+            // The surplus actions are never available.
             action::FIRST_TARGET.. => {
                 targets.get(action - action::FIRST_TARGET).map_or(Command::Stop, |&id| Command::Target(id))
             }
@@ -57,35 +62,35 @@ impl Command {
     }
 }
 
-/// Why a joint action was refused; nothing was stepped.
+/// Why a joint action was refused; the battle is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum IllegalAction {
-    /// Not one action for each agent.
-    #[error("{given} actions for {n_agents} agents: give one for each, and 0 (no-op) for the dead")]
+    /// The number of actions differs from the number of agents.
+    #[error("expected {n_agents} actions, one per agent and 0 (no-op) for dead agents, got {given}")]
     WrongCount {
-        /// How many were given.
+        /// Number of actions.
         given: usize,
-        /// How many there should be.
+        /// Number of agents.
         n_agents: usize,
     },
     /// No action has that number.
-    #[error("agent {agent}: there is no action {action}; actions are 0 to {last}", last = n_actions - 1)]
+    #[error("agent {agent}: actions must be between 0 and {last}, got {action}", last = n_actions - 1)]
     OutOfRange {
         /// The agent.
         agent: usize,
         /// The action.
         action: i32,
-        /// How many actions there are.
+        /// Number of actions of an agent.
         n_actions: usize,
     },
-    /// The agent cannot do that now.
+    /// The action is not available to the agent now.
     #[error("agent {agent}: action {action} is not available now; its available actions are {available:?}")]
     Unavailable {
         /// The agent.
         agent: usize,
         /// The action.
         action: i32,
-        /// What it can do.
+        /// The available actions of the agent.
         available: Vec<usize>,
     },
 }

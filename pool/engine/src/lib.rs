@@ -1,11 +1,11 @@
-//! One battle: the rules of the game, exactly, and what agents see of it.
+//! One battle: the exact rules of the game, and what agents observe of it.
 //!
-//! An [`Arena`] is a scenario made ready, shared by all its battles; a [`Battle`] is one episode after
-//! another, stepped by joint actions. The engine knows nothing of threads, shared memory or files, and it
-//! cannot fail but by an [`IllegalAction`].
+//! An [`Arena`] is a scenario prepared for play, shared by all its battles; a [`Battle`] is one episode after
+//! another, stepped by joint actions. The engine knows nothing of threads, shared memory or files, and its
+//! only error in play is an [`IllegalAction`].
 //!
-//! Equal seeds and actions give equal bits, on every machine: arithmetic is in f32 or f64 as the rules say,
-//! never fused, and nothing is drawn but the execution order of a tick.
+//! Equal seeds and actions give equal bits on every machine: arithmetic is in f32 or f64 as the rules say,
+//! and never fused, and the execution order of each tick is all that is drawn at random.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -15,16 +15,43 @@
 //! let scenario = Scenario::standard("2s3z").unwrap();
 //! let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
 //! let mut scratch = Scratch::new();
-//! let step = battle.step(&[4; 5], &mut scratch)?; // everyone moves east
-//! assert_eq!((step.reward, step.terminated), (0.0, false)); // the sides have not met yet
+//! let step = battle.step(&[4; 5], &mut scratch)?; // all agents move east
+//! assert_eq!((step.reward, step.terminated), (0.0, false)); // the factions have not met yet
 //! # Ok::<(), smaclite_engine::IllegalAction>(())
 //! ```
+//!
+//! # Where the rules are
+//!
+//! | rule | file |
+//! | --- | --- |
+//! | the five phases of a tick | `tick/mod.rs` |
+//! | when a unit loses its target | `tick/targets.rs` |
+//! | which unit is attacked, also of two equally near ones, and which is healed | `tick/target_choice.rs` |
+//! | where a unit wants to go, and when it is within attack range | `tick/preferred.rs` |
+//! | collision avoidance between units and at walls (ORCA) | `tick/avoid/` |
+//! | execution order of the units of a tick | `battle.rs` (`set_execution_order`), `random.rs` |
+//! | movement, start of the cooldown, regeneration of shields, health and energy | `tick/execute.rs` |
+//! | damage, shields and armor, explosions, lasers, healing and its energy | `tick/targeters.rs` |
+//! | death, and what a dead unit keeps | `tick/deaths.rs` |
+//! | rewards: earning | `tick/targeters.rs` (`hit`, `explode`) |
+//! | rewards: scaling | `arena/mod.rs` (`scale_reward`) |
+//! | victory, defeat and the time limit | `battle.rs` (`finish_step`) |
+//! | available actions: targeting range, moves near walls | `encode/avail.rs` |
+//! | sight range and observations | `encode/obs.rs` |
+//! | the state | `encode/state.rs` |
+//! | differences between the rule sets `smaclite` and `paper`, R1 to R4 | `rules.rs` |
+//!
+//! # Profiles
+//!
+//! The phases of a tick and the encoders are `#[inline(never)]`: each is called once per tick or step, so
+//! this costs nothing, and each appears as a function in profiles (`benches/src/engine/instructions.rs`).
 #![forbid(unsafe_code)]
 
 mod arena;
 mod battle;
 mod command;
 mod encode;
+mod fast_math;
 mod neighbour_order;
 pub mod policy;
 mod random;
@@ -32,47 +59,51 @@ mod rules;
 mod scratch;
 mod simd;
 mod snapshot;
+mod step;
 mod tick;
 mod units;
 
 pub use arena::{Arena, Sizes};
-pub use battle::{Battle, ExecutionOrder, Step, Tick};
+pub use battle::Battle;
 pub use command::{IllegalAction, action};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::Generator;
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
 pub use snapshot::{Snapshot, SnapshotError};
+pub use step::{ExecutionOrder, Step, Tick};
 pub use units::Units;
 
-/// Ticks in a step.
+/// Ticks per step.
 pub const TICKS_PER_STEP: usize = 8;
 
 const TICKS_PER_SECOND: f64 = 16.0;
 /// Length of a tick in seconds.
 const TICK: f64 = 1.0 / TICKS_PER_SECOND;
 
-/// How far agents see, in squares, and what distances in observations are divided by.
+/// How far agents see, in squares; distances in observations are divided by it. It is the same for all unit
+/// types, as in SMAC.
 const SIGHT_RANGE: f64 = 9.0;
-/// How far away agents may choose targets, in squares, whatever their units' attack range.
+/// The range within which target actions are available to agents, in squares, whatever the attack range of
+/// the unit: beyond its attack range, a unit walks to its target first.
 const TARGETING_RANGE: f64 = 6.0;
 
-/// Shield that a unit regains in a tick: 2 a second.
+/// Shield regeneration per tick: 2 per second.
 const SHIELD_PER_TICK: f64 = 2.0 * TICK;
 /// Seconds after a hit before a shield regenerates.
 const SHIELD_DELAY: f64 = 10.0;
-/// Energy that a unit regains in a tick: 0.5625 a second.
+/// Energy regeneration per tick: 0.5625 per second.
 const ENERGY_PER_TICK: f64 = 0.5625 * TICK;
-/// Health that a healer gives in a tick at most: 9 a second.
+/// The largest amount of health that a healer restores per tick: 9 per second.
 const HEAL_PER_TICK: f64 = 9.0 * TICK;
-/// Health that one energy buys.
+/// Health per unit of energy.
 const HEALTH_PER_ENERGY: f64 = 3.0;
-/// A healer with less energy turns to no new target.
+/// The energy that a healer needs to start healing a new target.
 const MIN_ENERGY_FOR_NEW_TARGET: f64 = 5.0;
 
 /// Unscaled reward for killing an enemy.
 const KILL_REWARD: f64 = 10.0;
-/// Unscaled reward of a step after which no enemy lives.
+/// Unscaled reward of a step after which no enemy is alive.
 const WIN_REWARD: f64 = 200.0;
-/// The return that the greatest reward is scaled to.
+/// The return that the greatest unscaled return is scaled to.
 const REWARD_SCALE: f64 = 20.0;

@@ -1,15 +1,14 @@
-//! The order in which collision avoidance keeps the units of each plane, and its history.
+//! The order of the units of each plane in collision avoidance, which decides between equally near
+//! neighbours.
 //!
-//! Two neighbours that are equally near are answered in the order in which a k-d tree meets them, and the
-//! order in which its leaves hold units has a history: the list from which the tree is built begins an
-//! episode with ascending ids, every tick partitions it in place (`tick::avoid`), and a unit that dies is
-//! replaced by the last of the list. Nothing else resets it. So the list is part of a battle, and of a
-//! snapshot.
+//! Of two equally near neighbours the one comes first that a k-d tree visits first, and the order of units in
+//! the tree depends on the past: the list from which the tree is built begins an episode with ascending ids,
+//! every tick partitions it in place (`tick::avoid`), and a unit that dies is replaced by the last of the
+//! list. Nothing else resets it. So the list is part of a battle and of a snapshot.
 //!
 //! Where several units die in one tick, the order of their removal decides which is replaced by which. Units
-//! are removed by descending slot. Slots are a numbering with a history of its own: a plane's units begin an
-//! episode in the slots 0, 1, ... by ascending id, and the slot of a unit that dies goes to the unit in the
-//! last slot.
+//! are removed by descending slot. Slots are a second numbering: a plane's units begin an episode in the
+//! slots 0, 1, ... by ascending id, and when a unit dies the unit in the last slot moves to its slot.
 
 use smaclite_units::Plane;
 
@@ -19,7 +18,7 @@ use crate::units::{Units, refill};
 /// All planes, by `Plane as usize`.
 const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];
 
-/// The living units of each plane, in the orders that collision avoidance keeps.
+/// The living units of each plane, in the orders of collision avoidance.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NeighbourOrder {
     /// By plane: `GROUND`, `AIR`, `COLOSSUS`.
@@ -36,7 +35,7 @@ pub struct PlaneOrder {
 }
 
 impl NeighbourOrder {
-    /// The order without a history: the units that are alive in `units`, by ascending id.
+    /// The order at the start of an episode: the units that are alive in `units`, by ascending id.
     ///
     /// # Panics
     /// If `units` has fewer units than the arena.
@@ -46,17 +45,19 @@ impl NeighbourOrder {
         order
     }
 
-    /// Forgets the history, as a new episode does.
+    /// Resets the order, as a new episode does.
     pub(crate) fn reset(&mut self, arena: &Arena, units: &Units) {
         for (plane, order) in PLANES.into_iter().zip(&mut self.planes) {
-            refill(&mut order.list, living_in(arena, units, plane));
-            refill(&mut order.slots, living_in(arena, units, plane));
+            refill(&mut order.list, alive_in(arena, units, plane));
+            refill(&mut order.slots, alive_in(arena, units, plane));
         }
     }
 
     /// Removes the units that are no longer alive.
     pub(crate) fn remove_dead(&mut self, units: &Units) {
         for PlaneOrder { list, slots } in &mut self.planes {
+            // By descending slot, so that the unit that `swap_remove` moves into the slot was examined
+            // already.
             for slot in (0..slots.len()).rev() {
                 let id = slots[slot];
                 if !units.alive[id as usize] {
@@ -69,20 +70,21 @@ impl NeighbourOrder {
         }
     }
 
-    /// The first plane whose orders do not hold exactly the living units of that plane, if any.
-    pub(crate) fn wrong_plane(&self, arena: &Arena, units: &Units) -> Option<Plane> {
-        let is_right = |(plane, order): &(Plane, &PlaneOrder)| {
+    /// The first plane whose orders do not contain exactly the living units of that plane, if any.
+    pub(crate) fn invalid_plane(&self, arena: &Arena, units: &Units) -> Option<Plane> {
+        // Both orders must be permutations of the living units, which `alive_in` lists ascending.
+        let is_valid = |(plane, order): &(Plane, &PlaneOrder)| {
             [&order.list, &order.slots].into_iter().all(|ids| {
                 let mut ids = ids.clone();
                 ids.sort_unstable();
-                ids.into_iter().eq(living_in(arena, units, *plane))
+                ids.into_iter().eq(alive_in(arena, units, *plane))
             })
         };
-        PLANES.into_iter().zip(&self.planes).find(|plane| !is_right(plane)).map(|(plane, _)| plane)
+        PLANES.into_iter().zip(&self.planes).find(|plane| !is_valid(plane)).map(|(plane, _)| plane)
     }
 }
 
-fn living_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = u32> {
+fn alive_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = u32> {
     let belongs = move |&id: &u32| units.alive[id as usize] && arena.stats(id).plane == plane;
     arena.unit_ids().filter(belongs)
 }

@@ -1,16 +1,16 @@
-//! The battle's random generator: NumPy's `SeedSequence` and `PCG64`, and the shuffle of NumPy's
-//! `Generator`, so that a seed plays the very episodes that it plays in the published environment.
+//! The battle's random generator: NumPy's `SeedSequence` and `PCG64`, and the shuffle of NumPy's `Generator`,
+//! so that a seed gives the same episodes as in the published environment.
 //!
-//! Only the execution order of phase 4 is drawn from it. What is shuffled and when is not decided here.
+//! Only the execution order of phase 4 is drawn from it, in `battle`.
 
 use std::hint::select_unpredictable;
 
 use rand::Rng;
 use rand_pcg::Pcg64;
 
-/// A random generator that yields what `numpy.random.Generator(PCG64(seed))` yields.
+/// A random generator with the output of `numpy.random.Generator(PCG64(seed))`.
 ///
-/// Equal generators go on to yield equal numbers.
+/// Equal generators have equal further outputs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generator {
     pcg: Pcg64,
@@ -33,9 +33,10 @@ impl Generator {
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         let mut last = items.len().saturating_sub(1);
         while last > 0 {
-            // A uniform number up to `last`, by rejection under the smallest mask of ones that covers it.
-            // When a word is rejected, an item changes places with itself: there is no foretelling that, so
-            // there is no branch.
+            // NumPy's Fisher-Yates shuffle draws a uniform number up to `last` by rejection under the
+            // smallest mask of ones that covers it. A rejection is as likely as up to one half, so a branch
+            // on it would be mispredicted often: instead a rejected word swaps an item with itself and `last`
+            // stays.
             let mask = usize::MAX >> last.leading_zeros();
             let word = self.next_word() as usize & mask;
             let fits = word <= last;
@@ -48,6 +49,7 @@ impl Generator {
         if let Some(word) = self.high_half.take() {
             return word;
         }
+        // NumPy's 32-bit outputs are the halves of a 64-bit output, low half first.
         let both = self.pcg.next_u64();
         self.high_half = Some((both >> 32) as u32);
         both as u32
@@ -66,6 +68,7 @@ fn seed_words(seed: u64) -> [u64; 4] {
     })
 }
 
+/// The entropy pool of a `SeedSequence`: hashed words, each then mixed into all others.
 fn seed_pool(entropy: [u32; 4]) -> [u32; 4] {
     let mut hash = HashConstant { value: 0x43b0_d7e5, multiplier: 0x931e_8875 };
     let mut pool = entropy.map(|word| hash.mix_in(word));

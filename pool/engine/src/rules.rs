@@ -1,26 +1,28 @@
-//! Which of the two rule sets a battle follows where the paper's text and its implementation differ.
+//! The two rule sets: the paper's text and its implementation differ in four rules, R1 to R4.
 //!
-//! The rules themselves live where they apply (`tick`); each place names its rule by R1, R2, R3 or R4.
+//! The rules are implemented where they apply (`tick`); comments there refer to R1, R2, R3 or R4.
 
 use std::fmt;
 use std::str::FromStr;
 
 use thiserror::Error;
 
-/// The rule set of a battle. They differ in four places:
+/// The rule set of a battle. The rule sets differ in four rules:
 ///
-/// | | [`Smaclite`](Rules::Smaclite) | [`Paper`](Rules::Paper) |
-/// | --- | --- | --- |
-/// | R1: an attack-moving unit with a target that is no healer, while an agent is a living healer | picks the best target anew every tick | switches only to a healer |
-/// | R2: a heal on a unit without health | is applied | does nothing |
-/// | R3: an attack-moving healer's speed | held back only while it looks for a target, or while others do | always that of its slowest neighbour |
-/// | R4: an attack that was declared before the unit was killed and healed to life in one tick | is held until the unit next acts on a target | is forgotten; the dead stay dead |
+/// - R1, an attack-moving unit whose target is not a healer, while an agent is a living healer:
+///   [`Smaclite`](Rules::Smaclite) chooses the best target again in every tick, [`Paper`](Rules::Paper)
+///   switches only to a healer.
+/// - R2, a heal on a unit without health: `Smaclite` applies it, under `Paper` it has no effect.
+/// - R3, the speed of an attack-moving healer: under `Smaclite` it is limited only while the healer or a
+///   damage dealer of its faction has no target, under `Paper` it is always that of the slowest unit around.
+/// - R4, an attack that was declared before the unit was killed and healed in the same tick: `Smaclite` holds
+///   it until the unit has a target again; under `Paper` such a unit stays dead (R2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Rules {
-    /// What the published implementation does; every number in the paper came from it.
+    /// The published implementation, which produced all results of the paper.
     #[default]
     Smaclite,
-    /// What the paper's text says.
+    /// The text of the paper.
     Paper,
 }
 
@@ -33,22 +35,22 @@ impl fmt::Display for Rules {
     }
 }
 
-/// A word that names no rule set.
+/// A text that names no rule set.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("unknown rules '{given}': use 'smaclite' or 'paper'")]
+#[error("rules must be 'smaclite' or 'paper', got '{given}'")]
 pub struct UnknownRules {
-    /// The word that was given.
+    /// The text.
     pub given: String,
 }
 
 impl FromStr for Rules {
     type Err = UnknownRules;
 
-    fn from_str(word: &str) -> Result<Rules, UnknownRules> {
-        match word {
+    fn from_str(name: &str) -> Result<Rules, UnknownRules> {
+        match name {
             "smaclite" => Ok(Rules::Smaclite),
             "paper" => Ok(Rules::Paper),
-            _ => Err(UnknownRules { given: word.to_owned() }),
+            _ => Err(UnknownRules { given: name.to_owned() }),
         }
     }
 }

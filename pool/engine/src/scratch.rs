@@ -1,16 +1,16 @@
 //! The working memory of a step.
 
-use crate::encode::Sights;
-use crate::tick::Plan;
+use crate::encode::ObsScratch;
+use crate::tick::TickScratch;
 
-/// Working memory of steps and encoders: one for each thread, for battles of any arena in turn.
+/// Working memory of steps and encoders: one per thread, for battles of any arena in turn.
 ///
 /// It holds no state: a step does not depend on what its scratch was used for before. It grows to the largest
-/// arena it has served; after that nothing is allocated in a step.
+/// arena it has served; after that a step allocates nothing.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    pub(crate) plan: Plan,
-    pub(crate) sights: Sights,
+    pub(crate) tick: TickScratch,
+    pub(crate) obs: ObsScratch,
 }
 
 impl Scratch {

@@ -1,7 +1,7 @@
-//! Four floats, or four vectors, at a time.
+//! SIMD: four floats, or four vectors, at a time.
 //!
-//! Each lane is counted as a single float would be, in the same order and never fused, so nothing here
-//! changes a bit; it is only that four neighbours or half-planes cost what one does.
+//! Every entry is computed as a scalar would be, in the same order and never fused. So results have the same
+//! bits as scalar code, and four neighbours or half-planes cost what one does.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -14,15 +14,16 @@ pub(crate) type F32x4 = f32x4;
 /// The results of four comparisons: all bits of an entry set, or none.
 pub(crate) type Mask = f32x4;
 
-/// How many values a vector register holds.
+/// Number of values in a register.
 pub(crate) const WIDTH: usize = 4;
 
-/// How many comparisons one bit mask holds.
+/// Number of comparisons in one bit mask.
 pub(crate) const MASK_BITS: usize = u64::BITS as usize;
 
-/// In which lanes of up to [`MASK_BITS`] a comparison holds, lowest bit first.
+/// The results of up to [`MASK_BITS`] comparisons as bits, lowest bit first.
 #[inline]
 pub(crate) fn mask<T>(fours: &[T], compare: impl Fn(&T) -> Mask) -> u64 {
+    // Four bits per comparison of four, the first ones lowest.
     let bits = |four| u64::from(compare(four).to_bitmask());
     fours.iter().enumerate().fold(0, |mask, (i, four)| mask | bits(four) << (WIDTH * i))
 }
@@ -43,9 +44,9 @@ impl Vec2x4 {
         Vec2x4 { x: F32x4::splat(vector.x), y: F32x4::splat(vector.y) }
     }
 
-    /// One of them.
-    pub fn extract(&self, lane: usize) -> Vec2 {
-        Vec2::new(self.x.as_array()[lane], self.y.as_array()[lane])
+    /// The vector with this index.
+    pub fn extract(&self, i: usize) -> Vec2 {
+        Vec2::new(self.x.as_array()[i], self.y.as_array()[i])
     }
 
     pub fn dot(self, other: Vec2x4) -> F32x4 {
@@ -60,7 +61,7 @@ impl Vec2x4 {
         self.dot(self)
     }
 
-    /// Where the comparison holds the first, elsewhere the second.
+    /// The first where the mask is set, elsewhere the second.
     pub fn either(holds: Mask, this: Vec2x4, that: Vec2x4) -> Vec2x4 {
         Vec2x4 { x: holds.select(this.x, that.x), y: holds.select(this.y, that.y) }
     }

@@ -1,4 +1,4 @@
-//! A battle at rest between two steps, as plain data, and the check that it fits an arena.
+//! The state of a battle between two steps, as plain data, and the check that it fits an arena.
 
 use smaclite_units::Plane;
 use thiserror::Error;
@@ -8,40 +8,40 @@ use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
 use crate::units::Units;
 
-/// All of a battle that changes. It can be edited, or made from a recording; what it is restored into checks
-/// it.
+/// All of a battle that changes. It can be edited, or created from a recording;
+/// [`Battle::restore`](crate::Battle::restore) checks it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,
-    /// The order of equally near neighbours. After a change of who is alive, make it by
+    /// The order of equally near neighbours. After a change of `units.alive` create it by
     /// [`NeighbourOrder::new`].
     pub neighbour_order: NeighbourOrder,
     /// The last action of each agent; `None` after a reset.
     pub last_actions: Vec<Option<u32>>,
     /// The generator of execution orders.
     pub generator: Generator,
-    /// Steps of the episode so far.
+    /// Number of steps of the episode so far.
     pub episode_length: u32,
     /// Sum of its rewards so far.
     pub episode_return: f64,
 }
 
-/// Why a snapshot cannot be restored into a battle; the battle was not changed.
+/// Why a snapshot cannot be restored into a battle; the battle is unchanged.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SnapshotError {
     /// A column has the wrong length; the snapshot is probably of another scenario.
-    #[error("snapshot column '{column}' has {given} entries where the battle has {expected}")]
+    #[error("snapshot column '{column}' must have {expected} entries, got {given}")]
     WrongLength {
         /// The column.
         column: &'static str,
         /// Its length.
         given: usize,
-        /// What it should be.
+        /// The length that the battle needs.
         expected: usize,
     },
-    /// A number that the unit cannot have.
-    #[error("snapshot column '{column}': unit {unit} has {value}, which is not within {min} to {max}")]
+    /// A value that the unit cannot have.
+    #[error("snapshot column '{column}' must be between {min} and {max} for unit {unit}, got {value}")]
     OutOfRange {
         /// The column.
         column: &'static str,
@@ -49,35 +49,35 @@ pub enum SnapshotError {
         unit: usize,
         /// Its value.
         value: f64,
-        /// The least it could be.
+        /// The least possible value.
         min: f64,
-        /// The most it could be.
+        /// The greatest possible value.
         max: f64,
     },
     /// A target that does not exist.
-    #[error("snapshot column 'target': unit {unit} targets unit {target}, and there are {n_units} units")]
+    #[error("snapshot column 'target' must be below {n_units} for unit {unit}, got {target}")]
     NoSuchTarget {
         /// Battle-wide id of the unit.
         unit: usize,
         /// Its target.
         target: u32,
-        /// How many units there are.
+        /// Number of units.
         n_units: usize,
     },
     /// A last action that does not exist.
-    #[error("snapshot column 'last_actions': agent {agent} took action {action} of {n_actions}")]
+    #[error("snapshot column 'last_actions' must be below {n_actions} for agent {agent}, got {action}")]
     NoSuchAction {
         /// The agent.
         agent: usize,
         /// Its action.
         action: u32,
-        /// How many actions there are.
+        /// Number of actions of an agent.
         n_actions: usize,
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot field 'neighbour_order': list and slots of plane {plane} must each hold every living unit of that \
-         plane exactly once, got {given:?}"
+        "snapshot field 'neighbour_order': list and slots of plane {plane} must each contain every living \
+         unit of that plane exactly once, got {given:?}"
     )]
     NeighbourOrder {
         /// The plane.
@@ -86,18 +86,18 @@ pub enum SnapshotError {
         given: PlaneOrder,
     },
     /// The return is not a number.
-    #[error("snapshot field 'episode_return' is {value}, which is not finite")]
+    #[error("snapshot field 'episode_return' must be finite, got {value}")]
     Return {
-        /// What it is.
+        /// The return.
         value: f64,
     },
 }
 
 impl Snapshot {
-    /// Checks that the snapshot can be of a battle in this arena.
+    /// Checks that a battle in this arena can have this state.
     pub(crate) fn check(&self, arena: &Arena) -> Result<(), SnapshotError> {
         self.check_lengths(arena)?;
-        self.check_figures(arena)?;
+        self.check_ranges(arena)?;
         self.check_references(arena)
     }
 
@@ -125,14 +125,15 @@ impl Snapshot {
         }
     }
 
-    fn check_figures(&self, arena: &Arena) -> Result<(), SnapshotError> {
+    fn check_ranges(&self, arena: &Arena) -> Result<(), SnapshotError> {
         let units = &self.units;
         for (id, unit) in arena.unit_ids().zip(0..) {
             let stats: &UnitStats = arena.stats(id);
             let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
             let planned_vel = units.planned_vel[unit].as_dvec2();
+            // Any finite number; NaN and infinity are in no range.
             let anything = f64::from(f32::MAX);
-            let figures = [
+            let ranges = [
                 ("pos", pos.x, -anything, anything),
                 ("pos", pos.y, -anything, anything),
                 ("vel", vel.x, -anything, anything),
@@ -146,7 +147,7 @@ impl Snapshot {
                 ("shield_cooldown", units.shield_cooldown[unit], 0.0, f64::MAX),
                 ("healing", units.healing[unit], 0.0, f64::MAX),
             ];
-            for (column, value, min, max) in figures {
+            for (column, value, min, max) in ranges {
                 if !(min..=max).contains(&value) {
                     return Err(SnapshotError::OutOfRange { column, unit, value, min, max });
                 }
@@ -166,7 +167,9 @@ impl Snapshot {
                 return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
             }
         }
-        if let Some(plane) = self.neighbour_order.wrong_plane(arena, &self.units) {
+        // Targets may be dead: phase 1 drops them. The neighbour order must contain living units only, since
+        // collision avoidance trusts it.
+        if let Some(plane) = self.neighbour_order.invalid_plane(arena, &self.units) {
             let given = self.neighbour_order.planes[plane as usize].clone();
             return Err(SnapshotError::NeighbourOrder { plane, given });
         }

@@ -1,6 +1,6 @@
-//! The columns of a battle: what changes about each unit, one vector a quantity, indexed by battle-wide id.
+//! The changing state of all units, one vector per quantity, indexed by battle-wide id.
 //!
-//! What never changes about a unit (its kind, its side) is in the arena.
+//! What never changes about a unit (its type, its faction) is in the arena.
 
 use glam::Vec2;
 
@@ -15,8 +15,8 @@ pub struct Units {
     pub pos: Vec<Vec2>,
     /// Velocity with which the unit last moved, in squares per second.
     pub vel: Vec<Vec2>,
-    /// Velocity planned for the last tick, which other units assume that it has. It is `vel` but for a unit
-    /// that was killed before it could move, and healed to life in the same tick (R2).
+    /// Velocity planned in the last tick, from which other units plan theirs. It equals `vel`, except for a
+    /// unit that was killed before it could move, and healed in the same tick (R2).
     pub planned_vel: Vec<Vec2>,
     /// Health, from 0 to the type's maximum.
     pub hp: Vec<f64>,
@@ -28,19 +28,19 @@ pub struct Units {
     pub cooldown: Vec<f64>,
     /// Seconds until the shield regenerates.
     pub shield_cooldown: Vec<f64>,
-    /// Healing that was paid for with energy and not yet given, in health.
+    /// Healing that was paid for with energy and not used yet, in health.
     pub healing: Vec<f64>,
-    /// Whether the unit is in the battle. A unit that left it stays out, whatever becomes of its health (R2).
+    /// Whether the unit is in the battle. A dead unit stays dead, even if its health rises again (R2).
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,
-    /// Whether the unit holds an attack that it declared and has not executed. Between ticks only a unit does
-    /// that was killed before its turn and healed to life in the same tick (R4).
+    /// Whether the unit holds an attack that it declared and has not executed. Between ticks this is only
+    /// true of a unit that was killed before its turn and healed in the same tick (R4).
     pub declared: Vec<bool>,
 }
 
 impl Units {
-    /// Puts every unit where and as it starts an episode.
+    /// Sets every unit to its state at the start of an episode.
     pub(crate) fn reset(&mut self, arena: &Arena) {
         let all_stats = || arena.unit_ids().map(|id| arena.stats(id));
         refill(&mut self.pos, arena.starts.iter().copied());
@@ -57,7 +57,7 @@ impl Units {
         refill(&mut self.declared, all_stats().map(|_| false));
     }
 
-    /// Whether the unit still has health. In the middle of a tick that is not the same as `alive`.
+    /// Whether the unit still has health. Within a tick this differs from `alive`, which changes in phase 5.
     pub(crate) fn has_health(&self, id: u32) -> bool {
         self.hp[id as usize] > 0.0
     }
@@ -74,12 +74,13 @@ pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
     dx * dx + dy * dy
 }
 
-/// The greatest number whose root is at most `distance`: a square can be compared with it in place of its
-/// root with the distance, to the same end.
+/// The greatest number whose square root is at most `distance`: `s.sqrt() <= distance` exactly if
+/// `s <= square_within(distance)`. The rules compare roots; with this the root need not be computed.
 pub(crate) fn square_within(distance: f64) -> f64 {
     if distance.is_nan() || distance < 0.0 || distance == f64::INFINITY {
         return distance;
     }
+    // The rounded square is only a few steps off, and the root is correctly rounded and monotonic.
     let mut square = distance * distance;
     while square.sqrt() > distance {
         square = square.next_down();
@@ -90,28 +91,7 @@ pub(crate) fn square_within(distance: f64) -> f64 {
     square
 }
 
-// As `f64::min` and `f64::max` for numbers, without their care for what is none.
-
-/// The lesser of two numbers.
-pub(crate) fn least(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-/// The greater of two numbers.
-pub(crate) fn most(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// The square that a coordinate lies in; the nearest number there is for what no square has.
-///
-/// `f64::floor` is a call into the C library on the plainest x86-64, and this is asked for every unit and
-/// tick.
-pub(crate) fn floor(x: f64) -> i64 {
-    let whole = x as i64;
-    if whole as f64 > x { whole.saturating_sub(1) } else { whole }
-}
-
-/// The ids of the units that are in the battle, ascending.
+/// The battle-wide ids of the living units, ascending.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct AliveIds {
     pub all: Vec<u32>,
@@ -120,32 +100,32 @@ pub(crate) struct AliveIds {
 }
 
 impl AliveIds {
-    /// Gathers the ids of those that `units` says are alive.
-    pub fn gather(&mut self, arena: &Arena, units: &Units) {
+    /// Finds the living units again, after deaths or a reset.
+    pub fn refresh(&mut self, arena: &Arena, units: &Units) {
         let alive = |id: &u32| units.alive[*id as usize];
         refill(&mut self.all, arena.unit_ids().filter(alive));
         refill(&mut self.allies, arena.agents.iter().copied().filter(alive));
         refill(&mut self.enemies, arena.enemies.iter().copied().filter(alive));
     }
 
-    /// The living units of the side that `id` is on.
-    pub fn side_of(&self, arena: &Arena, id: u32) -> &[u32] {
+    /// The living units of the faction of `id`.
+    pub fn faction_of(&self, arena: &Arena, id: u32) -> &[u32] {
         if arena.is_enemy(id) { &self.enemies } else { &self.allies }
     }
 
-    /// The living units of the side that `id` is not on.
-    pub fn opponents(&self, arena: &Arena, id: u32) -> &[u32] {
+    /// The living units of the other faction.
+    pub fn opponents_of(&self, arena: &Arena, id: u32) -> &[u32] {
         if arena.is_enemy(id) { &self.allies } else { &self.enemies }
     }
 }
 
-/// Empties a vector that is to hold up to `n` things.
-pub(crate) fn make_room<T>(column: &mut Vec<T>, n: usize) {
+/// Empties a vector and reserves memory for `n` elements.
+pub(crate) fn clear_and_reserve<T>(column: &mut Vec<T>, n: usize) {
     column.clear();
     column.reserve(n);
 }
 
-/// Replaces the contents of a vector, keeping its memory.
+/// Replaces the contents of a vector and keeps its memory.
 pub(crate) fn refill<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
     column.clear();
     column.extend(values);
@@ -156,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn squares_stand_for_distances() {
+    fn comparing_squares_is_comparing_distances() {
         for distance in [0.0, 1e-160, 0.1, 5.0f64.sqrt(), 6.0, 9.0, 6.75 + 0.375, 1e200] {
             let square = square_within(distance);
             assert!(square.sqrt() <= distance && square.next_up().sqrt() > distance, "{distance}: {square}");

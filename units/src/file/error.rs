@@ -1,6 +1,6 @@
-//! What can be wrong with a file, and the nearest valid word for a mistyped one.
+//! Errors of files, and the nearest valid name for a mistyped one.
 
-/// Why a file was refused. Every message is one line: the file, the key, the value and what would be right.
+/// Why a file was refused. Every message is one line: the file, the key, the value and what is accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FileError {
     /// The file could not be opened or read as text.
@@ -8,10 +8,10 @@ pub enum FileError {
     Unreadable {
         /// The file as it was named.
         file: String,
-        /// Why, in the operating system's words where it was asked.
+        /// Why; the operating system's message if it refused.
         reason: String,
     },
-    /// The text is not JSON, or has a key twice.
+    /// The text is not JSON, or has a duplicate key.
     #[error("{file}: line {line}, column {column}: {reason}")]
     Syntax {
         /// The file as it was named.
@@ -33,18 +33,18 @@ pub enum FileError {
         /// The nearest valid key, or all of them.
         hint: String,
     },
-    /// A key that the format needs is not there.
-    #[error("{file}: `{key}` is missing; it should be {expected}")]
+    /// A required key is not there.
+    #[error("{file}: `{key}` is missing; it must be {expected}")]
     Missing {
         /// The file as it was named.
         file: String,
         /// Path of the key in the file.
         key: String,
-        /// What would be right.
+        /// What is accepted.
         expected: String,
     },
-    /// A value of the wrong type, out of range or at odds with another one.
-    #[error("{file}: {} is {value}, but should be {expected}", if key.is_empty() {
+    /// A value of the wrong type, out of range, or in contradiction to another one.
+    #[error("{file}: {} is {value}, but must be {expected}", if key.is_empty() {
         "the whole file".into()
     } else {
         format!("`{key}`")
@@ -56,40 +56,41 @@ pub enum FileError {
         key: String,
         /// The value as the file has it, shortened if long.
         value: String,
-        /// What would be right.
+        /// What is accepted.
         expected: String,
     },
-    /// A value that is at odds with the rest of the file.
+    /// A value that contradicts the rest of the file.
     #[error("{file}: `{key}` {conflict}")]
     Conflict {
         /// The file as it was named.
         file: String,
         /// Path of the key in the file.
         key: String,
-        /// What the value does, and what it is at odds with.
+        /// What the value does, and what it contradicts.
         conflict: String,
     },
 }
 
-/// ``did you mean `hp`?`` if one of the valid words is near to `word`, else the list of them all.
-pub fn did_you_mean<'a>(word: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
+/// ``did you mean `hp`?`` if one of the valid names is close to `name`, else the list of all valid names.
+pub fn did_you_mean<'a>(name: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
     let valid: Vec<&str> = valid.into_iter().collect();
-    match nearest(word, &valid) {
+    match nearest(name, &valid) {
         Some(nearest) => format!("did you mean `{nearest}`?"),
-        None => format!("valid are {}", valid.join(", ")),
+        None => format!("expected one of {}", valid.join(", ")),
     }
 }
 
-/// The valid word that `word` is a slip of, if there is one.
-pub(super) fn nearest<'a>(word: &str, valid: &[&'a str]) -> Option<&'a str> {
-    // More than a third of the letters wrong is another word, not a slip.
-    let most_slips = |candidate: &str| (candidate.len() / 3).max(1);
-    let length = word.chars().count();
-    // The lengths of two words differ by no more than their distance, which takes long to work out for long
-    // words.
-    let similar = valid.iter().filter(|candidate| candidate.len().abs_diff(length) <= most_slips(candidate));
-    let lower = word.to_lowercase();
+/// The valid name that `name` is most likely a mistyped form of, if there is one.
+pub(super) fn nearest<'a>(name: &str, valid: &[&'a str]) -> Option<&'a str> {
+    // With more than a third of the letters wrong it is another name, not a typing mistake.
+    let max_distance = |candidate: &str| (candidate.len() / 3).max(1);
+    let length = name.chars().count();
+    // The edit distance is at least the difference of the lengths. Its computation is slow for long names, so
+    // names of another length are excluded first.
+    let similar =
+        valid.iter().filter(|candidate| candidate.len().abs_diff(length) <= max_distance(candidate));
+    let lower = name.to_lowercase();
     let distance = |candidate: &str| strsim::damerau_levenshtein(&lower, &candidate.to_lowercase());
     let (distance, nearest) = similar.map(|candidate| (distance(candidate), *candidate)).min()?;
-    (distance <= most_slips(nearest)).then_some(nearest)
+    (distance <= max_distance(nearest)).then_some(nearest)
 }

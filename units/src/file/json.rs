@@ -1,4 +1,4 @@
-//! A JSON value whose objects keep their order and refuse a key given twice.
+//! A JSON value whose objects keep the order of their keys; a duplicate key is an error.
 
 use super::{FileError, shortened};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
@@ -21,25 +21,25 @@ impl Json {
     /// Reads one JSON value from `text`; `file` is what error messages call it.
     ///
     /// # Errors
-    /// [`FileError::Syntax`] with line and column, also for a key given twice in an object.
+    /// [`FileError::Syntax`] with line and column, also for a duplicate key in an object.
     pub fn parse(text: &str, file: &str) -> Result<Json, FileError> {
-        // Editors on Windows like to start a file with a byte order mark.
+        // Some editors on Windows start a file with a byte order mark.
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         serde_json::from_str(text).map_err(|error| FileError::Syntax {
             file: file.into(),
             line: error.line(),
             column: error.column(),
-            reason: without_place(&error.to_string()),
+            reason: without_position(&error.to_string()),
         })
     }
 }
 
-/// serde_json ends its messages with the line and column, which [`FileError::Syntax`] already says.
-fn without_place(message: &str) -> String {
+/// serde_json ends its messages with the line and column, which [`FileError::Syntax`] already has.
+fn without_position(message: &str) -> String {
     message.rsplit_once(" at line ").map_or(message, |(reason, _)| reason).into()
 }
 
-/// The value as an error message shows it: on one line, and only the size of what is long.
+/// The value as error messages show it: on one line; of lists and objects only the size.
 impl fmt::Display for Json {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -107,7 +107,7 @@ impl<'de> Visitor<'de> for JsonVisitor {
         let mut seen = HashSet::new();
         while let Some((key, value)) = entries.next_entry::<String, Json>()? {
             if !seen.insert(key.clone()) {
-                return Err(A::Error::custom(format_args!("key `{}` is given twice", shortened(&key))));
+                return Err(A::Error::custom(format_args!("key `{}` is duplicate", shortened(&key))));
             }
             object.push((key, value));
         }

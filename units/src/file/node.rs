@@ -1,40 +1,41 @@
-//! A value together with its place in the file, so that every complaint can say where it is.
+//! A JSON value and its path in the file, so that every error can say where the mistake is.
 
 use super::error::nearest;
 use super::{FileError, Json, did_you_mean, shortened};
-use crate::Word;
+use crate::Keyword;
 
-/// The range a number must lie in; `above` excludes `from` itself.
+/// The range that a number must lie in.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Lower end.
-    pub from: f64,
-    /// Upper end, included.
-    pub to: f64,
-    /// Whether `from` itself is excluded.
-    pub above: bool,
+pub struct Range {
+    low: f64,
+    high: f64,
+    /// Whether `low` itself is outside.
+    is_left_open: bool,
 }
 
-impl Limits {
-    /// `from..=to`.
-    pub const fn from_to(from: f64, to: f64) -> Limits {
-        Limits { from, to, above: false }
+impl Range {
+    /// `[low, high]`: both ends are inside.
+    pub const fn closed(low: f64, high: f64) -> Range {
+        Range { low, high, is_left_open: false }
     }
 
-    /// More than `from`, at most `to`.
-    pub const fn above_to(from: f64, to: f64) -> Limits {
-        Limits { from, to, above: true }
+    /// `(low, high]`: `low` is outside, `high` inside.
+    pub const fn left_open(low: f64, high: f64) -> Range {
+        Range { low, high, is_left_open: true }
     }
 
     fn contains(&self, value: f64) -> bool {
-        value <= self.to && if self.above { value > self.from } else { value >= self.from }
+        value <= self.high && if self.is_left_open { value > self.low } else { value >= self.low }
     }
 
-    /// The limits in words: `a number from 0 to 10`, `a number above 0 and at most 10`.
+    /// The range in words: `a number from 0 to 10`, `a number above 0 and at most 10`.
     pub fn expected(&self) -> String {
-        let from = if self.above { "above" } else { "from" };
-        let to = if self.above { "and at most" } else { "to" };
-        format!("a number {from} {} {to} {}", self.from, self.to)
+        let Range { low, high, .. } = self;
+        if self.is_left_open {
+            format!("a number above {low} and at most {high}")
+        } else {
+            format!("a number from {low} to {high}")
+        }
     }
 }
 
@@ -62,7 +63,7 @@ impl<'a> Node<'a> {
         self.json
     }
 
-    /// The complaint that this value is not what it should be.
+    /// The error that this value is not what it must be.
     pub fn invalid(&self, expected: impl Into<String>) -> FileError {
         FileError::Invalid {
             file: self.file.into(),
@@ -72,16 +73,17 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// The complaint that this value is at odds with others: what it does, in words.
+    /// The error that this value contradicts others; `conflict` completes a sentence that begins with the
+    /// key.
     pub fn conflict(&self, conflict: String) -> FileError {
         FileError::Conflict { file: self.file.into(), key: self.key.clone(), conflict }
     }
 
-    /// A number within `limits`.
-    pub fn number(&self, limits: Limits) -> Result<f64, FileError> {
+    /// A number within `range`.
+    pub fn number(&self, range: Range) -> Result<f64, FileError> {
         match self.json {
-            Json::Number(value) if limits.contains(*value) => Ok(*value),
-            _ => Err(self.invalid(limits.expected())),
+            Json::Number(value) if range.contains(*value) => Ok(*value),
+            _ => Err(self.invalid(range.expected())),
         }
     }
 
@@ -89,7 +91,7 @@ impl<'a> Node<'a> {
     pub fn integer(&self, from: u32, to: u32) -> Result<u32, FileError> {
         match self.json {
             Json::Number(value)
-                if value.fract() == 0.0 && Limits::from_to(from.into(), to.into()).contains(*value) =>
+                if value.fract() == 0.0 && Range::closed(from.into(), to.into()).contains(*value) =>
             {
                 Ok(*value as u32)
             }
@@ -115,19 +117,25 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// What this string, one of the words of `T`, stands for.
-    pub fn word<T: Word>(&self) -> Result<T, FileError> {
+    /// A string that is one of `valid`.
+    pub fn one_of(&self, valid: &[&'static str]) -> Result<&'static str, FileError> {
         let text = if let Json::String(text) = self.json { text } else { "" };
-        find_word(text).ok_or_else(|| {
-            let words = words::<T>();
-            let hint = nearest(text, &words).map(|word| format!("; did you mean `{word}`?"));
-            self.invalid(format!("one of {}{}", words.join(", "), hint.unwrap_or_default()))
+        valid.iter().find(|name| **name == text).copied().ok_or_else(|| {
+            let hint = nearest(text, valid).map(|name| format!("; did you mean `{name}`?"));
+            self.invalid(format!("one of {}{}", valid.join(", "), hint.unwrap_or_default()))
         })
     }
 
-    /// What `name`, the key of this entry and one of the words of `T`, stands for.
-    pub fn key_word<T: Word>(&self, name: &str) -> Result<T, FileError> {
-        find_word(name).ok_or_else(|| self.unknown_key(name, words::<T>()))
+    /// The value of this string, a keyword of `T`.
+    pub fn keyword<T: Keyword>(&self) -> Result<T, FileError> {
+        let names: Vec<_> = T::names().collect();
+        let name = self.one_of(&names)?;
+        T::from_name(name).ok_or_else(|| self.invalid(format!("one of {}", names.join(", "))))
+    }
+
+    /// The value of `name`, which is the key of this entry and a keyword of `T`.
+    pub fn key_as_keyword<T: Keyword>(&self, name: &str) -> Result<T, FileError> {
+        T::from_name(name).ok_or_else(|| self.unknown_key(name, T::names()))
     }
 
     /// The items of a list.
@@ -182,12 +190,12 @@ impl<'a> Object<'a> {
         entries.iter().find(|(name, _)| name == key).map(|(name, json)| self.node.child(name, json))
     }
 
-    /// The value of a key that must be there; `expected` tells a reader what to write.
+    /// The value of a required key; `expected` says in the error what the value must be.
     pub fn require(&self, key: &str, expected: &str) -> Result<Node<'a>, FileError> {
         self.get(key).ok_or_else(|| self.missing(key, expected))
     }
 
-    /// The complaint that `key` is not there.
+    /// The error that `key` is missing.
     pub fn missing(&self, key: &str, expected: &str) -> FileError {
         let prefix = if self.node.key.is_empty() { String::new() } else { format!("{}.", self.node.key) };
         FileError::Missing {
@@ -196,12 +204,4 @@ impl<'a> Object<'a> {
             expected: expected.into(),
         }
     }
-}
-
-fn words<T: Word>() -> Vec<&'static str> {
-    T::WORDS.iter().map(|(word, _)| *word).collect()
-}
-
-fn find_word<T: Word>(text: &str) -> Option<T> {
-    T::WORDS.iter().find(|(word, _)| *word == text).map(|(_, value)| *value)
 }

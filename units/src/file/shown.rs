@@ -1,12 +1,13 @@
-//! Text from files and paths as messages show it: on one line, and not much of what is long.
+//! Text of files and paths as error messages show it: on one line, and shortened.
 
 use std::path::Path;
 
-/// The most characters of a key, a name or a string that a message shows.
-const TEXT: usize = 60;
+/// The largest number of characters that a message shows of a key, a name or a string.
+const MAX_TEXT: usize = 60;
 
-/// The most characters of a path: of a longer one the end says more than the beginning.
-const PATH: usize = 400;
+/// The largest number of characters that a message shows of a path. Of a longer path the end is shown,
+/// because it identifies the file.
+const MAX_PATH: usize = 400;
 
 /// The beginning of `text`, on one line.
 ///
@@ -19,14 +20,14 @@ const PATH: usize = 400;
 /// ```
 pub fn shortened(text: &str) -> String {
     let mut characters = text.chars();
-    let start: String = characters.by_ref().take(TEXT).map(printable).collect();
+    let start: String = characters.by_ref().take(MAX_TEXT).map(printable).collect();
     if characters.next().is_some() { start + "..." } else { start }
 }
 
 /// The path, or its end if it is long, on one line.
 pub fn shown_path(path: &Path) -> String {
     let path = path.to_string_lossy();
-    let cut = path.char_indices().rev().nth(PATH - 1).map_or(0, |(start, _)| start);
+    let cut = path.char_indices().rev().nth(MAX_PATH - 1).map_or(0, |(start, _)| start);
     let end: String = path[cut..].chars().map(printable).collect();
     if cut > 0 { format!("...{end}") } else { end }
 }

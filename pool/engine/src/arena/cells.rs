@@ -1,8 +1,9 @@
-//! For every square of the map, the obstacle edges that a unit in it may see, in the order in which it meets
-//! them.
+//! For every square of the map, the obstacle edges that a unit in it may see, in the order in which a search
+//! of the partition visits them.
 //!
-//! Edges lie on the lines of the grid, so all points inside a square are on the same side of each of them;
-//! that is why one list serves a whole square. Distances are checked again by the unit that asks.
+//! Edges lie on the lines of the grid, so all points inside a square are on the same side of each of them:
+//! one list is valid for a whole square. The exact distance is checked for each unit
+//! (`tick::avoid::obstacles`).
 
 use glam::Vec2;
 use smaclite_scenarios::Terrain;
@@ -10,16 +11,17 @@ use smaclite_scenarios::Terrain;
 use super::edges::{Edge, outline};
 use super::partition::Partition;
 
-/// The most entries that the lists of all squares may have together: 16 MiB. They are made for speed alone,
-/// and beyond the processor's caches they are not faster than the search.
-const MOST_ENTRIES: usize = 1 << 22;
+/// The largest number of entries of the lists of all squares together: 16 MiB. The lists exist only for
+/// speed, and beyond the size of the processor's caches they are not faster than the search.
+const MAX_ENTRIES: usize = 1 << 22;
 
-/// The edges to consider in each square, with one ring of squares around the map for whoever leaves it.
+/// The edges to consider in each square, with a ring of squares around the map for units that are pushed off
+/// it.
 #[derive(Debug)]
 pub(crate) struct EdgesByCell {
     partition: Partition,
     range: f32,
-    /// `None` on maps with so many edges that every search is made when it is asked for.
+    /// `None` on maps with very many edges, where every query searches the partition.
     lists: Option<Lists>,
     longest_list: usize,
     columns: usize,
@@ -30,9 +32,10 @@ pub(crate) struct EdgesByCell {
 /// The results of the searches from every cell.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Numbers of edges, cell after cell.
+    /// Indices of edges, cell after cell.
     edges: Vec<u32>,
-    /// Where the list of each cell starts in `edges`, row by row from the south-west, and one last end.
+    /// Where the list of each cell starts in `edges`, row by row from the south-west, and the end of the last
+    /// one.
     starts: Vec<u32>,
 }
 
@@ -42,7 +45,7 @@ impl EdgesByCell {
         let (columns, rows) = (terrain.width() as usize + 2, terrain.height() as usize + 2);
         let partition = Partition::new(terrain.obstacles().iter().flat_map(outline).collect());
         let last = Vec2::new((columns - 1) as f32, (rows - 1) as f32);
-        // Rounding in the exact check must not let in what was left out here.
+        // The exact check rounds, and must not find an edge that was excluded here: hence the margin.
         let sight = range as f32 + 0.01;
         let mut cells = EdgesByCell { partition, range: sight, lists: None, longest_list: 0, columns, last };
         cells.lists = cells.search_all(columns * rows);
@@ -50,6 +53,7 @@ impl EdgesByCell {
             Some(lists) => {
                 lists.starts.windows(2).map(|ends| (ends[1] - ends[0]) as usize).max().unwrap_or(0)
             }
+            // An edge is at least one square long, so there are no more edges than squares of outline.
             None => terrain.outline_in_sight(range),
         };
         cells
@@ -60,7 +64,7 @@ impl EdgesByCell {
         let mut lists = Lists { edges: Vec::new(), starts: vec![0] };
         for cell in 0..n_cells {
             self.search(cell, &mut lists.edges);
-            if lists.edges.len() > MOST_ENTRIES {
+            if lists.edges.len() > MAX_ENTRIES {
                 return None;
             }
             lists.starts.push(lists.edges.len() as u32);
@@ -69,13 +73,16 @@ impl EdgesByCell {
     }
 
     fn search(&self, cell: usize, list: &mut Vec<u32>) {
+        // Cell (0, 0) belongs to the ring around the map: its south-west corner is at (-1, -1).
         let south_west = Vec2::new((cell % self.columns) as f32, (cell / self.columns) as f32) - Vec2::ONE;
         self.partition.visit(south_west, self.range, list);
     }
 
-    /// The numbers of the edges that may be in sight of `position`; its square lies outside all of them.
+    /// The indices of the edges that may be in sight of `position`, with its square on their outer side.
     /// `searched` is working memory.
     pub fn near<'a>(&'a self, position: Vec2, searched: &'a mut Vec<u32>) -> &'a [u32] {
+        // A unit beyond the ring uses the nearest cell of it. That cell is on the same side of all edges, and
+        // not farther from any of them, so its list contains all edges that the unit sees.
         let cell = (position.floor() + Vec2::ONE).max(Vec2::ZERO).min(self.last).as_uvec2();
         let cell = cell.y as usize * self.columns + cell.x as usize;
         match &self.lists {
@@ -88,14 +95,14 @@ impl EdgesByCell {
         }
     }
 
-    /// How many edges may be in sight of a position at most.
+    /// The largest number of edges that may be in sight of a position.
     pub fn longest_list(&self) -> usize {
         self.longest_list
     }
 
-    /// The edge of that number.
-    pub fn edge(&self, number: u32) -> &Edge {
-        &self.partition.edges[number as usize]
+    /// The edge with this index.
+    pub fn edge(&self, index: u32) -> &Edge {
+        &self.partition.edges[index as usize]
     }
 }
 

@@ -1,4 +1,4 @@
-//! The edges of the obstacle rectangles, and on which side of one another they lie.
+//! The edges of the obstacle rectangles, and the sides of their lines.
 
 use glam::Vec2;
 use smaclite_scenarios::Rect;
@@ -16,10 +16,11 @@ pub(crate) struct Edge {
     pub after: Vec2,
 }
 
-/// How far from a line a point may be and still count as on it.
+/// The tolerance of [`Edge::side_of`]: points with at most this [`left_of`] count as on the line.
 pub(super) const ON_LINE: f32 = 1e-5;
 
-/// Positive if `point` lies to the left of the line from `a` to `b`, negative if to the right.
+/// Positive if `point` lies to the left of the line from `a` to `b`, negative if to the right: twice the
+/// signed area of the triangle, that is the distance from the line times the length of the edge.
 pub(crate) fn left_of(a: Vec2, b: Vec2, point: Vec2) -> f32 {
     (a - point).perp_dot(b - a)
 }
@@ -29,6 +30,8 @@ pub(super) fn outline(rect: &Rect) -> [Edge; 4] {
     let [west, south, east, north] = [rect.x0, rect.y0, rect.x1, rect.y1].map(|x| x as f32);
     let corners = [[west, south], [east, south], [east, north], [west, north]].map(Vec2::from);
     let corner = |i: usize| corners[i % 4];
+    // Every edge keeps the directions of its neighbours in the outline: an obstacle's corner is avoided by
+    // the edges on both of its sides together.
     let along = |i: usize| {
         let span = corner(i + 1) - corner(i);
         span * (1.0 / span.length())
@@ -53,6 +56,8 @@ impl Edge {
     pub(super) fn side_of(&self, other: &Edge) -> Side {
         let start = left_of(self.start, self.end, other.start);
         let end = left_of(self.start, self.end, other.end);
+        // Within the tolerance an end belongs to both sides. So an edge that only touches the line is not
+        // cut, and an edge in the line counts as left.
         if start >= -ON_LINE && end >= -ON_LINE {
             Side::Left
         } else if start <= ON_LINE && end <= ON_LINE {
@@ -64,9 +69,13 @@ impl Edge {
 
     /// Cuts this edge where it crosses the line through `other`.
     pub(super) fn cut_by(&self, other: &Edge) -> (Edge, Edge) {
+        // The cut is the point c = start + share (end - start) with line x (c - other.start) = 0, where x is
+        // the cross product. Solved for the share:
         let line = other.end - other.start;
         let share = line.perp_dot(self.start - other.start) / line.perp_dot(self.start - self.end);
         let cut = self.start + share * (self.end - self.start);
+        // At the cut the outline goes straight on, so each piece has the other's direction as its
+        // neighbour's.
         (Edge { end: cut, after: self.along, ..*self }, Edge { start: cut, before: self.along, ..*self })
     }
 

@@ -1,21 +1,21 @@
 //! The choice of the edge whose line divides a part of the partition most evenly, in time proportional to the
-//! edges.
+//! number of edges.
 //!
 //! Comparing every edge with every other takes quadratic time: minutes on a map of 1024 x 1024 squares. But
-//! edges lie on the lines of the grid, so all edges on one line that run in one direction divide the others
-//! alike, and how they do follows from three counts per line: the edges that end up to it, that begin from it
-//! on, and that lie in it.
+//! edges lie on the lines of the grid, so all edges on one line with the same direction divide the others
+//! equally, and the numbers on each side follow from three counts per line: the edges without a point above
+//! it, those without a point below it, and those in it.
 //!
-//! One thing is not that simple. A cut may miss the grid by a rounding error, and a point next to a line
-//! counts as on it if its distance times the length of the dividing edge is small. Edges whose line has such
-//! a point within reach are compared with all others one by one, as are all edges of small parts.
+//! There is an exception. A cut may miss the grid by a rounding error, and a point next to a line counts as
+//! on it if its distance times the length of the dividing edge is small. Edges whose line has such a point
+//! nearby are compared with all others one by one, as are all edges of small parts.
 
 use super::edges::{Edge, ON_LINE, Side};
 
-/// Parts of at most this many edges are divided faster without counting.
+/// Parts with at most this number of edges are divided faster by comparing all pairs.
 const FEW: usize = 16;
 
-/// Working memory of the choice.
+/// Chooses lines, and keeps its memory for the next choice.
 #[derive(Default)]
 pub(super) struct LineChoice {
     /// For lines from south to north, and for lines from west to east.
@@ -23,17 +23,19 @@ pub(super) struct LineChoice {
 }
 
 impl LineChoice {
-    /// The edge whose line leaves the fewest edges on its fuller side, of equals the fewest on the other, of
-    /// equals the first.
+    /// The edge whose line has the fewest edges on its fuller side; of equals the fewest on the other side;
+    /// of equals the first.
     pub fn most_even(&mut self, edges: &[Edge]) -> Choice {
         if edges.len() > FEW {
             self.counts.iter_mut().zip(0..).for_each(|(counts, axis)| counts.count(edges, axis));
         }
         let mut best = (0, Sides { fuller: usize::MAX, other: usize::MAX });
+        // All other edges on one side: such a line divides nothing.
         let worst = Sides::new(edges.len() - 1, 0);
         let (mut undivided, mut fewest_cut) = (Vec::new(), usize::MAX);
         for (i, edge) in edges.iter().enumerate() {
             let counted = if edges.len() > FEW { self.counted(edge, edges.len()) } else { None };
+            // A comparison stops where it cannot become the best any more.
             let sides = counted.unwrap_or_else(|| compared(edges, i, best.1.fuller));
             if sides < best.1 {
                 best = (i, sides);
@@ -47,11 +49,13 @@ impl LineChoice {
         if best.1 != worst {
             return Choice::Divide(best.0);
         }
+        // See `Choice::Take` for why their number is limited to that of the edges that any other line cuts.
         undivided.truncate(fewest_cut);
         Choice::Take(undivided)
     }
 
-    /// `None` if a point next to the line might count as on it.
+    /// The sides of the line through an edge, from the counts. `None` if a point next to the line might count
+    /// as on it.
     fn counted(&self, edge: &Edge, n: usize) -> Option<Sides> {
         let axis = edge.axis();
         let length = (edge.end - edge.start)[1 - axis];
@@ -61,10 +65,12 @@ impl LineChoice {
             return None;
         }
         // An edge that runs north has lower coordinates (the west) on its left, one that runs east has higher
-        // ones (the north). Edges in the line count as left.
+        // ones (the north). Edges in the line count as left, like the dividing edge itself.
         let low_is_left = (length > 0.0) == (axis == 0);
         let (left, right) = if low_is_left { (up_to, from - within) } else { (from, up_to - within) };
-        // An edge that is on neither side alone is on both; the dividing edge itself counted as left.
+        // Every edge without a point on the right is on the left only, and the others are cut or on the
+        // right. So the left side has all edges except those on the right only, and except the dividing edge;
+        // likewise the right side.
         Some(Sides::new(n - right as usize - 1, n - left as usize))
     }
 }
@@ -74,13 +80,14 @@ impl LineChoice {
 pub(super) enum Choice {
     /// The line through this edge divides the others.
     Divide(usize),
-    /// No line divides the edges: every line has all others on one side, and cuts some of them at most. These
-    /// edges, whose lines cut none, are chosen next, one after the other. This is so because every other line
-    /// cuts at least as many edges as there are of these, hence still one when the last of these is chosen.
+    /// No line divides the edges: every line has all other edges on one side, and at most cuts some of them.
+    /// These edges, whose lines cut none, are chosen next, one after the other: every other line cuts at
+    /// least as many edges as there are of these, so it still cuts one when the last of these is chosen, and
+    /// is worse.
     Take(Vec<usize>),
 }
 
-/// How many edges are on the two sides of a line; less is more even.
+/// The numbers of edges on the two sides of a line; less is more even.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Sides {
     fuller: usize,
@@ -93,7 +100,7 @@ impl Sides {
     }
 }
 
-/// The sides of the line through edge `i`, or as much of them as makes them fuller than `fullest`.
+/// The sides of the line through edge `i`; incomplete as soon as one has more than `fullest` edges.
 fn compared(edges: &[Edge], i: usize, fullest: usize) -> Sides {
     let (mut left, mut right) = (0, 0);
     for (_, other) in edges.iter().enumerate().filter(|&(j, _)| j != i) {
@@ -109,7 +116,7 @@ fn compared(edges: &[Edge], i: usize, fullest: usize) -> Sides {
     Sides::new(left, right)
 }
 
-/// What the choice knows of the grid's lines across one axis.
+/// Counts for the grid's lines across one axis.
 #[derive(Default)]
 struct Counts {
     /// The coordinate of the first of `lines`; the others follow at distances of 1.
@@ -124,7 +131,7 @@ struct Line {
     up_to: u32,
     /// Edges without a point below it.
     from: u32,
-    /// Edges in it: those are in both counts above.
+    /// Edges in it; they are part of both counts above.
     within: u32,
     /// Edges whose highest point is between this line and the next, and edges whose lowest point is.
     highest_after: u32,
@@ -144,6 +151,8 @@ impl Counts {
         let none = Line { up_to: 0, from: 0, within: 0, highest_after: 0, lowest_after: 0, clearance: 1.0 };
         self.lines.resize((last - first) as usize + 1, none);
         for edge in edges {
+            // First only the edges whose highest or lowest point is at, or just after, each line; `add_up`
+            // sums.
             let [lowest, highest] = ends(edge);
             let (line, is_on) = self.line_below(highest);
             *(if is_on { &mut line.up_to } else { &mut line.highest_after }) += 1;
@@ -158,6 +167,7 @@ impl Counts {
     fn line_below(&mut self, coordinate: f32) -> (&mut Line, bool) {
         let below = coordinate.floor();
         let number = (below - self.first) as usize;
+        // A rounded cut: both adjacent lines have a point nearby.
         if coordinate != below {
             for (number, distance) in [(number, coordinate - below), (number + 1, below + 1.0 - coordinate)] {
                 let clearance = &mut self.lines[number].clearance;
@@ -167,7 +177,8 @@ impl Counts {
         (&mut self.lines[number], coordinate == below)
     }
 
-    /// From the edges that end and begin at each line to those that end up to it and begin from it on.
+    /// Sums the counts: from edges that end or begin at each line to edges that end at or before it, and that
+    /// begin at or after it.
     fn add_up(&mut self) {
         let mut up_to = 0;
         for line in &mut self.lines {

@@ -1,6 +1,7 @@
-//! Everything about a scenario that no battle changes: kinds of units, who is who, starts, sizes, obstacles.
+//! Everything about a scenario that no battle changes: unit stats, ids, start positions, sizes, obstacle
+//! edges and the scale of rewards.
 //!
-//! Made once from a scenario and shared by all its battles.
+//! It is computed once from a scenario and shared by all its battles.
 
 mod cells;
 mod edges;
@@ -29,15 +30,15 @@ pub struct Arena {
     pub(crate) enemies: Vec<u32>,
     pub(crate) starts: Vec<Vec2>,
     pub(crate) attack_point: [f64; 2],
-    pub(crate) layout: Layout,
+    pub(crate) features: Features,
     pub(crate) edges: EdgesByCell,
-    /// The kind of each unit, by battle-wide id.
+    /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
     n_types: usize,
     type_of: Vec<usize>,
     is_enemy: Vec<bool>,
     id_in_faction: Vec<usize>,
-    /// By the types of both units, row by row of attackers.
+    /// What each type can do to each other, in rows by the attacker's type.
     matchups: Vec<Matchup>,
     /// The largest radius of all units in the scenario.
     pub(crate) largest_radius: f64,
@@ -46,7 +47,7 @@ pub struct Arena {
     episode_limit: Option<u32>,
 }
 
-/// How many of everything a battle has.
+/// The numbers of units and actions of a battle, and the sizes of its outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
     /// Agents, which are the allied units.
@@ -63,9 +64,9 @@ pub struct Sizes {
     pub state_size: usize,
 }
 
-/// Which of the optional figures a unit has in observations and state.
+/// Which optional features observations and state have, and the values that scale positions.
 #[derive(Clone, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct Features {
     pub ally_shields: bool,
     pub enemy_shields: bool,
     /// Length of the one-hot of unit types; 0 for none.
@@ -86,7 +87,8 @@ impl Arena {
             units.iter().map(|unit| UnitStats::new(&types[unit.unit_type], largest_radius)).collect();
         let matchups =
             types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
-        let layout = Layout::new(scenario);
+        let features = Features::new(scenario);
+        // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
         let farthest_sight =
             all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let enemies = ids_of(scenario, Faction::Enemy);
@@ -94,6 +96,8 @@ impl Arena {
             let unit_type = &types[units[*id as usize].unit_type];
             unit_type.hp + unit_type.shield
         };
+        // The first two terms are exact, so only the order of the sum of health decides the last bit: it is
+        // by enemy id.
         let max_reward =
             KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>();
         Arena {
@@ -101,6 +105,7 @@ impl Arena {
             terrain: scenario.terrain.clone(),
             agents: ids_of(scenario, Faction::Ally),
             enemies,
+            // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
@@ -110,15 +115,15 @@ impl Arena {
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
             matchups: matchups.collect(),
             largest_radius,
-            sizes: sizes(scenario, &layout),
-            layout,
+            sizes: sizes(scenario, &features),
+            features,
             all_stats,
             max_reward,
             episode_limit: scenario.episode_limit,
         }
     }
 
-    /// How many of everything a battle has.
+    /// The numbers of units and actions of a battle, and the sizes of its outputs.
     pub fn sizes(&self) -> Sizes {
         self.sizes
     }
@@ -138,13 +143,15 @@ impl Arena {
         Arena { episode_limit, ..self }
     }
 
-    /// The unscaled reward of a win without enemy regeneration: it becomes a return of 20.
+    /// The unscaled return of a win without enemy regeneration: all health and shields of the enemies, a
+    /// reward per kill, and the reward for winning. It is scaled to a return of 20.
     pub fn max_reward(&self) -> f64 {
         self.max_reward
     }
 
-    /// The reward of a step that earned this much unscaled. In this order: the last bit depends on it.
+    /// Scales the reward of a step, so that a return of [`max_reward`](Self::max_reward) becomes 20.
     pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
+        // Two divisions, as in the published environment: the last bit depends on it.
         earned / (self.max_reward / REWARD_SCALE)
     }
 
@@ -164,21 +171,21 @@ impl Arena {
         self.id_in_faction[id as usize]
     }
 
-    /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
+    /// Whether the attacker can attack the plane of the victim; of healers: whether it can heal it.
     pub(crate) fn can_attack(&self, attacker: u32, victim: u32) -> bool {
         self.matchup(attacker, victim).can_attack
     }
 
-    /// What one unit can do to another.
+    /// What a unit can do to another.
     pub(crate) fn matchup(&self, attacker: u32, victim: u32) -> &Matchup {
         &self.matchups[self.type_of[attacker as usize] * self.n_types + self.type_of[victim as usize]]
     }
 }
 
-impl Layout {
-    fn new(scenario: &Scenario) -> Layout {
+impl Features {
+    fn new(scenario: &Scenario) -> Features {
         let type_of = |unit_type: usize| scenario.type_ids.get(unit_type).copied().unwrap_or(0);
-        Layout {
+        Features {
             ally_shields: scenario.ally_has_shields,
             enemy_shields: scenario.enemy_has_shields,
             n_types: scenario.num_unit_types,
@@ -201,6 +208,7 @@ impl Layout {
 
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
     let units = scenario.units.iter().zip(0u32..);
+    // Agent i is the ally with in-faction id i, in whatever order the scenario lists its units.
     let mut ids: Vec<(usize, u32)> = units
         .filter(|(unit, _)| unit.faction == faction)
         .map(|(unit, id)| (unit.id_in_faction, id))
@@ -209,23 +217,26 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
     ids.into_iter().map(|(_, id)| id).collect()
 }
 
-fn sizes(scenario: &Scenario, layout: &Layout) -> Sizes {
+fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
     let n_actions = crate::action::FIRST_TARGET + n_targets(scenario);
-    let (ally, enemy) = (layout.ally_body(), layout.enemy_body());
+    let (ally, enemy) = (features.ally_body(), features.enemy_body());
     Sizes {
         n_agents,
         n_enemies,
         n_units: n_agents + n_enemies,
         n_actions,
+        // The terms are those of `Battle::write_obs` and `Battle::write_state`, in their order.
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
     }
 }
 
-/// Target actions of an agent: enough for every enemy, and for every ally that can be healed if one can heal.
+/// Number of target actions: enough for every enemy, and if an agent is a healer for every ally that it can
+/// heal.
 fn n_targets(scenario: &Scenario) -> usize {
     let allies = || scenario.units.iter().filter(|unit| unit.faction == Faction::Ally);
+    // A target action is numbered by in-faction id, so the last ally that can be healed decides.
     let heals = |unit_type: usize| scenario.unit_types[unit_type].is_healer();
     let healable = allies().filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
     match healable {

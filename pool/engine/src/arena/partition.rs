@@ -1,9 +1,8 @@
 //! The binary space partition of the obstacle edges, and the search for the edges near a square.
 //!
-//! The partition has two effects on collision avoidance, which is why it exists although most maps are small:
-//! it cuts edges that cross the line of another one in two, and it fixes the order in which a unit meets
-//! edges that are equally far away, as the two edges of a corner are. Which line divides a part is decided in
-//! `line_choice`.
+//! The partition has two effects on collision avoidance, so it is needed although most maps are small: it
+//! cuts edges that cross the line of another edge in two, and it determines the order of equally near edges,
+//! as the two edges of a corner are. `line_choice` chooses the line that divides a part.
 
 use std::num::NonZeroU32;
 
@@ -21,17 +20,17 @@ pub(super) struct Partition {
     nodes: Vec<Node>,
 }
 
-/// What a node has besides its edge.
+/// The bounds and children of a node.
 #[derive(Clone, Debug)]
 struct Node {
-    /// South-west and north-east corner of a box around all edges below and in this node.
+    /// South-west and north-east corner of a box around the edges of this node and its parts.
     bounds: [Vec2; 2],
-    /// No part of a node begins with node 0.
+    /// Node 0 is the root, which is no part of another node.
     left: Option<NonZeroU32>,
     right: Option<NonZeroU32>,
 }
 
-/// Edges that are still to be divided.
+/// Edges that are not divided yet.
 struct Part {
     edges: Vec<Edge>,
     /// The node that the part belongs to, and whether it lies on its left.
@@ -39,11 +38,11 @@ struct Part {
 }
 
 impl Partition {
-    /// Arranges the edges in a tree, cut as need be.
+    /// Builds the tree over the edges, and cuts edges where necessary.
     pub fn new(edges: Vec<Edge>) -> Partition {
         let mut partition = Partition::default();
         let mut choice = LineChoice::default();
-        // Not recursive: edges that no line divides make a tree as deep as they are many.
+        // Not recursive: edges that no line divides become a chain, as deep as their number.
         let mut open = vec![Part { edges, parent: None }];
         while let Some(Part { mut edges, parent }) = open.pop() {
             if edges.is_empty() {
@@ -54,6 +53,7 @@ impl Partition {
                     let edge = edges.remove(chosen);
                     let right = divide(&mut edges, &edge);
                     let node = partition.push(edge, parent);
+                    // The stack returns the left part first: nodes are numbered in this order.
                     open.push(Part { edges: right, parent: Some((node, false)) });
                     open.push(Part { edges, parent: Some((node, true)) });
                 }
@@ -74,8 +74,8 @@ impl Partition {
         if let Some((parent, is_left)) = parent {
             let parent = &mut self.nodes[parent];
             let link = if is_left { &mut parent.left } else { &mut parent.right };
-            // Edges sum to at most four times the squares of a map and are cut at its grid: far less than
-            // u32::MAX.
+            // It fits: edges sum to at most four times the squares of a map in length, and are cut at its
+            // grid.
             *link = NonZeroU32::new(number as u32);
         }
         self.nodes.push(Node { bounds: edge.bounds(), left: None, right: None });
@@ -83,7 +83,7 @@ impl Partition {
         number
     }
 
-    /// Appends edges of which each has all that follow on one side, and returns what `rest` belongs to then.
+    /// Appends edges each of which has all following edges on one side; returns the parent of `rest`.
     fn push_chain(
         &mut self,
         chain: &[Edge],
@@ -92,7 +92,7 @@ impl Partition {
     ) -> Option<(usize, bool)> {
         let following = chain.iter().skip(1).chain(rest.first());
         let is_left = |(edge, next): (&Edge, &Edge)| matches!(edge.side_of(next), Side::Left);
-        // The last has no other behind it if there is no rest.
+        // If `rest` is empty the last edge has no following one, and its side has no effect.
         let sides = chain.iter().zip(following).map(is_left).chain([false]);
         chain
             .iter()
@@ -100,8 +100,9 @@ impl Partition {
             .fold(parent, |parent, (edge, is_left)| Some((self.push(*edge, parent), is_left)))
     }
 
-    /// Widens the bounds of every node to those of its parts, which come after it.
+    /// Extends the bounds of every node by those of its parts.
     fn find_bounds(&mut self) {
+        // Parts have higher numbers than their node, so in descending order they are complete.
         for number in (0..self.nodes.len()).rev() {
             let Node { bounds, left, right } = self.nodes[number].clone();
             let parts = [left, right].into_iter().flatten();
@@ -111,8 +112,8 @@ impl Partition {
     }
 
     /// Appends to `list` the edges nearer than `range` to the square with this south-west corner that its
-    /// units can see, in the order in which they meet them: their own side of each line first, then the line,
-    /// then the far side.
+    /// units can see, in the order of the rules: of every node first the part on the unit's side of its line,
+    /// then its edge, then the other part.
     pub fn visit(&self, south_west: Vec2, range: f32, list: &mut Vec<u32>) {
         if !self.nodes.is_empty() {
             self.visit_part(0, south_west, range, list);
@@ -125,11 +126,13 @@ impl Partition {
             return;
         }
         let edge = &self.edges[number as usize];
+        // Edges lie on the grid, so the centre of the square is on the same side as all of it.
         let side = left_of(edge.start, edge.end, south_west + Vec2::splat(0.5));
         let (near, far) = if side >= 0.0 { (node.left, node.right) } else { (node.right, node.left) };
         if let Some(near) = near {
             self.visit_part(near.get(), south_west, range, list);
         }
+        // The outer side is on the right: from the left the edge is the back of an obstacle.
         if side < 0.0 && gap(edge.bounds(), south_west) < range {
             list.push(number);
         }
@@ -139,16 +142,16 @@ impl Partition {
     }
 }
 
-/// The edges at these places, which ascend, and the others.
-fn take(edges: Vec<Edge>, places: Vec<usize>) -> (Vec<Edge>, Vec<Edge>) {
-    let mut places = places.into_iter().peekable();
+/// The edges at these ascending indices, and the others.
+fn take(edges: Vec<Edge>, indices: Vec<usize>) -> (Vec<Edge>, Vec<Edge>) {
+    let mut indices = indices.into_iter().peekable();
     let (taken, rest): (Vec<_>, Vec<_>) =
-        edges.into_iter().enumerate().partition(|(i, _)| places.next_if_eq(i).is_some());
+        edges.into_iter().enumerate().partition(|(i, _)| indices.next_if_eq(i).is_some());
     let edges = |numbered: Vec<(usize, Edge)>| numbered.into_iter().map(|(_, edge)| edge).collect();
     (edges(taken), edges(rest))
 }
 
-/// Leaves the edges on the left of the line through `edge` and returns those on its right, all in their
+/// Keeps the edges on the left of the line through `edge` and returns those on its right, both in their
 /// order.
 fn divide(edges: &mut Vec<Edge>, edge: &Edge) -> Vec<Edge> {
     let mut right = Vec::new();
@@ -187,7 +190,7 @@ mod tests {
     use rand_pcg::Pcg64;
     use smaclite_scenarios::{Rect, Terrain};
 
-    /// The partition as its rule is written down: every edge is compared with every other.
+    /// The partition by its definition: every edge is compared with every other.
     fn arrange(mut edges: Vec<Edge>, arranged: &mut Vec<(Edge, [bool; 2])>) {
         let sides = |i: usize| {
             let (mut left, mut right) = (0, 0);

@@ -1,13 +1,13 @@
-//! What a tick needs to know of a unit type, worked out once per scenario.
+//! The stats of unit types as a tick needs them, computed once per scenario.
 
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
 use crate::units::square_within;
 
-/// One unit type of an arena, with the figures derived from it that a tick reads.
+/// The stats of a unit type, and values derived from them that a tick reads.
 ///
-/// Distances are in squares, times in seconds. Collision avoidance counts in f32, everything else in f64.
+/// Distances are in squares, times in seconds. Collision avoidance computes in f32, everything else in f64.
 #[derive(Clone, Debug)]
 pub(crate) struct UnitStats {
     pub hp: f64,
@@ -24,12 +24,12 @@ pub(crate) struct UnitStats {
     pub is_healer: bool,
     pub targeter: Targeter,
     pub scan_range: f64,
-    /// Centres within this distance are returned by the unit's search for targets.
+    /// The unit's search for targets finds units whose centres are within this distance.
     pub search_radius: f64,
     pub avoid: AvoidanceParams,
 }
 
-/// The figures of collision avoidance.
+/// The parameters of collision avoidance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AvoidanceParams {
     pub radius: f32,
@@ -59,6 +59,8 @@ impl UnitStats {
             is_healer: unit_type.is_healer(),
             targeter: unit_type.targeter,
             scan_range: unit_type.minimum_scan_range,
+            // Searches are by centres; the largest radius ensures that no unit whose edge is in range is
+            // missed.
             search_radius: unit_type.minimum_scan_range + largest_radius,
             avoid: AvoidanceParams::new(unit_type, largest_radius),
         }
@@ -70,15 +72,15 @@ impl UnitStats {
 pub(crate) struct Matchup {
     /// Damage of one hit, before shield and armor.
     pub damage: f64,
-    /// Whether the attacker reaches the plane of the victim; a healer "attacks" whom it heals.
+    /// Whether the attacker can attack the plane of the victim; of healers: whether it can heal it.
     pub can_attack: bool,
-    /// The victim is in reach if the square of the distance between centres is at most this.
+    /// The victim is within attack range if the squared distance between the centres is at most this.
     pub reach_squared: f64,
 }
 
 impl Matchup {
     pub fn new(attacker: &UnitType, victim: &UnitType) -> Matchup {
-        // The attack range is measured between the edges of the two bodies.
+        // The attack range is measured between the edges of the two units.
         let reach = attacker.attack_range + attacker.radius() + victim.radius();
         Matchup {
             damage: attacker.damage_against(victim),
@@ -92,6 +94,8 @@ impl AvoidanceParams {
     fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
         let (radius, max_speed) = (unit_type.radius() as f32, unit_type.speed as f32);
         let neighbour_range = (largest_radius + unit_type.radius()) as f32;
+        // Units are neighbours only if they would touch, should the other have the largest radius. Edges
+        // matter if the unit could reach them within the time horizon of 1 s.
         let edge_range = max_speed + radius;
         AvoidanceParams {
             radius,

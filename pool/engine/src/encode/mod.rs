@@ -1,39 +1,40 @@
-//! What agents get to see: observations, the state, and which actions are available.
+//! What agents receive: observations, the state, and the available actions.
 
 mod avail;
 mod obs;
 mod state;
 
 pub(crate) use avail::Available;
-pub(crate) use obs::{Sights, write_obs};
+pub(crate) use obs::{ObsScratch, write_obs};
 pub(crate) use state::write_state;
 
 use crate::arena::Arena;
 use crate::units::Units;
 
-/// What the encoders look at.
+/// The parts of a battle that the encoders read.
 pub(crate) struct View<'a> {
     pub arena: &'a Arena,
     pub units: &'a Units,
     pub available: &'a Available,
 }
 
-/// Writes the figures of a unit's body: health, \[shield\], \[type\].
+/// Writes the features of a unit that do not depend on the observer: health, \[shield\], \[type\].
 fn write_body(view: &View, id: u32, out: &mut [f32]) {
     let (arena, i) = (view.arena, id as usize);
-    let (stats, layout) = (arena.stats(id), &arena.layout);
+    let (stats, features) = (arena.stats(id), &arena.features);
     out.fill(0.0);
     out[0] = ratio(view.units.hp[i], stats.hp);
-    let has_shield = if arena.is_enemy(id) { layout.enemy_shields } else { layout.ally_shields };
+    // A scenario decides per faction whether shields are features, whatever its unit types have.
+    let has_shield = if arena.is_enemy(id) { features.enemy_shields } else { features.ally_shields };
     if has_shield {
         out[1] = ratio(view.units.shield[i], stats.shield);
     }
-    if layout.n_types > 0 {
-        out[1 + usize::from(has_shield) + layout.type_of[i]] = 1.0;
+    if features.n_types > 0 {
+        out[1 + usize::from(has_shield) + features.type_of[i]] = 1.0;
     }
 }
 
-/// A share of a maximum; nothing of nothing is 0.
+/// A value divided by its maximum; 0 if the maximum is 0.
 fn ratio(value: f64, max: f64) -> f32 {
     if max == 0.0 { 0.0 } else { (value / max) as f32 }
 }

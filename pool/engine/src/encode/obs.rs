@@ -1,4 +1,4 @@
-//! Observations: what each agent sees from where it stands.
+//! Observations: what each agent sees within its sight range.
 
 use glam::Vec2;
 
@@ -8,24 +8,24 @@ use crate::command::action;
 use crate::units::distance_squared;
 use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
-/// Working memory: what is to be seen of every unit, so that it is worked out once and not once an observer.
+/// Working memory: the features of every unit, computed once per step rather than once per observer.
 #[derive(Debug, Default)]
-pub(crate) struct Sights {
-    allies: Side,
-    enemies: Side,
+pub(crate) struct ObsScratch {
+    allies: FactionScratch,
+    enemies: FactionScratch,
 }
 
-/// The units of one side, by in-faction id.
+/// The units of one faction, by in-faction id.
 #[derive(Debug, Default)]
-struct Side {
-    /// Positions; the dead are at infinity, out of sight of every unit.
+struct FactionScratch {
+    /// Positions. Dead units are at infinity, out of sight of every unit.
     positions: Vec<Vec2>,
     /// Health, \[shield\], \[type\] of one unit after the other.
     bodies: Vec<f32>,
     body_size: usize,
 }
 
-impl Side {
+impl FactionScratch {
     fn gather(&mut self, view: &View, ids: &[u32], body_size: usize) {
         self.body_size = body_size;
         self.bodies.resize(ids.len() * body_size, 0.0);
@@ -41,30 +41,31 @@ impl Side {
         &self.bodies[unit * self.body_size..(unit + 1) * self.body_size]
     }
 
-    /// Floats that the block of one unit takes in the row of another.
+    /// Number of floats for one unit in the row of another.
     fn block_size(&self) -> usize {
         4 + self.body_size
     }
 }
 
 /// Writes the rows of all agents.
-#[inline(never)] // so that profiles show it
-pub(crate) fn write_obs(view: &View, out: &mut [f32], sights: &mut Sights) {
-    let (arena, layout) = (view.arena, &view.arena.layout);
+#[inline(never)]
+pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
+    let (arena, features) = (view.arena, &view.arena.features);
     let sizes = arena.sizes();
-    assert_eq!(out.len(), sizes.n_agents * sizes.obs_size, "one row an agent");
-    sights.allies.gather(view, &arena.agents, layout.ally_body());
-    sights.enemies.gather(view, &arena.enemies, layout.enemy_body());
+    assert_eq!(out.len(), sizes.n_agents * sizes.obs_size, "one row per agent");
+    scratch.allies.gather(view, &arena.agents, features.ally_body());
+    scratch.enemies.gather(view, &arena.enemies, features.enemy_body());
     for (agent, row) in out.chunks_exact_mut(sizes.obs_size).enumerate() {
+        // What is not written below stays 0: rows of dead agents, and blocks of units out of sight.
         row.fill(0.0);
         if view.units.alive[arena.agents[agent] as usize] {
             write_moves(view, agent, row);
-            write_enemies(view, sights, agent, row);
-            let own = sizes.obs_size - sights.allies.body_size;
-            row[own..].copy_from_slice(sights.allies.body(agent));
+            write_enemies(view, scratch, agent, row);
+            let own = sizes.obs_size - scratch.allies.body_size;
+            row[own..].copy_from_slice(scratch.allies.body(agent));
         }
     }
-    write_allies(&sizes, sights, out);
+    write_allies(&sizes, scratch, out);
 }
 
 fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
@@ -73,17 +74,18 @@ fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
     }
 }
 
-/// Writes what an agent sees of the enemies.
+/// Writes the enemies that an agent sees.
 ///
-/// A healer targets allies, and the mark beside enemy i says whether ally i is near enough. It says so of
-/// healers too, which the available actions leave out.
-fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
-    let Sights { allies, enemies } = sights;
+/// The first entry of a block says whether target action i is available. A healer's target actions mean
+/// allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
+/// which the available actions exclude.
+fn write_enemies(view: &View, scratch: &ObsScratch, agent: usize, row: &mut [f32]) {
+    let ObsScratch { allies, enemies } = scratch;
     let own = allies.positions[agent];
     let is_healer = view.arena.stats(view.arena.agents[agent]).is_healer;
     let blocks = row[4..].chunks_exact_mut(enemies.block_size());
     for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
-        if let Some(sight) = Sight::of(own, position) {
+        if let Some(relative) = RelativePosition::of(own, position) {
             let targetable = if is_healer {
                 allies
                     .positions
@@ -92,50 +94,52 @@ fn write_enemies(view: &View, sights: &Sights, agent: usize, row: &mut [f32]) {
             } else {
                 view.available.has(agent, action::FIRST_TARGET + enemy)
             };
-            sight.write(bit(targetable), enemies.body(enemy), block);
+            relative.write(bit(targetable), enemies.body(enemy), block);
         }
     }
 }
 
-/// Writes what allies see of each other: who sees is seen, so each two are looked at once.
-fn write_allies(sizes: &Sizes, sights: &Sights, out: &mut [f32]) {
-    let allies = &sights.allies;
+/// Writes the allies that agents see. Sight is mutual, so each pair is computed once.
+fn write_allies(sizes: &Sizes, scratch: &ObsScratch, out: &mut [f32]) {
+    let allies = &scratch.allies;
     let size = allies.block_size();
-    let first_block = 4 + sizes.n_enemies * sights.enemies.block_size();
+    let first_block = 4 + sizes.n_enemies * scratch.enemies.block_size();
     // An agent has no block in its own row.
-    let mut write = |agent: usize, other: usize, sight: &Sight| {
+    let mut write = |agent: usize, other: usize, relative: &RelativePosition| {
         let block = if other < agent { other } else { other - 1 };
         let begin = agent * sizes.obs_size + first_block + block * size;
-        sight.write(1.0, allies.body(other), &mut out[begin..begin + size]);
+        relative.write(1.0, allies.body(other), &mut out[begin..begin + size]);
     };
     for (agent, &from) in allies.positions.iter().enumerate() {
         for (other, &to) in allies.positions.iter().enumerate().skip(agent + 1) {
-            if let Some(sight) = Sight::of(from, to) {
-                write(agent, other, &sight);
-                write(other, agent, &sight.reversed());
+            if let Some(relative) = RelativePosition::of(from, to) {
+                write(agent, other, &relative);
+                write(other, agent, &relative.reversed());
             }
         }
     }
 }
 
-/// Where one unit sees another, in shares of the sight range.
-struct Sight {
+/// The offset from one unit to another that it sees, in shares of the sight range.
+struct RelativePosition {
     distance: f32,
     dx: f32,
     dy: f32,
 }
 
-impl Sight {
+impl RelativePosition {
     /// `None` if the other is out of sight, or either is at infinity.
     ///
-    /// The distance is computed in f64 and rounded once, dx and dy are f32 throughout: so they are recorded.
-    fn of(from: Vec2, to: Vec2) -> Option<Sight> {
+    /// The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
+    /// environment.
+    fn of(from: Vec2, to: Vec2) -> Option<RelativePosition> {
         let squared = distance_squared(from, to);
-        // The root of a greater number is not less than the sight range.
+        // A unit is seen if the root is less than the sight range. Where the square is not less the root is
+        // not either, so most pairs need no root.
         if squared < SIGHT_RANGE * SIGHT_RANGE {
             let distance = squared.sqrt();
             let offset = to - from;
-            return (distance < SIGHT_RANGE).then(|| Sight {
+            return (distance < SIGHT_RANGE).then(|| RelativePosition {
                 distance: (distance / SIGHT_RANGE) as f32,
                 dx: offset.x / SIGHT_RANGE as f32,
                 dy: offset.y / SIGHT_RANGE as f32,
@@ -144,14 +148,14 @@ impl Sight {
         None
     }
 
-    /// Seen from the other side; taken from zero so that zero stays zero.
-    fn reversed(&self) -> Sight {
-        Sight { distance: self.distance, dx: 0.0 - self.dx, dy: 0.0 - self.dy }
+    /// The offset in the other direction. Subtracting from 0 keeps 0.0 where negation would give -0.0.
+    fn reversed(&self) -> RelativePosition {
+        RelativePosition { distance: self.distance, dx: 0.0 - self.dx, dy: 0.0 - self.dy }
     }
 
-    fn write(&self, mark: f32, body: &[f32], block: &mut [f32]) {
-        let (place, rest) = block.split_at_mut(4);
-        place.copy_from_slice(&[mark, self.distance, self.dx, self.dy]);
+    fn write(&self, first: f32, body: &[f32], block: &mut [f32]) {
+        let (start, rest) = block.split_at_mut(4);
+        start.copy_from_slice(&[first, self.distance, self.dx, self.dy]);
         rest.copy_from_slice(body);
     }
 }

@@ -1,14 +1,14 @@
-//! The state: the whole battle, for training.
+//! The state: features of all units, for centralised training.
 
 use super::{View, ratio, write_body};
 
-/// Writes the state; `last_actions` by agent.
-#[inline(never)] // so that profiles show it
+/// Writes the state; `last_actions` is indexed by agent.
+#[inline(never)]
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
     out.fill(0.0);
-    let (ally, enemy) = (3 + arena.layout.ally_body(), 2 + arena.layout.enemy_body());
+    let (ally, enemy) = (3 + arena.features.ally_body(), 2 + arena.features.enemy_body());
     let (allies, rest) = out.split_at_mut(sizes.n_agents * ally);
     let (enemies, actions) = rest.split_at_mut(sizes.n_enemies * enemy);
     for (&id, block) in arena.agents.iter().zip(allies.chunks_exact_mut(ally)) {
@@ -30,16 +30,20 @@ fn write_unit(view: &View, id: u32, block: &mut [f32]) {
     if !units.alive[i] {
         return;
     }
-    let (stats, layout) = (arena.stats(id), &arena.layout);
+    let (stats, features) = (arena.stats(id), &arena.features);
     let n_before = if arena.is_enemy(id) { 2 } else { 3 };
-    // The body begins with health, which stands first; the figures in between take the place after it.
+    // The block is health, [cooldown or energy], x, y, [shield], [type], and the body is health, [shield],
+    // [type]. The body is written to the end of the block; then its health moves to the front, and y takes
+    // the entry that becomes free.
     let (before, body) = block.split_at_mut(n_before);
     write_body(view, id, body);
     let health = body[0];
+    // Positions are relative to the centre of the map, in shares of its sides: -0.5 to 0.5.
     let position = units.pos[i].as_dvec2();
-    let x = ((position.x - layout.width / 2.0) / layout.width) as f32;
-    let y = ((position.y - layout.height / 2.0) / layout.height) as f32;
+    let x = ((position.x - features.width / 2.0) / features.width) as f32;
+    let y = ((position.y - features.height / 2.0) / features.height) as f32;
     before[0] = health;
+    // As in SMAC, the entry of the cooldown is the energy for healers, and enemies have neither.
     if n_before == 3 {
         let (value, max) = if stats.is_healer {
             (units.energy[i], stats.energy)

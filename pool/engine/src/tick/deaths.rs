@@ -1,19 +1,25 @@
-//! Phase 5, deaths: units without health leave the battle for good.
+//! Phase 5, deaths: units without health leave the battle for the rest of the episode.
 
 use super::World;
 
-#[inline(never)] // so that profiles show it
-pub(super) fn take_out(world: &mut World) {
-    let World { arena, units, living, neighbour_order, .. } = world;
-    let mut anyone = false;
-    for &id in &living.all {
+#[inline(never)]
+pub(super) fn remove_dead(world: &mut World) {
+    let World { arena, units, alive_ids, neighbour_order, .. } = world;
+    // Deaths wait for the end of the tick, so a unit that was killed in phase 4 and healed in the same tick
+    // is still here (R2).
+    let mut any_died = false;
+    for &id in &alive_ids.all {
         if !units.has_health(id) {
+            // Only `alive` changes. A dead unit keeps its last position, velocity, shield and so on. Its
+            // velocity has no effect any more, because collision avoidance considers only units in the
+            // neighbour order, which it leaves below. Its position remains the destination of units commanded
+            // to target it.
             units.alive[id as usize] = false;
-            anyone = true;
+            any_died = true;
         }
     }
-    if anyone {
-        living.gather(arena, units);
+    if any_died {
+        alive_ids.refresh(arena, units);
         neighbour_order.remove_dead(units);
     }
 }

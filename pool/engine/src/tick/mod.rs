@@ -1,13 +1,13 @@
-//! One tick, 1/16 s of a battle, in five phases; this file is their table of contents.
+//! One tick, 1/16 s of a battle, in five phases; [`run`] lists them.
 //!
-//! Every phase runs over all living units in ascending battle-wide id before the next begins. Only phase 4
-//! has an order of its own, which is part of the rules and is handed in.
+//! Every phase processes all living units in ascending battle-wide id before the next phase begins. Only
+//! phase 4 has another order, the execution order, which is an input of the tick.
 
 mod avoid;
-mod choose;
 mod deaths;
 mod execute;
 mod preferred;
+mod target_choice;
 mod targeters;
 mod targets;
 
@@ -16,63 +16,63 @@ use glam::Vec2;
 use crate::arena::Arena;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
-use crate::units::{AliveIds, Units, make_room};
+use crate::units::{AliveIds, Units, clear_and_reserve};
 
-/// What a tick works on.
+/// The parts of a battle that a tick reads and changes.
 pub(crate) struct World<'a> {
     pub arena: &'a Arena,
     pub units: &'a mut Units,
-    pub living: &'a mut AliveIds,
+    pub alive_ids: &'a mut AliveIds,
     pub neighbour_order: &'a mut NeighbourOrder,
-    pub plan: &'a mut Plan,
+    pub scratch: &'a mut TickScratch,
 }
 
-/// What units intend to do in a tick, by battle-wide id; nothing of it outlives the step.
+/// Plays one tick with the execution order in the scratch. Returns its reward, unscaled and without that for
+/// winning.
+pub(crate) fn run(world: &mut World) -> f64 {
+    targets::drop_lost(world);
+    preferred::decide(world);
+    avoid::plan_velocities(world);
+    let earned = execute::take_turns(world);
+    deaths::remove_dead(world);
+    earned
+}
+
+/// Working memory of a tick: what units intend to do, by battle-wide id. Nothing of it outlives the step.
 ///
 /// Entries of dead units are stale.
 #[derive(Debug, Default)]
-pub(crate) struct Plan {
-    /// What each unit is told to do in this step.
+pub(crate) struct TickScratch {
+    /// The command of each unit for this step.
     pub commands: Vec<Command>,
-    /// Ids in the order of phase 4.
+    /// The execution order: ids in the order of phase 4.
     pub order: Vec<u32>,
     /// The target of each unit before phase 1.
     previous_target: Vec<Option<u32>>,
-    /// The position of each unit at the start of the tick, where searches see it.
+    /// The position of each unit at the start of the tick, which the searches of phase 4 use.
     start: Vec<Vec2>,
-    /// Preferred velocity, of phase 2.
+    /// Preferred velocity, set in phase 2.
     pub preferred: Vec<Vec2>,
-    /// Whom the unit attacks or heals in its turn.
+    /// The declared attack or heal: the target that the unit acts on in phase 4.
     attack: Vec<Option<u32>>,
-    /// Units that were dead when their turn came, and the velocities with which they last moved.
+    /// Units that had no health when their turn came, and the velocities with which they last moved.
     unmoved: Vec<(u32, Vec2)>,
-    target_search: choose::TargetSearch,
-    avoid: avoid::Workspace,
+    target_choice: target_choice::TargetChoiceScratch,
+    avoid: avoid::AvoidScratch,
 }
 
-impl Plan {
-    /// Makes room for a battle in this arena, so that whatever happens in it nothing is allocated later.
-    pub fn fit(&mut self, arena: &Arena) {
+impl TickScratch {
+    /// Reserves memory for any battle in this arena, so that its ticks allocate nothing.
+    pub fn reserve(&mut self, arena: &Arena) {
         let n_units = arena.sizes().n_units;
-        make_room(&mut self.previous_target, n_units);
-        make_room(&mut self.start, n_units);
-        make_room(&mut self.unmoved, n_units);
-        make_room(&mut self.order, n_units);
-        make_room(&mut self.commands, n_units);
-        self.target_search.fit(n_units);
-        self.avoid.fit(n_units, arena.edges.longest_list());
+        clear_and_reserve(&mut self.previous_target, n_units);
+        clear_and_reserve(&mut self.start, n_units);
+        clear_and_reserve(&mut self.unmoved, n_units);
+        clear_and_reserve(&mut self.order, n_units);
+        clear_and_reserve(&mut self.commands, n_units);
+        self.target_choice.reserve(n_units);
+        self.avoid.reserve(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
     }
-}
-
-/// Plays one tick with the execution order in the plan and returns the reward it earned, unscaled and without
-/// the one for winning.
-pub(crate) fn run(world: &mut World) -> f64 {
-    targets::clean_up(world);
-    preferred::declare(world);
-    avoid::plan_velocities(world);
-    let earned = execute::all(world);
-    deaths::take_out(world);
-    earned
 }

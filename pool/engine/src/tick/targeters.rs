@@ -1,4 +1,5 @@
-//! What attacks and heals do, by targeter. Each returns the reward it earned, unscaled.
+//! The effects of attacks and heals, by targeter: damage, explosions, lasers and healing. Each function
+//! returns the reward that it earns, unscaled.
 
 use glam::Vec2;
 use smaclite_units::Targeter;
@@ -21,18 +22,21 @@ pub(super) fn act(world: &mut World, id: u32, target: u32) -> f64 {
     }
 }
 
-/// All hits of one attack.
+/// All hits of one attack; some units hit more than once.
 fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
     let damage = world.arena.matchup(id, victim).damage;
     (0..world.arena.stats(id).attacks).map(|_| hit(world, damage, victim)).sum()
 }
 
-/// One hit: the shield takes what it can, armor lessens the rest, health pays.
+/// One hit. The shield absorbs the damage first, without armor; armor reduces the rest, and health absorbs
+/// what remains. The reward is the damage dealt to enemies, and more for a kill.
 fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     let (units, stats, i) = (&mut *world.units, world.arena.stats(victim), victim as usize);
+    // A victim that was killed earlier in this tick is hit to no effect, so a kill is rewarded once.
     if units.hp[i] == 0.0 {
         return 0.0;
     }
+    // Every hit restarts the delay, also one that armor absorbs entirely.
     if stats.shield > 0.0 {
         units.shield_cooldown[i] = SHIELD_DELAY;
     }
@@ -40,6 +44,7 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     units.shield[i] -= to_shield;
     let to_health = f64::min(f64::max(0.0, damage - to_shield - stats.armor), units.hp[i]);
     units.hp[i] -= to_health;
+    // Losses of agents cost nothing: the reward is never negative.
     if !world.arena.is_enemy(victim) {
         return 0.0;
     }
@@ -47,44 +52,50 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     to_shield + to_health + if killed { KILL_REWARD } else { 0.0 }
 }
 
-/// KAMIKAZE: dies, and hits every unit of the other side around it, whatever its plane.
+/// KAMIKAZE: the unit dies, and hits every unit of the other faction around it, whatever its plane.
 fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     let arena = world.arena;
     let health = std::mem::take(&mut world.units.hp[id as usize]);
+    // An enemy that blows itself up earns its remaining health, but no reward for a kill.
     let mut earned = if arena.is_enemy(id) { health } else { 0.0 };
     let centre = world.units.pos[id as usize];
     let search_radius = radius + arena.largest_radius;
-    for i in 0..world.living.opponents(arena, id).len() {
-        let victim = world.living.opponents(arena, id)[i];
-        let start = world.plan.start[victim as usize];
-        let found = distance_squared(centre, start) <= search_radius * search_radius;
+    for i in 0..world.alive_ids.opponents_of(arena, id).len() {
+        let victim = world.alive_ids.opponents_of(arena, id)[i];
+        // Two conditions, as in the published implementation: a search that uses the positions at the start
+        // of the tick finds the victim, and its current position is within reach of the blast.
+        let start = world.scratch.start[victim as usize];
+        let is_found = distance_squared(centre, start) <= search_radius * search_radius;
         let reach = radius + arena.stats(victim).radius;
-        if found && distance(centre, world.units.pos[victim as usize]) <= reach {
+        if is_found && distance(centre, world.units.pos[victim as usize]) <= reach {
             earned += attack(world, id, victim);
         }
     }
     earned
 }
 
-/// LASER_BEAM: hits every unit of the other side, whatever its plane, whose circle touches a rectangle across
-/// the line of fire.
+/// LASER_BEAM: hits every unit of the other faction, whatever its plane, whose circle touches a rectangle
+/// that lies across the line of fire, centred on the target.
 fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) -> f64 {
     let arena = world.arena;
     let centre = world.units.pos[target as usize];
     let beam = Beam::new(world.units.pos[id as usize], centre, width, height);
+    // Half the diagonal of the rectangle; the radius of the victim is not added. The search uses positions at
+    // the start of the tick, the hit current ones, as in `explode`.
     let search_radius_squared = (width * width + height * height) / 4.0;
     let mut earned = 0.0;
-    for i in 0..world.living.opponents(arena, id).len() {
-        let victim = world.living.opponents(arena, id)[i];
-        let found = distance_squared(centre, world.plan.start[victim as usize]) <= search_radius_squared;
-        if found && beam.touches(world.units.pos[victim as usize], arena.stats(victim).radius) {
+    for i in 0..world.alive_ids.opponents_of(arena, id).len() {
+        let victim = world.alive_ids.opponents_of(arena, id)[i];
+        let is_found =
+            distance_squared(centre, world.scratch.start[victim as usize]) <= search_radius_squared;
+        if is_found && beam.touches(world.units.pos[victim as usize], arena.stats(victim).radius) {
             earned += attack(world, id, victim);
         }
     }
     earned
 }
 
-/// The rectangle of a laser.
+/// The rectangle that a laser hits.
 struct Beam {
     centre: Vec2,
     /// Direction of the line of fire, of length 1.
@@ -97,7 +108,7 @@ impl Beam {
     fn new(from: Vec2, centre: Vec2, width: f64, height: f64) -> Beam {
         let (dx, dy) = (f64::from(centre.x) - f64::from(from.x), f64::from(centre.y) - f64::from(from.y));
         let length = (dx * dx + dy * dy).sqrt();
-        // Fired at its own feet it has no direction; any will do.
+        // A target at the same point gives no direction; then the beam points east.
         let fire = if length > 0.0 { [dx / length, dy / length] } else { [1.0, 0.0] };
         Beam { centre, fire, half_width: width / 2.0, half_height: height / 2.0 }
     }
@@ -105,6 +116,8 @@ impl Beam {
     fn touches(&self, point: Vec2, radius: f64) -> bool {
         let dx = f64::from(point.x) - f64::from(self.centre.x);
         let dy = f64::from(point.y) - f64::from(self.centre.y);
+        // In coordinates along and across the line of fire the rectangle is axis-aligned: its distance from
+        // the point is that of the parts of the offset beyond its half sides.
         let along = (dx * self.fire[0] + dy * self.fire[1]).abs() - self.half_height;
         let across = (dx * self.fire[1] - dy * self.fire[0]).abs() - self.half_width;
         let (along, across) = (along.max(0.0), across.max(0.0));
@@ -112,22 +125,25 @@ impl Beam {
     }
 }
 
-/// HEAL: gives health for energy.
+/// HEAL: restores health and pays for it with energy.
 fn heal(world: &mut World, id: u32, target: u32) {
     let (units, i, patient) = (&mut *world.units, id as usize, target as usize);
     let full = world.arena.stats(target).hp;
-    // Of the target fields: under a command to target a unit out of the battle both are empty, and nothing is
-    // new.
-    let is_new = world.plan.previous_target[i] != units.target[i];
+    // The fields are compared, not the commands: under a command to target a dead unit both fields are empty,
+    // so the target is not new.
+    let is_new = world.scratch.previous_target[i] != units.target[i];
     if units.hp[patient] == full || is_new && units.energy[i] < MIN_ENERGY_FOR_NEW_TARGET {
         units.target[i] = None;
         return;
     }
-    // Rule R2: the paper's dead stay dead. Here one killed in this tick lives on if healed before its end,
-    // and the health of one that is out of the battle rises to no effect.
+    // Rule R2: under `paper` a unit without health cannot be healed. Under `smaclite` a unit that was killed
+    // in this tick survives if it is healed before the tick ends; the health of a dead unit rises without
+    // effect.
     if world.arena.rules == Rules::Paper && units.hp[patient] == 0.0 {
         return;
     }
+    // Energy is spent in whole units and each buys HEALTH_PER_ENERGY. What a tick does not use is kept in
+    // `healing` for the next ticks, whatever the target is then.
     let wanted = f64::min(HEAL_PER_TICK, full - units.hp[patient]);
     if units.healing[i] < wanted {
         let spent = f64::min(1.0, units.energy[i]);

@@ -1,29 +1,33 @@
-//! Phase 1, target clean-up: who loses or keeps the target of the tick before.
+//! Phase 1, targets: which units keep the target of the last tick.
 
 use super::World;
 use super::preferred::in_reach;
 use crate::command::Command;
 
-#[inline(never)] // so that profiles show it
-pub(super) fn clean_up(world: &mut World) {
-    let World { units, plan, .. } = &mut *world;
-    plan.start.clear();
-    plan.start.extend_from_slice(&units.pos);
-    plan.previous_target.clear();
-    plan.previous_target.extend_from_slice(&units.target);
-    for i in 0..world.living.all.len() {
-        let id = world.living.all[i];
-        world.units.target[id as usize] = match world.plan.commands[id as usize] {
+/// Drops targets that are lost, and sets those of target commands.
+#[inline(never)]
+pub(super) fn drop_lost(world: &mut World) {
+    let World { units, scratch, .. } = &mut *world;
+    scratch.start.clear();
+    scratch.start.extend_from_slice(&units.pos);
+    scratch.previous_target.clear();
+    scratch.previous_target.extend_from_slice(&units.target);
+    for i in 0..world.alive_ids.all.len() {
+        let id = world.alive_ids.all[i];
+        world.units.target[id as usize] = match world.scratch.commands[id as usize] {
             Command::Stop | Command::MoveTo(_) => None,
-            Command::Target(unit) => Some(unit).filter(|&unit| world.units.has_health(unit)),
+            // Only the field is cleared when the target is dead. The command remains: the unit goes on
+            // walking to the place of the dead unit and acting on it until the step ends.
+            Command::Target(target) => Some(target).filter(|&target| world.units.has_health(target)),
             Command::AttackMove => world.units.target[id as usize].filter(|&target| keeps(world, id, target)),
         };
     }
 }
 
-/// Whether an attack-moving unit keeps its target: one that is after itself, or within reach.
+/// Whether an attack-moving unit keeps its target: one that targets this unit, or is within attack range.
 fn keeps(world: &World, id: u32, target: u32) -> bool {
-    // The target's own target may or may not have been cleaned up yet: ids decide, as the rules have it.
-    let turned_on_me = world.units.target[target as usize] == Some(id);
-    world.units.has_health(target) && (turned_on_me || in_reach(world, id, target))
+    // Whether the target's own target was updated before in this phase depends on the ids. That is part of
+    // the rules: units are updated in place, by ascending id.
+    let targets_me = world.units.target[target as usize] == Some(id);
+    world.units.has_health(target) && (targets_me || in_reach(world, id, target))
 }

@@ -27,7 +27,7 @@ use super::World;
 use crate::arena::{Arena, AvoidanceParams};
 use crate::neighbour_order::PlaneOrder;
 use crate::simd::{F32x4, Vec2x4, WIDTH};
-use crate::units::make_room;
+use crate::units::clear_and_reserve;
 use linear_program::HalfPlane;
 use linear_program::x4::LinearProgramX4;
 use nearest_list::NearestList;
@@ -39,33 +39,33 @@ const EPSILON: f32 = 1e-5;
 
 /// Working memory of collision avoidance.
 #[derive(Debug, Default)]
-pub(crate) struct Workspace {
+pub(crate) struct AvoidScratch {
     /// The living units of each plane.
     planes: [PlaneUnits; 3],
     with_neighbours: Vec<WithNeighbours>,
     constrained: Vec<Constrained>,
-    search: UnitWorkspace,
+    unit: UnitScratch,
 }
 
-impl Workspace {
-    /// Makes room for so many units, of which each sees so many edges at most.
-    pub fn fit(&mut self, n_units: usize, n_edges: usize) {
-        self.planes.iter_mut().for_each(|plane| plane.fit(n_units));
-        make_room(&mut self.with_neighbours, n_units);
-        make_room(&mut self.constrained, n_units);
-        make_room(&mut self.search.near_edges, n_edges);
-        self.search.found.fit(n_units.max(n_edges));
-        for half_planes in [&mut self.search.half_planes, &mut self.search.projected] {
-            // Half-planes of units are added four at a time.
-            make_room(half_planes, n_edges + n_units.next_multiple_of(WIDTH));
+impl AvoidScratch {
+    /// Reserves memory for `n_units` units, each of which sees at most `n_edges` edges.
+    pub fn reserve(&mut self, n_units: usize, n_edges: usize) {
+        self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
+        clear_and_reserve(&mut self.with_neighbours, n_units);
+        clear_and_reserve(&mut self.constrained, n_units);
+        clear_and_reserve(&mut self.unit.near_edges, n_edges);
+        self.unit.found.reserve(n_units.max(n_edges));
+        for half_planes in [&mut self.unit.half_planes, &mut self.unit.projected] {
+            // Half-planes of units are added four at a time, and the surplus is cut off.
+            clear_and_reserve(half_planes, n_edges + n_units.next_multiple_of(WIDTH));
         }
     }
 }
 
 /// Working memory for the velocity of one unit.
 #[derive(Debug, Default)]
-struct UnitWorkspace {
-    /// Numbers of edges that may be in sight.
+struct UnitScratch {
+    /// Indices of edges that may be in sight.
     near_edges: Vec<u32>,
     /// Edges or units in sight.
     found: NearestList,
@@ -105,18 +105,23 @@ struct Constrained {
 
 /// Plans the velocity of every living unit.
 ///
-/// Each stage filters the units for the next one: which move, which of those have neighbours, which of those
-/// may not have the velocity that they prefer. The answers are unpredictable, so handling one unit from begin
-/// to end would cost a branch misprediction at nearly every test; a stage over all units has no such
-/// branches.
-#[inline(never)] // so that profiles show it
+/// Each stage filters the units for the next one: those that move, those of them that have neighbours, and
+/// those of them whose neighbours do not permit the preferred velocity. The outcomes are unpredictable, so
+/// processing one unit from begin to end would cost a branch misprediction at nearly every test; a stage over
+/// all units has no such branches.
+#[inline(never)]
 pub(super) fn plan_velocities(world: &mut World) {
     gather(world);
-    let World { arena, units, plan, .. } = world;
-    let Workspace { planes, with_neighbours, constrained, search } = &mut plan.avoid;
+    let World { arena, units, scratch, .. } = world;
+    let AvoidScratch { planes, with_neighbours, constrained, unit } = &mut scratch.avoid;
     for plane in planes.iter_mut().filter(|plane| !plane.movers().is_empty()) {
-        let mut planner =
-            Planner { arena, plane, preferred: &plan.preferred, velocities: &mut units.planned_vel, search };
+        let mut planner = Planner {
+            arena,
+            plane,
+            preferred: &scratch.preferred,
+            velocities: &mut units.planned_vel,
+            scratch: unit,
+        };
         planner.find_neighbours(with_neighbours);
         planner.build_half_planes(with_neighbours, constrained);
         planner.solve(constrained);
@@ -125,20 +130,23 @@ pub(super) fn plan_velocities(world: &mut World) {
 
 /// Packs the living units of each plane, in the order of the neighbour list.
 fn gather(world: &mut World) {
-    let World { arena, units, neighbour_order, plan, .. } = world;
-    for (plane, PlaneOrder { list, .. }) in plan.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
+    let World { arena, units, neighbour_order, scratch, .. } = world;
+    for (plane, PlaneOrder { list, .. }) in scratch.avoid.planes.iter_mut().zip(&mut neighbour_order.planes) {
         plane.clear();
+        // The list keeps its order for the next tick: see `NeighbourOrder`.
         plane.sort(list, &units.pos);
         for &id in &*list {
             let i = id as usize;
-            let Vec2 { x, y } = plan.preferred[i];
+            let Vec2 { x, y } = scratch.preferred[i];
             let stays = (x == 0.0) & (y == 0.0);
+            // Neighbours expect the unit to keep the velocity that it planned in the last tick.
             plane.push(
                 Neighbour::new(id, units.pos[i], units.planned_vel[i], arena.stats(id).avoid.radius, stays),
                 stays,
             );
-            // A unit that prefers to stay does so and plans nothing: so units can block and surround others.
-            units.planned_vel[i] = plan.preferred[i];
+            // A unit that prefers to stay does so and plans nothing: this lets units block and
+            // surround others. Moving units get their velocity below.
+            units.planned_vel[i] = scratch.preferred[i];
         }
         if !plane.movers().is_empty() {
             plane.pack();
@@ -150,10 +158,10 @@ fn gather(world: &mut World) {
 struct Planner<'a> {
     arena: &'a Arena,
     plane: &'a mut PlaneUnits,
-    /// By battle-wide id, as the velocities.
+    /// By battle-wide id, like the velocities.
     preferred: &'a [Vec2],
     velocities: &'a mut [Vec2],
-    search: &'a mut UnitWorkspace,
+    scratch: &'a mut UnitScratch,
 }
 
 impl Planner<'_> {
@@ -171,7 +179,8 @@ impl Planner<'_> {
         for i in 0..self.plane.movers().len() {
             let index = self.plane.movers()[i] as usize;
             let (id, mover) = self.mover(index);
-            let UnitWorkspace { near_edges, found, half_planes, .. } = &mut *self.search;
+            let UnitScratch { near_edges, found, half_planes, .. } = &mut *self.scratch;
+            // Half-planes of obstacles are hard constraints and come first in the list.
             half_planes.clear();
             obstacles::half_planes(self.arena, &mover, near_edges, found, half_planes);
             if !half_planes.is_empty() || !self.plane.is_small() {
@@ -179,6 +188,7 @@ impl Planner<'_> {
                 continue;
             }
             self.velocities[id] = valid(linear_program::within(mover.stats.max_speed, mover.preferred));
+            // Written before it is known whether there are neighbours, and removed if not: no branch.
             let neighbours = self.plane.near(index, mover.stats.neighbour_range_squared);
             with_neighbours.push(WithNeighbours { index: index as u32, neighbours });
             keep_last_if(neighbours.is_any(), with_neighbours);
@@ -191,12 +201,13 @@ impl Planner<'_> {
         constrained.clear();
         for &WithNeighbours { index, neighbours } in with_neighbours {
             let Some(four) = self.plane.four(neighbours) else {
-                self.search.half_planes.clear();
+                self.scratch.half_planes.clear();
                 self.solve_one(index as usize);
                 continue;
             };
             let (id, mover) = self.mover(index as usize);
             let half_planes = HalfPlaneX4::orca(&mover, &four);
+            // Padding is at infinity. Its half-planes are NaN, and `is_there` drops them.
             let distances_squared = (Vec2x4::splat(mover.position) - four.position).length_squared();
             let is_there = distances_squared.simd_lt(F32x4::splat(f32::INFINITY));
             let unconstrained = self.velocities[id];
@@ -218,15 +229,16 @@ impl Planner<'_> {
     /// Stage 3: solves the linear programs, four at a time.
     fn solve(&mut self, constrained: &[Constrained]) {
         for units in constrained.chunks(WIDTH) {
-            // Fewer than four may be left: then the first is repeated.
+            // Fewer than four may be left: then the first is repeated, and its copies are not used.
             let unit = |i: usize| units.get(i).unwrap_or(&units[0]);
             let programs = LinearProgramX4::of([unit(0), unit(1), unit(2), unit(3)]);
             let velocities = programs.solve();
-            // Of equally near neighbours the tree decides which half-plane comes first.
+            // The tree decides which of two equally near neighbours comes first, and the four-wide program
+            // does not use it. Such units are rare, and are solved again one by one.
             let tied = if self.plane.equals_keep_order() { 0 } else { programs.have_equals().to_bitmask() };
             for (i, unit) in units.iter().enumerate() {
                 if tied >> i & 1 == 1 {
-                    self.search.half_planes.clear();
+                    self.scratch.half_planes.clear();
                     self.solve_one(unit.index as usize);
                     continue;
                 }
@@ -235,11 +247,11 @@ impl Planner<'_> {
         }
     }
 
-    /// Finds the velocity of a unit in any situation; the half-planes of obstacles are in the workspace
-    /// already.
+    /// Finds the velocity of a unit in any situation. The scratch already contains the half-planes of
+    /// obstacles.
     fn solve_one(&mut self, index: usize) {
         let (id, mover) = self.mover(index);
-        let UnitWorkspace { found, half_planes, projected, .. } = &mut *self.search;
+        let UnitScratch { found, half_planes, projected, .. } = &mut *self.scratch;
         let n_hard = half_planes.len();
         self.plane.find(index, mover.stats.neighbour_range_squared, found);
         neighbours::half_planes(&mover, self.plane.members(), found.indices(), half_planes);
@@ -249,7 +261,8 @@ impl Planner<'_> {
     }
 }
 
-/// Two units on one spot have no direction to separate in, which gives NaN or infinity; such a unit stays.
+/// Two units at one point have no direction in which to separate, which gives NaN or infinity; such a unit
+/// stays.
 fn valid(velocity: Vec2) -> Vec2 {
     if velocity.is_finite() { velocity } else { Vec2::ZERO }
 }

@@ -1,27 +1,28 @@
-//! What a search found, in order of distance.
+//! The results of a search, sorted by distance.
 
-use crate::units::make_room;
+use crate::units::clear_and_reserve;
 
 /// Units or edges by their index in what was searched, with their squared distances.
 #[derive(Debug, Default)]
 pub(super) struct NearestList {
-    /// The bits of the squared distance, and below them the index: distances are not negative, and so ordered
-    /// as their bits are; of equals the lowest index comes first.
+    /// The bits of the squared distance, and below them the index. Non-negative floats have the order of
+    /// their bits, so keys sort by distance, and equal distances by index.
     keys: Vec<u64>,
 }
 
 impl NearestList {
-    /// Makes room for so many finds.
-    pub fn fit(&mut self, n: usize) {
-        make_room(&mut self.keys, n);
+    /// Reserves memory for `n` results.
+    pub fn reserve(&mut self, n: usize) {
+        clear_and_reserve(&mut self.keys, n);
     }
 
     pub fn clear(&mut self) {
         self.keys.clear();
     }
 
-    /// Puts a find where it belongs, the nearest being first. There are seldom more than two or three.
+    /// Inserts a result at its position.
     pub fn insert(&mut self, distance_squared: f32, index: usize) {
+        // Insertion sort: there are seldom more than two or three results.
         let key = u64::from(distance_squared.to_bits()) << 32 | index as u64;
         let mut at = self.keys.len();
         self.keys.push(key);
@@ -32,19 +33,19 @@ impl NearestList {
         self.keys[at] = key;
     }
 
-    /// Whether two have equal distances.
+    /// Whether two results have equal distances.
     pub fn has_equals(&self) -> bool {
         self.keys.windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
     }
 
-    /// Replaces every index by what is there in a list.
+    /// Replaces every index by the entry of a list at that index.
     pub fn replace(&mut self, list: &[u32]) {
         for key in &mut self.keys {
             *key = *key >> 32 << 32 | u64::from(list[*key as u32 as usize]);
         }
     }
 
-    /// The indices, in the order that they are in.
+    /// The indices, in their current order.
     pub fn indices(&self) -> impl ExactSizeIterator<Item = usize> {
         self.keys.iter().map(|&key| key as u32 as usize)
     }

@@ -12,10 +12,10 @@
 //! Which part of the boundary is nearest (`least_change`): with w = v - p, the velocity seen from the disc's
 //! centre, it is the disc if w points back to the origin (w . p < 0) within the angle of the two touching
 //! points ((w . p)^2 > r^2 |w|^2), else one of the two legs of the cone. If the units overlap already, the
-//! disc of one tick takes the place of the cone, so that they separate within that tick.
+//! disc of one tick replaces the cone, so that they separate within that tick.
 //!
-//! A vector lane cannot branch by itself. So every case is computed for all four and one is selected; the
-//! result of a case that does not apply, NaN included, is dropped.
+//! An entry of a register cannot branch on its own. So every case is computed for all four neighbours and one
+//! is selected; the result of a case that does not apply, NaN included, is dropped.
 
 use glam::Vec2;
 
@@ -41,7 +41,7 @@ pub(super) fn half_planes(
 ) {
     let n_half_planes = half_planes.len() + indices.len();
     while let Some(index) = indices.next() {
-        // Fewer than four may be left: then the first is repeated, and cut off below.
+        // Fewer than four may be left: then the first is repeated, and its copies are cut off below.
         let first = &members[index];
         let mut next = || indices.next().map_or(first, |index| &members[index]);
         let four = NeighbourX4::of([first, next(), next(), next()]);
@@ -70,7 +70,7 @@ impl HalfPlaneX4 {
         HalfPlaneX4 { point: velocity + change * neighbours.share, direction }
     }
 
-    /// One by one.
+    /// The half-planes one by one.
     pub fn each(&self) -> [HalfPlane; WIDTH] {
         let HalfPlaneX4 { point, direction } = self;
         let half_planes = F32x4::transpose([point.x, point.y, direction.x, direction.y]);
@@ -90,6 +90,8 @@ impl HalfPlaneX4 {
 fn least_change(offset: Vec2x4, relative: Vec2x4, reach: F32x4, apart: F32x4) -> Escape {
     let from_tip = relative - offset;
     let towards = from_tip.dot(offset);
+    // (w . p)^2 > r^2 |w|^2 compares squares, which saves a root: w is within the angle of the touching
+    // points.
     let faces_disc =
         towards.simd_lt(F32x4::ZERO) & (towards * towards).simd_gt(reach * reach * from_tip.length_squared());
     // Units that overlap must be apart after this tick: the disc of that time is the whole obstacle.
@@ -97,7 +99,8 @@ fn least_change(offset: Vec2x4, relative: Vec2x4, reach: F32x4, apart: F32x4) ->
     let from_centre = Vec2x4::either(apart, from_tip, relative - offset * per_tick);
     let disc = disc_escape(from_centre, apart.select(reach, reach * per_tick));
     if !apart.any() {
-        return disc; // always so where all units have one size: they see no farther than they touch
+        // Always so where all units have one size: neighbours are those that touch.
+        return disc;
     }
     let leg = leg_escape(offset, relative, from_tip, reach);
     let chosen = !apart | faces_disc;
@@ -119,11 +122,14 @@ fn leg_escape(offset: Vec2x4, relative: Vec2x4, from_tip: Vec2x4, reach: F32x4) 
     let direction =
         Vec2x4 { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
             * is_left.select(per_square, -per_square);
+    // The nearest point of the leg is the projection of v on it.
     Escape { direction, change: direction * relative.dot(direction) - relative }
 }
 
 /// To the edge of the disc; `from_centre` is the velocity seen from its centre.
 fn disc_escape(from_centre: Vec2x4, radius: F32x4) -> Escape {
+    // The nearest point of the disc's edge is straight outward; the boundary there is the tangent, with the
+    // permitted side, which is outside, on its left.
     let length = from_centre.length_squared().sqrt();
     let outward = from_centre * (F32x4::ONE / length);
     Escape { direction: Vec2x4 { x: outward.y, y: -outward.x }, change: outward * (radius - length) }

@@ -1,4 +1,20 @@
 //! The half-planes that obstacle edges impose on ground units, and the search for edges.
+//!
+//! Derivation (the paper's section on static obstacles). An obstacle does not move and takes no share of the
+//! avoidance, so the unit must avoid it alone. Seen from the unit, the velocity obstacle of an edge is the
+//! set of velocities that lead to a collision within the horizon of 1 s: everything behind the edge as seen
+//! from the unit (its *shadow*), widened by the radius. Its boundary has three parts: a leg from the left
+//! corner, a leg from the right corner, and the *cut-off* between them, which is the edge itself. Both legs
+//! are tangents of the discs of the unit's radius around the corners, and at the corners the boundary is an
+//! arc of these discs.
+//!
+//! The permitted velocities are the half-plane outside the boundary at the point nearest to the current
+//! velocity. This is done for every edge in sight, nearest first; edges that earlier half-planes cover
+//! already are skipped.
+//!
+//! The outline of an obstacle is closed, and adjacent edges share a corner. Where a leg would point into the
+//! adjacent edge, that edge bounds the shadow instead (a *foreign* leg), and its own half-plane does the
+//! work.
 
 use glam::Vec2;
 
@@ -7,7 +23,7 @@ use super::nearest_list::NearestList;
 use super::{EPSILON, Mover};
 use crate::arena::{Arena, Edge, left_of};
 
-/// The half-planes of the obstacles that `mover` sees; `searched` and `found` are working memory.
+/// Adds the half-planes of the obstacles that `mover` sees; `searched` and `found` are working memory.
 pub(super) fn half_planes(
     arena: &Arena,
     mover: &Mover,
@@ -25,11 +41,13 @@ pub(super) fn half_planes(
     }
 }
 
-/// Finds the edges of a list that `mover` sees, nearest first.
+/// Finds the edges of a list that `mover` sees, nearest first. `range` is a squared distance.
 fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut NearestList) {
     found.clear();
     for (index, &number) in near.iter().enumerate() {
         let edge = arena.edges.edge(number);
+        // The list is that of the unit's square; the unit itself may be on the line of an edge, and sees the
+        // outer side of edges only.
         if left_of(edge.start, edge.end, mover.position) < 0.0 {
             let distance_squared = distance_squared(edge, mover.position);
             if distance_squared < range {
@@ -40,6 +58,7 @@ fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut Near
 }
 
 fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
+    // The projection on the line, as a share of the edge: below 0 or above 1 the nearest point is an end.
     let span = edge.end - edge.start;
     let share = (point - edge.start).dot(span) / span.length_squared();
     let nearest = if share < 0.0 {
@@ -52,10 +71,10 @@ fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
     (point - nearest).length_squared()
 }
 
-/// One end of what bounds the view of an obstacle: a corner, and the outline's directions into and out of it.
+/// A corner of an obstacle, and the directions of the outline before and after it.
 #[derive(Clone, Copy)]
 struct Corner {
-    /// Seen from the unit.
+    /// Position relative to the unit.
     offset: Vec2,
     incoming: Vec2,
     outgoing: Vec2,
@@ -71,14 +90,14 @@ impl Corner {
     }
 }
 
-/// What of an edge bounds the velocity obstacle: both its corners, or one that hides the rest.
+/// The part of an edge that bounds its shadow: both corners, or one that hides the other.
 enum View {
     Whole { left: Corner, right: Corner },
     Only(Corner),
 }
 
-/// The velocities that keep `mover` off the edge for the time horizon; `None` if the edge asks for nothing
-/// that other half-planes do not ask for already.
+/// The velocities that keep `mover` off the edge for the time horizon; `None` if other half-planes ensure
+/// that.
 fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
     let radius = mover.stats.radius;
     let start = Corner::start_of(edge, mover.position);
@@ -89,20 +108,25 @@ fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfP
     {
         return None;
     }
+    // The position of the unit projected on the line of the edge, as a share of the edge.
     let radius_squared = radius * radius;
     let span = edge.end - edge.start;
     let share = (-start.offset).dot(span) / span.length_squared();
     let touches_line = (-start.offset - share * span).length_squared() <= radius_squared;
 
+    // The unit touches the obstacle already, at a corner or along the edge. Then the velocity obstacle is a
+    // half-plane, of which the boundary passes through velocity zero: do not come closer.
     if share < 0.0 && start.offset.length_squared() <= radius_squared {
         return Some(away_from(start.offset));
     } else if share > 1.0 && end.offset.length_squared() <= radius_squared {
-        // Where the next edge is in view it takes care of this corner.
+        // If the next edge is in view too, it is the one that keeps the unit off this corner.
         return (end.offset.perp_dot(edge.after) >= 0.0).then(|| away_from(end.offset));
     } else if (0.0..1.0).contains(&share) && touches_line {
         return Some(HalfPlane { point: Vec2::ZERO, direction: -edge.along });
     }
 
+    // A unit beside the edge and close to its line sees the edge end-on: only the nearer corner bounds the
+    // shadow.
     let view = if share < 0.0 && touches_line {
         View::Only(start)
     } else if share > 1.0 && touches_line {
@@ -113,13 +137,14 @@ fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfP
     Shadow::cast(&view, radius).half_plane(mover.velocity, radius)
 }
 
-/// Whether the half-plane already keeps the unit off this point of an obstacle.
+/// Whether the half-plane already keeps the unit off this point of an obstacle: whether all velocities that
+/// reach the disc of the unit's radius around the point within 1 s are outside of it.
 fn covers(half_plane: &HalfPlane, offset: Vec2, radius: f32) -> bool {
     (offset - half_plane.point).perp_dot(half_plane.direction) - radius >= -EPSILON
 }
 
-/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its
-/// length.
+/// The direction of the left tangent from a unit to a disc of radius `reach` at `offset`; `leg` is its length
+/// up to the disc. See `neighbours::leg_escape` for the derivation.
 fn left_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 {
     Vec2::new(offset.x * leg - offset.y * reach, offset.x * reach + offset.y * leg) * (1.0 / distance_squared)
 }
@@ -130,25 +155,26 @@ fn right_leg(offset: Vec2, leg: f32, reach: f32, distance_squared: f32) -> Vec2 
         * (1.0 / distance_squared)
 }
 
-/// The half-plane of a unit that touches a corner: not a step closer.
+/// The half-plane of a unit that touches a corner: velocities that do not come closer.
 fn away_from(corner: Vec2) -> HalfPlane {
     HalfPlane { point: Vec2::ZERO, direction: normalize(Vec2::new(-corner.y, corner.x)) }
 }
 
-/// The velocity obstacle of an edge: two legs, and between them the edge itself, all widened by the radius.
+/// The velocity obstacle of an edge before it is widened by the radius: two legs, and the cut-off between
+/// them.
 struct Shadow {
     left: Leg,
     right: Leg,
     /// Direction of the outline at the left corner.
     along: Vec2,
-    /// Whether both legs start at one corner.
+    /// Whether both legs start at one corner; then there is no cut-off.
     single: bool,
 }
 
 struct Leg {
     corner: Vec2,
     direction: Vec2,
-    /// Whether the neighbouring edge bounds the shadow instead; then that edge brings the half-plane.
+    /// Whether the adjacent edge bounds the shadow instead; then the half-plane is left to that edge.
     foreign: bool,
 }
 
@@ -174,18 +200,24 @@ impl Shadow {
 
     /// The half-plane at the point of the shadow's boundary nearest to the velocity.
     fn half_plane(&self, velocity: Vec2, radius: f32) -> Option<HalfPlane> {
+        // Because the horizon is 1 s, a velocity is also the point that the unit reaches within the horizon,
+        // and can be compared with the corners. Its projections decide which part of the boundary is nearest.
         let Shadow { left, right, .. } = self;
         let cutoff = right.corner - left.corner;
         let share =
             if self.single { 0.5 } else { (velocity - left.corner).dot(cutoff) / cutoff.length_squared() };
         let on_left = (velocity - left.corner).dot(left.direction);
         let on_right = (velocity - right.corner).dot(right.direction);
+        // Behind the start of a leg and beside the cut-off: the nearest point is on the arc around the
+        // corner.
         if share < 0.0 && on_left < 0.0 || self.single && on_left < 0.0 && on_right < 0.0 {
             return Some(round_corner(left.corner, velocity, radius));
         } else if share > 1.0 && on_right < 0.0 {
             return Some(round_corner(right.corner, velocity, radius));
         }
 
+        // Otherwise it is on the nearest of the three lines, of those that the velocity projects onto. Of
+        // equal distances the cut-off comes first, then the left leg.
         let to_cutoff = if self.single || !(0.0..=1.0).contains(&share) {
             f32::INFINITY
         } else {
@@ -196,6 +228,7 @@ impl Shadow {
         if to_cutoff <= to_left && to_cutoff <= to_right {
             Some(widened(left.corner, -self.along, radius))
         } else if to_left <= to_right {
+            // A foreign leg gives no half-plane: the adjacent edge gives one.
             (!left.foreign).then(|| widened(left.corner, left.direction, radius))
         } else {
             (!right.foreign).then(|| widened(right.corner, -right.direction, radius))
@@ -204,7 +237,7 @@ impl Shadow {
 }
 
 impl Leg {
-    /// A leg never points into the edge next to it; that edge takes its place.
+    /// A leg that would point into the adjacent edge is replaced by the direction of that edge.
     fn left(corner: &Corner, direction: Vec2) -> Leg {
         let foreign = direction.perp_dot(-corner.incoming) >= 0.0;
         Leg { corner: corner.offset, direction: if foreign { -corner.incoming } else { direction }, foreign }
@@ -215,7 +248,8 @@ impl Leg {
         Leg { corner: corner.offset, direction: if foreign { corner.outgoing } else { direction }, foreign }
     }
 
-    /// From a velocity whose projection on the leg is `at`.
+    /// The squared distance of a velocity whose projection on the leg is `at`; infinite before the leg
+    /// starts.
     fn distance_squared(&self, velocity: Vec2, at: f32) -> f32 {
         if at < 0.0 {
             f32::INFINITY
@@ -225,7 +259,7 @@ impl Leg {
     }
 }
 
-/// The tangent of the disc around a corner at the side of the velocity.
+/// The half-plane at the arc around a corner: the tangent of the disc at the point nearest to the velocity.
 fn round_corner(corner: Vec2, velocity: Vec2, radius: f32) -> HalfPlane {
     let outward = normalize(velocity - corner);
     HalfPlane { point: corner + radius * outward, direction: Vec2::new(outward.y, -outward.x) }

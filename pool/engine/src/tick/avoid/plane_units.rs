@@ -7,7 +7,7 @@ use glam::Vec2;
 use super::nearest_list::NearestList;
 use super::tree::Tree;
 use crate::simd::{F32x4, MASK_BITS, Vec2x4, WIDTH, mask};
-use crate::units::make_room;
+use crate::units::clear_and_reserve;
 
 /// The living units of a plane, in the order of [`NeighbourOrder`](crate::NeighbourOrder); a unit's *index*
 /// is its number in that order.
@@ -15,24 +15,24 @@ use crate::units::make_room;
 pub(super) struct PlaneUnits {
     /// The members; once packed, followed by [`WIDTH`] entries of padding at infinity.
     members: Vec<Neighbour>,
-    /// How many members there are.
+    /// Number of members.
     n_members: usize,
     /// The indices of the units that move.
     movers: Vec<u32>,
     /// The positions of all members, four per entry. The last entry is padded with positions at infinity,
     /// which no search finds.
     positions: Vec<Vec2x4>,
-    /// Answers which of two equally near units comes first, if there are more units than a leaf holds.
+    /// Decides which of two equally near units comes first, if there are more units than fit in a leaf.
     tree: Tree,
-    /// Memory for the tree's answer.
+    /// Memory for the results of the tree.
     visited: Vec<u32>,
 }
 
 /// A unit as its neighbours see it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Neighbour {
-    /// Position and velocity, and in `body` the radius and the share of the avoidance that neighbours take.
-    /// They are packed so that four neighbours are transposed into [`NeighbourX4`] from whole registers.
+    /// Position and velocity; `body` has the radius, and the share of the avoidance that neighbours take.
+    /// They are packed so that four neighbours can be transposed into [`NeighbourX4`] from whole registers.
     motion: F32x4,
     body: F32x4,
     /// Battle-wide id.
@@ -41,7 +41,8 @@ pub(super) struct Neighbour {
 
 impl Neighbour {
     pub fn new(id: u32, position: Vec2, velocity: Vec2, radius: f32, stays: bool) -> Neighbour {
-        // A unit that stays does not take its half.
+        // Reciprocity: both units take one half each. A unit that stays takes none, so its neighbours take
+        // all.
         let share = select_unpredictable(stays, 1.0, 0.5);
         Neighbour {
             motion: F32x4::new([position.x, position.y, velocity.x, velocity.y]),
@@ -90,12 +91,12 @@ impl NeighbourX4 {
 }
 
 impl PlaneUnits {
-    pub fn fit(&mut self, n_units: usize) {
-        make_room(&mut self.members, n_units + WIDTH);
-        make_room(&mut self.movers, n_units);
-        make_room(&mut self.positions, n_units.div_ceil(WIDTH));
-        make_room(&mut self.visited, n_units);
-        self.tree.fit(n_units);
+    pub fn reserve(&mut self, n_units: usize) {
+        clear_and_reserve(&mut self.members, n_units + WIDTH);
+        clear_and_reserve(&mut self.movers, n_units);
+        clear_and_reserve(&mut self.positions, n_units.div_ceil(WIDTH));
+        clear_and_reserve(&mut self.visited, n_units);
+        self.tree.reserve(n_units);
     }
 
     pub fn clear(&mut self) {
@@ -104,7 +105,7 @@ impl PlaneUnits {
         self.positions.clear();
     }
 
-    /// Partitions the ids of the units to come, as the order of equally near neighbours asks.
+    /// Partitions the ids of the units that will be added, as the order of equally near neighbours requires.
     pub fn sort(&mut self, ids: &mut [u32], positions: &[Vec2]) {
         if ids.len() > Tree::LEAF_SIZE {
             self.tree.build(ids, positions);
@@ -119,6 +120,7 @@ impl PlaneUnits {
     }
 
     pub fn pack(&mut self) {
+        // The padding lets `four` and the loop below read whole groups of four.
         self.n_members = self.members.len();
         self.members.extend([Neighbour::new(0, Vec2::INFINITY, Vec2::ZERO, 0.0, false); WIDTH]);
         for members in self.members[..self.n_members.next_multiple_of(WIDTH)].as_chunks().0 {
@@ -150,6 +152,7 @@ impl PlaneUnits {
     pub fn near(&self, index: usize, range_squared: f32) -> NeighbourMask {
         let (centre, range) = (Vec2x4::splat(self.members[index].position()), F32x4::splat(range_squared));
         let near = mask(&self.positions, |four| (centre - *four).length_squared().simd_lt(range));
+        // The unit itself is always near.
         NeighbourMask(near & !(1 << index))
     }
 
@@ -157,6 +160,7 @@ impl PlaneUnits {
     pub fn four(&self, mask: NeighbourMask) -> Option<NeighbourX4> {
         let mut bits = mask.0;
         let four = [(); WIDTH].map(|()| {
+            // Without a bit left this is 64, and the limit below makes it the first entry of padding.
             let index = bits.trailing_zeros() as usize;
             bits &= bits.wrapping_sub(1);
             &self.members[index.min(self.n_members)]
@@ -176,6 +180,7 @@ impl PlaneUnits {
         let (centre, range) = (Vec2x4::splat(position), F32x4::splat(range_squared));
         for (part, fours) in self.positions.chunks(MASK_BITS / WIDTH).enumerate() {
             let mut near = mask(fours, |four| (centre - *four).length_squared().simd_lt(range));
+            // For every bit that is set, lowest first.
             while near != 0 {
                 let other = part * MASK_BITS + near.trailing_zeros() as usize;
                 near &= near - 1;
@@ -190,10 +195,12 @@ impl PlaneUnits {
         }
     }
 
-    /// The same in the order of the tree where distances are equal.
+    /// The same, in the order of the tree where distances are equal.
     #[cold]
     fn find_by_tree(&mut self, index: usize, range_squared: f32, found: &mut NearestList) {
         let PlaneUnits { members, tree, visited, .. } = self;
+        // Equal distances are sorted by index, so the index is first the number of the visit and then
+        // replaced.
         found.clear();
         visited.clear();
         tree.find(members[index].position(), range_squared, |distance_squared, other| {

@@ -1,47 +1,49 @@
-//! The order of neighbours that are equally near: that in which a search through a k-d tree visits them.
+//! The order of equally near neighbours: the order in which a search through a k-d tree visits them.
 //!
 //! The tree is part of the rules. Neighbours come nearest first, but units that march in formation are often
-//! equally near to the last bit; then those come first that the tree visits first, and the linear program's
-//! rounding depends on that order. Where no two are equally near, the plain search of `plane_units` finds the
-//! same order.
+//! equally near to the last bit. Then those come first that the tree visits first, and the rounding of the
+//! linear program depends on that order. Where no two are equally near, the plain search of `plane_units`
+//! finds the same order.
 //!
-//! It is built in every tick, by partitioning the list of units in place: the order that a tick leaves is the
-//! order that the next one partitions (`NeighbourOrder`). Units move little in a tick, so the list is mostly
+//! The tree is built in every tick by partitioning the list of units in place, and each tick partitions the
+//! order that the last one left (`NeighbourOrder`). Units move little in a tick, so the list is mostly
 //! partitioned already and only scanned.
 
 use glam::Vec2;
 use wide::f32x4;
 
-use crate::units::make_room;
+use crate::fast_math::{max, min};
+use crate::units::clear_and_reserve;
 
 /// A k-d tree whose boxes are halved across their longer side.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
-    /// Positions of the units, in the order of the list that the tree was grown over.
+    /// Positions of the units, in the order of the list that the tree was built over.
     positions: Vec<[f32; 2]>,
     nodes: Vec<Node>,
 }
 
-/// A box around the units `begin..end`. Its lower half, if it has halves, comes right behind it in the list.
+/// A box around the units `begin..end`. If it has halves, the lower one is the next node.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// South-west and north-east; of a box without halves not before a search asks for it.
+    /// South-west and north-east corner. `None` for leaves, where they are computed when a search needs them:
+    /// most searches do not.
     corners: Option<[Vec2; 2]>,
     begin: u32,
     end: u32,
-    /// The number of the upper half; 0 for none, as the root is no half.
+    /// The index of the upper half; 0 for leaves, because the root is not a half.
     upper: u32,
 }
 
 impl Tree {
-    /// A box with no more units than this is not divided; so few units are met in the order in which they
-    /// came.
+    /// The largest number of units of a box that is not divided; these units are visited in the order of the
+    /// list.
     pub const LEAF_SIZE: usize = 10;
 
-    pub fn fit(&mut self, n_units: usize) {
-        make_room(&mut self.positions, n_units);
-        // A binary tree with a unit in every leaf.
-        make_room(&mut self.nodes, 2 * n_units);
+    pub fn reserve(&mut self, n_units: usize) {
+        clear_and_reserve(&mut self.positions, n_units);
+        // A binary tree with one unit in every leaf is the largest.
+        clear_and_reserve(&mut self.nodes, 2 * n_units);
     }
 
     /// Builds the tree over the units of a list, which it partitions. `positions` are by id; a unit's index
@@ -64,6 +66,7 @@ impl Tree {
         let positions = &mut self.positions[begin..end];
         let [south_west, north_east] = corners(positions);
         self.nodes[index].corners = Some([south_west, north_east]);
+        // The line crosses the longer side in its middle; units on it belong to the upper half.
         let sides = north_east - south_west;
         let middle = 0.5 * (north_east + south_west);
         let n_lower = if sides.x > sides.y {
@@ -71,7 +74,7 @@ impl Tree {
         } else {
             partition(positions, &mut ids[begin..end], |[_, y]| y < middle.y)
         };
-        // Units in one spot cannot be parted; that must not go on forever.
+        // Units at one point are all in the upper half. Moving one to the lower half ends the recursion.
         let n_lower = n_lower.max(1);
         self.split(ids, begin, begin + n_lower);
         self.nodes[index].upper = self.nodes.len() as u32;
@@ -89,7 +92,7 @@ impl Tree {
     fn distance_squared(&self, index: usize, point: Vec2) -> f32 {
         let Node { corners: known, begin, end, .. } = self.nodes[index];
         let [low, high] = known.unwrap_or_else(|| corners(&self.positions[begin as usize..end as usize]));
-        let beyond = |low: f32, x: f32, high: f32| most(0.0, low - x) + most(0.0, x - high);
+        let beyond = |low: f32, x: f32, high: f32| max(low - x, 0.0) + max(x - high, 0.0);
         let (dx, dy) = (beyond(low.x, point.x, high.x), beyond(low.y, point.y, high.y));
         dx * dx + dy * dy
     }
@@ -106,6 +109,7 @@ impl Tree {
             }
             return;
         }
+        // The nearer half first, and of equally near halves the upper one. A half out of range is skipped.
         let (lower, upper) = (index + 1, this.upper as usize);
         let [to_lower, to_upper] = [lower, upper].map(|half| self.distance_squared(half, position));
         let nearer_first = if to_lower < to_upper {
@@ -123,6 +127,7 @@ impl Tree {
 
 /// The least and the greatest coordinates of positions, two positions at a time.
 fn corners(positions: &[[f32; 2]]) -> [Vec2; 2] {
+    // An odd position is left over; the first one stands for it if there is none.
     let (pairs, rest) = positions.as_flattened().as_chunks::<4>();
     let [x, y] = positions[0];
     let last = if let [x, y] = *rest { [x, y, x, y] } else { [x, y, x, y] };
@@ -132,12 +137,13 @@ fn corners(positions: &[[f32; 2]]) -> [Vec2; 2] {
         high = high.fast_max(f32x4::from(pair));
     }
     let ([a, b, c, d], [e, f, g, h]) = (low.to_array(), high.to_array());
-    [Vec2::new(least(a, c), least(b, d)), Vec2::new(most(e, g), most(f, h))]
+    [Vec2::new(min(c, a), min(d, b)), Vec2::new(max(g, e), max(h, f))]
 }
 
-/// Moves those that belong to the lower half before the others and returns how many they are.
+/// Moves the units of the lower half before the others and returns their number.
 ///
-/// From both ends, the first that does not belong changes indices with the last that does.
+/// The first unit that does not belong to the lower half is exchanged with the last that does, and so on
+/// inwards. Which units are exchanged decides the order of equally near neighbours in later ticks.
 fn partition(positions: &mut [[f32; 2]], ids: &mut [u32], is_lower: impl Fn([f32; 2]) -> bool) -> usize {
     let (mut begin, mut end) = (0, positions.len());
     loop {
@@ -157,31 +163,21 @@ fn partition(positions: &mut [[f32; 2]], ids: &mut [u32], is_lower: impl Fn([f32
     }
 }
 
-// As `f32::min` and `f32::max` for numbers, without their care for what is none.
-
-fn least(a: f32, b: f32) -> f32 {
-    if b < a { b } else { a }
-}
-
-fn most(a: f32, b: f32) -> f32 {
-    if b > a { b } else { a }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn many_units_in_one_spot_can_be_held() {
+    fn many_units_at_one_point_fit() {
         let mut tree = Tree::default();
         tree.build(&mut (0..50).collect::<Vec<_>>(), &[Vec2::ONE; 50]);
-        let mut n_met = 0;
-        tree.find(Vec2::ONE, 1.0, |_, _| n_met += 1);
-        assert_eq!(n_met, 50);
+        let mut n_visited = 0;
+        tree.find(Vec2::ONE, 1.0, |_, _| n_visited += 1);
+        assert_eq!(n_visited, 50);
     }
 
     #[test]
-    fn the_nearer_half_is_met_first() {
+    fn the_nearer_half_is_visited_first() {
         let mut tree = Tree::default();
         let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
         tree.build(&mut (0..12).collect::<Vec<_>>(), &positions);

@@ -78,11 +78,15 @@ struct Infeasible {
 }
 
 fn best_velocity(half_planes: &[HalfPlane], max_speed: f32, aim: Aim) -> Result<Vec2, Infeasible> {
+    // Without half-planes the disc of the speed limit decides alone.
     let mut velocity = match aim {
         Aim::Farthest(direction) => direction * max_speed,
         Aim::Nearest(preferred) => within(max_speed, preferred),
     };
     for (i, half_plane) in half_planes.iter().enumerate() {
+        // A half-plane that the best velocity so far satisfies changes nothing. Otherwise the new best
+        // velocity is on its boundary: on the way from any permitted velocity to the old best one the
+        // objective improves, so it improves up to the boundary.
         if half_plane.violation(velocity) > 0.0 {
             match best_on_boundary(half_plane, &half_planes[..i], max_speed, aim) {
                 Some(better) => velocity = better,
@@ -99,6 +103,7 @@ fn best_velocity(half_planes: &[HalfPlane], max_speed: f32, aim: Aim) -> Result<
 /// of
 /// |point + t direction|^2 = max_speed^2; each earlier half-plane raises its begin or lowers its end.
 fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f32, aim: Aim) -> Option<Vec2> {
+    // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
     let along = half_plane.point.dot(half_plane.direction);
     let discriminant = along * along + max_speed * max_speed - half_plane.point.length_squared();
     if discriminant < 0.0 {
@@ -107,14 +112,18 @@ fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f3
     let root = discriminant.sqrt();
     let (mut from, mut to) = (-along - root, -along + root);
     for other in earlier {
+        // The boundaries cross where other.direction x (point + t direction - other.point) = 0, x being the
+        // cross product.
         let denominator = half_plane.direction.perp_dot(other.direction);
         let numerator = other.direction.perp_dot(half_plane.point - other.point);
         if denominator.abs() <= EPSILON {
+            // Parallel boundaries: the other half-plane contains this boundary entirely or not at all.
             if numerator < 0.0 {
                 return None;
             }
             continue;
         }
+        // The sign of the denominator says whether the boundary leaves or enters the other half-plane there.
         let crossing = numerator / denominator;
         if denominator >= 0.0 {
             to = if crossing < to { crossing } else { to };
@@ -125,6 +134,8 @@ fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f3
             return None;
         }
     }
+    // On a line both objectives have a best point: one of the ends of the interval, or the projection of the
+    // preferred velocity, clamped to the interval.
     let at = match aim {
         Aim::Farthest(direction) if direction.dot(half_plane.direction) > 0.0 => to,
         Aim::Farthest(_) => from,
@@ -152,16 +163,19 @@ fn least_violation(
     projected: &mut Vec<HalfPlane>,
 ) -> Vec2 {
     let Infeasible { half_plane: first, mut velocity } = failed;
+    // `worst` is the violation so far by the half-planes before i. One that is violated more must be among
+    // the most violated of the solution; there it and some earlier one are violated equally.
     let mut worst = 0.0;
     for (i, half_plane) in half_planes.iter().enumerate().skip(first) {
         if half_plane.violation(velocity) > worst {
             projected.clear();
             projected.extend_from_slice(&half_planes[..n_hard]);
-            // The half-plane that failed may be that of an obstacle; then none of a unit comes before it.
+            // Half-planes of obstacles come first. If one of them failed, there are none of units before it.
             let before = half_planes.get(n_hard..i).unwrap_or_default();
             projected.extend(before.iter().filter_map(|other| equal_violation(half_plane, other)));
             let inward = Vec2::new(-half_plane.direction.y, half_plane.direction.x);
-            // This fails only by rounding, as the velocity so far is a solution: then it stays.
+            // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes
+            // it fail, that velocity stays.
             if let Ok(better) = best_velocity(projected, max_speed, Aim::Farthest(inward)) {
                 velocity = better;
             }
@@ -173,6 +187,9 @@ fn least_violation(
 
 /// The half-plane whose boundary violates both half-planes equally; `None` if they face the same way.
 fn equal_violation(half_plane: &HalfPlane, other: &HalfPlane) -> Option<HalfPlane> {
+    // Two lines have equal distances along the bisector of their angle: it passes through their crossing, in
+    // the direction of the difference of the two directions. If they are parallel it is the line in the
+    // middle.
     let determinant = half_plane.direction.perp_dot(other.direction);
     let point = if determinant.abs() <= EPSILON {
         if half_plane.direction.dot(other.direction) > 0.0 {

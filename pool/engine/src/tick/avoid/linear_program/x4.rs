@@ -1,8 +1,10 @@
 //! Four linear programs at a time, each with up to four half-planes of units.
 //!
-//! They are solved as in the parent module, one program per vector lane. A lane cannot branch by itself:
-//! every half-plane is processed for all four programs, and masks select the results that apply. A test
-//! compares the bits.
+//! They are solved as in the parent module, one program per entry of the registers. An entry cannot branch on
+//! its own: every half-plane is processed for all four programs, and masks select the results that apply. A
+//! test compares the bits.
+//!
+//! Functions have the names and the order of computation of the parent module; its comments derive them.
 
 use glam::Vec2;
 
@@ -24,6 +26,8 @@ pub(in super::super) struct LinearProgramX4 {
 
 impl LinearProgramX4 {
     pub fn of([a, b, c, d]: [&Constrained; WIDTH]) -> LinearProgramX4 {
+        // In `Constrained` a register has one quantity of four neighbours of one unit; here it has one
+        // quantity of one neighbour of each of four units. So every quantity is transposed.
         let transposed = |quantity: fn(&Constrained) -> F32x4| {
             F32x4::transpose([quantity(a), quantity(b), quantity(c), quantity(d)])
         };
@@ -34,7 +38,8 @@ impl LinearProgramX4 {
         let along_y = transposed(|unit| unit.half_planes.direction.y);
         let row = |i: usize| Row { distance: distances[i], half_plane: [x[i], y[i], along_x[i], along_y[i]] };
         let [mut first, mut second, mut third, mut fourth] = [row(0), row(1), row(2), row(3)];
-        // A bubble sort: it exchanges adjacent rows only, so equally near neighbours keep their order.
+        // The order of the half-planes decides the rounding, so the nearest neighbours come first. A bubble
+        // sort exchanges adjacent rows only, so equally near neighbours keep their order.
         order(&mut first, &mut second);
         order(&mut second, &mut third);
         order(&mut third, &mut fourth);
@@ -87,6 +92,8 @@ impl LinearProgramX4 {
         let Solutions { mut velocities, is_infeasible, half_plane: first } = failed;
         let mut worst = F32x4::ZERO;
         for (i, half_plane) in self.half_planes.iter().enumerate() {
+            // `first <= i` does what `skip(first)` does in the scalar loop: earlier half-planes are
+            // satisfied.
             let is_worse =
                 half_plane.violation(velocities).simd_gt(worst) & first.simd_le(F32x4::splat(i as f32));
             let concerned = is_infeasible & are_there[i] & is_worse;
@@ -107,7 +114,7 @@ impl LinearProgramX4 {
                 aim,
                 inward * self.max_speed,
             );
-            // This fails only by rounding, as the velocity so far is a solution: then it stays.
+            // If rounding makes it infeasible, the velocity so far stays, as in the scalar program.
             velocities = Vec2x4::either(concerned & !better.is_infeasible, better.velocities, velocities);
             worst = concerned.select(half_plane.violation(velocities), worst);
         }
@@ -142,15 +149,16 @@ fn best_velocity(
 ) -> Solutions {
     let mut solutions = Solutions { velocities, is_infeasible: F32x4::ZERO, half_plane: F32x4::ZERO };
     for (i, half_plane) in half_planes.iter().enumerate() {
+        // A program that is infeasible already stays as it is: its velocity is that without the half-plane.
         let is_violated = half_plane.violation(solutions.velocities).simd_gt(F32x4::ZERO);
         let concerned = is_violated & are_there[i] & !solutions.is_infeasible;
         if !concerned.any() {
             continue;
         }
-        let (better, is_possible) =
+        let (better, is_feasible) =
             best_on_boundary(half_plane, &half_planes[..i], &are_there[..i], max_speed, aim);
-        solutions.velocities = Vec2x4::either(concerned & is_possible, better, solutions.velocities);
-        let fails = concerned & !is_possible;
+        solutions.velocities = Vec2x4::either(concerned & is_feasible, better, solutions.velocities);
+        let fails = concerned & !is_feasible;
         solutions.is_infeasible |= fails;
         solutions.half_plane = fails.select(F32x4::splat(i as f32), solutions.half_plane);
     }
@@ -170,21 +178,25 @@ fn best_on_boundary(
     let HalfPlaneX4 { point, direction } = *half_plane;
     let along = point.dot(direction);
     let discriminant = along * along + max_speed * max_speed - point.length_squared();
-    let mut is_impossible = discriminant.simd_lt(F32x4::ZERO);
+    // Where the discriminant is negative the root is NaN. All comparisons with it are false, and the mask
+    // drops the result.
+    let mut is_infeasible = discriminant.simd_lt(F32x4::ZERO);
     let root = discriminant.sqrt();
     let (mut from, mut to) = (-along - root, -along + root);
     for (other, is_there) in earlier.iter().zip(are_there) {
         let denominator = direction.perp_dot(other.direction);
         let numerator = other.direction.perp_dot(point - other.point);
         let are_parallel = denominator.abs().simd_le(F32x4::splat(EPSILON));
-        is_impossible |= *is_there & are_parallel & numerator.simd_lt(F32x4::ZERO);
+        is_infeasible |= *is_there & are_parallel & numerator.simd_lt(F32x4::ZERO);
         let crossing = numerator / denominator;
         let crosses = *is_there & !are_parallel;
+        // Parallel boundaries divide by nearly zero; `crosses` drops the result.
         let is_end = denominator.simd_ge(F32x4::ZERO);
         to = (crosses & is_end & crossing.simd_lt(to)).select(crossing, to);
         from = (crosses & !is_end & from.simd_lt(crossing)).select(crossing, from);
     }
-    is_impossible |= from.simd_gt(to);
+    // The scalar program tests this after every half-plane. The interval only shrinks, so once is enough.
+    is_infeasible |= from.simd_gt(to);
     let at = match aim {
         Aim::Farthest(aim) => aim.dot(direction).simd_gt(F32x4::ZERO).select(to, from),
         Aim::Nearest(preferred) => {
@@ -192,7 +204,7 @@ fn best_on_boundary(
             nearest.simd_lt(from).select(from, nearest.simd_gt(to).select(to, nearest))
         }
     };
-    (point + direction * at, !is_impossible)
+    (point + direction * at, !is_infeasible)
 }
 
 /// The half-planes whose boundary violates both half-planes equally, and where they do not face the same way.
@@ -222,11 +234,12 @@ impl Row {
     }
 }
 
-/// Puts the nearer before the farther, in each lane independently.
+/// Puts the nearer row before the farther one, independently for each unit.
 #[inline(always)]
 fn order(near: &mut Row, far: &mut Row) {
     let is_wrong = far.distance.simd_lt(near.distance);
     let swap = |a: &mut F32x4, b: &mut F32x4| {
+        // Exchanges the bits that differ, where the mask is set.
         let difference = (*a ^ *b) & is_wrong;
         (*a, *b) = (*a ^ difference, *b ^ difference);
     };
@@ -273,16 +286,16 @@ mod tests {
 
         /// Its half-planes in any order, as they are found.
         fn constrained(&self, random: &mut Pcg64Mcg) -> Constrained {
-            let mut seats: Vec<usize> = (0..self.half_planes.len()).collect();
-            for i in (1..seats.len()).rev() {
-                seats.swap(i, random.random_range(0..=i));
+            let mut slots: Vec<usize> = (0..self.half_planes.len()).collect();
+            for i in (1..slots.len()).rev() {
+                slots.swap(i, random.random_range(0..=i));
             }
             let (mut columns, mut distances) = ([[f32::NAN; WIDTH]; 4], [f32::INFINITY; WIDTH]);
-            for (rank, (half_plane, &seat)) in self.half_planes.iter().zip(&seats).enumerate() {
+            for (rank, (half_plane, &slot)) in self.half_planes.iter().zip(&slots).enumerate() {
                 let HalfPlane { point, direction } = half_plane;
                 let row = [point.x, point.y, direction.x, direction.y];
-                columns.iter_mut().zip(row).for_each(|(column, x)| column[seat] = x);
-                distances[seat] = 0.25 * (rank + 1) as f32;
+                columns.iter_mut().zip(row).for_each(|(column, x)| column[slot] = x);
+                distances[slot] = 0.25 * (rank + 1) as f32;
             }
             let [x, y, along_x, along_y] = columns.map(F32x4::new);
             Constrained {
@@ -308,21 +321,21 @@ mod tests {
             let units: [Unit; WIDTH] = std::array::from_fn(|_| Unit::random(&mut random));
             let constrained = units.each_ref().map(|unit| unit.constrained(&mut random));
             let velocities = LinearProgramX4::of(constrained.each_ref()).solve();
-            for (lane, unit) in units.iter().enumerate() {
+            for (i, unit) in units.iter().enumerate() {
                 let Unit { half_planes, preferred, max_speed } = unit;
                 let alone = linear_program::solve(half_planes, 0, *max_speed, *preferred, &mut Vec::new());
                 let bits = |velocity: Vec2| velocity.to_array().map(f32::to_bits);
-                let same = bits(velocities.extract(lane)) == bits(alone);
-                assert!(same, "{round}: {} and {alone}", velocities.extract(lane));
+                let same = bits(velocities.extract(i)) == bits(alone);
+                assert!(same, "{round}: {} and {alone}", velocities.extract(i));
                 let permitted = half_planes.iter().all(|l| l.direction.perp_dot(l.point - alone) <= 1e-3);
                 hindered[usize::from(!permitted)] += usize::from(alone != *preferred);
             }
         }
-        assert!(hindered.iter().all(|n| *n > 10_000), "both all_stats of program: {hindered:?}");
+        assert!(hindered.iter().all(|n| *n > 10_000), "both kinds of program: {hindered:?}");
     }
 
     #[test]
-    fn equals_keep_their_order_and_are_told() {
+    fn equals_keep_their_order_and_are_reported() {
         let mut random = Pcg64Mcg::seed_from_u64(2);
         let unit = Unit {
             half_planes: vec![HalfPlane { point: Vec2::ZERO, direction: Vec2::X }; 3],

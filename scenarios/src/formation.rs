@@ -1,20 +1,20 @@
-//! Where the units of one group stand at the start. Which groups there are is the business of `groups`.
+//! The formation of a group: the start positions of its units. `groups` reads the groups.
 
-/// Space between neighbours of a group, in squares.
+/// Space between the edges of adjacent units of a group, in squares.
 const GAP: f64 = 0.05;
 
 /// Start positions of a group's units around its centre, in the order of their `radii`.
 ///
-/// The group fills a square grid of side ceil(sqrt(n)) row by row. `direction` is +1.0 for allies, who fill
-/// it from the south-west, and -1.0 for enemies, who fill it from the north-east, so equal groups are
+/// The group fills a square grid of side ceil(sqrt(n)) row by row. `direction` is +1.0 for allies, which fill
+/// it from the south-west, and -1.0 for enemies, which fill it from the north-east, so equal groups are
 /// point-symmetric.
-pub(crate) fn layout(centre: [f64; 2], direction: f64, radii: &[f64]) -> Vec<[f64; 2]> {
+pub(crate) fn positions(centre: [f64; 2], direction: f64, radii: &[f64]) -> Vec<[f64; 2]> {
     let side = (1..).find(|side| side * side >= radii.len()).unwrap_or(1);
     let rows: Vec<&[f64]> = radii.chunks(side).collect();
     let row_radii: Vec<f64> = rows.iter().map(|row| row.iter().copied().fold(0.0, f64::max)).collect();
-    // The rule counts no gaps in the width, so wide groups lean towards the far side.
+    // The rule omits the gaps from the width, so wide groups are off-centre, towards their last column.
     let width = rows.iter().map(|row| row.iter().map(|radius| 2.0 * radius).sum()).fold(0.0, f64::max);
-    // Rows that stay empty have no radius, but their gaps count.
+    // Rows that stay empty add no radius, but the rule includes their gaps.
     let height = 2.0 * row_radii.iter().sum::<f64>() + (side as f64 - 1.0) * GAP;
 
     let corner_x = centre[0] - direction * width / 2.0;
@@ -39,14 +39,14 @@ pub(crate) fn layout(centre: [f64; 2], direction: f64, radii: &[f64]) -> Vec<[f6
 
 #[cfg(test)]
 mod tests {
-    use super::layout;
+    use super::positions;
 
     fn check(centre: [f64; 2], direction: f64, radii: &[f64], expected: &[[f64; 2]]) {
-        let positions = layout(centre, direction, radii);
+        let positions = positions(centre, direction, radii);
         assert_eq!(positions.len(), expected.len());
         for (position, expected) in positions.iter().zip(expected) {
             let near = (0..2).all(|axis| (position[axis] - expected[axis]).abs() < 1e-12);
-            assert!(near, "{positions:?} should be {expected:?}");
+            assert!(near, "{positions:?} must be {expected:?}");
         }
     }
 
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_rows_count_with_their_gaps() {
+    fn the_gaps_of_empty_rows_are_included() {
         // Side 3 for 5 units: rows of 3 and 2, the third empty. Width 3, height 2 * (0.5 + 0.5) + 0.1 = 2.1.
         let expected = [[-1.0, -0.55], [0.05, -0.55], [1.1, -0.55], [-1.0, 0.5], [0.05, 0.5]];
         check([0.0, 0.0], 1.0, &[0.5; 5], &expected);

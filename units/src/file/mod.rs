@@ -1,7 +1,8 @@
-//! Reading JSON files of a known shape: what is wrong with a file, in one line that a person can act on.
+//! Checked reading of JSON files: every mistake becomes an error of one line that says where it is and what
+//! is accepted.
 //!
-//! Objects keep the order of their keys, because the order of unit types in a group places the units, and a
-//! key given twice is an error. What the keys mean is the business of the readers in `parse` and in
+//! Objects keep the order of their keys, because the order of unit types in a group decides where the units
+//! start, and a duplicate key is an error. The meaning of the keys is defined in `parse` and in
 //! `smaclite-scenarios`.
 
 mod error;
@@ -11,7 +12,7 @@ mod shown;
 
 pub use error::{FileError, did_you_mean};
 pub use json::Json;
-pub use node::{Limits, Node, Object};
+pub use node::{Node, Object, Range};
 pub use shown::{shortened, shown_path};
 
 use rustix::fs::{Mode, OFlags};
@@ -19,7 +20,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The largest scenario file, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to something huge
+/// The largest scenario file, in bytes: a map of 1024 x 1024 squares fits, and a wrong path to a huge file
 /// does not fill the memory.
 pub const MAX_SCENARIO_BYTES: u64 = 8 << 20;
 
@@ -36,13 +37,13 @@ pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    // Some files that claim to be regular wait when they are read, as /proc/kmsg does; this makes it an
-    // error.
+    // Some files that claim to be regular block when they are read, as /proc/kmsg does. With NONBLOCK the
+    // read is an error instead.
     let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
     let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
     let file = File::from(file);
     let mut bytes = Vec::new();
-    // One byte over the limit shows a file that grew since its size was asked for.
+    // One byte over the limit detects a file that is larger, also one that grew after `metadata`.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;
     if bytes.len() as u64 > max_bytes {
         return Err(unreadable(format!("it is larger than {} KiB", max_bytes >> 10)));
