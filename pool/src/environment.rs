@@ -48,7 +48,7 @@ impl Environment for Battle {
         Battle::check(self, actions)
     }
     fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
-        Battle::step(self, actions, scratch).expect("checked actions")
+        Battle::step_checked(self, actions, scratch)
     }
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
         Battle::write_obs(self, out, scratch);

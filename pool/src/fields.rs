@@ -114,7 +114,13 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
     ),
     spec(Field::Alive, "alive", Bool, &[Agent], "which agents are alive"),
     spec(Field::Reward, "reward", F32, &[], "team reward of the step just made"),
-    spec(Field::Terminated, "terminated", Bool, &[], "the step ended the battle: all units of one side are dead"),
+    spec(
+        Field::Terminated,
+        "terminated",
+        Bool,
+        &[],
+        "the step ended the battle: all units of one side are dead",
+    ),
     spec(
         Field::Truncated,
         "truncated",

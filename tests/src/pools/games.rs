@@ -53,7 +53,7 @@ impl Environment for Odd {
             }
             _ => {}
         }
-        self.battle.step(actions, scratch).expect("checked actions")
+        self.battle.step_checked(actions, scratch)
     }
 
     fn sizes(&self) -> Sizes {
