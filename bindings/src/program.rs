@@ -9,5 +9,5 @@ use std::ffi::OsString;
 /// as `python -m smaclite_pool` does.
 #[pyfunction]
 pub fn run_program(py: Python<'_>, args: Vec<OsString>) -> i32 {
-    py.detach(|| smaclite_ipc::cli::run(args))
+    py.detach(|| smaclite_cli::run(args))
 }

@@ -69,8 +69,8 @@ fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     let list = program(&room, "list").output().expect("a child process");
     let (said, error) = (String::from_utf8_lossy(&list.stdout), String::from_utf8_lossy(&list.stderr));
     assert_eq!(list.status.code(), Some(1), "{said}{error}");
-    assert!(!said.contains("no pool runs here"), "{said}");
-    assert_says(&error, &["`train`", "did not answer", "of 1 pools, 1"]);
+    assert!(!said.contains("no pool is running"), "{said}");
+    assert_says(&error, &["`train`", "did not answer", "1 of 1 pools"]);
     assert_eq!(smaclite_ipc::running_pools(room.runtime_dir()), ["train"]);
     supervisor.signal(Signal::CONT);
     assert!(status(room.runtime_dir(), "train").is_ok());

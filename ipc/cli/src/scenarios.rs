@@ -1,41 +1,47 @@
 //! `smaclite-pool scenarios`: the standard scenarios and their sizes.
 
-use super::{Outcome, heading, print_table};
+use super::CommandResult;
+use super::table::Table;
 use clap::Args;
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::Scenario;
-use std::io::Write;
 
 #[derive(Args)]
 pub(super) struct Scenarios {
-    /// One JSON object a line
+    /// Print one JSON object per scenario
     #[arg(long)]
     json: bool,
 }
 
 impl Scenarios {
-    pub(super) fn run(self) -> Outcome {
-        let mut rows =
-            vec![heading(["scenario", "agents", "enemies", "actions", "obs", "state", "episode limit"])];
+    pub(super) fn run(self) -> CommandResult {
+        let mut table = Table::new(&[
+            "scenario",
+            "agents",
+            "enemies",
+            "actions",
+            "obs size",
+            "state size",
+            "episode limit",
+        ]);
         for name in Scenario::standard_names() {
             let arena = Arena::new(&Scenario::resolve(name)?, Rules::default());
             let (s, limit) = (arena.sizes(), arena.episode_limit());
             if self.json {
-                let row = serde_json::json!({
+                let scenario = serde_json::json!({
                     "scenario": name, "n_agents": s.n_agents, "n_enemies": s.n_enemies, "n_actions": s.n_actions,
                     "obs_size": s.obs_size, "state_size": s.state_size, "episode_limit": limit,
                 });
-                writeln!(std::io::stdout(), "{row}")?;
+                out!("{scenario}")?;
                 continue;
             }
-            let numbers = [s.n_agents, s.n_enemies, s.n_actions, s.obs_size, s.state_size];
-            let mut row = vec![name.to_owned()];
-            row.extend(numbers.map(|n| n.to_string()));
-            row.push(limit.map_or("none".to_owned(), |l| l.to_string()));
-            rows.push(row);
+            let sizes = [s.n_agents, s.n_enemies, s.n_actions, s.obs_size, s.state_size];
+            let limit = limit.map_or("none".to_owned(), |steps| format!("{steps} steps"));
+            table
+                .push([name.to_owned()].into_iter().chain(sizes.map(|size| size.to_string())).chain([limit]));
         }
         if !self.json {
-            print_table(&rows)?;
+            table.print()?;
         }
         Ok(())
     }

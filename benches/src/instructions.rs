@@ -1,16 +1,15 @@
 //! How many instructions the phases of a step take, counted by callgrind (`valgrind` must be installed).
 //!
-//! The engine keeps its phases from being inlined into each other, so each is a function in callgrind's
-//! output.
+//! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
+use crate::engine::{Plays, record};
+use smaclite_benches::play::{Player, Recording};
 use std::collections::HashMap;
 use std::error::Error;
 use std::process::Command;
 
-use super::Plays;
-use super::play::Play;
-
-/// Titles of the columns, and the ends of the names of the functions they are about.
+/// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
+/// have the names of the engine's modules.
 const PHASES: [(&str, &str); 10] = [
     ("order", "battle::Battle::set_order"),
     ("targets", "tick::targets::clean_up"),
@@ -18,45 +17,52 @@ const PHASES: [(&str, &str); 10] = [
     ("avoid", "tick::avoid::plan_velocities"),
     ("execute", "tick::execute::all"),
     ("deaths", "tick::deaths::take_out"),
-    ("legal", "encode::avail::Available::update"),
+    ("masks", "encode::avail::Available::update"),
     ("obs", "encode::obs::write_obs"),
     ("state", "encode::state::write_state"),
     ("avail", "encode::avail::Available::write"),
 ];
 
-/// Prints the instructions of each phase for each living unit and tick.
-pub(crate) fn instructions(plays: &Plays) -> Result<(), Box<dyn Error>> {
-    println!("instructions per living unit and tick, {} player, {} steps", plays.policy, plays.steps);
-    print!("{:16} {:>8}", "scenario", "all");
-    PHASES.iter().for_each(|(title, _)| print!(" {title:>8}"));
-    println!(" {:>8}", "rest");
+/// Prints the instructions of each phase per living unit and tick.
+pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
+    println!("instructions per living unit and tick, policy {}, {} steps", plays.policy, plays.steps);
+    print!("{:16} {:>9}", "scenario", "all");
+    PHASES.iter().for_each(|(phase, _)| print!(" {phase:>9}"));
+    println!(" {:>9}", "rest");
     for scenario in plays.scenarios() {
-        let unit_ticks = Play::record(&scenario, &plays.policy, plays.steps)?.unit_ticks as f64;
+        let unit_ticks = record(&scenario, &plays.policy, plays.steps)?.1.unit_ticks() as f64;
         let counts = count(&scenario, plays)?;
-        let total = counts.of("Play::play_measured");
+        let total = counts.of("instructions::play_counted");
         let phases = PHASES.map(|(_, function)| counts.of(function));
-        print!("{scenario:16} {:8.0}", total / unit_ticks);
-        phases.iter().for_each(|count| print!(" {:8.1}", count / unit_ticks));
-        println!(" {:8.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
+        print!("{scenario:16} {:9.0}", total / unit_ticks);
+        phases.iter().for_each(|count| print!(" {:9.1}", count / unit_ticks));
+        println!(" {:9.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
     }
     Ok(())
 }
 
-/// The other side: plays once under callgrind.
+/// Plays once, in the process that callgrind runs.
 pub(crate) fn play_once(scenario: &str, policy: &str, steps: usize) -> Result<(), Box<dyn Error>> {
-    Play::record(scenario, policy, steps)?.play_measured();
+    let (mut player, recording) = record(scenario, policy, steps)?;
+    play_counted(&mut player, &recording);
     Ok(())
+}
+
+/// Not inlined: callgrind counts inside this function only.
+#[inline(never)]
+fn play_counted(player: &mut Player, recording: &Recording) {
+    player.play(recording);
 }
 
 fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
     let file = std::env::temp_dir().join(format!("callgrind-{}", std::process::id()));
     let output = Command::new("valgrind")
-        .args(["--tool=callgrind", "--toggle-collect=*Play::play_measured*"])
+        .args(["--tool=callgrind", "--toggle-collect=*instructions::play_counted*"])
         .arg(format!("--callgrind-out-file={}", file.display()))
         .arg(std::env::current_exe()?)
-        .args(["peer", "play", scenario, &plays.policy, &plays.steps.to_string()])
+        .args(["second", "play", scenario, &plays.policy, &plays.steps.to_string()])
         .output()
-        .map_err(|e| format!("valgrind: {e}; install it to count instructions"))?;
+        .map_err(|error| format!("valgrind cannot be started ({error}); install it to count instructions"))?;
     if !output.status.success() {
         return Err(format!("valgrind: {}", String::from_utf8_lossy(&output.stderr)).into());
     }
@@ -65,12 +71,12 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
     Ok(Counts::parse(&String::from_utf8_lossy(&text)))
 }
 
-/// Instructions by function, with those of the functions it called.
+/// Instructions by function, including the functions that it called.
 struct Counts(HashMap<String, f64>);
 
 impl Counts {
-    /// Reads callgrind's output: lines of costs under the function that they belong to, where the line after
-    /// `calls=` is the whole cost of a call.
+    /// Reads callgrind's output. Lines with costs follow the name of their function; the line after `calls=` has
+    /// the whole cost of a call.
     fn parse(text: &str) -> Counts {
         let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
         let mut function = String::new();
@@ -92,7 +98,7 @@ impl Counts {
     }
 }
 
-/// A name is written out where it first appears, `(7) name`, and later is `(7)`.
+/// A name is written in full where it first appears, `(7) name`, and as `(7)` later.
 fn full_name(written: &str, names: &mut HashMap<String, String>) -> String {
     let (number, name) = written.split_once(' ').unwrap_or((written, ""));
     if !name.is_empty() {
