@@ -75,8 +75,8 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
 struct Counts(HashMap<String, f64>);
 
 impl Counts {
-    /// Reads callgrind's output. Lines with costs follow the name of their function; the line after `calls=` has
-    /// the whole cost of a call.
+    /// Reads callgrind's output. Lines with costs follow the name of their function; the line after `calls=`
+    /// has the whole cost of a call.
     fn parse(text: &str) -> Counts {
         let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
         let mut function = String::new();

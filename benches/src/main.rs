@@ -1,5 +1,5 @@
-//! The program that produces the results in `benches/README.md`. What is compared is measured in turn, and each
-//! result is the median over rounds.
+//! The program that produces the results in `benches/README.md`. What is compared is measured in turn, and
+//! each result is the median over rounds.
 
 #![forbid(unsafe_code)]
 

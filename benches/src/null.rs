@@ -1,5 +1,5 @@
-//! An environment that does nothing and has the sizes of 2s3z: what remains is the cost of the pool and of the
-//! transport.
+//! An environment that does nothing and has the sizes of 2s3z: what remains is the cost of the pool and of
+//! the transport.
 
 use smaclite_benches::process::wait_for_termination;
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};

@@ -35,8 +35,8 @@ pub const TABLE: [PaperRow; 6] = [
     row("bane_vs_bane", 0.049, 0.086, 0.024),
 ];
 
-/// Average seconds per timestep over [`EPISODES`] episodes of random available actions, on one thread: the step
-/// and all that a pool writes, without choosing the actions.
+/// Average seconds per timestep over [`EPISODES`] episodes of random available actions, on one thread: the
+/// step and all that a pool writes, without choosing the actions.
 ///
 /// # Errors
 /// If there is no such scenario.

@@ -1,5 +1,5 @@
-//! Playing battles with actions that were chosen beforehand, so that only stepping is measured. Equal seeds and
-//! actions give equal battles.
+//! Playing battles with actions that were chosen beforehand, so that only stepping is measured. Equal seeds
+//! and actions give equal battles.
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -15,8 +15,8 @@ pub enum Policy {
     Nearest,
     /// Uniformly random available actions. Recorded before the measurement
     Random,
-    /// Uniformly random available actions, sampled by the learner during the measurement (recorded as `random`
-    /// in the mode `engine`, which has no learner)
+    /// Uniformly random available actions, sampled by the learner during the measurement (recorded as
+    /// `random` in the mode `engine`, which has no learner)
     Sampled,
 }
 

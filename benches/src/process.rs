@@ -32,8 +32,8 @@ impl Drop for SecondProcess {
     }
 }
 
-/// A flag that SIGINT and SIGTERM set. With it a measurement ends its pools before the program ends; otherwise
-/// files would remain in shared memory.
+/// A flag that SIGINT and SIGTERM set. With it a measurement ends its pools before the program ends;
+/// otherwise files would remain in shared memory.
 ///
 /// # Errors
 /// If the system refuses the signal handlers.

@@ -5,8 +5,8 @@ use smaclite_benches::play::{AfterEpisode, Player, Recording};
 use std::error::Error;
 use std::time::{Duration, Instant};
 
-/// Plays each scenario again and again for some seconds on one thread, and prints the time per living unit and
-/// tick.
+/// Plays each scenario again and again for some seconds on one thread, and prints the time per living unit
+/// and tick.
 pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>> {
     let time = Duration::try_from_secs_f64(seconds)
         .map_err(|error| format!("--seconds must be a number of at least 0, got {seconds} ({error})"))?;
@@ -31,8 +31,8 @@ pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>>
     Ok(())
 }
 
-/// Plays a recording and keeps the shortest time in nanoseconds that each of its steps has taken so far: other
-/// programs share the processor, and a step usually ends before they interrupt it.
+/// Plays a recording and keeps the shortest time in nanoseconds that each of its steps has taken so far:
+/// other programs share the processor, and a step usually ends before they interrupt it.
 fn play_timed(player: &mut Player, recording: &Recording, shortest: &mut [u64]) {
     player.rewind(recording);
     for (actions, shortest) in recording.steps().zip(shortest) {

@@ -1,7 +1,7 @@
 //! Steps per second of the engine alone or of a whole pool.
 //!
-//! Unless the policy is `sampled`, actions are recorded before the measurement and replayed during it, so that
-//! the results are those of the environments and the transport alone.
+//! Unless the policy is `sampled`, actions are recorded before the measurement and replayed during it, so
+//! that the results are those of the environments and the transport alone.
 
 mod engine;
 mod pool;
@@ -82,8 +82,8 @@ impl Workload {
         })
     }
 
-    /// Measures it. In the mode `attached`, `second_process` makes the command that serves the workload's pool
-    /// under the given name until SIGTERM.
+    /// Measures it. In the mode `attached`, `second_process` makes the command that serves the workload's
+    /// pool under the given name until SIGTERM.
     ///
     /// # Errors
     /// If the pool cannot start or fails, or the measurement was interrupted.
@@ -150,8 +150,8 @@ pub enum MeasureError {
     #[error("interrupted")]
     Interrupted,
     #[error(
-        "the policy `{}` needs synchronous stepping (batch size {num_envs}, the number of environments), got batch \
-         size {batch_size}; asynchronous stepping is measured with the policy `sampled`",
+        "with the policy `{}`, the batch size must be {num_envs} (the number of environments), got \
+         {batch_size}; only `sampled` can step asynchronously",
         policy.name()
     )]
     NotSynchronous { policy: Policy, num_envs: usize, batch_size: usize },

@@ -1,5 +1,5 @@
-//! `smaclite-pool bench`: steps per second of the engine or of a pool. `smaclite_benches` measures; here are the
-//! options and the tables.
+//! `smaclite-pool bench`: steps per second of the engine or of a pool. `smaclite_benches` measures; here are
+//! the options and the tables.
 
 use super::table::Table;
 use super::{CommandResult, THREADS, check_range, megabytes};
@@ -49,7 +49,9 @@ pub(super) struct Bench {
     /// Print the speed table of the SMAClite paper instead, with a column for this machine
     #[arg(
         long,
-        conflicts_with_all = ["scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"]
+        conflicts_with_all = [
+            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
+        ]
     )]
     paper_table: bool,
 }

@@ -66,8 +66,8 @@ enum Command {
     Bench(bench::Bench),
 }
 
-/// Runs the program with these arguments, the first of which is the program's name, and returns its exit status:
-/// 0 for success, 1 for failure, 2 for wrong usage.
+/// Runs the program with these arguments, the first of which is the program's name, and returns its exit
+/// status: 0 for success, 1 for failure, 2 for wrong usage.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,

@@ -133,8 +133,8 @@ fn win_rate(lane: &LaneStatus) -> String {
     }
 }
 
-/// Requests the status of all running pools: those that answer, and the errors of the others. All are requested
-/// at the same time, so that suspended pools cost one timeout together.
+/// Requests the status of all running pools: those that answer, and the errors of the others. All are
+/// requested at the same time, so that suspended pools cost one timeout together.
 fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {

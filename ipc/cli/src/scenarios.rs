@@ -29,8 +29,9 @@ impl Scenarios {
             let (s, limit) = (arena.sizes(), arena.episode_limit());
             if self.json {
                 let scenario = serde_json::json!({
-                    "scenario": name, "n_agents": s.n_agents, "n_enemies": s.n_enemies, "n_actions": s.n_actions,
-                    "obs_size": s.obs_size, "state_size": s.state_size, "episode_limit": limit,
+                    "scenario": name, "n_agents": s.n_agents, "n_enemies": s.n_enemies,
+                    "n_actions": s.n_actions, "obs_size": s.obs_size, "state_size": s.state_size,
+                    "episode_limit": limit,
                 });
                 out!("{scenario}")?;
                 continue;

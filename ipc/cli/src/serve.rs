@@ -19,15 +19,15 @@ use std::error::Error;
     smaclite-pool serve easy=3s5z:64 hard=3s5z_vs_3s6z:64\n\n\
     A learner connects with smaclite_pool.connect(\"train\").")]
 pub(super) struct Serve {
-    /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default 64),
-    /// and the lane's name (default: that of the scenario)
+    /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default
+    /// 64), and the lane's name (default: that of the scenario)
     #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]")]
     lanes: Vec<String>,
     /// Name of the pool, by which learners connect
     #[arg(long, default_value = "default")]
     name: String,
-    /// Number of worker threads, 1 to 1024 [default: the CPU cores available to this process, minus one for the
-    /// learner]
+    /// Number of worker threads, 1 to 1024 [default: the CPU cores available to this process, minus one for
+    /// the learner]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Environments per batch; fewer than the lane has means asynchronous stepping [default: all of the lane]
@@ -114,9 +114,7 @@ impl Serve {
         let (scenario, num_envs) = match rest.rsplit_once(':') {
             Some((scenario, count)) => {
                 let count = count.parse::<usize>().map_err(|_| {
-                    format!(
-                        "lane `{text}`: expected a number of environments after `:`, as in 2s3z:64, got `{count}`"
-                    )
+                    format!("lane `{text}`: expected a number of environments after `:`, got `{count}`")
                 })?;
                 (scenario, count)
             }
