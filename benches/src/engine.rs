@@ -10,8 +10,8 @@ use std::sync::Arc;
 #[derive(clap::Args)]
 pub(crate) struct Plays {
     /// How the agents choose their actions
-    #[arg(long, default_value = "nearest", value_parser = ["nearest", "random"])]
-    pub(crate) policy: String,
+    #[arg(long, value_enum, default_value = "nearest")]
+    pub(crate) policy: Policy,
     /// Steps per scenario, from the first episode of seed 1 on
     #[arg(long, default_value_t = 200)]
     pub(crate) steps: usize,
@@ -33,11 +33,10 @@ impl Plays {
 /// Records the steps of a battle, and makes the player for them.
 pub(crate) fn record(
     scenario: &str,
-    policy: &str,
+    policy: Policy,
     steps: usize,
 ) -> Result<(Player, Recording), ScenarioError> {
     let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
-    let policy = if policy == "random" { Policy::Random } else { Policy::Nearest };
     let recording = Recording::new(&arena, 1, steps, policy, AfterEpisode::ResetAndPlay);
     Ok((Player::new(arena), recording))
 }

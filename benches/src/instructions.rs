@@ -3,7 +3,7 @@
 //! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
 use crate::engine::{Plays, record};
-use smaclite_benches::play::{Player, Recording};
+use smaclite_benches::play::{Player, Policy, Recording};
 use std::collections::HashMap;
 use std::error::Error;
 use std::process::Command;
@@ -25,12 +25,12 @@ const PHASES: [(&str, &str); 10] = [
 
 /// Prints the instructions of each phase per living unit and tick.
 pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
-    println!("instructions per living unit and tick, policy {}, {} steps", plays.policy, plays.steps);
+    println!("instructions per living unit and tick, policy {}, {} steps", plays.policy.name(), plays.steps);
     print!("{:16} {:>9}", "scenario", "all");
     PHASES.iter().for_each(|(phase, _)| print!(" {phase:>9}"));
     println!(" {:>9}", "rest");
     for scenario in plays.scenarios() {
-        let unit_ticks = record(&scenario, &plays.policy, plays.steps)?.1.unit_ticks() as f64;
+        let unit_ticks = record(&scenario, plays.policy, plays.steps)?.1.unit_ticks() as f64;
         let counts = count(&scenario, plays)?;
         let total = counts.of("instructions::play_counted");
         let phases = PHASES.map(|(_, function)| counts.of(function));
@@ -42,7 +42,7 @@ pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
 }
 
 /// Plays once, in the process that callgrind runs.
-pub(crate) fn play_once(scenario: &str, policy: &str, steps: usize) -> Result<(), Box<dyn Error>> {
+pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<(), Box<dyn Error>> {
     let (mut player, recording) = record(scenario, policy, steps)?;
     play_counted(&mut player, &recording);
     Ok(())
@@ -60,7 +60,7 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
         .args(["--tool=callgrind", "--toggle-collect=*instructions::play_counted*"])
         .arg(format!("--callgrind-out-file={}", file.display()))
         .arg(std::env::current_exe()?)
-        .args(["second", "play", scenario, &plays.policy, &plays.steps.to_string()])
+        .args(["second", "play", scenario, &plays.policy.name(), &plays.steps.to_string()])
         .output()
         .map_err(|error| format!("valgrind cannot be started ({error}); install it to count instructions"))?;
     if !output.status.success() {

@@ -12,6 +12,7 @@ mod step_times;
 mod transport;
 
 use clap::{Parser, Subcommand};
+use smaclite_benches::play::Policy;
 use smaclite_benches::process::wait_for_termination;
 use smaclite_benches::throughput::Workload;
 use smaclite_ipc::{RuntimeDir, WaitStrategy};
@@ -67,7 +68,7 @@ enum SecondProcess {
     /// Answers pings until it is terminated
     Pong { name: String, wait: WaitStrategy },
     /// Plays a battle once, under callgrind
-    Play { scenario: String, policy: String, steps: usize },
+    Play { scenario: String, policy: Policy, steps: usize },
     /// Serves environments that do nothing
     Null { name: String, num_envs: usize, threads: usize, wait: WaitStrategy },
     /// Serves the pool of a workload
@@ -107,7 +108,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
 fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
     match process {
         SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
-        SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, &policy, steps),
+        SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, policy, steps),
         SecondProcess::Null { name, num_envs, threads, wait } => null::serve(&name, num_envs, threads, wait),
         SecondProcess::Pool { name, scenario, num_envs, batch_size, threads, wait } => {
             let options = PoolOptions { threads, wait };

@@ -10,11 +10,12 @@ use std::time::{Duration, Instant};
 pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>> {
     let time = Duration::try_from_secs_f64(seconds)
         .map_err(|error| format!("--seconds must be a number of at least 0, got {seconds} ({error})"))?;
-    println!("policy {}, one thread; observations, state and available actions are written", plays.policy);
+    let policy = plays.policy.name();
+    println!("policy {policy}, one thread; observations, state and available actions are written");
     println!("{:16} {:>14} {:>10} {:>12}", "scenario", "ns/unit/tick", "steps/s", "ns/step");
     let mut logarithms = Vec::new();
     for scenario in plays.scenarios() {
-        let (mut player, recording) = record(&scenario, &plays.policy, plays.steps)?;
+        let (mut player, recording) = record(&scenario, plays.policy, plays.steps)?;
         let mut shortest = vec![u64::MAX; plays.steps];
         let begin = Instant::now();
         while shortest.first() == Some(&u64::MAX) || begin.elapsed() < time {
