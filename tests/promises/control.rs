@@ -120,7 +120,8 @@ fn a_pool_of_very_many_lanes_answers_in_full() {
     // One that asks faster than it reads gets every answer in the end, and keeps the others from nothing.
     const QUESTIONS: usize = 20;
     let mut slow = UnixStream::connect(room.runtime_dir().socket("train")).expect("the pool's socket");
-    slow.write_all("{\"request\":\"status\"}\n".repeat(QUESTIONS).as_bytes()).expect("room for the questions");
+    slow.write_all("{\"request\":\"status\"}\n".repeat(QUESTIONS).as_bytes())
+        .expect("room for the questions");
     assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(QUESTIONS).map(|line| line.expect("a whole line"));
     let lanes = answers.map(|line| {

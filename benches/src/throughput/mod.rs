@@ -13,7 +13,7 @@ use smaclite_engine::Arena;
 use smaclite_ipc::{ClientError, ConnectError, RuntimeDirError, StartError};
 use smaclite_pool::PoolOptions;
 use smaclite_scenarios::{Scenario, ScenarioError};
-use std::process::Command;
+use std::process::{Command, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -161,6 +161,8 @@ pub enum MeasureError {
     Start(#[from] StartError),
     #[error("the second process cannot be started: {0}")]
     SecondProcess(#[source] std::io::Error),
+    #[error("the second process ended before its pool was ready: {0}")]
+    SecondProcessEnded(ExitStatus),
     #[error(transparent)]
     Connect(#[from] ConnectError),
     #[error(transparent)]

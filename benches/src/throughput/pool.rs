@@ -27,13 +27,16 @@ pub(super) fn measure(
     }
     let runtime_dir = RuntimeDir::for_current_user()?;
     let name = format!("bench-{}", std::process::id());
-    let server = if workload.mode == Mode::Attached {
+    let mut server = if workload.mode == Mode::Attached {
         let process = second_process(workload, &name).and_then(SecondProcess::start);
         Server::SecondProcess(process.map_err(MeasureError::SecondProcess)?)
     } else {
         Server::ThisProcess { _supervisor: workload.serve(&runtime_dir, &name)? }
     };
-    let mut client = connect(workload, &runtime_dir, &name, interrupt)?;
+    let mut client = connect(workload, &runtime_dir, &name, || {
+        interrupt.check()?;
+        server.check_running()
+    })?;
     let counts = match policy {
         Policy::Sampled => sample(workload, &mut client, interrupt)?,
         Policy::Nearest | Policy::Random => replay(workload, &mut client, interrupt)?,
@@ -48,6 +51,14 @@ enum Server {
 }
 
 impl Server {
+    fn check_running(&mut self) -> Result<(), MeasureError> {
+        let Server::SecondProcess(process) = self else { return Ok(()) };
+        match process.exit_status().map_err(MeasureError::SecondProcess)? {
+            Some(status) => Err(MeasureError::SecondProcessEnded(status)),
+            None => Ok(()),
+        }
+    }
+
     fn pid(&self) -> u32 {
         match self {
             Server::ThisProcess { .. } => std::process::id(),
@@ -73,12 +84,12 @@ impl Workload {
     }
 }
 
-/// Connects as soon as the pool runs.
+/// Connects as soon as the pool runs; `check` says whether to keep waiting for it.
 fn connect(
     workload: &Workload,
     runtime_dir: &RuntimeDir,
     name: &str,
-    interrupt: Interrupt<'_>,
+    mut check: impl FnMut() -> Result<(), MeasureError>,
 ) -> Result<Client, MeasureError> {
     let begin = Instant::now();
     loop {
@@ -86,7 +97,7 @@ fn connect(
             Err(ConnectError::Control(ControlSocketError::NoSuchPool { .. }))
                 if begin.elapsed() < TIMEOUT =>
             {
-                interrupt.check()?;
+                check()?;
                 std::thread::sleep(Duration::from_millis(10));
             }
             result => return Ok(result?),

@@ -124,18 +124,27 @@ fn cells(result: &Throughput) -> [String; 9] {
     ]
 }
 
-/// `smaclite-pool serve` for a workload. From Python, the executable of this process is the interpreter.
+/// `smaclite-pool serve` for a workload.
 fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
-    let executable = std::env::current_exe()?;
-    let is_python = executable.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("python"));
-    let mut command = Command::new(executable);
-    if is_python {
-        command.args(["-m", "smaclite_pool"]);
-    }
+    let mut command = this_program()?;
     let Workload { options, batch_size, num_envs, scenario_argument, .. } = workload;
     command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
     command.args(["--batch-size", &batch_size.to_string(), "--wait", options.wait.name()]);
     command.arg(format!("bench={scenario_argument}:{num_envs}"));
+    Ok(command)
+}
+
+/// This program once more. From Python, the executable of this process is the interpreter. It is called as
+/// this process was: the interpreter of a virtual environment is a link, and knows its packages by the link's
+/// path.
+fn this_program() -> std::io::Result<Command> {
+    let executable = std::env::current_exe()?;
+    let is_python = executable.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("python"));
+    if !is_python {
+        return Ok(Command::new(executable));
+    }
+    let mut command = Command::new(std::env::args_os().next().unwrap_or(executable.into()));
+    command.args(["-m", "smaclite_pool"]);
     Ok(command)
 }
 
