@@ -30,7 +30,11 @@ impl Endpoint {
         back: &str,
     ) -> Result<Endpoint, Box<dyn Error>> {
         set_log_level(LogLevel::Fatal);
-        let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
+        // iceoryx2 never removes some of its files. Other programs must not find them under the default prefix.
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(b"smaclite_ping_")?;
+        let node = NodeBuilder::new().config(&config);
+        let node = node.signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
         let data = |what: &str| -> Result<_, Box<dyn Error>> {
             let service = node.service_builder(&format!("{name}/{what}").as_str().try_into()?);
             Ok(service.publish_subscribe::<[u8]>().enable_safe_overflow(true).open_or_create()?)
