@@ -51,11 +51,10 @@ demo *args: install
 
 # Measure steps per second (`just bench --help` for the options)
 bench *args:
-    cargo run --release --quiet -p smaclite-ipc --bin smaclite-pool -- bench {{ args }}
+    cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
 # Produce the results in benches/README.md: transport, efficiency, asynchronous, many, engine or instructions
 figures *args:
-    cargo build --release --quiet -p smaclite-ipc
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
@@ -95,10 +94,13 @@ build:
 fmt:
     cargo fmt --all
 
-# Check formatting and lints; warnings are errors
+# Check formatting, lints and the length of lines; warnings are errors
 lint: _venv
     cargo fmt --all --check
     cargo clippy --workspace --all-targets -- -D warnings
+    @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
+        units scenarios pool ipc bindings tests benches; \
+        test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":

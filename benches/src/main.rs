@@ -1,108 +1,133 @@
-//! The figures that `benches/README.md` records: each is a ratio of two measurements made in turn, medians
-//! over rounds. What steps real battles is measured by `smaclite-pool bench`, which this program calls; what
-//! is compared with bare iceoryx2 or with an environment that costs nothing is measured here.
+//! The program that produces the results in `benches/README.md`. What is compared is measured in turn, and
+//! each result is the median over rounds.
 
 #![forbid(unsafe_code)]
 
-mod battles;
 mod engine;
+mod instructions;
 mod null;
 mod ping_pong;
+mod pools;
+mod step_times;
 mod transport;
 
 use clap::{Parser, Subcommand};
+use smaclite_benches::play::Policy;
+use smaclite_benches::process::wait_for_termination;
+use smaclite_benches::throughput::Workload;
+use smaclite_ipc::{RuntimeDir, WaitStrategy};
+use smaclite_pool::PoolOptions;
 use std::error::Error;
+use std::num::NonZeroUsize;
+use std::process::{Command, ExitCode};
 
+/// Produce the results in benches/README.md.
 #[derive(Parser)]
-#[command(about = "Measures the figures in benches/README.md")]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
-    /// Rounds; each figure is the median
-    #[arg(long, default_value_t = 5, global = true)]
-    rounds: usize,
+    command: Measurement,
+    /// Rounds; each result is the median over them
+    #[arg(long, default_value = "5", global = true)]
+    rounds: NonZeroUsize,
 }
 
 #[derive(Subcommand)]
-enum Command {
-    /// A lane whose environments cost nothing, across two processes, beside a bare iceoryx2 ping-pong
+enum Measurement {
+    /// Round trips of environments that do nothing, between two processes, compared with bare iceoryx2
     Transport,
-    /// Steps/s of a pool over threads times steps/s of one bare engine
+    /// Steps/s of pools, divided by the number of threads times the steps/s of the engine alone
     Efficiency {
         /// Names or files of scenarios
-        #[arg(default_value = "3s5z")]
+        #[arg(default_value = "3s5z", value_name = "SCENARIO")]
         scenarios: Vec<String>,
     },
-    /// Asynchronous beside synchronous stepping, where steps cost unevenly
+    /// Asynchronous compared with synchronous stepping, where some steps take much longer than others
     Asynchronous,
     /// 64 to 10,000 environments in one lane
     Many,
-    /// What a living unit costs in a tick, in every scenario
+    /// Time per living unit and tick in each scenario
     Engine {
         #[command(flatten)]
         plays: engine::Plays,
-        /// Seconds for each scenario
-        #[arg(long, default_value_t = 1.0)]
+        /// Seconds per scenario
+        #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         seconds: f64,
     },
     /// Instructions of each phase of a step, counted by callgrind
     Instructions(engine::Plays),
-    /// The other side of a measurement
+    /// The second process of a measurement
     #[command(hide = true)]
-    Peer {
+    Second {
         #[command(subcommand)]
-        peer: Peer,
+        process: SecondProcess,
     },
 }
 
 #[derive(Subcommand)]
-enum Peer {
-    /// Answers pings until it is killed
-    Pong { name: String, wait: String },
+enum SecondProcess {
+    /// Answers pings until it is terminated
+    Pong { name: String, wait: WaitStrategy },
     /// Plays a battle once, under callgrind
-    Play { scenario: String, policy: String, steps: usize },
-    /// Serves a lane of environments that cost nothing
-    Null { name: String, envs: usize, threads: usize, wait: String },
+    Play { scenario: String, policy: Policy, steps: usize },
+    /// Serves environments that do nothing
+    Null { name: String, num_envs: usize, threads: usize, wait: WaitStrategy },
+    /// Serves the pool of a workload
+    Pool {
+        name: String,
+        scenario: String,
+        num_envs: usize,
+        batch_size: usize,
+        threads: usize,
+        wait: WaitStrategy,
+    },
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let cli = Cli::parse();
-    match cli.command {
-        Command::Transport => transport::stats(cli.rounds),
-        Command::Efficiency { scenarios } => battles::efficiency(cli.rounds, &scenarios),
-        Command::Asynchronous => battles::asynchronous(cli.rounds),
-        Command::Many => battles::many(cli.rounds),
-        Command::Engine { plays, seconds } => engine::times(&plays, seconds),
-        Command::Instructions(plays) => engine::instructions(&plays),
-        Command::Peer { peer: Peer::Pong { name, wait } } => ping_pong::serve(&name, wait.parse()?),
-        Command::Peer { peer: Peer::Play { scenario, policy, steps } } => {
-            engine::play_once(&scenario, &policy, steps)
-        }
-        Command::Peer { peer: Peer::Null { name, envs, threads, wait } } => {
-            null::serve(&name, envs, threads, wait.parse()?)
+fn main() -> ExitCode {
+    match run(Cli::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("smaclite-benches: {error}");
+            ExitCode::FAILURE
         }
     }
 }
 
-/// The middle of some measurements.
+fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
+    let rounds = cli.rounds.get();
+    match cli.command {
+        Measurement::Transport => transport::measure(rounds),
+        Measurement::Efficiency { scenarios } => pools::efficiency(rounds, &scenarios),
+        Measurement::Asynchronous => pools::asynchronous(rounds),
+        Measurement::Many => pools::many(rounds),
+        Measurement::Engine { plays, seconds } => step_times::measure(&plays, seconds),
+        Measurement::Instructions(plays) => instructions::measure(&plays),
+        Measurement::Second { process } => run_second(process),
+    }
+}
+
+fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
+    match process {
+        SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
+        SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, policy, steps),
+        SecondProcess::Null { name, num_envs, threads, wait } => null::serve(&name, num_envs, threads, wait),
+        SecondProcess::Pool { name, scenario, num_envs, batch_size, threads, wait } => {
+            let options = PoolOptions { threads, wait };
+            let workload = Workload { num_envs, batch_size, options, ..Workload::new(&scenario)? };
+            let _supervisor = workload.serve(&RuntimeDir::for_current_user()?, &name)?;
+            Ok(wait_for_termination()?)
+        }
+    }
+}
+
+/// This program as a second process.
+fn second_process(arguments: &[&str]) -> std::io::Result<Command> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.arg("second").args(arguments);
+    Ok(command)
+}
+
+/// The median; of an even number of values the upper of the two in the middle.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
-}
-
-/// Another process of this program, killed when the measurement is over.
-struct PeerProcess(std::process::Child);
-
-impl PeerProcess {
-    fn start(args: &[&str]) -> std::io::Result<PeerProcess> {
-        let child = std::process::Command::new(std::env::current_exe()?).arg("peer").args(args).spawn()?;
-        Ok(PeerProcess(child))
-    }
-}
-
-impl Drop for PeerProcess {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }

@@ -1,6 +1,7 @@
-//! An environment that does nothing, of the size of 2s3z's: what is left is the pool's and the transport's
-//! cost.
+//! An environment that does nothing and has the sizes of 2s3z: what remains is the cost of the pool and of
+//! the transport.
 
+use smaclite_benches::process::wait_for_termination;
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::Environment;
@@ -28,7 +29,7 @@ impl Environment for Null {
     fn write_obs(&self, _: &mut [f32], _: &mut Scratch) {}
     fn write_state(&self, _: &mut [f32]) {}
     fn write_avail_actions(&self, out: &mut [u8]) {
-        out.fill(1); // the client checks actions by them
+        out.fill(1); // the client refuses unavailable actions
     }
     fn write_alive(&self, _: &mut [u8]) {}
     fn dead_allies(&self) -> usize {
@@ -45,33 +46,29 @@ impl Environment for Null {
     }
 }
 
-/// Serves `envs` of them until killed.
+/// Serves them until the process is terminated.
 pub(crate) fn serve(
     name: &str,
-    envs: usize,
+    num_envs: usize,
     threads: usize,
     wait: WaitStrategy,
 ) -> Result<(), Box<dyn Error>> {
     let lane = LaneConfig {
         name: "null".to_owned(),
         game: LaneEnvs::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
-        num_envs: envs,
-        batch_size: envs,
+        num_envs,
+        batch_size: num_envs,
         seed: 0,
         autoreset: Autoreset::NextStep,
         fields: FieldSet::ALL,
         max_held_batches: 4,
         spectators: 0,
     };
-    let options = PoolOptions { threads, wait };
-    let runtime_dir = RuntimeDir::for_current_user()?;
     let _supervisor = Supervisor::start(SupervisorConfig {
         name: name.to_owned(),
         lanes: vec![lane],
-        options,
-        runtime_dir,
+        options: PoolOptions { threads, wait },
+        runtime_dir: RuntimeDir::for_current_user()?,
     })?;
-    loop {
-        std::thread::park();
-    }
+    Ok(wait_for_termination()?)
 }

@@ -1,4 +1,4 @@
-//! A bare iceoryx2 ping-pong between two processes: the least that a round trip through it costs.
+//! A bare iceoryx2 ping-pong between two processes: the lower bound of a round trip through it.
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -11,26 +11,30 @@ use std::time::{Duration, Instant};
 
 type Ipc = ipc_threadsafe::Service;
 
-/// One side: what it sends on, and what it hears.
-pub(crate) struct Side {
+/// One of the two processes: what it sends with and what it receives with.
+pub(crate) struct Endpoint {
     publisher: Publisher<Ipc, [u8], ()>,
     subscriber: Subscriber<Ipc, [u8], ()>,
     notifier: Notifier<Ipc>,
     listener: Listener<Ipc>,
-    /// For how long to look before blocking; `None` is for ever.
+    /// How long to spin before blocking; `None` never blocks.
     spin: Option<Duration>,
     _node: Node<Ipc>,
 }
 
-impl Side {
+impl Endpoint {
     pub(crate) fn open(
         name: &str,
         wait: WaitStrategy,
         out: &str,
         back: &str,
-    ) -> Result<Side, Box<dyn Error>> {
+    ) -> Result<Endpoint, Box<dyn Error>> {
         set_log_level(LogLevel::Fatal);
-        let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
+        // iceoryx2 never removes some of its files. Other programs must not find them under the default prefix.
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(b"smaclite_ping_")?;
+        let node = NodeBuilder::new().config(&config);
+        let node = node.signal_handling_mode(SignalHandlingMode::Disabled).create::<Ipc>()?;
         let data = |what: &str| -> Result<_, Box<dyn Error>> {
             let service = node.service_builder(&format!("{name}/{what}").as_str().try_into()?);
             Ok(service.publish_subscribe::<[u8]>().enable_safe_overflow(true).open_or_create()?)
@@ -41,7 +45,7 @@ impl Side {
                 .event()
                 .open_or_create()?)
         };
-        Ok(Side {
+        Ok(Endpoint {
             publisher: data(out)?.publisher_builder().initial_max_slice_len(64).create()?,
             subscriber: data(back)?.subscriber_builder().create()?,
             notifier: event(out)?.notifier_builder().create()?,
@@ -57,7 +61,7 @@ impl Side {
         Ok(())
     }
 
-    /// Waits for a message; `false` after a second without.
+    /// Waits for a message; `false` if none arrives within a second.
     pub(crate) fn receive(&self) -> Result<bool, Box<dyn Error>> {
         let begin = Instant::now();
         let spin_until = self.spin.map(|time| begin + time);
@@ -75,12 +79,12 @@ impl Side {
     }
 }
 
-/// Answers until killed.
+/// Answers until the process is terminated.
 pub(crate) fn serve(name: &str, wait: WaitStrategy) -> Result<(), Box<dyn Error>> {
-    let side = Side::open(name, wait, "pong", "ping")?;
+    let endpoint = Endpoint::open(name, wait, "pong", "ping")?;
     loop {
-        if side.receive()? {
-            side.send()?;
+        if endpoint.receive()? {
+            endpoint.send()?;
         }
     }
 }

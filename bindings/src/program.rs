@@ -9,5 +9,5 @@ use std::ffi::OsString;
 /// action (`signal.SIG_DFL`), as in `python -m smaclite_pool`.
 #[pyfunction]
 pub fn run_program(py: Python<'_>, args: Vec<OsString>) -> i32 {
-    py.detach(|| smaclite_ipc::cli::run(args))
+    py.detach(|| smaclite_cli::run(args))
 }

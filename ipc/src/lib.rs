@@ -1,5 +1,6 @@
-//! A pool over iceoryx2: services, shared-memory layout, the supervisor, the client, and the `smaclite-pool`
-//! program. Only this crate knows iceoryx2; it knows nothing of how battles are stepped.
+//! A pool across processes: the supervisor that runs it, the client of a learner, and the shared memory and
+//! the control socket between them. Only this crate uses iceoryx2. It does not step battles (that is
+//! `smaclite_pool`), and it has no command line (`smaclite_cli`).
 //!
 //! A learner in Rust:
 //!
@@ -30,7 +31,7 @@
 #![deny(unsafe_code)] // allowed where a module says why
 
 mod batch;
-pub mod cli;
+mod clean;
 mod client;
 pub mod control;
 mod error;
@@ -46,6 +47,7 @@ mod variant;
 pub mod wire;
 
 pub use batch::Batch;
+pub use clean::{CleanError, CleanReport, clean};
 pub use client::{Client, ClientError, ConnectError, WaitOptions};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
@@ -56,7 +58,9 @@ pub use services::{Capacity, IpcError};
 pub use shm_dir::iceoryx;
 pub use smaclite_pool::WaitStrategy;
 pub use spectator::Spectator;
-pub use supervisor::{LaneConfig, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig};
+pub use supervisor::{
+    LaneConfig, LaneEnvs, MAX_ENVS, PreparedPool, StartError, Supervisor, SupervisorConfig,
+};
 #[doc(hidden)] // for the same tests
 pub use variant::PoolService;
 

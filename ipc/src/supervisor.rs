@@ -24,8 +24,8 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// Environments of a lane at most; ids travel as i32 and a frame must fit into memory.
-const MAX_ENVS: usize = 1_000_000;
+/// The maximum number of environments of a lane: their ids are i32, and a frame must fit into memory.
+pub const MAX_ENVS: usize = 1_000_000;
 
 /// Connections to the control socket that may wait to be accepted, as the standard library has it.
 const LISTEN_BACKLOG: i32 = 128;

@@ -69,8 +69,8 @@ fn a_stopped_supervisor_does_not_stop_those_who_ask_it() {
     let list = program(&room, "list").output().expect("a child process");
     let (said, error) = (String::from_utf8_lossy(&list.stdout), String::from_utf8_lossy(&list.stderr));
     assert_eq!(list.status.code(), Some(1), "{said}{error}");
-    assert!(!said.contains("no pool runs here"), "{said}");
-    assert_says(&error, &["`train`", "did not answer", "of 1 pools, 1"]);
+    assert!(!said.contains("no pool is running"), "{said}");
+    assert_says(&error, &["`train`", "did not answer", "1 of 1 pools"]);
     assert_eq!(smaclite_ipc::running_pools(room.runtime_dir()), ["train"]);
     supervisor.signal(Signal::CONT);
     assert!(status(room.runtime_dir(), "train").is_ok());
@@ -120,7 +120,8 @@ fn a_pool_of_very_many_lanes_answers_in_full() {
     // One that asks faster than it reads gets every answer in the end, and keeps the others from nothing.
     const QUESTIONS: usize = 20;
     let mut slow = UnixStream::connect(room.runtime_dir().socket("train")).expect("the pool's socket");
-    slow.write_all("{\"ask\":\"status\"}\n".repeat(QUESTIONS).as_bytes()).expect("room for the questions");
+    slow.write_all("{\"request\":\"status\"}\n".repeat(QUESTIONS).as_bytes())
+        .expect("room for the questions");
     assert_eq!(status(room.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(QUESTIONS).map(|line| line.expect("a whole line"));
     let lanes = answers.map(|line| {

@@ -263,7 +263,9 @@ fn nonsense_on_the_control_socket_is_answered() {
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     let _supervisor = Child::supervisor(&room, &plan);
     let long = format!("\"{}\"", "x".repeat(1 << 21));
-    for line in ["", "{", "null", "{\"ask\":\"everything\"}", "{\"ask\":\"attach\"}", "\u{0}\u{1}", &long] {
+    for line in
+        ["", "{", "null", "{\"request\":\"everything\"}", "{\"request\":\"attach\"}", "\u{0}\u{1}", &long]
+    {
         let answer = Control::connect(room.runtime_dir()).ask(line);
         assert!(answer.is_empty() || answer.contains("refused"), "{answer}");
     }

@@ -57,7 +57,7 @@ def serve(runtime_dir: Path) -> Iterator[Serve]:
         started.append(process)
         assert process.stdout is not None
         for line in process.stdout:
-            if line.startswith("attach with"):
+            if line.startswith("connect with"):
                 return process
         raise AssertionError(f"serve ended with {process.wait()}")
 

@@ -35,6 +35,13 @@ def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_
     assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr
 
 
+def test_bench_starts_its_second_process_in_the_same_virtual_environment() -> None:
+    # The interpreter's link was followed to the system's Python, which does not have this package.
+    options = ["--mode", "attached", "--num-envs", "2", "--seconds", "0.1"]
+    done = run("-m", "smaclite_pool", "bench", "2s3z", *options)
+    assert done.returncode == 0 and "attached" in done.stdout, done.stderr
+
+
 def test_exit_codes_distinguish_usage_errors_from_failures() -> None:
     assert run("-m", "smaclite_pool", "nonsense").returncode == 2
     failed = run("-m", "smaclite_pool", "status", "absent")

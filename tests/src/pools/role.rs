@@ -14,7 +14,7 @@ pub fn play_if_asked() {
     let (role, argument) = text.split_once(' ').unwrap_or((&text, ""));
     let status = match role {
         "supervisor" => supervisor(argument),
-        "program" => smaclite_ipc::cli::run(argument.split(' ').map(Into::into)),
+        "program" => smaclite_cli::run(argument.split(' ').map(Into::into)),
         "learner" => learner(argument),
         "spectator" => spectator(argument),
         "watcher" => stranger::watcher(argument),

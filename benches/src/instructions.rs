@@ -1,15 +1,15 @@
 //! Number of instructions of the phases of a step, counted by callgrind (`valgrind` must be installed).
 //!
-//! The engine's phases are not inlined, so each is a function in callgrind's output.
+//! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
+use crate::engine::{Plays, record};
+use smaclite_benches::play::{Player, Policy, Recording};
 use std::collections::HashMap;
 use std::error::Error;
 use std::process::Command;
 
-use super::Plays;
-use super::play::Play;
-
-/// Titles of the columns, and the ends of the names of the functions that they measure.
+/// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
+/// have the names of the engine's modules.
 const PHASES: [(&str, &str); 10] = [
     ("order", "battle::Battle::set_execution_order"),
     ("targets", "tick::targets::drop_lost"),
@@ -17,45 +17,52 @@ const PHASES: [(&str, &str); 10] = [
     ("avoid", "tick::avoid::plan_velocities"),
     ("execute", "tick::execute::take_turns"),
     ("deaths", "tick::deaths::remove_dead"),
-    ("legal", "encode::avail::Available::update"),
+    ("masks", "encode::avail::Available::update"),
     ("obs", "encode::obs::write_obs"),
     ("state", "encode::state::write_state"),
     ("avail", "encode::avail::Available::write"),
 ];
 
-/// Prints the number of instructions of each phase per living unit and tick.
-pub(crate) fn instructions(plays: &Plays) -> Result<(), Box<dyn Error>> {
-    println!("instructions per living unit and tick, {} player, {} steps", plays.policy, plays.steps);
-    print!("{:16} {:>8}", "scenario", "all");
-    PHASES.iter().for_each(|(title, _)| print!(" {title:>8}"));
-    println!(" {:>8}", "rest");
+/// Prints the instructions of each phase per living unit and tick.
+pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
+    println!("instructions per living unit and tick, policy {}, {} steps", plays.policy.name(), plays.steps);
+    print!("{:16} {:>9}", "scenario", "all");
+    PHASES.iter().for_each(|(phase, _)| print!(" {phase:>9}"));
+    println!(" {:>9}", "rest");
     for scenario in plays.scenarios() {
-        let unit_ticks = Play::record(&scenario, &plays.policy, plays.steps)?.unit_ticks as f64;
+        let unit_ticks = record(&scenario, plays.policy, plays.steps)?.1.unit_ticks() as f64;
         let counts = count(&scenario, plays)?;
-        let total = counts.of("Play::play_measured");
+        let total = counts.of("instructions::play_counted");
         let phases = PHASES.map(|(_, function)| counts.of(function));
-        print!("{scenario:16} {:8.0}", total / unit_ticks);
-        phases.iter().for_each(|count| print!(" {:8.1}", count / unit_ticks));
-        println!(" {:8.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
+        print!("{scenario:16} {:9.0}", total / unit_ticks);
+        phases.iter().for_each(|count| print!(" {:9.1}", count / unit_ticks));
+        println!(" {:9.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
     }
     Ok(())
 }
 
-/// The measured process: plays once under callgrind.
-pub(crate) fn play_once(scenario: &str, policy: &str, steps: usize) -> Result<(), Box<dyn Error>> {
-    Play::record(scenario, policy, steps)?.play_measured();
+/// Plays once, in the process that callgrind runs.
+pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<(), Box<dyn Error>> {
+    let (mut player, recording) = record(scenario, policy, steps)?;
+    play_counted(&mut player, &recording);
     Ok(())
+}
+
+/// Not inlined: callgrind counts inside this function only.
+#[inline(never)]
+fn play_counted(player: &mut Player, recording: &Recording) {
+    player.play(recording);
 }
 
 fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
     let file = std::env::temp_dir().join(format!("callgrind-{}", std::process::id()));
     let output = Command::new("valgrind")
-        .args(["--tool=callgrind", "--toggle-collect=*Play::play_measured*"])
+        .args(["--tool=callgrind", "--toggle-collect=*instructions::play_counted*"])
         .arg(format!("--callgrind-out-file={}", file.display()))
         .arg(std::env::current_exe()?)
-        .args(["peer", "play", scenario, &plays.policy, &plays.steps.to_string()])
+        .args(["second", "play", scenario, &plays.policy.name(), &plays.steps.to_string()])
         .output()
-        .map_err(|e| format!("valgrind: {e}; install it to count instructions"))?;
+        .map_err(|error| format!("valgrind cannot be started ({error}); install it to count instructions"))?;
     if !output.status.success() {
         return Err(format!("valgrind: {}", String::from_utf8_lossy(&output.stderr)).into());
     }
@@ -64,12 +71,12 @@ fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
     Ok(Counts::parse(&String::from_utf8_lossy(&text)))
 }
 
-/// Number of instructions by function, including the functions that it calls.
+/// Instructions by function, including the functions that it called.
 struct Counts(HashMap<String, f64>);
 
 impl Counts {
-    /// Reads callgrind's output: lines of costs below the name of their function, where the line after
-    /// `calls=` is the whole cost of a call.
+    /// Reads callgrind's output. Lines with costs follow the name of their function; the line after `calls=`
+    /// has the whole cost of a call.
     fn parse(text: &str) -> Counts {
         let (mut names, mut counts) = (HashMap::new(), HashMap::<String, f64>::new());
         let mut function = String::new();
@@ -91,7 +98,7 @@ impl Counts {
     }
 }
 
-/// A name appears in full where it is first used, `(7) name`, and later as `(7)`.
+/// A name is written in full where it first appears, `(7) name`, and as `(7)` later.
 fn full_name(written: &str, names: &mut HashMap<String, String>) -> String {
     let (number, name) = written.split_once(' ').unwrap_or((written, ""));
     if !name.is_empty() {

@@ -1,6 +1,6 @@
 //! `smaclite-pool check`: validate scenario and unit files before anything runs.
 
-use super::Outcome;
+use super::CommandResult;
 use clap::Args;
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::Scenario;
@@ -17,23 +17,23 @@ pub(super) struct Check {
 }
 
 impl Check {
-    pub(super) fn run(self) -> Outcome {
-        let mut wrong = 0;
+    pub(super) fn run(self) -> CommandResult {
+        let mut invalid = 0;
         for file in &self.files {
             match describe(file) {
-                Ok(summary) => out!("{}: {summary}", shown_path(file))?,
+                Ok(description) => out!("{}: {description}", shown_path(file))?,
                 Err(error) => {
                     eprintln!("{error}");
-                    wrong += 1;
+                    invalid += 1;
                 }
             }
         }
         let total = self.files.len();
-        if wrong > 0 { Err(format!("{wrong} of {total} files are wrong").into()) } else { Ok(()) }
+        if invalid > 0 { Err(format!("invalid files: {invalid} of {total}").into()) } else { Ok(()) }
     }
 }
 
-/// A scenario has groups, a unit does not.
+/// What a valid file contains. A scenario has `groups`, a unit type does not.
 fn describe(file: &Path) -> Result<String, Box<dyn Error>> {
     let json = Json::parse(&read_text(file, MAX_SCENARIO_BYTES)?, &shown_path(file))?;
     let Json::Object(entries) = &json else {
@@ -42,14 +42,14 @@ fn describe(file: &Path) -> Result<String, Box<dyn Error>> {
     if !entries.iter().any(|(key, _)| key == "groups") {
         let unit = UnitType::load(file)?;
         return Ok(format!(
-            "a correct unit: {} hp, {} damage, range {}, speed {}",
+            "valid unit type: {} hp, {} damage, range {}, speed {}",
             unit.hp, unit.damage, unit.attack_range, unit.speed
         ));
     }
     let scenario = Scenario::load(file)?;
     let s = Arena::new(&scenario, Rules::default()).sizes();
     Ok(format!(
-        "a correct scenario: {} agents against {} enemies, {} actions, obs {}, state {}",
+        "valid scenario: {} agents against {} enemies, {} actions, obs size {}, state size {}",
         s.n_agents, s.n_enemies, s.n_actions, s.obs_size, s.state_size
     ))
 }
@@ -64,10 +64,10 @@ mod tests {
         assert_eq!(error, format!("{}: {message}", file.display()));
     }
 
-    /// The file was read without a limit before the readers with limits saw it: /dev/zero filled the memory,
-    /// and a FIFO waited for a writer without end.
+    /// Files were once read without a limit before they were parsed: /dev/zero filled the memory, and a FIFO
+    /// blocked until another process opened it for writing.
     #[test]
-    fn a_file_is_read_with_the_limits_of_its_reader() {
+    fn files_are_read_with_the_limits_of_their_reader() {
         check(Path::new("/dev/zero"), "cannot be read: it is not a regular file");
         let folder = tempfile::tempdir().unwrap();
         let fifo = folder.path().join("fifo.json");
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_neither_unit_nor_scenario() {
+    fn files_that_are_neither_a_unit_type_nor_a_scenario() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("one.json");
         std::fs::write(&file, "1").unwrap();

@@ -1,12 +1,13 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
-use super::{Outcome, megabytes, runtime_dir};
-use crate::supervisor::{LaneConfig, LaneEnvs, StartError, Supervisor, SupervisorConfig};
-use crate::{RuntimeDir, WaitStrategy, check_name};
+use super::{CommandResult, THREADS, check_range, megabytes, runtime_dir};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use smaclite_engine::Rules;
+use smaclite_ipc::{
+    LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
+};
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
 use smaclite_scenarios::Scenario;
@@ -14,70 +15,77 @@ use std::error::Error;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
-    smaclite-pool serve 2s3z:64 MMM2:32 ./mine.json:16 --name zoo --threads 8\n  \
+    smaclite-pool serve 2s3z:64 MMM2:32 ./mine.json:16 --name train --threads 8\n  \
     smaclite-pool serve easy=3s5z:64 hard=3s5z_vs_3s6z:64\n\n\
-    Then, in a learner:  smaclite_pool.connect(\"train\")")]
+    A learner connects with smaclite_pool.connect(\"train\").")]
 pub(super) struct Serve {
-    /// A lane: a standard scenario or a file, the number of environments, and a name if it is not the
-    /// scenario's
+    /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default
+    /// 64), and the lane's name (default: that of the scenario)
     #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]")]
     lanes: Vec<String>,
-    /// The name learners connect by
+    /// Name of the pool, by which learners connect
     #[arg(long, default_value = "default")]
     name: String,
-    /// Worker threads [default: the cores this process may use, less one for the learner]
-    #[arg(long)]
+    /// Number of worker threads, 1 to 1024 [default: the CPU cores available to this process, minus one for
+    /// the learner]
+    #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Environments in a batch; fewer than N means asynchronous stepping [default: N]
+    /// Environments per batch; fewer than the lane has means asynchronous stepping [default: all of the lane]
     #[arg(long, value_name = "M")]
     batch_size: Option<usize>,
-    /// Environment i of every lane is seeded with this + i
+    /// Environment i of every lane is seeded with SEED + i
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// At an episode's end: next_step, same_step or disabled
+    /// What happens at the end of an episode: next_step, same_step or disabled
     #[arg(long, default_value = "next_step", value_name = "MODE")]
     autoreset: Autoreset,
-    /// The rules: smaclite (as the published environment plays) or paper (as its paper says)
+    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
-    /// Steps before an episode is cut off, or `none` [default: the scenario's]
-    #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
-    episode_limit: Option<Limit>,
-    /// Fields of a batch, by comma [default: all]
+    /// Steps after which an episode is truncated, or `none` for no limit [default: the scenario's limit]
+    #[arg(long, value_name = "STEPS")]
+    episode_limit: Option<EpisodeLimit>,
+    /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
-    /// Batches a learner may hold at once
+    /// Batches that a learner can hold at once, 2 to 1024
     #[arg(long, default_value_t = 4, value_name = "K")]
     max_held_batches: usize,
-    /// Spectators at once, a lane
+    /// Spectators per lane, 0 to 64
     #[arg(long, default_value_t = 1, value_name = "K")]
     spectators: usize,
-    /// How idle workers wait: adaptive, spin or block
-    #[arg(long, default_value = "adaptive", value_name = "HOW")]
+    /// How idle threads wait: adaptive, spin or block
+    #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
     wait: WaitStrategy,
 }
 
-/// `Limit(None)` is no limit.
+/// A number of steps, or `None` for no limit.
 #[derive(Clone, Copy)]
-struct Limit(Option<u32>);
+struct EpisodeLimit(Option<u32>);
 
-fn episode_limit(word: &str) -> Result<Limit, String> {
-    match word {
-        "none" => Ok(Limit(None)),
-        _ => match word.parse::<u32>() {
-            Ok(steps) if steps > 0 => Ok(Limit(Some(steps))),
-            _ => Err("a number of steps from 1, or `none`".to_owned()),
-        },
+#[derive(Debug, thiserror::Error)]
+#[error("must be a number of steps between 1 and {}, or `none`", u32::MAX)]
+struct InvalidEpisodeLimit;
+
+impl std::str::FromStr for EpisodeLimit {
+    type Err = InvalidEpisodeLimit;
+
+    fn from_str(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
+        match text.parse::<u32>() {
+            Ok(steps) if steps > 0 => Ok(EpisodeLimit(Some(steps))),
+            _ if text == "none" => Ok(EpisodeLimit(None)),
+            _ => Err(InvalidEpisodeLimit),
+        }
     }
 }
 
-/// Environments of a lane that does not say how many.
+/// Environments of a lane without a number.
 const DEFAULT_ENVS: usize = 64;
 
 impl Serve {
-    pub(super) fn run(self) -> Outcome {
+    pub(super) fn run(self) -> CommandResult {
         let prepared = self.config(runtime_dir()?)?.prepare()?;
-        // Until here a signal ends the program at once. From here on there is something to clean up.
+        // So far, a signal ends the program at once. From here on there are files to remove first.
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         let started = Supervisor::start_prepared(prepared, &mut || signals.pending().next().is_some());
         if let Err(StartError::Interrupted) = started {
@@ -93,9 +101,7 @@ impl Serve {
     fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
-        if !(1..=1024).contains(&threads) {
-            return Err(format!("--threads must be between 1 and 1024, got {threads}").into());
-        }
+        check_range("--threads", THREADS, threads)?;
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
     }
@@ -108,7 +114,7 @@ impl Serve {
         let (scenario, num_envs) = match rest.rsplit_once(':') {
             Some((scenario, count)) => {
                 let count = count.parse::<usize>().map_err(|_| {
-                    format!("lane `{text}`: `{count}` is not a number of environments; say SCENARIO:N, as in 2s3z:64")
+                    format!("lane `{text}`: expected a number of environments after `:`, got `{count}`")
                 })?;
                 (scenario, count)
             }
@@ -116,11 +122,11 @@ impl Serve {
         };
         let scenario = Scenario::resolve(scenario)?;
         let name = name.unwrap_or_else(|| scenario.name.clone());
-        check_name(&name).map_err(|why| format!("lane `{text}`: {why}; name it: NAME={rest}"))?;
+        check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let mut lane = LaneConfig::new(name, scenario, num_envs);
-        if let (LaneEnvs::Battle { rules, episode_limit, .. }, limit) = (&mut lane.game, self.episode_limit) {
+        if let LaneEnvs::Battle { rules, episode_limit, .. } = &mut lane.game {
             *rules = self.rules;
-            *episode_limit = limit.map(|limit| limit.0);
+            *episode_limit = self.episode_limit.map(|limit| limit.0);
         }
         lane.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.seed = self.seed;
@@ -137,7 +143,7 @@ impl Serve {
 fn print_start(supervisor: &Supervisor) {
     let threads = supervisor.threads();
     let plural = if threads == 1 { "" } else { "s" };
-    // A pool goes on whether or not somebody reads this.
+    // A closed output does not stop the pool.
     let _ = out!(
         "pool `{}` (process {}): {threads} worker thread{plural}, {} of shared memory",
         supervisor.name(),
@@ -152,5 +158,5 @@ fn print_start(supervisor: &Supervisor) {
         };
         let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.num_envs, lane.scenario);
     }
-    let _ = out!("attach with smaclite_pool.connect({:?}); Ctrl-C stops it", supervisor.name());
+    let _ = out!("connect with smaclite_pool.connect({:?}); stop with Ctrl-C", supervisor.name());
 }

@@ -1,0 +1,42 @@
+//! What the measurements of the engine have in common: the battles that they play. Times differ between runs
+//! and between machines; instructions hardly do, so changes of the engine are judged by instructions first.
+
+use smaclite_benches::play::{AfterEpisode, Player, Policy, Recording};
+use smaclite_engine::{Arena, Rules};
+use smaclite_scenarios::{Scenario, ScenarioError};
+use std::sync::Arc;
+
+/// Which battles are played.
+#[derive(clap::Args)]
+pub(crate) struct Plays {
+    /// How the agents choose their actions
+    #[arg(long, value_enum, default_value = "nearest")]
+    pub(crate) policy: Policy,
+    /// Steps per scenario, from the first episode of seed 1 on
+    #[arg(long, default_value_t = 200)]
+    pub(crate) steps: usize,
+    /// Names or files of scenarios [default: the standard scenarios]
+    #[arg(value_name = "SCENARIO")]
+    scenarios: Vec<String>,
+}
+
+impl Plays {
+    pub(crate) fn scenarios(&self) -> Vec<String> {
+        if self.scenarios.is_empty() {
+            Scenario::standard_names().map(str::to_owned).collect()
+        } else {
+            self.scenarios.clone()
+        }
+    }
+}
+
+/// Records the steps of a battle, and makes the player for them.
+pub(crate) fn record(
+    scenario: &str,
+    policy: Policy,
+    steps: usize,
+) -> Result<(Player, Recording), ScenarioError> {
+    let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
+    let recording = Recording::new(&arena, 1, steps, policy, AfterEpisode::ResetAndPlay);
+    Ok((Player::new(arena), recording))
+}

@@ -1,0 +1,72 @@
+//! The processes of a measurement: the second one, signals, and how much memory a process uses.
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// A second process, which is terminated (SIGTERM) and waited for when this is dropped.
+pub struct SecondProcess(Child);
+
+impl SecondProcess {
+    /// Starts it without standard input and output.
+    ///
+    /// # Errors
+    /// If the program cannot be started.
+    pub fn start(mut command: Command) -> std::io::Result<SecondProcess> {
+        command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().map(SecondProcess)
+    }
+
+    /// How it ended; `None` while it runs.
+    ///
+    /// # Errors
+    /// If the system cannot say.
+    pub fn exit_status(&mut self) -> std::io::Result<Option<ExitStatus>> {
+        self.0.try_wait()
+    }
+
+    /// Its process id.
+    pub fn pid(&self) -> u32 {
+        self.0.id()
+    }
+}
+
+impl Drop for SecondProcess {
+    fn drop(&mut self) {
+        if let Ok(None) = self.exit_status() {
+            let pid = rustix::process::Pid::from_child(&self.0);
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
+            let _ = self.0.wait();
+        }
+    }
+}
+
+/// A flag that SIGINT and SIGTERM set. With it a measurement ends its pools before the program ends;
+/// otherwise files would remain in shared memory.
+///
+/// # Errors
+/// If the system refuses the signal handlers.
+pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&flag))?;
+    }
+    Ok(flag)
+}
+
+/// Blocks until SIGINT or SIGTERM arrives. For second processes.
+///
+/// # Errors
+/// If the system refuses the signal handlers.
+pub fn wait_for_termination() -> std::io::Result<()> {
+    Signals::new([SIGINT, SIGTERM])?.forever().next();
+    Ok(())
+}
+
+/// Resident memory of a process in bytes; 0 if it is unknown.
+pub fn resident_bytes(pid: u32) -> usize {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<usize>().ok()).map_or(0, |kb| kb * 1024)
+}

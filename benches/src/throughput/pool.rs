@@ -1,0 +1,168 @@
+//! A whole pool, in this process or in another one, with a learner in this process.
+
+use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
+use crate::play::Policy;
+use crate::process::{SecondProcess, resident_bytes};
+use smaclite_engine::{Arena, Rules, TICKS_PER_STEP};
+use smaclite_ipc::{
+    Batch, Client, ConnectError, ControlSocketError, LaneConfig, RuntimeDir, StartError, Supervisor,
+    SupervisorConfig, WaitOptions,
+};
+use smaclite_pool::fields::Field;
+use std::process::Command;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Far longer than a batch of a healthy pool or the start of one takes.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+pub(super) fn measure(
+    workload: &Workload,
+    second_process: &dyn Fn(&Workload, &str) -> std::io::Result<Command>,
+    interrupt: Interrupt<'_>,
+) -> Result<Counts, MeasureError> {
+    let Workload { policy, num_envs, batch_size, .. } = *workload;
+    if policy != Policy::Sampled && batch_size != num_envs {
+        return Err(MeasureError::NotSynchronous { policy, num_envs, batch_size });
+    }
+    let runtime_dir = RuntimeDir::for_current_user()?;
+    let name = format!("bench-{}", std::process::id());
+    let mut server = if workload.mode == Mode::Attached {
+        let process = second_process(workload, &name).and_then(SecondProcess::start);
+        Server::SecondProcess(process.map_err(MeasureError::SecondProcess)?)
+    } else {
+        Server::ThisProcess { _supervisor: workload.serve(&runtime_dir, &name)? }
+    };
+    let mut client = connect(workload, &runtime_dir, &name, || {
+        interrupt.check()?;
+        server.check_running()
+    })?;
+    let counts = match policy {
+        Policy::Sampled => sample(workload, &mut client, interrupt)?,
+        Policy::Nearest | Policy::Random => replay(workload, &mut client, interrupt)?,
+    };
+    Ok(Counts { rss_bytes: resident_bytes(server.pid()), ..counts })
+}
+
+/// The supervisor of a measurement, which ends when this is dropped.
+enum Server {
+    ThisProcess { _supervisor: Supervisor },
+    SecondProcess(SecondProcess),
+}
+
+impl Server {
+    fn check_running(&mut self) -> Result<(), MeasureError> {
+        let Server::SecondProcess(process) = self else { return Ok(()) };
+        match process.exit_status().map_err(MeasureError::SecondProcess)? {
+            Some(status) => Err(MeasureError::SecondProcessEnded(status)),
+            None => Ok(()),
+        }
+    }
+
+    fn pid(&self) -> u32 {
+        match self {
+            Server::ThisProcess { .. } => std::process::id(),
+            Server::SecondProcess(process) => process.pid(),
+        }
+    }
+}
+
+impl Workload {
+    /// Starts a pool with one lane, `bench`, in this process.
+    ///
+    /// # Errors
+    /// As [`Supervisor::start`].
+    pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
+        let mut lane = LaneConfig::new("bench", self.scenario.clone(), self.num_envs);
+        lane.batch_size = self.batch_size;
+        Supervisor::start(SupervisorConfig {
+            name: name.to_owned(),
+            lanes: vec![lane],
+            options: self.options,
+            runtime_dir: runtime_dir.clone(),
+        })
+    }
+}
+
+/// Connects as soon as the pool runs; `check` says whether to keep waiting for it.
+fn connect(
+    workload: &Workload,
+    runtime_dir: &RuntimeDir,
+    name: &str,
+    mut check: impl FnMut() -> Result<(), MeasureError>,
+) -> Result<Client, MeasureError> {
+    let begin = Instant::now();
+    loop {
+        match Client::connect(runtime_dir, name, None, workload.options.wait) {
+            Err(ConnectError::Control(ControlSocketError::NoSuchPool { .. }))
+                if begin.elapsed() < TIMEOUT =>
+            {
+                check()?;
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            result => return Ok(result?),
+        }
+    }
+}
+
+/// Replays the recorded actions of all environments.
+fn replay(
+    workload: &Workload,
+    client: &mut Client,
+    interrupt: Interrupt<'_>,
+) -> Result<Counts, MeasureError> {
+    let recordings = workload.record(&Arc::new(Arena::new(&workload.scenario, Rules::default())));
+    let actions_of = |step| recordings.iter().flat_map(|recording| recording.step(step)).copied().collect();
+    let batches: Vec<Vec<i32>> = (0..super::RECORDED_STEPS).map(actions_of).collect();
+    let mut play_all = || -> Result<(), MeasureError> {
+        client.reset(Some(SEED), None, wait_options(&mut || false))?;
+        batches.iter().try_for_each(|actions| {
+            drop(client.step(actions, None, wait_options(&mut || false))?);
+            interrupt.check()
+        })
+    };
+    play_all()?; // warms up
+    let begin = Instant::now();
+    let mut passes = 0;
+    while passes == 0 || begin.elapsed() < workload.time {
+        play_all()?;
+        passes += 1;
+    }
+    Ok(Counts::of_recordings(&recordings, passes, begin.elapsed(), 0))
+}
+
+/// Samples available actions of the environments in each batch. Nothing can be recorded for asynchronous
+/// stepping, because the order of the results is not known in advance.
+fn sample(
+    workload: &Workload,
+    client: &mut Client,
+    interrupt: Interrupt<'_>,
+) -> Result<Counts, MeasureError> {
+    let mut actions = vec![0; workload.batch_size * client.layout().sizes().n_agents];
+    let mut ids = vec![0; workload.batch_size];
+    let mut counts = Counts { steps: 0, unit_ticks: 0, time: Duration::ZERO, rss_bytes: 0 };
+    client.send_reset(Some(SEED), None, wait_options(&mut || false))?;
+    let begin = Instant::now();
+    while counts.steps == 0 || begin.elapsed() < workload.time {
+        let batch = client.recv(wait_options(&mut || false))?;
+        ids.copy_from_slice(batch.env_id());
+        counts.steps += ids.len() as u64;
+        counts.unit_ticks += (living_units(&batch) * TICKS_PER_STEP) as u64;
+        drop(batch);
+        client.sample_actions(Some(&ids), &mut actions)?;
+        client.send(&actions, Some(&ids), wait_options(&mut || false))?;
+        interrupt.check()?;
+    }
+    counts.time = begin.elapsed();
+    Ok(counts)
+}
+
+/// Living units in all environments of a batch.
+fn living_units(batch: &Batch) -> usize {
+    let dead = |field| batch.field::<i32>(field).unwrap_or(&[]).iter().sum::<i32>() as usize;
+    batch.env_id().len() * batch.layout().sizes().n_units - dead(Field::DeadAllies) - dead(Field::DeadEnemies)
+}
+
+fn wait_options(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
+    WaitOptions { timeout: Some(TIMEOUT), interrupted }
+}

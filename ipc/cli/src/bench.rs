@@ -1,0 +1,180 @@
+//! `smaclite-pool bench`: steps per second of the engine or of a pool. `smaclite_benches` measures; here are
+//! the options and the tables.
+
+use super::table::Table;
+use super::{CommandResult, THREADS, check_range, megabytes};
+use clap::Args;
+use smaclite_benches::paper;
+use smaclite_benches::play::Policy;
+use smaclite_benches::process::{interrupt_flag, resident_bytes};
+use smaclite_benches::throughput::{Mode, Throughput, Workload};
+use smaclite_ipc::WaitStrategy;
+use smaclite_pool::PoolOptions;
+use smaclite_scenarios::Scenario;
+use std::error::Error;
+use std::process::Command;
+use std::time::Duration;
+
+#[derive(Args)]
+pub(super) struct Bench {
+    /// Scenarios: standard names or files [default: the standard scenarios]
+    #[arg(value_name = "SCENARIO")]
+    scenarios: Vec<String>,
+    /// How the agents choose their actions
+    #[arg(long, value_enum, default_value = "sampled")]
+    policy: Policy,
+    /// What is measured
+    #[arg(long, value_enum, default_value = "embedded")]
+    mode: Mode,
+    /// Number of worker threads of a pool, 1 to 1024 [default: the CPU cores available to this process, minus
+    /// one for the learner]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Number of environments
+    #[arg(long, default_value_t = 64, value_name = "N")]
+    num_envs: usize,
+    /// Environments per batch; fewer than --num-envs means asynchronous stepping, which needs the policy
+    /// `sampled` [default: --num-envs]
+    #[arg(long, value_name = "M")]
+    batch_size: Option<usize>,
+    /// Seconds to measure per scenario
+    #[arg(long, default_value_t = 3.0, allow_negative_numbers = true)]
+    seconds: f64,
+    /// How idle threads wait: adaptive, spin or block
+    #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
+    wait: WaitStrategy,
+    /// Print one JSON object per scenario
+    #[arg(long)]
+    json: bool,
+    /// Print the speed table of the SMAClite paper instead, with a column for this machine
+    #[arg(
+        long,
+        conflicts_with_all = [
+            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
+        ]
+    )]
+    paper_table: bool,
+}
+
+impl Bench {
+    pub(super) fn run(self) -> CommandResult {
+        if self.paper_table {
+            return if self.json { print_paper_json() } else { print_paper_table() };
+        }
+        let workloads = self.workloads()?;
+        let interrupted = interrupt_flag()?;
+        let mut table = Table::new(&[
+            "scenario",
+            "policy",
+            "mode",
+            "threads",
+            "environments",
+            "batch size",
+            "steps/s",
+            "ns per unit and tick",
+            "memory",
+        ]);
+        for workload in &workloads {
+            let result = workload.measure(&serve_command, &interrupted)?;
+            if self.json {
+                out!("{}", serde_json::to_string(&result)?)?;
+            } else {
+                eprintln!("{}: {:.0} steps/s", result.scenario, result.steps_per_s); // progress
+                table.push(cells(&result));
+            }
+        }
+        if !self.json {
+            table.print()?;
+        }
+        Ok(())
+    }
+
+    fn workloads(&self) -> Result<Vec<Workload>, Box<dyn Error>> {
+        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let num_envs = self.num_envs;
+        let batch_size = self.batch_size.unwrap_or(num_envs);
+        check_range("--threads", THREADS, threads)?;
+        check_range("--num-envs", 1..=smaclite_ipc::MAX_ENVS, num_envs)?;
+        check_range("--batch-size", 1..=num_envs, batch_size)?;
+        let time = Duration::try_from_secs_f64(self.seconds).map_err(|error| {
+            format!("--seconds must be a number of at least 0, got {} ({error})", self.seconds)
+        })?;
+        let standard = || Scenario::standard_names().map(str::to_owned).collect();
+        let names: Vec<String> = if self.scenarios.is_empty() { standard() } else { self.scenarios.clone() };
+        let options = PoolOptions { threads, wait: self.wait };
+        let (policy, mode) = (self.policy, self.mode);
+        let workload = |name: &String| -> Result<Workload, Box<dyn Error>> {
+            Ok(Workload { policy, mode, num_envs, batch_size, options, time, ..Workload::new(name)? })
+        };
+        names.iter().map(workload).collect()
+    }
+}
+
+fn cells(result: &Throughput) -> [String; 9] {
+    [
+        result.scenario.clone(),
+        result.policy.name(),
+        result.mode.name(),
+        result.threads.to_string(),
+        result.num_envs.to_string(),
+        result.batch_size.to_string(),
+        format!("{:.0}", result.steps_per_s),
+        format!("{:.0}", result.ns_per_unit_tick),
+        megabytes(result.rss_bytes),
+    ]
+}
+
+/// `smaclite-pool serve` for a workload.
+fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
+    let mut command = this_program()?;
+    let Workload { options, batch_size, num_envs, scenario_argument, .. } = workload;
+    command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
+    command.args(["--batch-size", &batch_size.to_string(), "--wait", options.wait.name()]);
+    command.arg(format!("bench={scenario_argument}:{num_envs}"));
+    Ok(command)
+}
+
+/// This program once more. From Python, the executable of this process is the interpreter. It is called as
+/// this process was: the interpreter of a virtual environment is a link, and knows its packages by the link's
+/// path.
+fn this_program() -> std::io::Result<Command> {
+    let executable = std::env::current_exe()?;
+    let is_python = executable.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("python"));
+    if !is_python {
+        return Ok(Command::new(executable));
+    }
+    let mut command = Command::new(std::env::args_os().next().unwrap_or(executable.into()));
+    command.args(["-m", "smaclite_pool"]);
+    Ok(command)
+}
+
+fn print_paper_json() -> CommandResult {
+    for row in &paper::TABLE {
+        let object = serde_json::json!({
+            "scenario": row.scenario, "episodes": paper::EPISODES,
+            "seconds_per_step": paper::seconds_per_step(row.scenario)?,
+            "paper": { "smac": row.smac, "smaclite": row.smaclite, "smaclite_plus": row.smaclite_plus },
+            "rss_bytes": resident_bytes(std::process::id()),
+        });
+        out!("{object}")?;
+    }
+    Ok(())
+}
+
+fn print_paper_table() -> CommandResult {
+    let mut table =
+        Table::new(&["scenario", "SMAC", "SMAClite", "SMAClite_plus", "here", "speed-up over SMAClite_plus"]);
+    for row in &paper::TABLE {
+        let here = paper::seconds_per_step(row.scenario)?;
+        let of_paper = [row.smac, row.smaclite, row.smaclite_plus].map(|seconds| format!("{seconds:.3}"));
+        let here = [format!("{here:.7}"), format!("{:.0} x", row.smaclite_plus / here)];
+        table.push([row.scenario.to_owned()].into_iter().chain(of_paper).chain(here));
+    }
+    let episodes = paper::EPISODES;
+    out!("Average seconds per timestep, random available actions, {episodes} episodes each, one thread.")?;
+    out!("The columns of the paper were measured on an AMD Ryzen 3700X, `here` on this machine.\n")?;
+    table.print()?;
+    let resident = megabytes(resident_bytes(std::process::id()));
+    out!("\nresident memory: {resident} here; about 600 MB (SMAC) and 100 MB (SMAClite) in the paper")?;
+    Ok(())
+}

@@ -1,0 +1,137 @@
+//! The `smaclite-pool` program, one file per command. `python -m smaclite_pool` runs it too.
+
+#![forbid(unsafe_code)]
+
+/// Prints a line. A closed standard output is an error here, not a panic as in `println!`.
+macro_rules! out {
+    ($($part:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout(), $($part)*)
+    }};
+}
+
+mod bench;
+mod check;
+mod clean;
+mod list;
+mod scenarios;
+mod serve;
+mod table;
+
+use clap::{Parser, Subcommand};
+use smaclite_ipc::{RuntimeDir, RuntimeDirError};
+use std::error::Error;
+use std::ffi::OsString;
+use std::ops::RangeInclusive;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::ParseError;
+
+/// What a command returns. An error is printed as one line.
+type CommandResult = Result<(), Box<dyn Error>>;
+
+/// Battles for multi-agent reinforcement learning, served to learners through shared memory.
+#[derive(Parser)]
+#[command(name = "smaclite-pool", version, max_term_width = 100)]
+struct Cli {
+    /// Log level on standard error: error, warn, info, debug or trace; or a filter such as
+    /// `warn,smaclite_pool=debug`
+    #[arg(
+        long,
+        global = true,
+        value_name = "LEVEL",
+        default_value = "warn",
+        env = "SMACLITE_POOL_LOG",
+        value_parser = log_filter
+    )]
+    log: String,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a pool that learners attach to
+    Serve(serve::Serve),
+    /// List the standard scenarios and their sizes
+    Scenarios(scenarios::Scenarios),
+    /// Validate scenario and unit files
+    Check(check::Check),
+    /// List your pools on this machine, with their lanes and learners
+    List(list::List),
+    /// Show one pool: learners, steps per second, episodes, win rate
+    Status(list::Status),
+    /// Remove the files that killed pools and learners left behind
+    Clean(clean::Clean),
+    /// Measure steps per second
+    Bench(bench::Bench),
+}
+
+/// Runs the program with these arguments, the first of which is the program's name, and returns its exit
+/// status: 0 for success, 1 for failure, 2 for wrong usage.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            let _ = error.print(); // fails only if the output is closed
+            return error.exit_code();
+        }
+    };
+    log_to_stderr(&cli.log);
+    let result = match cli.command {
+        Command::Serve(serve) => serve.run(),
+        Command::Scenarios(scenarios) => scenarios.run(),
+        Command::Check(check) => check.run(),
+        Command::List(list) => list.run(),
+        Command::Status(status) => status.run(),
+        Command::Clean(clean) => clean.run(),
+        Command::Bench(bench) => bench.run(),
+    };
+    match result {
+        Ok(()) => 0,
+        Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
+        Err(error) => {
+            eprintln!("smaclite-pool: {error}");
+            1
+        }
+    }
+}
+
+fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
+    error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// Checks a filter; `EnvFilter` cannot be cloned, as clap needs it.
+fn log_filter(text: &str) -> Result<String, ParseError> {
+    EnvFilter::try_new(text).map(|_| text.to_owned())
+}
+
+fn log_to_stderr(filter: &str) {
+    let subscriber =
+        tracing_subscriber::fmt().with_env_filter(EnvFilter::new(filter)).with_writer(std::io::stderr);
+    let _ = subscriber.try_init(); // a second run in one process, as from Python, keeps the first subscriber
+}
+
+fn runtime_dir() -> Result<RuntimeDir, RuntimeDirError> {
+    RuntimeDir::for_current_user()
+}
+
+/// The number of worker threads that a pool may have.
+const THREADS: RangeInclusive<usize> = 1..=1024;
+
+/// An option has a number that is not accepted.
+#[derive(Debug, thiserror::Error)]
+#[error("{option} must be between {} and {}, got {value}", range.start(), range.end())]
+struct OutOfRange {
+    option: &'static str,
+    range: RangeInclusive<usize>,
+    value: usize,
+}
+
+fn check_range(option: &'static str, range: RangeInclusive<usize>, value: usize) -> Result<(), OutOfRange> {
+    if range.contains(&value) { Ok(()) } else { Err(OutOfRange { option, range, value }) }
+}
+
+/// `1234567` bytes as `1.2 MB`.
+fn megabytes(bytes: usize) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}

@@ -1,0 +1,157 @@
+//! `smaclite-pool list` and `status`: which pools run on this machine, and their statistics.
+
+use super::table::Table;
+use super::{CommandResult, megabytes, runtime_dir};
+use clap::Args;
+use smaclite_ipc::{
+    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status,
+};
+
+#[derive(Args)]
+pub(super) struct List {
+    /// Print one JSON object per pool
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args)]
+pub(super) struct Status {
+    /// Name of the pool
+    #[arg(default_value = "default")]
+    name: String,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl List {
+    pub(super) fn run(self) -> CommandResult {
+        let (pools, errors) = request_all(&runtime_dir()?);
+        if self.json {
+            for pool in &pools {
+                out!("{}", serde_json::to_string(pool)?)?;
+            }
+        } else if !pools.is_empty() {
+            print_pools(&pools)?;
+        } else if errors.is_empty() {
+            out!("no pool is running")?;
+        }
+        errors.iter().for_each(|error| eprintln!("smaclite-pool: {error}"));
+        match errors.len() {
+            0 => Ok(()),
+            silent => Err(format!("{silent} of {} pools did not answer", pools.len() + silent).into()),
+        }
+    }
+}
+
+fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
+    let mut table = Table::new(&["pool", "process", "lane", "environments", "learner", "steps/s"]);
+    for pool in pools {
+        for lane in &pool.lanes {
+            table.push([
+                pool.pool.clone(),
+                pool.pid.to_string(),
+                lane.description.lane.clone(),
+                environments(lane),
+                learner(lane),
+                format!("{:.0}", lane.steps_per_s),
+            ]);
+        }
+    }
+    table.print()
+}
+
+impl Status {
+    pub(super) fn run(self) -> CommandResult {
+        let pool = status(&runtime_dir()?, &self.name)?;
+        if self.json {
+            out!("{}", serde_json::to_string_pretty(&pool)?)?;
+            return Ok(());
+        }
+        out!(
+            "pool `{}`: process {}, running for {:.0} s, worker threads: {}, {} of shared memory",
+            pool.pool,
+            pool.pid,
+            pool.uptime_s,
+            pool.threads,
+            megabytes(pool.shared_memory)
+        )?;
+        print_lanes(&pool.lanes)?;
+        for lane in &pool.lanes {
+            if let Some(failure) = &lane.failure {
+                out!("lane `{}` failed: {failure}", lane.description.lane)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn print_lanes(lanes: &[LaneStatus]) -> std::io::Result<()> {
+    let mut table = Table::new(&[
+        "lane",
+        "environments",
+        "learner",
+        "steps/s",
+        "queue wait",
+        "steps",
+        "episodes",
+        "win rate",
+        "refused requests",
+    ]);
+    for lane in lanes {
+        table.push([
+            lane.description.lane.clone(),
+            environments(lane),
+            learner(lane),
+            format!("{:.0}", lane.steps_per_s),
+            format!("{:.0} us", lane.queue_wait_us),
+            lane.stats.steps.to_string(),
+            lane.stats.episodes.to_string(),
+            win_rate(lane),
+            lane.stats.rejected.to_string(),
+        ]);
+    }
+    table.print()
+}
+
+fn environments(lane: &LaneStatus) -> String {
+    format!("{} x {}", lane.description.num_envs, lane.description.scenario)
+}
+
+fn learner(lane: &LaneStatus) -> String {
+    match (&lane.failure, lane.learner_pid) {
+        (Some(_), _) => "failed".to_owned(),
+        (None, Some(pid)) => format!("process {pid}"),
+        (None, None) => "none".to_owned(),
+    }
+}
+
+fn win_rate(lane: &LaneStatus) -> String {
+    match lane.stats.episodes {
+        0 => "-".to_owned(),
+        episodes => format!("{:.1} %", 100.0 * lane.stats.wins as f64 / episodes as f64),
+    }
+}
+
+/// Requests the status of all running pools: those that answer, and the errors of the others. All are
+/// requested at the same time, so that suspended pools cost one timeout together.
+fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+    let names = running_pools(runtime_dir);
+    let results: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> =
+            names.iter().map(|name| scope.spawn(move || status(runtime_dir, name))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("a request does not panic")).collect()
+    });
+    let (mut pools, mut errors) = (Vec::new(), Vec::new());
+    for result in results {
+        match result {
+            Ok(pool) => pools.push(pool),
+            // It ended in the meantime.
+            Err(ConnectError::Control(
+                ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
+            )) => {}
+            Err(error) => errors.push(error),
+        }
+    }
+    (pools, errors)
+}

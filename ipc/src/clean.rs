@@ -1,0 +1,56 @@
+//! Removing the files that killed pools and learners left behind.
+
+use crate::runtime_dir::RuntimeDir;
+use crate::services::{IpcError, open_node};
+use crate::supervisor::NameLock;
+use std::fs::DirEntry;
+use std::path::Path;
+
+/// What [`clean`] did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CleanReport {
+    /// Files that were removed.
+    pub removed: usize,
+    /// Files that remain, because running pools and learners use them.
+    pub in_use: usize,
+}
+
+/// Why left-over files could not be removed.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[allow(missing_docs)] // the messages say it
+pub enum CleanError {
+    Io(#[from] std::io::Error),
+    Ipc(#[from] IpcError),
+}
+
+/// Removes what killed pools and learners left in the runtime directory and in `/dev/shm`. Running ones are
+/// not affected.
+pub fn clean(runtime_dir: &RuntimeDir) -> Result<CleanReport, CleanError> {
+    let before = count_files(runtime_dir);
+    for name in runtime_dir.stale_names() {
+        // The owner of a lock removes the pool's files when it releases the lock; a running pool keeps it.
+        drop(NameLock::try_take(runtime_dir, &name)?);
+    }
+    runtime_dir.remove_stale()?;
+    if !runtime_dir.shm_dirs().is_empty() {
+        // Other processes use the directory: a new node makes iceoryx2 remove the files of the dead ones.
+        drop(open_node(runtime_dir, "clean")?);
+    }
+    let in_use = count_files(runtime_dir);
+    Ok(CleanReport { removed: before.saturating_sub(in_use), in_use })
+}
+
+/// Files in shared memory, and pools with a lock or a socket.
+fn count_files(runtime_dir: &RuntimeDir) -> usize {
+    runtime_dir.shm_dirs().iter().map(|dir| files_in(dir)).sum::<usize>() + runtime_dir.stale_names().len()
+}
+
+fn files_in(dir: &Path) -> usize {
+    let entries = std::fs::read_dir(dir).into_iter().flatten().flatten();
+    let count = |entry: DirEntry| match entry.file_type() {
+        Ok(kind) if kind.is_dir() => files_in(&entry.path()),
+        _ => 1,
+    };
+    entries.map(count).sum()
+}
