@@ -1,4 +1,5 @@
-//! A short [chaos run](smaclite_tests::chaos) as part of the tests; `just chaos MINUTES SEED` runs longer ones.
+//! A short [chaos run](smaclite_tests::chaos) as part of the tests; `just chaos MINUTES SEED` runs longer
+//! ones.
 
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{chaos, roles};

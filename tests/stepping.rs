@@ -1,5 +1,5 @@
-//! However batches are stepped (asynchronously, by any number of threads, by an embedded pool or another process,
-//! with any autoreset mode), learners see the same bits. Every frame is compared with the
+//! However batches are stepped (asynchronously, by any number of threads, by an embedded pool or another
+//! process, with any autoreset mode), learners see the same bits. Every frame is compared with the
 //! [reference](smaclite_tests::reference), so two ways of stepping that agree with it agree with each other.
 
 use smaclite_ipc::{Client, Supervisor, WaitOptions, WaitStrategy};

@@ -62,7 +62,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
     assert!(interrupted(status_within(dir.runtime_dir(), "train", wait).expect_err("it is stopped")));
 
     let second = Child::try_supervisor(&dir, &plan);
-    let error = second.answer(TIMEOUT).expect_err("the name is taken");
+    let error = second.answer(TIMEOUT).expect_err("the name is in use");
     assert_contains(&error, &["runs already", &format!("process {}", supervisor.pid())]);
 
     let list = role_command(&dir, &[], "program list").output().expect("a child process");
@@ -89,8 +89,8 @@ fn a_client_waits_for_a_pool_that_starts_later() {
     });
 }
 
-/// The status of 240 lanes is longer than the socket's buffer: it was truncated, and the client reported that the
-/// pool does not answer.
+/// The status of 240 lanes is longer than the socket's buffer: it was truncated, and the client reported that
+/// the pool does not answer.
 #[test]
 fn the_status_of_hundreds_of_lanes_is_complete() {
     const LANES: usize = 300;
@@ -110,7 +110,8 @@ fn the_status_of_hundreds_of_lanes_is_complete() {
     // A client that writes requests faster than it reads gets every answer in the end, and delays no other.
     const REQUESTS: usize = 20;
     let mut slow = UnixStream::connect(dir.runtime_dir().socket("train")).expect("the pool's socket");
-    slow.write_all("{\"request\":\"status\"}\n".repeat(REQUESTS).as_bytes()).expect("room for the requests");
+    slow.write_all("{\"request\":\"status\"}\n".repeat(REQUESTS).as_bytes())
+        .expect("a socket that can be written to");
     assert_eq!(status(dir.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(REQUESTS).map(|line| line.expect("a whole line"));
     let lanes = answers.map(|line| {
@@ -142,8 +143,8 @@ fn idle_connections_do_not_block_other_clients() {
     assert_eq!((&oldest).read(&mut [0; 1]).expect("an end"), 0, "the oldest idle connection is closed");
 }
 
-/// The kernel reports process id 0 for a peer in a process namespace that is not visible. It was used as a valid
-/// process id.
+/// The kernel reports process id 0 for a peer in a process namespace that is not visible. It was used as a
+/// valid process id.
 #[test]
 fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
     if !can_launch(NEW_PROCESS_NAMESPACE) {

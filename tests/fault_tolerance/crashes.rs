@@ -3,8 +3,8 @@
 use smaclite_tests::crash_points::{CALLS, check, has_strace};
 use smaclite_tests::{LanePlan, PoolPlan};
 
-/// After a kill before the socket was created, `NAME.lock` stayed; after one while iceoryx2 created its counter,
-/// the next `clean` failed.
+/// After a kill before the socket was created, `NAME.lock` stayed; after one while iceoryx2 created its
+/// counter, the next `clean` failed.
 #[test]
 fn one_clean_removes_everything_of_a_start_that_was_killed() {
     if !has_strace() {

@@ -69,8 +69,8 @@ fn a_forked_child_gets_an_error_and_the_parent_continues() {
     learner.step(TIMEOUT).expect("a step");
 }
 
-/// Reading a batch locked a mutex of its port. A child that was forked while another thread held it, in `recv`
-/// or for reading, hung as soon as it read a batch.
+/// Reading a batch locked a mutex of its port. A child that was forked while another thread held it, in
+/// `recv` or for reading, hung as soon as it read a batch.
 #[test]
 fn a_forked_child_can_read_a_batch_whatever_other_threads_do_at_the_fork() {
     let dir = TestDir::new();
@@ -104,8 +104,8 @@ fn a_forked_child_can_read_a_batch_whatever_other_threads_do_at_the_fork() {
     });
 }
 
-/// The end of a pool waited until a socket was closed of which every forked child has a copy, and for the same
-/// reason learners of other processes were not notified. If the child waited for its parent, this was a
+/// The end of a pool waited until a socket was closed of which every forked child has a copy, and for the
+/// same reason learners of other processes were not notified. If the child waited for its parent, this was a
 /// deadlock.
 #[test]
 fn a_pool_ends_while_a_forked_child_lives() {

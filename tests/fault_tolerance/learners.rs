@@ -85,7 +85,7 @@ fn a_second_learner_is_refused_with_the_process_id_of_the_first() {
     first.must("step 3"); // undisturbed
     first.must("disconnect");
     second.must("connect train");
-    let error = first.ask("connect train").expect_err("now the other way round");
+    let error = first.ask("connect train").expect_err("now the second has the lane");
     assert_contains(&error, &[&format!("process {}", second.pid())]);
 }
 

@@ -52,8 +52,8 @@ fn wrong_settings_are_errors_before_anything_starts() {
     check("serve 2s3z:4 --fields obs,hp", 1, &["`hp`", "avail_actions"]);
 }
 
-/// iceoryx2 reports a lack of file descriptors as an internal error, and the error of a read-only disk was the
-/// debug output of a Rust value.
+/// iceoryx2 reports a lack of file descriptors as an internal error, and the error of a read-only disk was
+/// the debug output of a Rust value.
 #[test]
 fn an_error_names_too_few_file_descriptors_as_its_cause() {
     let dir = TestDir::new();

@@ -1,6 +1,6 @@
-//! What a pool guarantees when processes die, stop, fork or send invalid requests, when resources run out, and
-//! when another user is hostile: each guarantee is tested with real processes. How batches are stepped is tested
-//! in `stepping`, and random combinations of all this in `chaos`.
+//! What a pool guarantees when processes die, stop, fork or send invalid requests, when resources run out,
+//! and when another user is hostile: each guarantee is tested with real processes. How batches are stepped is
+//! tested in `stepping`, and random combinations of all this in `chaos`.
 
 mod actions;
 mod control;

@@ -1,5 +1,5 @@
-//! Malformed and hostile requests, sent without the real client: they are rejected, counted, and have no effect
-//! on the lane.
+//! Malformed and hostile requests, sent without the real client: they are rejected, counted, and have no
+//! effect on the lane.
 
 use crate::assert_contains;
 use rand::seq::IndexedRandom;

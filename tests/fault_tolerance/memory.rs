@@ -50,7 +50,7 @@ fn too_little_memory_is_found_at_the_start() {
     assert!(enough > 1024, "{enough} kB cannot be enough");
 }
 
-/// If the folder in shared memory could not be created, the lock file stayed.
+/// If the folder in shared memory could not be created, the lock file was not removed.
 #[test]
 fn a_start_without_shared_memory_leaves_nothing() {
     let dir = TestDir::new();

@@ -1,7 +1,7 @@
 //! Other users of the machine, who see every name in `/dev/shm` and can create files there.
 //!
-//! If these tests run as root, a child is another user. Otherwise it is this user and checks the modes of files,
-//! which decide whether others can open them.
+//! If these tests run as root, a child is another user. Otherwise it is this user and checks the modes of
+//! files, which decide whether others can open them.
 
 use crate::assert_contains;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
@@ -16,9 +16,9 @@ fn plan() -> PoolPlan {
     PoolPlan::new([LanePlan::new("2s3z", 2)])
 }
 
-/// iceoryx2's counter of nodes was open to all users for a moment whenever it was created, under a predictable
-/// name: a loop around `open` got it within seconds. Here the other user opens every file that it can while
-/// pools start and end.
+/// iceoryx2's counter of nodes was open to all users for a moment whenever it was created, under a
+/// predictable name: a loop around `open` got it within seconds. Here the other user opens every file that it
+/// can while pools start and end.
 #[test]
 fn another_user_can_open_no_file_while_pools_start_and_end() {
     let dir = TestDir::new();
@@ -40,7 +40,8 @@ fn another_user_can_open_no_file_while_pools_start_and_end() {
 }
 
 /// A file, a FIFO and others under the name of the counter made every start hang or fail, and one with valid
-/// content was used. The other user knows how iceoryx2 names its files, and sees the name of the pools' folder.
+/// content was used. The other user knows how iceoryx2 names its files, and sees the name of the pools'
+/// folder.
 #[test]
 fn files_of_another_user_in_shared_memory_do_no_harm() {
     if !rustix::process::getuid().is_root() {

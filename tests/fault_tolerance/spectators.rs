@@ -67,8 +67,8 @@ fn spectators_that_stop_or_die_disturb_no_other_process() {
     dir.assert_empty();
 }
 
-/// `latest` released the batch that it held before it had read the newer frame, and so had none if that was an
-/// error report.
+/// `latest` released the batch that it held before it had read the newer frame, and so had none if that was
+/// an error report.
 #[test]
 fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
     let dir = TestDir::new();

@@ -42,7 +42,8 @@ fn learners_of_a_killed_supervisor_get_an_error_and_keep_the_batches_they_hold()
         assert_gets_error(&waiting, killed);
         waiting.must("check");
 
-        // A pool of the same name can start at once and serves learners that still hold frames of the dead one.
+        // A pool of the same name can start at once and serves learners that still hold frames of the dead
+        // one.
         let _restarted = Child::supervisor(&dir, &plan);
         let mut fresh = Child::attached(&dir, &plan.lanes[0]);
         fresh.must("reset");
@@ -130,8 +131,8 @@ fn a_learner_waits_for_a_stopped_supervisor_until_its_timeout() {
     learner.must("step 10");
 }
 
-/// The client began the new epoch before the reset was sent. If sending failed, the client dropped all frames of
-/// the epoch that continued, and its next step hung.
+/// The client began the new epoch before the reset was sent. If sending failed, the client dropped all frames
+/// of the epoch that continued, and its next step hung.
 #[test]
 fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     let dir = TestDir::new();

@@ -1,5 +1,5 @@
-//! Requests that are rejected: each names its reason and changes nothing. These learners do not check anything
-//! themselves.
+//! Requests that are rejected: each names its reason and changes nothing. These learners do not check
+//! anything themselves.
 
 use crate::harness::{Learner, all, assert_same, legal_actions, start, start_one, wait_until};
 use smaclite_pool::transport::RequestKind;

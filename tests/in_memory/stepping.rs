@@ -58,7 +58,7 @@ impl Episodes {
             }
             self.learner.send_reset(None, &ended);
             if self.is_synchronous() {
-                // The others come along unchanged; all are stepped next time.
+                // The batch also has the others, unchanged; all are stepped next time.
                 for row in &going {
                     self.is_awaited[row.env() as usize] = true;
                     self.reference.observe(row.env());

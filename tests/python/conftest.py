@@ -1,4 +1,4 @@
-"""A place of its own for every test, which must be empty after it, and pools in processes of their own."""
+"""A separate runtime directory for every test, which must be empty after it, and pools in other processes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 
 def shm_prefix(root: Path) -> str:
-    """What the name of the folder in /dev/shm begins with: FNV-1a of `root`, as ipc/src/place.rs has it."""
+    """The first part of the folder's name in /dev/shm: FNV-1a of `root`, as in ipc/src/runtime_dir.rs."""
     folder = 0xCBF29CE484222325
     for byte in str(root).encode():
         folder = ((folder ^ byte) * 0x100000001B3) % 2**64
@@ -24,14 +24,14 @@ def shm_prefix(root: Path) -> str:
 
 
 def left_over(root: Path) -> list[str]:
-    """Files of this place in its folder and in /dev/shm."""
+    """Files of this runtime directory, and its folder in /dev/shm."""
     files = [str(path) for path in root.rglob("*") if not path.is_dir()]
     return files + [str(path) for path in Path("/dev/shm").glob(shm_prefix(root) + "*")]
 
 
 @pytest.fixture(autouse=True)
-def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The folder of this test's pools; short, because sockets live in it."""
+def test_dir(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The runtime directory of this test's pools; its path is short, because sockets are in it."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
     yield root
@@ -47,7 +47,7 @@ Serve = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def serve(place: Path) -> Iterator[Serve]:
+def serve(test_dir: Path) -> Iterator[Serve]:
     """Starts `smaclite-pool serve` with the given arguments and returns it once it serves."""
     started: list[subprocess.Popen[str]] = []
 
@@ -72,6 +72,6 @@ def serve(place: Path) -> Iterator[Serve]:
 
 
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:
-    """Runs Python code in a process of its own."""
+    """Runs Python code in another process."""
     command = [sys.executable, "-c", text, *args]
     return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)

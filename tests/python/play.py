@@ -1,4 +1,4 @@
-"""Playing and comparing, for several tests."""
+"""Stepping environments with legal actions and comparing the results, for several tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def bits(batch: sp.Batch) -> bytes:
 
 
 def play(envs: sp.Envs, steps: int, seed: int) -> list[bytes]:
-    """Random legal play; the bits of every batch."""
+    """Steps with random legal actions; returns the bits of every batch."""
     envs.seed_sampler(seed)
     played = [bits(envs.reset(seed=seed))]
     for _ in range(steps):
@@ -27,7 +27,7 @@ def play(envs: sp.Envs, steps: int, seed: int) -> list[bytes]:
 
 
 def play_in_part_batches(envs: sp.Envs, steps: int, seed: int) -> dict[int, list[bytes]]:
-    """Stops every agent that can stop, in batches as they come; obs and reward of each environment's own steps."""
+    """Steps an asynchronous pool with `first_legal`; returns obs and reward of each environment's steps."""
     envs.async_reset(seed=seed)
     seen: dict[int, list[bytes]] = {env: [] for env in range(envs.num_envs)}
     while any(len(own) <= steps for own in seen.values()):
@@ -39,7 +39,7 @@ def play_in_part_batches(envs: sp.Envs, steps: int, seed: int) -> dict[int, list
 
 
 def first_legal(batch: sp.Batch) -> NDArray[np.int32]:
-    """The last available action of every agent: an attack where one is possible."""
+    """The last available action of every agent: an attack if one is available."""
     mask = batch.avail_actions
     last: NDArray[np.int32] = (mask.shape[2] - 1 - mask[:, :, ::-1].argmax(axis=2)).astype(np.int32)
     return last

@@ -30,7 +30,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_r
 
 
 @pytest.fixture(autouse=True)
-def place() -> None:
+def test_dir() -> None:
     """Not one for each test: nodes keep the place that they were started with."""
 
 

@@ -40,7 +40,7 @@ impl Gate {
         self.0.0.lock().unwrap().closed = true;
     }
 
-    /// Lets all steps go on.
+    /// Lets all steps continue.
     pub fn open(&self) {
         self.0.0.lock().unwrap().closed = false;
         self.0.1.notify_all();

@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-/// Lanes whose requests and frames are on the heap.
+/// Lanes whose requests and frames are in the memory of one process.
 pub struct InMemory;
 
 impl Transport for InMemory {

@@ -9,9 +9,9 @@
 //! small environment for tests that need no battle.
 //! - In one process: [`in_memory`] is a transport of channels and vectors.
 //! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
-//!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not see
-//!   each other's pools. A [`Learner`] compares every frame with the reference. [`raw_client`] sends requests
-//!   that the real client would never send, [`other_user`] acts as another user of the machine,
+//!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not
+//!   see each other's pools. A [`Learner`] compares every frame with the reference. [`raw_client`] sends
+//!   requests that the real client would never send, [`other_user`] acts as another user of the machine,
 //!   [`crash_points`] kills a pool at a given system call, and [`fork`] forks. [`chaos`] does all of this at
 //!   random.
 #![deny(unsafe_code)] // exceptions: `fork`, and an unsafe trait that `in_memory` implements

@@ -44,8 +44,8 @@ impl Child {
     }
 }
 
-/// Repeatedly opens every file in `/dev/shm` whose name starts with `prefix`, for reading and writing. After a
-/// command it answers how many names it saw and which files it could open.
+/// Repeatedly opens every file in `/dev/shm` whose name starts with `prefix`, for reading and writing. After
+/// a command it answers how many names it saw and which files it could open.
 pub fn file_opener(prefix: &str) -> i32 {
     static STOP: AtomicBool = AtomicBool::new(false);
     answer::<_, String>(Ok("watching"));

@@ -1,5 +1,5 @@
-//! Child processes: this program again, with one of the [`roles`](crate::roles). The parent writes commands to
-//! the child's standard input, one per line, and reads one answer for each.
+//! Child processes: this program again, with one of the [`roles`](crate::roles). The parent writes commands
+//! to the child's standard input, one per line, and reads one answer for each.
 
 use crate::{LanePlan, PoolPlan, TestDir};
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, waitid};

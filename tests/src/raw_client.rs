@@ -88,7 +88,8 @@ pub fn requests(node: &Node<Ipc>, lane: &LaneDescription, max_bytes: usize) -> R
 }
 
 impl Requests {
-    /// Sends a request, and waits while the queue is full. Returns the address of its payload in shared memory.
+    /// Sends a request, and waits while the queue is full. Returns the address of its payload in shared
+    /// memory.
     ///
     /// # Panics
     /// If the supervisor does not read requests for [`TIMEOUT`](crate::process::TIMEOUT).

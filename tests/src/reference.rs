@@ -39,7 +39,7 @@ impl Reference {
     }
 
     /// Resets every environment: with a seed, environment `i` is seeded with `seed + i`; without one its
-    /// generator goes on, except in the first reset, which uses the lane's seed.
+    /// generator continues, except in the first reset, which uses the lane's seed.
     pub fn reset_all(&mut self, seed: Option<u64>) {
         let seed = seed.or((!self.was_reset).then_some(self.seed));
         self.was_reset = true;
@@ -49,7 +49,7 @@ impl Reference {
         }
     }
 
-    /// Resets one environment; its generator goes on unless there is a seed.
+    /// Resets one environment; its generator continues unless there is a seed.
     pub fn reset(&mut self, env: i32, seed: Option<u64>) -> &Row {
         let state = &mut self.envs[env as usize];
         if let Some(seed) = seed {
@@ -60,7 +60,7 @@ impl Reference {
         self.observe(env)
     }
 
-    /// The row of an environment that comes along when others are reset: unchanged, but of no step.
+    /// The row of an environment when others are reset in synchronous mode: unchanged, but not of a step.
     pub fn observe(&mut self, env: i32) -> &Row {
         let state = &mut self.envs[env as usize];
         state.row = Row::of(&*state.env, env as usize, None, &mut self.scratch);

@@ -7,7 +7,7 @@ use smaclite_pool::fields::{Dtype, FIELDS, Field};
 use smaclite_pool::layout::Layout;
 
 /// The values of a slot as bytes, by field. A field that the lane leaves out is `None`, and so is what a
-/// reference cannot know: the `final_*` fields of an episode that goes on.
+/// reference cannot know: the `final_*` fields of an episode that has not ended.
 #[derive(Clone, Debug)]
 pub struct Row {
     values: Vec<Option<Vec<u8>>>,

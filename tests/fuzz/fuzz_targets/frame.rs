@@ -1,8 +1,9 @@
-//! What a faulty or hostile supervisor can send to a learner: a lane's description with any sizes, and frames with
-//! any header and any content. A reader ignores frames of another layout, and what it accepts has the right shape.
+//! What a faulty or hostile supervisor can send to a learner: a lane's description with any sizes, and frames
+//! with any header and any content. A reader ignores frames of another layout, and what it accepts has the
+//! right shape.
 //!
-//! Input: a byte that says which parts of a valid header to keep, the others, the payload; or, if the first byte
-//! is 255, a response of the control socket as JSON.
+//! Input: a byte that says which parts of a valid header to keep, the others, the payload; or, if the first
+//! byte is 255, a response of the control socket as JSON.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

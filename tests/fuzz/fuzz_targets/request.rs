@@ -1,9 +1,9 @@
-//! Requests that any iceoryx2 program can send as a learner: any header with any payload, several in a row. They
-//! are read as in production and accepted or rejected by a pool with an in-memory transport; afterwards a valid
-//! learner must find the lane intact.
+//! Requests that any iceoryx2 program can send as a learner: any header with any payload, several in a row.
+//! They are read as in production and accepted or rejected by a pool with an in-memory transport; afterwards
+//! a valid learner must find the lane intact.
 //!
-//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a valid header to keep,
-//! the fields that are not kept, a byte with the payload's length in words, the payload.
+//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a valid header to
+//! keep, the fields that are not kept, a byte with the payload's length in words, the payload.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,5 @@
-//! Any text as a scenario file: it is refused with a reason, or it is a scenario whose battles can be stepped.
+//! Any text as a scenario file: it is refused with a reason, or it is a scenario whose battles can be
+//! stepped.
 #![no_main]
 
 mod steps;

@@ -1,5 +1,5 @@
-//! Steps battles of a scenario under both rule sets: a file that was accepted must make a battle whose numbers
-//! are finite.
+//! Steps battles of a scenario under both rule sets: a file that was accepted must make a battle whose
+//! numbers are finite.
 
 use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, Rules, Scratch};

@@ -12,8 +12,8 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     let Ok(text) = std::str::from_utf8(bytes) else { return Corpus::Reject };
     match UnitType::from_json(text, "FUZZED", "fuzzed.json") {
         Ok(unit) => {
-            // Near enough to fight in the first step: the stalkers of one side against the zealots of the other,
-            // one of the two types fuzzed.
+            // Near enough to fight in the first step: the stalkers of one side against the zealots of the
+            // other, one of the two types fuzzed.
             let mut scenario = Scenario::standard("2s3z").expect("a standard scenario");
             scenario.unit_types[0] = unit;
             for (i, placement) in scenario.units.iter_mut().enumerate() {

@@ -1,5 +1,5 @@
-//! `chaos MINUTES SEED` runs the [chaos test](smaclite_tests::chaos). Exit status: 0 if every invariant held, 1
-//! if one did not, 2 for wrong arguments.
+//! `chaos MINUTES SEED` runs the [chaos test](smaclite_tests::chaos). Exit status: 0 if every invariant held,
+//! 1 if one did not, 2 for wrong arguments.
 #![forbid(unsafe_code)]
 
 use smaclite_tests::{chaos, roles};

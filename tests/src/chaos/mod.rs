@@ -3,22 +3,22 @@
 //!
 //! # Processes
 //!
-//! Two supervisors share one runtime directory. That of pool `permanent` is stopped at times but never killed,
-//! so that the resources it holds can be measured; that of pool `restarted` is also killed, or ended normally,
-//! and started again under the same name. Each pool has three lanes. Clients of each pool are child processes,
-//! with these [`roles`]:
+//! Two supervisors share one runtime directory. That of pool `permanent` is stopped at times but never
+//! killed, so that the resources it holds can be measured; that of pool `restarted` is also killed, or ended
+//! normally, and started again under the same name. Each pool has three lanes. Clients of each pool are child
+//! processes, with these [`roles`]:
 //!
-//! | role | how many per pool | what it does |
+//! | role | per pool | what it does |
 //! | --- | --- | --- |
-//! | `learner` | one each for lanes 1 and 2 | attaches, resets, steps and holds batches, in sessions of random length |
-//! | `spectator` | one each for lanes 1 and 2 | reads the newest frame at random times |
-//! | `invalid_sender` | one | sends malformed requests, and requests of unknown sessions, to a random lane |
-//! | `forking_learner` | one for lane 3 of `permanent` | steps, while another of its threads forks children that read a batch |
-//! | `namespace_learner` | one for lane 3 of `restarted` | attaches from another process namespace, again and again |
+//! | `learner` | lanes 1 and 2 | attaches, resets, steps and holds batches, in sessions of random length |
+//! | `spectator` | lanes 1 and 2 | reads the newest frame at random times |
+//! | `invalid_sender` | 1 | sends malformed requests, and requests of unknown sessions, to a random lane |
+//! | `forking_learner` | `permanent`, lane 3 | steps, and forks children that read its newest batch |
+//! | `namespace_learner` | `restarted`, lane 3 | attaches from another process namespace, repeatedly |
 //!
-//! Besides these, another user tries to open every file of the pools in `/dev/shm`, and one thread starts pools
-//! in other directories and kills them at a random system call ([`crash_points`]). Without root, `unshare` or
-//! `strace` these do less; the summary counts what was done.
+//! Besides these, another user tries to open every file of the pools in `/dev/shm`, and one thread starts
+//! pools in other directories and kills them at a random system call ([`crash_points`](crate::crash_points)). Without root,
+//! `unshare` or `strace` these do less; the summary counts what was done.
 //!
 //! # One run
 //!
@@ -37,14 +37,15 @@
 //!
 //! A run fails with the first that does not hold:
 //!
-//! - Every frame of a learner has the bits of the reference ([`Reference`](crate::Reference)), and none is lost
-//!   or repeated.
+//! - Every frame of a learner has the bits of the reference ([`Reference`](crate::Reference)), and none is
+//!   lost or repeated.
 //! - A batch that a learner holds does not change, also after its client, its pool or its supervisor is gone.
 //! - A forked child reads the bytes of its parent's batch, and does not hang.
-//! - A learner gets no error except that its pool is gone.
+//! - An attached learner gets no error except that its pool is gone.
 //! - No process is silent for longer than `max_silence`: each has something to report many times per second.
 //! - After disturbances every client makes progress again.
-//! - A supervisor can be started under the name of one that was killed or ended, and ends normally when asked.
+//! - A supervisor can be started under the name of one that was killed or ended, and ends normally when
+//!   asked.
 //! - File descriptors, private memory, mappings and files of the supervisor that is never killed do not grow
 //!   between the two measurements.
 //! - Another user can open no file.
@@ -73,7 +74,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Kills pools at random system calls, in directories of their own, until it is asked to end.
+/// Kills pools at random system calls, each in its own directory, until it is asked to end.
 struct CrashThread {
     end: Arc<AtomicBool>,
     thread: JoinHandle<Result<u64, String>>,

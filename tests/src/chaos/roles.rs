@@ -234,7 +234,7 @@ impl Client {
 
     /// Sends requests that no lane may accept to one lane of the pool.
     fn invalid_sender(&mut self) -> Result<(), String> {
-        report("looks for a lane");
+        report("chooses a lane");
         sleep(100);
         let Ok(status) = status(&self.runtime_dir, &self.plan.name) else { return Ok(()) };
         let lane = status.lanes.choose(&mut self.rng).expect("a lane").description.clone();
