@@ -30,7 +30,7 @@ def left_over(root: Path) -> list[str]:
 
 
 @pytest.fixture(autouse=True)
-def test_dir(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def runtime_dir(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The runtime directory of this test's pools; its path is short, because sockets are in it."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
@@ -47,7 +47,7 @@ Serve = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def serve(test_dir: Path) -> Iterator[Serve]:
+def serve(runtime_dir: Path) -> Iterator[Serve]:
     """Starts `smaclite-pool serve` with the given arguments and returns it once it serves."""
     started: list[subprocess.Popen[str]] = []
 

@@ -161,7 +161,7 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
 @pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
     """Only what was idle was closed at exit: a thread in the middle of `step` kept its pool's files until the next
-    start. The fixture `test_dir` fails this test if a file is left."""
+    start. The fixture `runtime_dir` fails this test if a file is left."""
     script = f"""
 import threading, time
 import smaclite_pool as sp

@@ -123,8 +123,8 @@ def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Ex
     assert sp.pools() == []
 
 
-def test_a_wrong_scenario_file_names_file_key_and_value(test_dir: Path) -> None:
-    path = test_dir / "wrong.json"
+def test_a_wrong_scenario_file_names_file_key_and_value(runtime_dir: Path) -> None:
+    path = runtime_dir / "wrong.json"
     path.write_text('{"num_allied_units": "two"}')
     with pytest.raises(sp.ScenarioError, match="wrong.json"):
         sp.make(path)

@@ -41,7 +41,7 @@ def mapping_of(array: Any) -> Mapping:
 
 
 @pytest.mark.parametrize("attached", [False, True])
-def test_zero_copy(attached: bool, serve: Serve, test_dir: Path) -> None:
+def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
     """An observation lies in the iceoryx2 data segment, mapped read-only, that the supervisor's workers write to; what
     is written into that file afterwards shows in the array, so nothing was copied on the way."""
     if attached:
@@ -49,7 +49,7 @@ def test_zero_copy(attached: bool, serve: Serve, test_dir: Path) -> None:
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
         batch = envs.reset(seed=1)
         mapping = mapping_of(batch.obs)
-        assert mapping.path.startswith(f"/dev/shm/{shm_prefix(test_dir)}"), mapping
+        assert mapping.path.startswith(f"/dev/shm/{shm_prefix(runtime_dir)}"), mapping
         assert mapping.path.endswith(".data"), mapping
         assert mapping.permissions == "r--s"
         writers = [m for m in mappings(envs.pid) if m.file == mapping.file and "w" in m.permissions]

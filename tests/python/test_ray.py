@@ -30,13 +30,13 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_r
 
 
 @pytest.fixture(autouse=True)
-def test_dir() -> None:
-    """Not one for each test: nodes keep the place that they were started with."""
+def runtime_dir() -> None:
+    """Not one per test: nodes keep the runtime directory that they were started with."""
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """Two nodes of two cores; their pools are in a place of their own, which must be empty in the end."""
+    """Two nodes of two cores with one runtime directory, which must be empty in the end."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SMACLITE_POOL_ROOT", str(root))

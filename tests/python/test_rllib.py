@@ -69,7 +69,7 @@ def test_runners_play_different_battles() -> None:
     assert len(set(seeds)) == 3
 
 
-def test_ppo_learns_with_masks(test_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ppo_learns_with_masks(runtime_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The example: an unavailable action would have raised."""
     text = smaclite_pool.rllib.__doc__
     assert text is not None

@@ -173,7 +173,7 @@ def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
         envs.reset()
 
 
-def test_an_interrupted_make_leaves_nothing_behind(test_dir: Path) -> None:
+def test_an_interrupted_make_leaves_nothing_behind(runtime_dir: Path) -> None:
     """What was being made is taken back, at the interpreter's exit at the latest."""
     script = """
 import signal, sys
@@ -192,7 +192,7 @@ print("fine")
 """
     done = run_script(script)
     assert done.stdout == "fine\n", done.stderr
-    assert not left_over(test_dir)
+    assert not left_over(runtime_dir)
 
 
 def test_a_killed_learner_frees_its_lane(serve: Serve) -> None:
