@@ -2,7 +2,7 @@
 //! process, with any autoreset mode), learners see the same bits. Every frame is compared with the
 //! [reference](smaclite_tests::reference), so two ways of stepping that agree with it agree with each other.
 
-use smaclite_ipc::{Client, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Client, WaitOptions, WaitStrategy};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::Field;
 use smaclite_tests::fault::Fault;
@@ -50,9 +50,8 @@ fn every_way_of_stepping_shows_the_bits_of_the_reference() {
                 let plan =
                     LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
                 let pool = PoolPlan::new([plan]).threads(threads);
-                let _embedded = Supervisor::start(pool.config(dir.runtime_dir())).expect("a pool");
-                let mut learner =
-                    Learner::connect(dir.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
+                let _embedded = dir.start(&pool);
+                let mut learner = dir.learner(&pool.lanes[0]);
                 let result = run(&mut learner, &pool.lanes[0], 400 / batch_size);
                 result
                     .unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {autoreset:?}: {e}"));
@@ -67,7 +66,7 @@ fn other_processes_see_the_same_bits() {
         let dir = TestDir::new();
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("3s5z", 6) }]).threads(threads);
         let _supervisor = Child::supervisor(&dir, &plan);
-        let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+        let mut learner = dir.learner(&plan.lanes[0]);
         let result = run(&mut learner, &plan.lanes[0], 200 / batch_size);
         result.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 6: {e}"));
     }
@@ -81,8 +80,8 @@ fn no_environment_starves_in_asynchronous_mode() {
         let plan =
             PoolPlan::new([LanePlan { batch_size: 4, faults: faults.clone(), ..LanePlan::new("MMM", 16) }])
                 .threads(threads);
-        let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-        let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+        let _supervisor = dir.start(&plan);
+        let mut learner = dir.learner(&plan.lanes[0]);
         // Environments stay with their worker (one half each, with two). How much each worker runs is decided
         // by the kernel, so the guarantee is: every environment makes progress, and those of one worker make
         // about the same, however slow one of them is.
@@ -111,8 +110,8 @@ fn a_slow_environment_does_not_delay_a_batch_of_others() {
     let slow = Fault::Sleep(Duration::from_secs(1));
     let lane = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 8) }.fault(0, slow);
     let plan = PoolPlan::new([lane]).threads(2);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let _supervisor = dir.start(&plan);
+    let mut learner = dir.learner(&plan.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     let begin = Instant::now();
     // Environments 4 to 7 belong to the other worker.
@@ -128,8 +127,8 @@ fn same_step_autoreset_shows_the_last_observation_and_the_first_of_the_new_episo
     let plan =
         LanePlan { autoreset: Autoreset::SameStep, episode_limit: Some(4), ..LanePlan::new("2s3z", 3) };
     let pool = PoolPlan::new([plan]);
-    let _supervisor = Supervisor::start(pool.config(dir.runtime_dir())).expect("a pool");
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
+    let _supervisor = dir.start(&pool);
+    let mut learner = dir.learner(&pool.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     let fields = [Field::Obs, Field::FinalObs, Field::State, Field::FinalState];
     let mut before = Vec::new();
@@ -156,8 +155,8 @@ fn frames_have_only_the_chosen_fields() {
         let fields = Some(vec!["obs".into(), "final_obs".into()]);
         let plan = LanePlan { fields, autoreset, ..LanePlan::new("2s3z", 4) };
         let pool = PoolPlan::new([plan.clone()]);
-        let supervisor = Supervisor::start(pool.config(dir.runtime_dir())).expect("a pool");
-        let mut learner = Learner::connect(dir.runtime_dir(), "train", &pool.lanes[0]).expect("a client");
+        let supervisor = dir.start(&pool);
+        let mut learner = dir.learner(&pool.lanes[0]);
         run(&mut learner, &plan, 60).expect("frames as in the reference");
         let batch = learner.step(TIMEOUT).expect("a step");
         let names: Vec<_> = batch.layout().fields().iter().map(|f| f.spec().name).collect();
@@ -168,7 +167,7 @@ fn frames_have_only_the_chosen_fields() {
         let lean = supervisor.shared_memory();
         drop((supervisor, learner, batch));
         let full = PoolPlan::new([LanePlan { fields: None, ..plan }]);
-        let full = Supervisor::start(full.config(dir.runtime_dir())).expect("a pool").shared_memory();
+        let full = dir.start(&full).shared_memory();
         assert!(lean < full, "{lean} bytes without, {full} with all fields");
     }
 }
@@ -178,8 +177,8 @@ fn a_reset_of_all_drops_the_results_of_earlier_steps() {
     let dir = TestDir::new();
     for (threads, batch_size) in [(1, 8), (2, 8), (4, 8), (2, 4), (4, 1)] {
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("2s3z", 8) }]).threads(threads);
-        let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-        let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+        let _supervisor = dir.start(&plan);
+        let mut learner = dir.learner(&plan.lanes[0]);
         learner.reset(Some(0), TIMEOUT).expect("a reset");
         for repetition in 1..150 {
             learner.send_to(&(0..8).collect::<Vec<_>>()).expect("sent");
@@ -200,7 +199,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
     let dir = TestDir::new();
     let slow = Fault::Sleep(Duration::from_millis(1500));
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2).fault(0, slow)]);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
+    let _supervisor = dir.start(&plan);
     for wait in [WaitStrategy::default(), WaitStrategy::Block, WaitStrategy::Spin] {
         let mut client = Client::connect(dir.runtime_dir(), "train", None, wait).expect("a client");
         let mut never = || false;

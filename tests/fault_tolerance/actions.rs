@@ -1,10 +1,10 @@
 //! Wrong actions: the client refuses them before they are sent, and its error names what was wrong.
 
 use crate::assert_contains;
-use smaclite_ipc::{Client, ClientError, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_ipc::{ClientError, WaitOptions};
 use smaclite_pool::Autoreset;
 use smaclite_tests::process::TIMEOUT;
-use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
+use smaclite_tests::{LanePlan, PoolPlan, TestDir};
 
 fn wait<'a>(never: &'a mut dyn FnMut() -> bool) -> WaitOptions<'a> {
     WaitOptions { timeout: Some(TIMEOUT), interrupted: never }
@@ -15,9 +15,8 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
     let dir = TestDir::new();
     for batch_size in [4, 2] {
         let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("2s3z", 4) }]);
-        let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-        let mut client =
-            Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default()).expect("a client");
+        let _supervisor = dir.start(&plan);
+        let mut client = dir.client();
         let error =
             client.send(&[1; 20], None, WaitOptions::forever()).expect_err("nothing was reset").to_string();
         assert_contains(&error, &["reset"]);
@@ -70,8 +69,8 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
         ..LanePlan::new("2s3z", 4)
     };
     let plan = PoolPlan::new([lane]);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let _supervisor = dir.start(&plan);
+    let mut learner = dir.learner(&plan.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     learner.send_to(&[0]).expect("sent");
     let error = learner

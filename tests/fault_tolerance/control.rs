@@ -4,7 +4,7 @@
 use crate::assert_contains;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 use smaclite_ipc::{
-    Client, ConnectError, ControlSocketError, Supervisor, WaitOptions, WaitStrategy, status, status_within,
+    Client, ConnectError, ControlSocketError, WaitOptions, WaitStrategy, status, status_within,
 };
 use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command};
 use smaclite_tests::raw_client::Control;
@@ -103,16 +103,15 @@ fn the_status_of_hundreds_of_lanes_is_complete() {
         spectators: 0,
         ..LanePlan::new("2s_vs_1sc", 1)
     };
-    let _supervisor =
-        Supervisor::start(PoolPlan::new((0..LANES).map(lane)).config(dir.runtime_dir())).expect("a pool");
-    assert_eq!(status(dir.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
+    let _supervisor = dir.start(&PoolPlan::new((0..LANES).map(lane)));
+    assert_eq!(dir.status().lanes.len(), LANES);
 
     // A client that writes requests faster than it reads gets every answer in the end, and delays no other.
     const REQUESTS: usize = 20;
     let mut slow = UnixStream::connect(dir.runtime_dir().socket("train")).expect("the pool's socket");
     slow.write_all("{\"request\":\"status\"}\n".repeat(REQUESTS).as_bytes())
         .expect("a socket that can be written to");
-    assert_eq!(status(dir.runtime_dir(), "train").expect("a status").lanes.len(), LANES);
+    assert_eq!(dir.status().lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(REQUESTS).map(|line| line.expect("a whole line"));
     let lanes = answers.map(|line| {
         let answer: serde_json::Value = serde_json::from_str(&line).expect("an answer");
@@ -137,7 +136,7 @@ fn idle_connections_do_not_block_other_clients() {
         learner.must("reset");
         learner.must("step 5");
     }
-    assert_eq!(status(dir.runtime_dir(), "train").expect("a status").lanes.len(), 2);
+    assert_eq!(dir.status().lanes.len(), 2);
     let oldest = idle[0].try_clone().expect("a copy");
     oldest.set_read_timeout(Some(TIMEOUT)).expect("a timeout");
     assert_eq!((&oldest).read(&mut [0; 1]).expect("an end"), 0, "the oldest idle connection is closed");
@@ -159,7 +158,7 @@ fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
         .err()
         .expect("another namespace");
     assert_contains(&error.to_string(), &["process namespace", "`train`", "--pid=container"]);
-    assert_eq!(status(dir.runtime_dir(), "train").expect("a status").lanes[0].learner_pid, None);
+    assert_eq!(dir.status().lanes[0].learner_pid, None);
 }
 
 #[test]

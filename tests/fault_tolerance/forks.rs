@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // `fork`
 
 use crate::assert_contains;
-use smaclite_ipc::{ClientError, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_ipc::{ClientError, WaitOptions, WaitStrategy};
 use smaclite_tests::process::{TIMEOUT, eventually};
 use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
 use std::panic::AssertUnwindSafe;
@@ -38,8 +38,8 @@ fn in_a_fork(child: impl FnOnce() -> i32) -> i32 {
 fn a_forked_child_gets_an_error_and_the_parent_continues() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
-    let supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let supervisor = dir.start(&plan);
+    let mut learner = dir.learner(&plan.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     let batch = learner.step(TIMEOUT).expect("a step");
     let bytes = batch.bytes().to_vec();
@@ -64,7 +64,7 @@ fn a_forked_child_gets_an_error_and_the_parent_continues() {
         0
     });
     assert_eq!(status, 0);
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("still served");
+    let mut learner = dir.learner(&plan.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     learner.step(TIMEOUT).expect("a step");
 }
@@ -75,7 +75,7 @@ fn a_forked_child_gets_an_error_and_the_parent_continues() {
 fn a_forked_child_can_read_a_batch_whatever_other_threads_do_at_the_fork() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
+    let _supervisor = dir.start(&plan);
     let lane = &plan.lanes[0];
     let mut learner =
         Learner::connect_waiting(dir.runtime_dir(), "train", lane, WaitStrategy::Spin).expect("a client");
@@ -111,8 +111,8 @@ fn a_forked_child_can_read_a_batch_whatever_other_threads_do_at_the_fork() {
 fn a_pool_ends_while_a_forked_child_lives() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2), LanePlan::new("3s5z", 2)]);
-    let supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let supervisor = dir.start(&plan);
+    let mut learner = dir.learner(&plan.lanes[0]);
     learner.reset(None, TIMEOUT).expect("a reset");
     let mut other = Child::attached(&dir, &plan.lanes[1]);
     other.must("reset");

@@ -79,7 +79,7 @@ fn a_second_learner_is_refused_with_the_process_id_of_the_first() {
     let mut second = Child::learner(&dir, &plan.lanes[0]);
     let error = second.ask("connect train").expect_err("the lane is in use");
     assert_contains(&error, &["2s3z", &format!("process {}", first.pid())]);
-    let lane = &status(dir.runtime_dir(), "train").expect("a status").lanes[0];
+    let lane = &dir.status().lanes[0];
     assert_eq!(lane.learner_pid, Some(first.pid()));
     first.must("reset");
     first.must("step 3"); // undisturbed
@@ -168,7 +168,7 @@ fn requests_that_cannot_be_read_are_logged() {
         eventually_within(TIMEOUT * 2, || status(dir.runtime_dir(), "train").is_ok()),
         "it does not serve"
     );
-    let lane = status(dir.runtime_dir(), "train").expect("a status").lanes.remove(0).description;
+    let lane = dir.status().lanes.remove(0).description;
     let node = node(dir.runtime_dir());
     // Without a free file descriptor the pool cannot open the memory that the learner writes to.
     let pid = Pid::from_raw(program.pid() as i32).expect("a process id");

@@ -5,18 +5,18 @@ use crate::assert_contains;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use smaclite_ipc::LaneDescription;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, step_bytes};
-use smaclite_ipc::{LaneDescription, status};
 use smaclite_pool::transport::RequestKind;
 use smaclite_tests::process::eventually;
-use smaclite_tests::raw_client::{Control, Requests, node, requests};
+use smaclite_tests::raw_client::{Control, RawLearner, Requests, node, requests};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 
 /// The largest payload, in bytes.
 const MAX_PAYLOAD: usize = 1 << 16;
 
 fn rejected(dir: &TestDir) -> u64 {
-    status(dir.runtime_dir(), "train").expect("the supervisor lives").lanes[0].stats.rejected
+    dir.status().lanes[0].stats.rejected
 }
 
 /// Sends a request that must be rejected, and waits until it was counted.
@@ -52,7 +52,7 @@ fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_
     let mut learner = Child::attached(&dir, &plan.lanes[0]);
     learner.must("reset");
     learner.must("run");
-    let lane = status(dir.runtime_dir(), "train").expect("a status").lanes.remove(0).description;
+    let lane = dir.status().lanes.remove(0).description;
     let node = node(dir.runtime_dir());
     let publisher = requests(&node, &lane, MAX_PAYLOAD);
     let layout = lane.layout().expect("a layout");
@@ -88,55 +88,39 @@ fn invalid_requests_of_a_learner_are_rejected_and_have_no_effect() {
     let plan =
         PoolPlan::new([LanePlan::new("2s3z", 4), LanePlan { batch_size: 2, ..LanePlan::new("3s5z", 4) }]);
     let _supervisor = Child::supervisor(&dir, &plan);
-    for plan in &plan.lanes {
-        let mut control = Control::connect(dir.runtime_dir());
-        let (session, lane) = control.attach(&plan.name);
-        let node = node(dir.runtime_dir());
-        let publisher = requests(&node, &lane, MAX_PAYLOAD);
-        let layout = lane.layout().expect("a layout");
-        let lane_index = usize::from(plan.name == "3s5z");
-        let rejected =
-            || status(dir.runtime_dir(), "train").expect("it lives").lanes[lane_index].stats.rejected;
-        let mut number = 0;
-        let mut ask = |kind: RequestKind, payload: &[u8], count: usize| {
-            number += 1;
-            publisher.send(RequestHeader::new(&layout, session, number, kind, count), payload);
-        };
+    for (index, plan) in plan.lanes.iter().enumerate() {
+        let mut raw = RawLearner::attach(dir.runtime_dir(), &plan.name, MAX_PAYLOAD);
+        let (lane, all) = (raw.lane.clone(), [0, 1, 2, 3]);
+        let rejected = || dir.status().lanes[index].stats.rejected;
+        let frames = || dir.status().lanes[index].stats.frames;
         let reset = RequestKind::Reset { seed: Some(1) };
-        let mut refused = |kind, payload: &[u8], count| {
+        let assert_rejected = |raw: &mut RawLearner, kind, payload: &[u8]| {
             let before = rejected();
-            ask(kind, payload, count);
-            assert!(eventually(|| rejected() == before + 1), "{kind:?} of {count} was accepted");
+            raw.send(kind, payload, 4);
+            assert!(eventually(|| rejected() == before + 1), "{kind:?} was accepted");
         };
-        refused(RequestKind::Step, &step_payload(&lane, &[0, 1, 2, 3], 1), 4); // before a reset
-        refused(reset, &reset_payload(&[0, 1, 2, 2]), 4);
-        refused(reset, &reset_payload(&[0, 1, 2, 4]), 4);
-        refused(reset, &reset_payload(&[-1, 1, 2, 3]), 4);
-        ask(reset, &reset_payload(&[3, 2, 1, 0]), 4);
-        let frames = || status(dir.runtime_dir(), "train").expect("it lives").lanes[lane_index].stats.frames;
+        assert_rejected(&mut raw, RequestKind::Step, &step_payload(&lane, &all, 1)); // before a reset
+        for envs in [[0, 1, 2, 2], [0, 1, 2, 4], [-1, 1, 2, 3]] {
+            assert_rejected(&mut raw, reset, &reset_payload(&envs));
+        }
+        raw.send(reset, &reset_payload(&[3, 2, 1, 0]), 4);
         let expected = if lane.is_synchronous() { 1 } else { 2 };
         assert!(eventually(|| frames() == expected), "the reset was not answered");
-        let mut refused = |kind, payload: &[u8], count| {
-            let before = rejected();
-            ask(kind, payload, count);
-            assert!(eventually(|| rejected() == before + 1), "{kind:?} of {count} was accepted");
-        };
         for action in [-1, 6, lane.n_actions as i32, i32::MAX, i32::MIN] {
-            refused(RequestKind::Step, &step_payload(&lane, &[0, 1, 2, 3], action), 4);
+            assert_rejected(&mut raw, RequestKind::Step, &step_payload(&lane, &all, action));
         }
         for envs in [[0, 1, 2, 2], [0, 1, 2, 4], [0, 1, 2, i32::MIN], [i32::MAX; 4]] {
-            refused(RequestKind::Step, &step_payload(&lane, &envs, 1), 4);
-            refused(reset, &reset_payload(&envs), 4);
+            assert_rejected(&mut raw, RequestKind::Step, &step_payload(&lane, &envs, 1));
+            assert_rejected(&mut raw, reset, &reset_payload(&envs));
         }
         assert_eq!(frames(), expected, "a rejected request had an effect");
         // A repeated number would make two epochs look like one.
         let before = rejected();
-        for again in [1, 0] {
-            let header = RequestHeader::new(&layout, session, again, reset, 4);
-            publisher.send(header, &reset_payload(&[0, 1, 2, 3]));
+        for number in [1, 0] {
+            raw.send_numbered(number, reset, &reset_payload(&all), 4);
         }
         assert!(eventually(|| rejected() == before + 2));
-        drop((publisher, node, control));
+        drop(raw);
         let mut next = Child::learner(&dir, plan);
         assert!(eventually(|| next.ask("connect train").is_ok()), "the lane was not freed");
         next.must("reset");
@@ -153,24 +137,19 @@ fn a_rejected_reset_does_not_affect_requests_that_are_being_processed() {
     let dir = TestDir::new();
     let lane = LanePlan { batch_size: 1, ..LanePlan::new("2s3z", 4) };
     let _supervisor = Child::supervisor(&dir, &PoolPlan::new([lane]));
-    let mut control = Control::connect(dir.runtime_dir());
-    let (session, lane) = control.attach("2s3z");
-    let node = node(dir.runtime_dir());
-    let publisher = requests(&node, &lane, MAX_PAYLOAD);
-    let layout = lane.layout().expect("a layout");
+    let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
+    let lane = raw.lane.clone();
     let mut rng = Pcg64::seed_from_u64(1);
-    let mut number = 1;
     let reset = RequestKind::Reset { seed: None };
-    publisher.send(RequestHeader::new(&layout, session, 1, reset, 4), &reset_payload(&[0, 1, 2, 3]));
+    raw.send(reset, &reset_payload(&[0, 1, 2, 3]), 4);
     for _ in 0..400 {
-        number += 1;
         let (kind, payload) = match rng.random_range(0..3) {
             0 => (reset, reset_payload(&[0, 1, 2, 2])),
             _ => (RequestKind::Step, step_payload(&lane, &[0, 1, 2, 3], rng.random_range(1..=5))),
         };
-        publisher.send(RequestHeader::new(&layout, session, number, kind, 4), &payload);
+        raw.send(kind, &payload, 4);
     }
-    let lane = status(dir.runtime_dir(), "train").expect("a status").lanes.remove(0);
+    let lane = dir.status().lanes.remove(0);
     assert_eq!(lane.failure, None);
 }
 
@@ -179,11 +158,8 @@ fn random_requests_never_break_a_lane() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan { batch_size: 3, ..LanePlan::new("2s3z", 6) }]).threads(2);
     let _supervisor = Child::supervisor(&dir, &plan);
-    let mut control = Control::connect(dir.runtime_dir());
-    let (session, lane) = control.attach("2s3z");
-    let node = node(dir.runtime_dir());
-    let publisher = requests(&node, &lane, MAX_PAYLOAD);
-    let layout = lane.layout().expect("a layout");
+    let raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
+    let lane = raw.lane.clone();
     let mut rng = Pcg64::seed_from_u64(5);
     for number in 1..3000 {
         let count = *[1, 3, 6, 6, 6, 7, 100].choose(&mut rng).expect("not empty");
@@ -204,10 +180,10 @@ fn random_requests_never_break_a_lane() {
             payload.truncate(rng.random_range(1..=payload.len()));
         }
         let number = if rng.random_ratio(1, 10) { rng.random_range(0..number + 5) } else { number };
-        publisher.send(RequestHeader::new(&layout, session, number, kind, envs.len()), &payload);
+        raw.send_numbered(number, kind, &payload, envs.len());
     }
-    drop((publisher, control));
-    let lane = status(dir.runtime_dir(), "train").expect("a status").lanes.remove(0);
+    drop(raw);
+    let lane = dir.status().lanes.remove(0);
     assert_eq!(lane.failure, None);
     println!("{:?}", lane.stats);
     assert!(lane.stats.rejected > 100 && lane.stats.steps > 100, "{:?}", lane.stats);
@@ -223,11 +199,8 @@ mod rewriting {
         let dir = TestDir::new();
         let plan = PoolPlan::new([LanePlan::new("2s3z", 64)]);
         let _supervisor = Child::supervisor(&dir, &plan);
-        let mut control = Control::connect(dir.runtime_dir());
-        let (session, lane) = control.attach("2s3z");
-        let node = node(dir.runtime_dir());
-        let publisher = requests(&node, &lane, MAX_PAYLOAD);
-        let layout = lane.layout().expect("a layout");
+        let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
+        let lane = raw.lane.clone();
         let envs: Vec<i32> = (0..64).collect();
         let reset = RequestKind::Reset { seed: None };
         let payload = step_payload(&lane, &envs, 1);
@@ -235,12 +208,10 @@ mod rewriting {
         for number in 1..800 {
             if number % 16 == 1 {
                 // Before any agent dies: then action 1 (stop) is legal for all.
-                publisher
-                    .send(RequestHeader::new(&layout, session, number, reset, 64), &reset_payload(&envs));
+                raw.send(reset, &reset_payload(&envs), 64);
                 continue;
             }
-            let header = RequestHeader::new(&layout, session, number, RequestKind::Step, 64);
-            let bytes = publisher.send(header, &payload);
+            let bytes = raw.send(RequestKind::Step, &payload, 64);
             let end = std::time::Instant::now() + std::time::Duration::from_micros(rng.random_range(0..400));
             while std::time::Instant::now() < end {
                 let at = actions_offset(64) + rng.random_range(0..64 * 5) * 4;
@@ -252,7 +223,7 @@ mod rewriting {
                 unsafe { bytes.add(at).cast::<i32>().write_volatile(value) };
             }
         }
-        let lane = status(dir.runtime_dir(), "train").expect("it lives").lanes.remove(0);
+        let lane = dir.status().lanes.remove(0);
         println!("{:?}", lane.stats);
         assert_eq!(lane.failure, None);
         assert!(lane.stats.rejected > 10 && lane.stats.frames > 10, "{:?}", lane.stats);

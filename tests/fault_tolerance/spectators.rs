@@ -1,12 +1,12 @@
 //! Spectators that never read, stop, or die.
 
 use rustix::process::Signal;
-use smaclite_ipc::{Spectator, Supervisor};
+use smaclite_ipc::Spectator;
 use smaclite_tests::fault::Fault;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::raw_client::{frame_subscriber, node};
 use smaclite_tests::roles::FIRST_FRAME;
-use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 
 #[test]
 fn a_spectator_that_never_reads_disturbs_no_other_process() {
@@ -15,7 +15,7 @@ fn a_spectator_that_never_reads_disturbs_no_other_process() {
     let _supervisor = Child::supervisor(&dir, &plan);
     let mut learner = Child::attached(&dir, &plan.lanes[0]);
     learner.must("reset");
-    let status = smaclite_ipc::status(dir.runtime_dir(), "train").expect("a status");
+    let status = dir.status();
     let node = node(dir.runtime_dir());
     let lane = &status.lanes[0].description;
     let idle = frame_subscriber(&node, lane);
@@ -73,10 +73,10 @@ fn spectators_that_stop_or_die_disturb_no_other_process() {
 fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4).fault(2, Fault::PanicInStep(4))]);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
+    let _supervisor = dir.start(&plan);
     let mut spectator = Spectator::connect(dir.runtime_dir(), "train", None).expect("a spectator");
     let mut newest = || spectator.latest().expect("the pool lives").map(|batch| batch.sequence());
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let mut learner = dir.learner(&plan.lanes[0]);
     assert_eq!(newest(), None);
     learner.reset(None, TIMEOUT).expect("a reset");
     for sequence in 2..=4 {

@@ -141,7 +141,7 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
         LanePlan { name: "synchronous".to_owned(), ..LanePlan::new("2s3z", 4) },
     ]);
     let supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Learner::connect(dir.runtime_dir(), "train", &plan.lanes[0]).expect("a client");
+    let mut learner = dir.learner(&plan.lanes[0]);
     let mut other = Client::connect(dir.runtime_dir(), "train", Some("synchronous"), WaitStrategy::default())
         .expect("a client");
     learner.reset(None, TIMEOUT).expect("a reset");
@@ -172,8 +172,7 @@ fn sending_ends_at_its_timeout_and_can_be_interrupted() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
     let supervisor = Child::supervisor(&dir, &plan);
-    let mut client =
-        Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default()).expect("a client");
+    let mut client = dir.client();
     supervisor.signal(Signal::STOP);
     let mut refused_after = |timeout: Option<Duration>, interrupt: bool| {
         loop {
@@ -210,7 +209,7 @@ fn a_timeout_too_long_for_the_clock_is_no_limit() {
     let dir = TestDir::new();
     let slow = Fault::Sleep(Duration::from_millis(300));
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2).fault(0, slow)]);
-    let _supervisor = Supervisor::start(plan.config(dir.runtime_dir())).expect("a pool");
+    let _supervisor = dir.start(&plan);
     for wait in [WaitStrategy::Adaptive, WaitStrategy::Block, WaitStrategy::Spin] {
         let mut learner =
             Learner::connect_waiting(dir.runtime_dir(), "train", &plan.lanes[0], wait).expect("a client");

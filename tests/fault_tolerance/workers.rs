@@ -1,7 +1,6 @@
 //! Environments that panic, and lanes that share worker threads.
 
 use crate::assert_contains;
-use smaclite_ipc::status;
 use smaclite_tests::fault::Fault;
 use smaclite_tests::process::eventually;
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
@@ -26,12 +25,11 @@ fn a_panic_ends_its_lane_and_no_other() {
         failed.must("disconnect");
         let error = failed.ask("connect train").expect_err("the lane has failed");
         assert_contains(&error, &["`2s3z`", "environment 2 broke in step 4"]);
-        let lanes = status(dir.runtime_dir(), "train").expect("a status").lanes;
+        let lanes = dir.status().lanes;
         assert_contains(lanes[0].failure.as_deref().expect("a failure"), &["environment 2 broke"]);
         assert_eq!(lanes[1].failure, None);
         let before = lanes[1].stats.steps;
-        let continues =
-            || status(dir.runtime_dir(), "train").expect("a status").lanes[1].stats.steps > before;
+        let continues = || dir.status().lanes[1].stats.steps > before;
         assert!(eventually(continues), "the other lane stopped");
         other.kill();
         failed.end();
@@ -54,7 +52,7 @@ fn a_light_lane_does_not_wait_for_a_heavy_one() {
     light.must("run");
     let mut lanes = Vec::new();
     let heavy_continues = eventually(|| {
-        lanes = status(dir.runtime_dir(), "train").expect("a status").lanes;
+        lanes = dir.status().lanes;
         lanes[0].stats.frames > 50
     });
     let [heavy, light] = [&lanes[0].stats, &lanes[1].stats];

@@ -6,6 +6,8 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
 use smaclite_ipc::{LaneDescription, PoolService, RuntimeDir};
+use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::RequestKind;
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
@@ -111,6 +113,45 @@ impl Requests {
         let sent = sample.send();
         let _ = self.notifier.notify();
         matches!(sent, Ok(receivers) if receivers > 0).then_some(bytes)
+    }
+}
+
+/// A learner that checks nothing before it sends.
+pub struct RawLearner {
+    requests: Requests,
+    /// The description of its lane.
+    pub lane: LaneDescription,
+    layout: Layout,
+    session: u64,
+    number: u64,
+    _node: Node<Ipc>,
+    _control: Control,
+}
+
+impl RawLearner {
+    /// Attaches to a lane of pool `train`, for payloads of up to `max_bytes` bytes.
+    ///
+    /// # Panics
+    /// If the pool refuses.
+    pub fn attach(runtime_dir: &RuntimeDir, lane: &str, max_bytes: usize) -> RawLearner {
+        let mut control = Control::connect(runtime_dir);
+        let (session, lane) = control.attach(lane);
+        let node = node(runtime_dir);
+        let requests = requests(&node, &lane, max_bytes);
+        let layout = lane.layout().expect("a layout");
+        RawLearner { requests, lane, layout, session, number: 0, _node: node, _control: control }
+    }
+
+    /// Sends a request for `count` environments with the next number, as [`Requests::send`].
+    pub fn send(&mut self, kind: RequestKind, payload: &[u8], count: usize) -> *mut u8 {
+        self.number += 1;
+        self.send_numbered(self.number, kind, payload, count)
+    }
+
+    /// Sends a request with any number.
+    pub fn send_numbered(&self, number: u64, kind: RequestKind, payload: &[u8], count: usize) -> *mut u8 {
+        let header = RequestHeader::new(&self.layout, self.session, number, kind, count);
+        self.requests.send(header, payload)
     }
 }
 

@@ -1,7 +1,8 @@
-//! The directory of one test's pools, and which files must not remain in it.
+//! The directory of one test's pools: starting and attaching to them, and the files that must not remain.
 
 use crate::process::eventually;
-use smaclite_ipc::RuntimeDir;
+use crate::{LanePlan, Learner, PoolPlan};
+use smaclite_ipc::{Client, PoolStatus, RuntimeDir, Supervisor, WaitStrategy};
 use std::path::{Path, PathBuf};
 
 /// A private root directory, removed at the end together with what the test left in `/dev/shm`.
@@ -30,6 +31,38 @@ impl TestDir {
     /// Its path.
     pub fn root(&self) -> &Path {
         self.root.path()
+    }
+
+    /// Starts a pool in this process.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub fn start(&self, plan: &PoolPlan) -> Supervisor {
+        Supervisor::start(plan.config(&self.runtime_dir)).expect("a pool")
+    }
+
+    /// Attaches a learner of this process to a lane of pool `train`.
+    ///
+    /// # Panics
+    /// If it cannot attach.
+    pub fn learner(&self, lane: &LanePlan) -> Learner {
+        Learner::connect(&self.runtime_dir, "train", lane).expect("a learner")
+    }
+
+    /// Attaches a client of this process to the only lane of pool `train`.
+    ///
+    /// # Panics
+    /// If it cannot attach.
+    pub fn client(&self) -> Client {
+        Client::connect(&self.runtime_dir, "train", None, WaitStrategy::default()).expect("a client")
+    }
+
+    /// The status of pool `train`.
+    ///
+    /// # Panics
+    /// If it does not run.
+    pub fn status(&self) -> PoolStatus {
+        smaclite_ipc::status(&self.runtime_dir, "train").expect("a status")
     }
 
     /// The files in it, and the files and directories of its pools in `/dev/shm`.
