@@ -58,11 +58,11 @@ figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
-torture minutes seed:
-    cargo run --release --quiet -p smaclite-tests --bin torture -- {{ minutes }} {{ seed }}
+chaos minutes seed:
+    cargo run --release --quiet -p smaclite-tests --bin chaos -- {{ minutes }} {{ seed }}
 
-# Run torture for 15 minutes, long enough to detect slow growth
-soak seed="1": (torture "15" seed)
+# Run the chaos test for 15 minutes, long enough to detect slow growth
+soak seed="1": (chaos "15" seed)
 
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
@@ -81,10 +81,12 @@ fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
 # Test engine and pool with valgrind: uninitialised or out-of-bounds reads, leaks
 valgrind $CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=memcheck:
     cargo test --release -p smaclite-engine -p smaclite-pool
+    cargo test --release -p smaclite-tests --test in_memory
 
 # Test the unsafe code of the pool with Miri (needs `rustup toolchain install nightly --component miri`)
 miri:
     cargo +nightly miri test --target-dir target/miri -p smaclite-pool --lib
+    cargo +nightly miri test --target-dir target/miri -p smaclite-tests --test in_memory
 
 # Build everything in release mode; the program is target/release/smaclite-pool
 build:

@@ -1,5 +1,5 @@
-//! What a battle takes from the heap: nothing in a step once its scratch has served its arena, and little to
-//! exist.
+//! Heap memory of battles: a step allocates nothing after the first with a scratch and an arena, and a battle
+//! needs little memory.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,26 +10,26 @@ use smaclite_engine::{Arena, Battle, Rules, Scratch, policy};
 use smaclite_scenarios::Scenario;
 
 thread_local! {
-    /// How often this thread has asked for memory, and how many bytes it holds.
-    static ASKED: Cell<u64> = const { Cell::new(0) };
-    static HELD: Cell<i64> = const { Cell::new(0) };
+    /// How many allocations this thread has made, and how many bytes it holds.
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    static BYTES: Cell<i64> = const { Cell::new(0) };
 }
 
-/// The system's allocator, with a count of what it is asked for.
-struct Counting;
+/// The system's allocator with counters.
+struct CountingAllocator;
 
-fn count(asked: u64, bytes: i64) {
-    ASKED.set(ASKED.get() + asked);
-    HELD.set(HELD.get() + bytes);
+fn count(allocations: u64, bytes: i64) {
+    ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
+    BYTES.set(BYTES.get() + bytes);
 }
 
-// SAFETY: every call is handed on unchanged to the system's allocator, which keeps the contract. Counting
+// SAFETY: every call is forwarded unchanged to the system's allocator, which fulfils the contract. Counting
 // touches thread-local cells that are initialised at compile time and have no destructor, so it neither
 // allocates nor unwinds.
-unsafe impl GlobalAlloc for Counting {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as i64);
-        // SAFETY: the caller's promises about `layout` are those that the system's allocator asks for.
+        // SAFETY: the caller guarantees for `layout` what the system's allocator requires.
         unsafe { System.alloc(layout) }
     }
 
@@ -41,15 +41,15 @@ unsafe impl GlobalAlloc for Counting {
 }
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn arena(scenario: &str) -> Arc<Arena> {
     let scenario = Scenario::standard(scenario).expect("a standard scenario");
     Arc::new(Arena::new(&scenario, Rules::Smaclite))
 }
 
-/// A battle and everything that a pool would have it write to.
-struct Player {
+/// A battle with the buffers that a pool provides.
+struct HostedBattle {
     battle: Battle,
     random: policy::Random,
     actions: Vec<i32>,
@@ -59,10 +59,10 @@ struct Player {
     alive: Vec<u8>,
 }
 
-impl Player {
-    fn new(arena: &Arc<Arena>) -> Player {
+impl HostedBattle {
+    fn new(arena: &Arc<Arena>) -> HostedBattle {
         let sizes = arena.sizes();
-        Player {
+        HostedBattle {
             battle: Battle::new(arena.clone(), 1),
             random: policy::Random::new(1),
             actions: vec![0; sizes.n_agents],
@@ -90,55 +90,56 @@ impl Player {
     }
 }
 
-/// One step is warm-up enough: working memory is made for the worst that its arena can bring.
+/// One step is enough warm-up: working memory is allocated for the worst case of its arena.
 #[test]
 fn steps_allocate_nothing() {
     for scenario in Scenario::standard_names() {
         let mut scratch = Scratch::new();
-        let mut player = Player::new(&arena(scenario));
-        player.step(false, &mut scratch);
-        let before = ASKED.get();
+        let mut battle = HostedBattle::new(&arena(scenario));
+        battle.step(false, &mut scratch);
+        let before = ALLOCATIONS.get();
         for step in 0..600 {
-            player.step(step >= 300, &mut scratch);
+            battle.step(step >= 300, &mut scratch);
         }
-        assert_eq!(ASKED.get() - before, 0, "allocations in 600 steps of {scenario}");
+        assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 600 steps of {scenario}");
     }
 }
 
-/// The scratch of a thread serves battles of all arenas in turn.
+/// The scratch of a thread is used for battles of all arenas in turn.
 #[test]
 fn a_change_of_arena_allocates_nothing_the_second_time() {
     let mut scratch = Scratch::new();
-    let mut players: Vec<Player> = Scenario::standard_names().map(|name| Player::new(&arena(name))).collect();
-    players.iter_mut().for_each(|player| player.step(true, &mut scratch));
-    let before = ASKED.get();
+    let mut battles: Vec<HostedBattle> =
+        Scenario::standard_names().map(|name| HostedBattle::new(&arena(name))).collect();
+    battles.iter_mut().for_each(|battle| battle.step(true, &mut scratch));
+    let before = ALLOCATIONS.get();
     for _ in 0..50 {
-        players.iter_mut().for_each(|player| player.step(true, &mut scratch));
+        battles.iter_mut().for_each(|battle| battle.step(true, &mut scratch));
     }
-    assert_eq!(ASKED.get() - before, 0);
+    assert_eq!(ALLOCATIONS.get() - before, 0);
 }
 
-/// 64 KiB an environment is promised for 27m_vs_30m, frames aside.
+/// The limit for 27m_vs_30m is 64 KiB per environment, without frames.
 #[test]
 fn a_battle_is_small() {
     let arena = arena("27m_vs_30m");
-    let before = HELD.get();
+    let before = BYTES.get();
     let battles: Vec<Battle> = (0..16).map(|seed| Battle::new(arena.clone(), seed)).collect();
-    let each = (HELD.get() - before) / battles.len() as i64;
+    let each = (BYTES.get() - before) / battles.len() as i64;
     println!(
-        "{each} bytes a battle of 27m_vs_30m, {} of them on the heap",
+        "{each} bytes per battle of 27m_vs_30m, {} of them on the heap",
         each - size_of::<Battle>() as i64
     );
-    assert!((1..=64 * 1024).contains(&each), "{each} bytes a battle");
+    assert!((1..=64 * 1024).contains(&each), "{each} bytes per battle");
     black_box(battles);
 }
 
-/// If the allocator were not counted, the tests above could not fail.
+/// If allocations were not counted, the tests above could not fail.
 #[test]
 fn allocations_are_counted() {
-    let (asked, held) = (ASKED.get(), HELD.get());
+    let (allocations, held) = (ALLOCATIONS.get(), BYTES.get());
     let bytes = black_box(vec![1u8; 1000]);
-    assert_eq!((ASKED.get() - asked, HELD.get() - held), (1, 1000));
+    assert_eq!((ALLOCATIONS.get() - allocations, BYTES.get() - held), (1, 1000));
     drop(bytes);
-    assert_eq!(HELD.get(), held);
+    assert_eq!(BYTES.get(), held);
 }

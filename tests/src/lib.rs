@@ -1,11 +1,43 @@
-//! Recorded battles of the published environment, and how the engine's battles are set beside them.
+//! The test kit: what several tests share. The tests themselves are in the files and folders next to `src`.
 //!
-//! The tests themselves are in the files next to this folder. Recordings are read from the folder that the
-//! environment variable `SMACLITE_TRACES` names, else from `golden`; see `golden/README.md` for their format.
-#![deny(unsafe_code)] // `pools::fork` says why it may
+//! For the engine: [`Recording`] reads battles recorded from the published environment, from the folder that
+//! the environment variable `SMACLITE_TRACES` names, else from `golden` (`golden/README.md` describes the
+//! format); [`compare`] compares them with the engine's battles.
+//!
+//! For pools: [`LanePlan`] and [`PoolPlan`] describe lanes and pools. [`Reference`] computes every [`Row`] of
+//! every frame that a lane must produce. [`fault`] makes an environment fail, sleep or wait; [`toy_env`] is a
+//! small environment for tests that need no battle.
+//! - In one process: [`in_memory`] is a transport of channels and vectors.
+//! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
+//!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not
+//!   see each other's pools. A [`Learner`] compares every frame with the reference. [`raw_client`] sends
+//!   requests that the real client would never send, [`other_user`] acts as another user of the machine,
+//!   [`crash_points`] kills a pool at a given system call, and [`fork`] forks. [`chaos`] does all of this at
+//!   random.
+#![deny(unsafe_code)] // exceptions: `fork`, and an unsafe trait that `in_memory` implements
 
+pub mod chaos;
 pub mod compare;
-pub mod pools;
+pub mod crash_points;
+pub mod fault;
+pub mod fork;
+pub mod in_memory;
+pub mod learner;
+pub mod other_user;
+pub mod plan;
+pub mod process;
+pub mod raw_client;
 pub mod recording;
+pub mod reference;
+pub mod roles;
+pub mod row;
+pub mod test_dir;
+pub mod toy_env;
 
+pub use learner::Learner;
+pub use plan::{LanePlan, PoolPlan};
+pub use process::Child;
 pub use recording::Recording;
+pub use reference::Reference;
+pub use row::Row;
+pub use test_dir::TestDir;

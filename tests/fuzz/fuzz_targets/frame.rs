@@ -1,9 +1,9 @@
-//! What a supervisor that lies may send to a learner: a lane's description with any sizes, frames with any
-//! header and any content. A reader passes over what is not laid out as it should be, and nothing it takes
-//! has a wrong shape.
+//! What a faulty or hostile supervisor can send to a learner: a lane's description with any sizes, and frames
+//! with any header and any content. A reader ignores frames of another layout, and what it accepts has the
+//! right shape.
 //!
-//! Input: a byte that says which parts of a right header to keep, the others, the payload; or, if the first
-//! byte is 255, an answer of the control socket as JSON.
+//! Input: a byte that says which parts of a valid header to keep, the others, the payload; or, if the first
+//! byte is 255, a response of the control socket as JSON.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -16,14 +16,14 @@ use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 fuzz_target!(|bytes: &[u8]| {
     let Some((keep, rest)) = bytes.split_first() else { return };
     if *keep == 255 {
-        return answer(rest);
+        return read_response(rest);
     }
     let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 5, obs_size: 3, state_size: 4 };
     let layout = Layout::new(sizes, 4, FieldSet::ALL);
     // The fields that are not kept come first, then the payload.
     let (changed, rest) = rest.split_at((8 * (keep & 0x7f).count_ones() as usize).min(rest.len()));
     let mut words = changed.chunks(8).map(|c| c.iter().rev().fold(0u64, |w, b| w << 8 | u64::from(*b)));
-    let mut or = |bit: u8, right: u64| if keep >> bit & 1 == 0 { right } else { words.next().unwrap_or(0) };
+    let mut or = |bit: u8, valid: u64| if keep >> bit & 1 == 0 { valid } else { words.next().unwrap_or(0) };
     let header = FrameHeader {
         magic: or(0, MAGIC.into()) as u32,
         version: or(1, FORMAT_VERSION.into()) as u32,
@@ -40,13 +40,13 @@ fuzz_target!(|bytes: &[u8]| {
     payload.resize(length, 0);
     frames_lost(7, header.sequence);
     match read_frame(&header, &payload, &layout) {
-        None => assert!(*keep != 0, "a right frame was passed over"),
+        None => assert!(*keep != 0, "a valid frame was ignored"),
         Some(Content::Rejection { rejection, .. }) => drop(rejection.to_string()),
-        Some(Content::Batch) => look_at_all(&layout, &payload),
+        Some(Content::Batch) => read_all_fields(&layout, &payload),
     }
 });
 
-fn look_at_all(layout: &Layout, payload: &[u8]) {
+fn read_all_fields(layout: &Layout, payload: &[u8]) {
     // As in shared memory, where payloads are aligned.
     let mut words = vec![0u64; payload.len().div_ceil(8)];
     // SAFETY: any bytes of a vector of integers are bytes.
@@ -62,7 +62,7 @@ fn look_at_all(layout: &Layout, payload: &[u8]) {
     }
 }
 
-fn answer(line: &[u8]) {
+fn read_response(line: &[u8]) {
     drop(serde_json::from_slice::<ControlRequest>(line));
     match serde_json::from_slice::<ControlResponse>(line) {
         Ok(ControlResponse::Attached { lane, .. } | ControlResponse::Lane(lane)) => {

@@ -1,39 +1,33 @@
-//! What a raw iceoryx2 program may send as a learner: any header before any payload, any number of them. They
-//! are read by the check that stands at the edge, accepted or refused by a pool whose transport is the heap,
-//! and afterwards an honest learner must find the lane in order.
+//! Requests that any iceoryx2 program can send as a learner: any header with any payload, several in a row.
+//! They are read as in production and accepted or rejected by a pool with an in-memory transport; afterwards
+//! a valid learner must find the lane intact.
 //!
-//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a right header to
+//! Input: a byte that chooses the lane, then messages: a byte that says which parts of a valid header to
 //! keep, the fields that are not kept, a byte with the payload's length in words, the payload.
 #![no_main]
 
-#[path = "../../../pool/tests/heap/game.rs"]
-#[allow(dead_code)]
-mod game;
-#[path = "../../../pool/tests/heap/transport.rs"]
-#[allow(dead_code)]
-mod transport;
-
-use game::{LaneEnvs, Oddity, SIZES};
 use libfuzzer_sys::fuzz_target;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
-use smaclite_pool::fields::{Field, FieldSet};
+use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{
     Doorbell, Epoch, FrameContent, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport,
     TransportError,
 };
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_pool::{Autoreset, Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_tests::LanePlan;
+use smaclite_tests::in_memory::{self, Bell, Frame, MemoryOutlet};
+use smaclite_tests::toy_env::SIZES;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
-use transport::{Bell, Frame, HeapOutlet};
 
-/// Requests as bytes, frames on the heap.
+/// Requests as bytes, frames in memory.
 struct Raw;
 
 impl Transport for Raw {
     type Inlet = RawInlet;
-    type Outlet = HeapOutlet;
+    type Outlet = MemoryOutlet;
     type Doorbell = Bell;
 }
 
@@ -89,21 +83,15 @@ fn bench() -> &'static Mutex<Bench> {
         let bell = Bell::default();
         let (mut parts, mut lanes) = (Vec::new(), Vec::new());
         for (num_envs, batch_size, autoreset) in [(3, 3, Autoreset::Disabled), (5, 2, Autoreset::SameStep)] {
-            let make = move |env: usize| -> Box<dyn smaclite_pool::environment::Environment> {
-                Box::new(LaneEnvs::new(env as u64, Oddity::default()))
-            };
-            let name = format!("{num_envs}");
-            let (make, fields) = (Box::new(make) as _, FieldSet::ALL);
-            let spec =
-                LaneSpec { name, sizes: SIZES, num_envs, batch_size, seed: 1, autoreset, fields, make };
+            let spec = LanePlan { batch_size, autoreset, ..LanePlan::toy(num_envs) }.spec();
             let layout = spec.layout();
-            let ((spec, _, outlet), ends) = transport::lane(spec);
+            let ((spec, _, outlet), side) = in_memory::lane(spec);
             let (messages, inlet) = channel();
             parts.push((spec, RawInlet { messages: inlet, layout: layout.clone() }, outlet));
-            lanes.push(Lane { messages, frames: ends.frames, layout, num_envs });
+            lanes.push(Lane { messages, frames: side.frames, layout, num_envs });
         }
         let options = PoolOptions { threads: 2, wait: WaitStrategy::default() };
-        let pool = Pool::start(parts, bell.clone(), options).expect("threads can be had");
+        let pool = Pool::start(parts, bell.clone(), options).expect("worker threads");
         Mutex::new(Bench { pool, lanes, bell, session: 0 })
     })
 }
@@ -118,7 +106,7 @@ impl Input<'_> {
         front.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte))
     }
 
-    /// A message for a lane; a right step or reset where the input says so.
+    /// A message for a lane; a valid step or reset if the input says so.
     fn message(&mut self, lane: &Lane, session: u64, number: u64) -> (RequestHeader, Vec<u32>, usize) {
         let keep = self.u64(1);
         let kinds =
@@ -136,15 +124,15 @@ impl Input<'_> {
                 *part = self.u64(4) as u32;
             }
         }
-        let right = match kind {
+        let valid_len = match kind {
             RequestKind::Step => step_bytes(count.min(64), SIZES.n_agents),
             RequestKind::Reset { .. } => count.min(64) * 4,
         };
         let given = self.u64(1) as usize;
-        let len = if given == 0 { right } else { given };
+        let len = if given == 0 { valid_len } else { given };
         let mut words = vec![0u32; len.div_ceil(4)];
         for (i, word) in words.iter_mut().enumerate() {
-            // Mostly the environments in order and small actions, so that something is accepted too.
+            // Mostly the environments in order and small actions, so that some requests are accepted.
             let byte = self.u64(1);
             *word = if byte == 255 { self.u64(4) as u32 } else { byte as u32 };
             if byte == 0 && i < count.min(actions_offset(count.min(64)) / 4) {
@@ -156,11 +144,11 @@ impl Input<'_> {
 }
 
 impl Bench {
-    /// The next batch of this session and round.
+    /// The next batch of this session and epoch.
     fn batch(&self, lane: &Lane, epoch: u64) -> Frame {
         loop {
             let frame =
-                lane.frames.recv_timeout(Duration::from_secs(20)).expect("an honest learner is answered");
+                lane.frames.recv_timeout(Duration::from_secs(20)).expect("a valid learner gets an answer");
             let ours = frame.epoch == Some(Epoch { session: SessionId(self.session), reset: Some(RequestNumber(epoch)) });
             assert!(!ours || frame.content == FrameContent::Batch, "{:?}", frame.rejection());
             if ours {
@@ -184,7 +172,7 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = lane.messages.send(input.message(lane, bench.session, number));
         bench.bell.ring();
     }
-    // A new learner comes: whatever is still in the queue is of a session that is over.
+    // A new learner attaches: what is still in the queue belongs to a session that is over.
     bench.session += 1;
     bench.pool.set_session(index, Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
@@ -204,7 +192,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut words = vec![0u32; step_bytes(ids.len(), SIZES.n_agents) / 4];
     ids.iter().zip(&mut words).for_each(|(id, word)| *word = *id as u32);
     for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[actions_offset(ids.len()) / 4..]) {
-        *word = mask.iter().position(|a| *a == 1).expect("some action is") as u32;
+        *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
     let header = RequestHeader::new(&lane.layout, bench.session, 2, RequestKind::Step, ids.len());
     let len = words.len() * 4;

@@ -1,14 +1,14 @@
-//! Any text as a scenario file: it is refused with a reason, or it is a scenario that can be played.
+//! Any text as a scenario file: it is refused with a reason, or it is a scenario whose battles can be
+//! stepped.
 #![no_main]
 
-#[path = "play.rs"]
-mod play;
+mod steps;
 
 use libfuzzer_sys::{Corpus, fuzz_target};
 use smaclite_scenarios::Scenario;
 use std::path::Path;
 
-/// A large battle is played by the tests; here it only makes fuzzing slow.
+/// Most units in a battle that is stepped: larger ones make fuzzing slow, and other tests step them.
 const LARGE: usize = 60;
 
 fuzz_target!(|bytes: &[u8]| -> Corpus {
@@ -16,7 +16,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     // No folder: unit types are the standard ones.
     match Scenario::from_json(text, "fuzzed.json", Path::new("/nonexistent")) {
         Ok(scenario) if scenario.units.len() > LARGE => {}
-        Ok(scenario) => play::a_while(&scenario),
+        Ok(scenario) => steps::run(&scenario),
         Err(error) => {
             let text = error.to_string();
             assert!(text.contains("fuzzed.json") && !text.contains('\n'), "{text:?}");

@@ -1,9 +1,8 @@
-//! Any text as a unit file: it is refused with a reason, or such units can do battle, with each other and
-//! with others.
+//! Any text as a unit file: it is refused with a reason, or battles with such units, and with others, can be
+//! stepped.
 #![no_main]
 
-#[path = "play.rs"]
-mod play;
+mod steps;
 
 use libfuzzer_sys::{Corpus, fuzz_target};
 use smaclite_scenarios::Scenario;
@@ -13,14 +12,14 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     let Ok(text) = std::str::from_utf8(bytes) else { return Corpus::Reject };
     match UnitType::from_json(text, "FUZZED", "fuzzed.json") {
         Ok(unit) => {
-            // Near enough to meet in the first step: one side's stalkers against the other's zealots, one of
-            // them fuzzed.
+            // Near enough to fight in the first step: the stalkers of one side against the zealots of the
+            // other, one of the two types fuzzed.
             let mut scenario = Scenario::standard("2s3z").expect("a standard scenario");
             scenario.unit_types[0] = unit;
             for (i, placement) in scenario.units.iter_mut().enumerate() {
                 placement.position = [14.0 + (i % 3) as f64, 15.0 + (i / 3) as f64];
             }
-            play::a_while(&scenario);
+            steps::run(&scenario);
         }
         Err(error) => {
             let text = error.to_string();

@@ -1,0 +1,186 @@
+//! Learners that die, stop, hold too many frames, or attach to a lane in use.
+
+use crate::assert_contains;
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
+use smaclite_ipc::status;
+use smaclite_tests::process::{TIMEOUT, eventually, eventually_within, role_command};
+use smaclite_tests::raw_client::{node, requests};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+use std::path::Path;
+
+/// Attaches to the lane as soon as it is free.
+fn attach_when_free(child: &mut Child) {
+    let mut last = String::new();
+    let attached = eventually(|| child.ask("connect train").map_err(|error| last = error).is_ok());
+    assert!(attached, "the lane was not freed: {last}");
+}
+
+#[test]
+fn a_killed_learner_frees_its_lane_and_leaves_the_other_lane_alone() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 4), LanePlan::new("3s5z", 4)]);
+    let mut supervisor = Child::supervisor(&dir, &plan);
+    let mut neighbour = Child::attached(&dir, &plan.lanes[1]);
+    neighbour.must("reset");
+    neighbour.must("run");
+    // More repetitions than the lane has frames: those of dead learners must become free again.
+    for repetition in 0..12 {
+        let mut learner = Child::attached(&dir, &plan.lanes[0]);
+        learner.must("reset");
+        learner.must("hold 4");
+        if repetition % 2 == 0 {
+            learner.must("drop");
+            learner.must("run"); // killed while it sends and receives
+        }
+        learner.kill();
+        let mut successor = Child::learner(&dir, &plan.lanes[0]);
+        attach_when_free(&mut successor);
+        let error = successor.ask("step").expect_err("nothing was reset");
+        assert_contains(&error, &["reset"]);
+        successor.must("reset");
+        successor.must("hold 4");
+        successor.must("check");
+        successor.end();
+    }
+    assert!(
+        neighbour.answer(std::time::Duration::ZERO).is_err_and(|e| e.contains("no answer")),
+        "it continues"
+    );
+    neighbour.kill();
+    supervisor.end();
+    dir.assert_empty();
+}
+
+#[test]
+fn a_learner_killed_during_a_request_does_not_disturb_its_successor() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 6)]).threads(2);
+    let _supervisor = Child::supervisor(&dir, &plan);
+    for _ in 0..10 {
+        let mut learner = Child::attached(&dir, &plan.lanes[0]);
+        learner.must("reset");
+        learner.must("step 3");
+        learner.must("send");
+        learner.kill();
+        let mut successor = Child::learner(&dir, &plan.lanes[0]);
+        attach_when_free(&mut successor);
+        successor.must("reset"); // compares with its own reference
+        successor.must("step 5");
+        successor.end();
+    }
+}
+
+#[test]
+fn a_second_learner_is_refused_with_the_process_id_of_the_first() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
+    let _supervisor = Child::supervisor(&dir, &plan);
+    let mut first = Child::attached(&dir, &plan.lanes[0]);
+    let mut second = Child::learner(&dir, &plan.lanes[0]);
+    let error = second.ask("connect train").expect_err("the lane is in use");
+    assert_contains(&error, &["2s3z", &format!("process {}", first.pid())]);
+    let lane = &dir.status().lanes[0];
+    assert_eq!(lane.learner_pid, Some(first.pid()));
+    first.must("reset");
+    first.must("step 3"); // undisturbed
+    first.must("disconnect");
+    second.must("connect train");
+    let error = first.ask("connect train").expect_err("now the second has the lane");
+    assert_contains(&error, &[&format!("process {}", second.pid())]);
+}
+
+#[test]
+fn a_stopped_learner_keeps_its_lane_and_continues_later() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 4), LanePlan::new("3s5z", 4)]);
+    let _supervisor = Child::supervisor(&dir, &plan);
+    let mut stopped = Child::attached(&dir, &plan.lanes[0]);
+    stopped.must("reset");
+    stopped.must("hold 3");
+    stopped.must("send");
+    stopped.signal(Signal::STOP);
+    let mut other = Child::attached(&dir, &plan.lanes[1]);
+    other.must("reset");
+    other.must("step 50");
+    let mut second = Child::learner(&dir, &plan.lanes[0]);
+    assert_contains(&second.ask("connect train").expect_err("it is only stopped"), &["process"]);
+    stopped.signal(Signal::CONT);
+    stopped.must("recv 5000");
+    stopped.must("check");
+    stopped.must("drop");
+    stopped.must("step 20");
+}
+
+#[test]
+fn holding_too_many_frames_is_an_error_until_some_are_dropped() {
+    let dir = TestDir::new();
+    let lane = LanePlan { max_held_batches: 3, spectators: 0, ..LanePlan::new("2s3z", 4) };
+    let plan = PoolPlan::new([lane]);
+    let _supervisor = Child::supervisor(&dir, &plan);
+    let mut learner = Child::attached(&dir, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("hold 3");
+    learner.must("send");
+    let error = learner.ask("recv 5000").expect_err("no frame is free");
+    assert_contains(&error, &["all 3 frames", "drop", "max_held_batches"]);
+    learner.must("check");
+    learner.must("drop");
+    learner.must("recv 5000"); // the result of the step was not lost
+    learner.must("step 10");
+}
+
+#[test]
+fn frames_of_a_client_that_is_gone_do_not_change() {
+    // iceoryx2 reclaims the samples of a dropped subscriber, so a batch must keep its subscriber.
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan { spectators: 0, ..LanePlan::new("2s3z", 4) }]);
+    let mut supervisor = Child::supervisor(&dir, &plan);
+    let mut learner = Child::attached(&dir, &plan.lanes[0]);
+    learner.must("reset");
+    learner.must("hold 2");
+    learner.must("disconnect");
+    learner.must("connect train");
+    learner.must("reset");
+    learner.must("step 50");
+    learner.must("hold 2");
+    learner.must("check");
+    learner.must("disconnect");
+    // The number of such clients has a limit; beyond it attaching fails with the reason, and the lane lives.
+    let error = learner.ask("connect train").expect_err("two clients' frames are still held");
+    assert_contains(&error, &["held", "drop"]);
+    learner.must("check");
+    learner.must("drop");
+    learner.must("connect train");
+    learner.must("reset");
+    learner.must("step 10");
+    supervisor.kill();
+}
+
+/// A lane that could not read a learner's requests waited without a message, and so did the learner.
+#[test]
+fn requests_that_cannot_be_read_are_logged() {
+    let dir = TestDir::new();
+    let log = tempfile::NamedTempFile::new().expect("a file");
+    let serve = "program serve 2s3z:2 --name train --threads 1";
+    let mut command = role_command(&dir, &[], serve);
+    let mut program = Child::spawn(command.stderr(log.reopen().expect("the same file")), serve);
+    assert!(
+        eventually_within(TIMEOUT * 2, || status(dir.runtime_dir(), "train").is_ok()),
+        "it does not serve"
+    );
+    let lane = dir.status().lanes.remove(0).description;
+    let node = node(dir.runtime_dir());
+    // Without a free file descriptor the pool cannot open the memory that the learner writes to.
+    let pid = Pid::from_raw(program.pid() as i32).expect("a process id");
+    let is_free = |number: &u64| !Path::new(&format!("/proc/{}/fd/{number}", program.pid())).exists();
+    let before = getrlimit(Resource::Nofile);
+    let first_free = (0..).find(is_free);
+    prlimit(Some(pid), Resource::Nofile, Rlimit { current: first_free, ..before }).expect("a limit");
+    let _requests = requests(&node, &lane, 1 << 12);
+    let log_contains = |part: &str| std::fs::read_to_string(log.path()).is_ok_and(|text| text.contains(part));
+    let logged = eventually(|| log_contains("requests could not be received"));
+    prlimit(Some(pid), Resource::Nofile, before).expect("the limit from before");
+    assert!(logged, "{}", std::fs::read_to_string(log.path()).unwrap_or_default());
+    program.signal(Signal::TERM);
+    assert_eq!(program.wait(TIMEOUT).and_then(|status| status.code()), Some(0));
+}

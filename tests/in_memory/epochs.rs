@@ -1,0 +1,129 @@
+//! Resets and changes of the session while requests are being processed: nothing of an old epoch or session
+//! reaches the new one, and what follows does not depend on how far the workers were.
+
+use crate::STEPS;
+use crate::harness::{all, assert_same, legal_actions, start, start_one};
+use smaclite_pool::transport::SessionId;
+use smaclite_pool::{Autoreset, Rejection};
+use smaclite_tests::fault::{Fault, Gate};
+use smaclite_tests::toy_env::SIZES;
+use smaclite_tests::{LanePlan, Reference, Row};
+
+fn step_all(reference: &mut Reference, actions: &[i32]) {
+    for (env, actions) in (0..).zip(actions.chunks(SIZES.n_agents)) {
+        reference.step(env, actions);
+    }
+}
+
+/// Several times: environment 1 waits at a gate in its step, all environments are reset, and the gate opens.
+fn check_reset(plan: LanePlan, threads: usize, seed: Option<u64>) {
+    let context = format!("{threads} threads, {:?}", plan.autoreset);
+    let (gate, num_envs) = (Gate::default(), plan.num_envs);
+    let plan = plan.fault(1, Fault::Gate(gate.clone()));
+    let (_pool, mut learner) = start_one(threads, &plan);
+    let mut reference = Reference::new(&plan);
+    learner.send_reset_all(None);
+    reference.reset_all(None);
+    for _ in 0..STEPS.min(12) {
+        let rows = learner.rows_of_all();
+        let actions = legal_actions(&rows);
+        gate.close();
+        learner.send_step(&all(num_envs), &actions);
+        if plan.autoreset == Autoreset::Disabled && rows.iter().any(Row::ended) {
+            let rejection = learner.rejection();
+            assert!(matches!(rejection, Rejection::FinishedEnv { .. }), "{rejection}");
+        } else {
+            step_all(&mut reference, &actions);
+            if !rows[1].ended() {
+                gate.wait_for_arrival(); // otherwise its step is a reset, which does not wait at the gate
+            }
+        }
+        learner.send_reset_all(seed);
+        reference.reset_all(seed);
+        gate.open();
+        let rows = learner.rows_of_all();
+        rows.iter().for_each(|row| assert_same(row, reference.row(row.env()), &context));
+        let actions = legal_actions(&rows);
+        learner.send_step(&all(num_envs), &actions);
+        step_all(&mut reference, &actions);
+    }
+}
+
+#[test]
+fn a_reset_of_all_drops_the_results_of_earlier_requests() {
+    const N: usize = 6;
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
+        for (batch_size, threads) in [(N, 1), (N, 2), (2, 1), (2, 3)] {
+            for seed in [None, Some(9)] {
+                check_reset(LanePlan { batch_size, autoreset, ..LanePlan::toy(N) }, threads, seed);
+            }
+        }
+    }
+}
+
+/// A worker that was busy with another lane found steps of an old epoch and resets of the new one in its
+/// queue, processed both as one run of the old epoch, and gave the resets no slot: the learner never got an
+/// answer.
+#[test]
+fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
+    let gate = Gate::default();
+    // With two workers and two environments in the lane, environment 1 of lane 0 belongs to worker 1.
+    let lanes = [LanePlan::toy(2).fault(1, Fault::Gate(gate.clone())), LanePlan::toy(4)];
+    let (_pool, mut learners) = start(2, &lanes);
+    let [busy, learner] = &mut learners[..] else { unreachable!("two lanes") };
+    busy.send_reset_all(None);
+    let rows = busy.batch();
+    learner.send_reset_all(None);
+    let before = learner.batch();
+    gate.close();
+    busy.step_rows(&rows);
+    gate.wait_for_arrival();
+    learner.step_rows(&before);
+    learner.send_reset_all(Some(3));
+    learner.send_step(&all(4), &[0; 8]);
+    let rejection = learner.rejection(); // so the reset before it was accepted
+    assert!(matches!(rejection, Rejection::BusyEnv { .. }), "{rejection}");
+    gate.open();
+    let mut reference = Reference::new(&lanes[1]);
+    reference.reset_all(Some(3));
+    let rows = learner.batch();
+    assert_eq!(rows.iter().map(Row::env).collect::<Vec<_>>(), all(4));
+    rows.iter().for_each(|row| assert_same(row, reference.row(row.env()), "after the reset"));
+}
+
+#[test]
+fn a_new_learner_receives_nothing_of_the_old_one() {
+    const N: usize = 4;
+    for (batch_size, threads) in [(N, 1), (N, 2), (1, 2), (3, 4)] {
+        let gate = Gate::default();
+        let plan = LanePlan { batch_size, ..LanePlan::toy(N) }.fault(0, Fault::Gate(gate.clone()));
+        let (pool, mut learner) = start_one(threads, &plan);
+        // Batches of three never hold all four environments.
+        let receive = |learner: &crate::harness::Learner| match batch_size {
+            3 => learner.batch(),
+            _ => learner.rows_of_all(),
+        };
+        learner.send_reset_all(Some(7));
+        let rows = receive(&learner);
+        gate.close();
+        learner.step_rows(&rows);
+        if rows.iter().any(|row| row.env() == 0) {
+            gate.wait_for_arrival();
+        }
+        // `set_session` may wait for an environment that is being stepped.
+        std::thread::scope(|scope| {
+            scope.spawn(|| pool.set_session(0, None));
+            gate.open();
+        });
+        learner.step_rows(&rows); // the dead learner's last request, still in the queue
+        pool.set_session(0, Some(SessionId(2)));
+        (learner.session, learner.number) = (2, 0);
+        learner.send_reset_all(None);
+        // Frames of the first session may still be in the channel; `batch` drops them as a client does.
+        let mut reference = Reference::new(&plan);
+        reference.reset_all(None);
+        for row in receive(&learner) {
+            assert_same(&row, reference.row(row.env()), &format!("{threads} threads"));
+        }
+    }
+}

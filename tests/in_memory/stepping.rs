@@ -1,0 +1,131 @@
+//! What a learner receives is what its environments produce when they are stepped one by one: for any number
+//! of threads, batch size, autoreset mode and wait strategy.
+
+use crate::harness::{Learner, assert_same, start_one, start_waiting};
+use crate::{MAX_THREADS, STEPS};
+use smaclite_pool::fields::Field;
+use smaclite_pool::{Autoreset, WaitStrategy};
+use smaclite_tests::{LanePlan, Reference, Row};
+
+const MODES: [Autoreset; 3] = [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled];
+
+/// A learner with the environments whose next row is still to come.
+struct Episodes {
+    plan: LanePlan,
+    learner: Learner,
+    reference: Reference,
+    is_awaited: Vec<bool>,
+}
+
+/// Steps a lane for a while and compares every row.
+fn check(plan: &LanePlan, threads: usize, wait: WaitStrategy) {
+    let context = format!("{threads} threads, batches of {}, {:?}", plan.batch_size, plan.autoreset);
+    let (_pool, mut learners) = start_waiting(wait, threads, std::slice::from_ref(plan));
+    let mut episodes = Episodes {
+        plan: plan.clone(),
+        learner: learners.remove(0),
+        reference: Reference::new(plan),
+        is_awaited: vec![true; plan.num_envs],
+    };
+    episodes.learner.send_reset_all(Some(7));
+    episodes.reference.reset_all(Some(7));
+    for _ in 0..STEPS * plan.num_envs / plan.batch_size {
+        let rows = episodes.learner.batch();
+        episodes.compare(&rows, &context);
+        episodes.answer(rows);
+    }
+}
+
+impl Episodes {
+    fn compare(&mut self, rows: &[Row], context: &str) {
+        for (slot, row) in rows.iter().enumerate() {
+            let env = row.env() as usize;
+            assert!(!self.is_synchronous() || env == slot, "{context}: slot {slot} is environment {env}");
+            assert!(std::mem::take(&mut self.is_awaited[env]), "{context}: environment {env} came twice");
+            assert_same(row, self.reference.row(row.env()), context);
+        }
+    }
+
+    /// Resets environments whose episode ended where that is left to the learner, and steps the others.
+    fn answer(&mut self, rows: Vec<Row>) {
+        let by_hand = self.plan.autoreset == Autoreset::Disabled;
+        let (ended, going): (Vec<Row>, Vec<Row>) = rows.into_iter().partition(|row| by_hand && row.ended());
+        if !ended.is_empty() {
+            let ended: Vec<_> = ended.iter().map(Row::env).collect();
+            for env in &ended {
+                self.is_awaited[*env as usize] = true;
+                self.reference.reset(*env, None);
+            }
+            self.learner.send_reset(None, &ended);
+            if self.is_synchronous() {
+                // The batch also has the others, unchanged; all are stepped next time.
+                for row in &going {
+                    self.is_awaited[row.env() as usize] = true;
+                    self.reference.observe(row.env());
+                }
+                return;
+            }
+        }
+        if !going.is_empty() {
+            for row in &going {
+                self.is_awaited[row.env() as usize] = true;
+                self.reference.step(row.env(), &row.legal_actions());
+            }
+            self.learner.step_rows(&going);
+        }
+    }
+
+    fn is_synchronous(&self) -> bool {
+        self.plan.batch_size == self.plan.num_envs
+    }
+}
+
+#[test]
+fn a_learner_sees_the_same_bits_for_every_number_of_threads_batch_size_and_mode() {
+    for autoreset in MODES {
+        for threads in 1..=MAX_THREADS {
+            for batch_size in [5, 2, 1] {
+                let plan = LanePlan { batch_size, autoreset, ..LanePlan::toy(5) };
+                check(&plan, threads, WaitStrategy::default());
+            }
+        }
+    }
+}
+
+#[test]
+fn every_wait_strategy_shows_the_same() {
+    for wait in [WaitStrategy::Block, WaitStrategy::Spin] {
+        check(&LanePlan::toy(5), 2, wait);
+        check(&LanePlan { batch_size: 2, ..LanePlan::toy(5) }, 2, wait);
+    }
+}
+
+#[test]
+fn a_batch_larger_than_a_run_comes_in_one_frame() {
+    let num_envs = if cfg!(miri) { 18 } else { 100 };
+    check(&LanePlan::toy(num_envs), 2, WaitStrategy::default());
+}
+
+#[test]
+fn more_threads_than_environments_do_no_harm() {
+    check(&LanePlan::toy(1), 4, WaitStrategy::default());
+    check(&LanePlan { batch_size: 1, ..LanePlan::toy(3) }, 4, WaitStrategy::default());
+}
+
+#[test]
+fn fields_that_a_lane_leaves_out_are_absent_and_the_others_unchanged() {
+    for autoreset in MODES {
+        let fields = ["avail_actions", "episode_length", "final_state"].map(str::to_owned);
+        let plan = LanePlan { autoreset, fields: Some(fields.into()), ..LanePlan::toy(4) };
+        let (_pool, learner) = start_one(1, &plan);
+        assert_eq!(learner.layout.offset(Field::Obs), None);
+        assert_eq!(learner.layout.offset(Field::FinalState).is_some(), autoreset == Autoreset::SameStep);
+        check(&plan, 2, WaitStrategy::default());
+    }
+}
+
+/// The other tests step an environment that was made for them; this one steps battles.
+#[test]
+fn battles_in_a_pool_are_those_of_the_engine_alone() {
+    check(&LanePlan::new("2s3z", 3), 2, WaitStrategy::default());
+}

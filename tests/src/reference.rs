@@ -1,0 +1,123 @@
+//! What a lane must produce: its environments without their faults, stepped one by one on this thread,
+//! without pool or transport.
+
+use crate::{LanePlan, Row};
+use smaclite_engine::Scratch;
+use smaclite_ipc::Batch;
+use smaclite_pool::Autoreset;
+use smaclite_pool::environment::Environment;
+
+/// A lane computed step by step.
+pub struct Reference {
+    envs: Vec<ReferenceEnv>,
+    autoreset: Autoreset,
+    seed: u64,
+    /// The first reset of a session uses the lane's seed if it has none.
+    was_reset: bool,
+    scratch: Scratch,
+}
+
+struct ReferenceEnv {
+    env: Box<dyn Environment>,
+    is_over: bool,
+    steps: u64,
+    row: Row,
+}
+
+impl Reference {
+    /// The lane's environments at the start of a session, before their first reset.
+    pub fn new(plan: &LanePlan) -> Reference {
+        let make = plan.make_without_faults();
+        let mut scratch = Scratch::new();
+        let mut env = |index: usize| {
+            let env = make(index);
+            let row = Row::of(&*env, index, None, &mut scratch);
+            ReferenceEnv { env, is_over: false, steps: 0, row }
+        };
+        let envs = (0..plan.num_envs).map(&mut env).collect();
+        Reference { envs, autoreset: plan.autoreset, seed: plan.seed, was_reset: false, scratch }
+    }
+
+    /// Resets every environment: with a seed, environment `i` is seeded with `seed + i`; without one its
+    /// generator continues, except in the first reset, which uses the lane's seed.
+    pub fn reset_all(&mut self, seed: Option<u64>) {
+        let seed = seed.or((!self.was_reset).then_some(self.seed));
+        self.was_reset = true;
+        for env in 0..self.envs.len() {
+            self.reset(env as i32, seed);
+            self.envs[env].steps = 0;
+        }
+    }
+
+    /// Resets one environment; its generator continues unless there is a seed.
+    pub fn reset(&mut self, env: i32, seed: Option<u64>) -> &Row {
+        let state = &mut self.envs[env as usize];
+        if let Some(seed) = seed {
+            state.env.reseed(seed.wrapping_add(env as u64));
+        }
+        state.env.reset();
+        state.is_over = false;
+        self.observe(env)
+    }
+
+    /// The row of an environment when others are reset in synchronous mode: unchanged, but not of a step.
+    pub fn observe(&mut self, env: i32) -> &Row {
+        let state = &mut self.envs[env as usize];
+        state.row = Row::of(&*state.env, env as usize, None, &mut self.scratch);
+        &state.row
+    }
+
+    /// Steps one environment, with autoreset.
+    ///
+    /// # Panics
+    /// If an action is illegal.
+    pub fn step(&mut self, env: i32, actions: &[i32]) -> &Row {
+        self.envs[env as usize].steps += 1;
+        if self.is_over(env) && self.autoreset == Autoreset::NextStep {
+            return self.reset(env, None);
+        }
+        let state = &mut self.envs[env as usize];
+        state.env.check(actions).expect("legal actions");
+        let step = state.env.step_checked(actions, &mut self.scratch);
+        state.is_over = step.terminated || step.truncated;
+        state.row = Row::of(&*state.env, env as usize, Some(step), &mut self.scratch);
+        if state.is_over && self.autoreset == Autoreset::SameStep {
+            state.env.reset();
+            state.is_over = false;
+            state.row.append_reset(&*state.env, &mut self.scratch);
+        }
+        &state.row
+    }
+
+    /// The environment's last row.
+    pub fn row(&self, env: i32) -> &Row {
+        &self.envs[env as usize].row
+    }
+
+    /// Whether the environment's episode is over.
+    pub fn is_over(&self, env: i32) -> bool {
+        self.envs[env as usize].is_over
+    }
+
+    /// Steps of the environment since the last reset of all.
+    pub fn steps(&self, env: i32) -> u64 {
+        self.envs[env as usize].steps
+    }
+
+    /// Compares every slot of a batch with the last row of its environment.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn check(&self, batch: &Batch) -> Result<(), String> {
+        for slot in 0..batch.env_id().len() {
+            let found = Row::read(batch.bytes(), batch.layout(), slot);
+            let env = found.env();
+            let known = usize::try_from(env).ok().and_then(|env| self.envs.get(env));
+            let expected = known.ok_or_else(|| format!("slot {slot} is of environment {env}"))?;
+            if let Some(difference) = found.difference(&expected.row) {
+                return Err(format!("environment {env}, step {}: {difference}", expected.steps));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,142 @@
+//! One slot of a frame: what one environment wrote.
+
+use crate::toy_env::hash;
+use smaclite_engine::{Scratch, Sizes, Step};
+use smaclite_pool::environment::Environment;
+use smaclite_pool::fields::{Dtype, FIELDS, Field};
+use smaclite_pool::layout::Layout;
+
+/// The values of a slot as bytes, by field. A field that the lane leaves out is `None`, and so is what a
+/// reference cannot know: the `final_*` fields of an episode that has not ended.
+#[derive(Clone, Debug)]
+pub struct Row {
+    values: Vec<Option<Vec<u8>>>,
+    n_actions: usize,
+}
+
+impl Row {
+    /// Reads a slot of a frame.
+    pub fn read(frame: &[u8], layout: &Layout, slot: usize) -> Row {
+        let value = |field: Field| {
+            let start = layout.offset(field)?;
+            let len = layout.row_len(field) * field.spec().dtype.size();
+            Some(frame[start + slot * len..][..len].to_vec())
+        };
+        Row { values: FIELDS.iter().map(|f| value(f.field)).collect(), n_actions: layout.sizes().n_actions }
+    }
+
+    /// What environment `index` must write as it is now; `step` is the step just made, if any.
+    pub(crate) fn of(env: &dyn Environment, index: usize, step: Option<Step>, scratch: &mut Scratch) -> Row {
+        let mut row = Row { values: vec![None; FIELDS.len()], n_actions: env.sizes().n_actions };
+        let flag = |is_set: fn(&Step) -> bool| vec![u8::from(step.as_ref().is_some_and(is_set))];
+        row.set(Field::EnvId, int(index));
+        row.set(Field::Reward, floats(&[step.as_ref().map_or(0.0, |s| s.reward as f32)]));
+        row.set(Field::Terminated, flag(|s| s.terminated));
+        row.set(Field::Truncated, flag(|s| s.truncated));
+        row.set(Field::BattleWon, flag(|s| s.battle_won));
+        row.set(Field::DeadAllies, int(env.dead_allies()));
+        row.set(Field::DeadEnemies, int(env.dead_enemies()));
+        row.set(Field::EpisodeReturn, floats(&[env.episode_return() as f32]));
+        row.set(Field::EpisodeLength, int(env.episode_length() as usize));
+        row.set_view(env, [Field::Obs, Field::State, Field::AvailActions], scratch);
+        row
+    }
+
+    /// Turns the row of an episode's last step into that of same-step autoreset: the last observation, state
+    /// and mask move to the `final_*` fields, and those of `env`, which was reset, replace them.
+    pub(crate) fn append_reset(&mut self, env: &dyn Environment, scratch: &mut Scratch) {
+        self.values.swap(Field::Obs as usize, Field::FinalObs as usize);
+        self.values.swap(Field::State as usize, Field::FinalState as usize);
+        self.values.swap(Field::AvailActions as usize, Field::FinalAvailActions as usize);
+        self.set_view(env, [Field::Obs, Field::State, Field::AvailActions], scratch);
+    }
+
+    fn set(&mut self, field: Field, value: Vec<u8>) {
+        self.values[field as usize] = Some(value);
+    }
+
+    fn set_view(&mut self, env: &dyn Environment, [obs, state, avail]: [Field; 3], scratch: &mut Scratch) {
+        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = env.sizes();
+        let mut out = vec![0.0; n_agents * obs_size];
+        env.write_obs(&mut out, scratch);
+        self.set(obs, floats(&out));
+        let mut out = vec![0.0; state_size];
+        env.write_state(&mut out);
+        self.set(state, floats(&out));
+        let mut out = vec![0; n_agents * n_actions];
+        env.write_avail_actions(&mut out);
+        self.set(avail, out);
+        let mut out = vec![0; n_agents];
+        env.write_alive(&mut out);
+        self.set(Field::Alive, out);
+    }
+
+    /// The bytes of a field.
+    ///
+    /// # Panics
+    /// If the lane leaves the field out.
+    pub fn value(&self, field: Field) -> &[u8] {
+        let value = &self.values[field as usize];
+        value.as_deref().unwrap_or_else(|| panic!("the row has no {}", field.spec().name))
+    }
+
+    /// The number of the environment.
+    pub fn env(&self) -> i32 {
+        i32::from_ne_bytes(self.value(Field::EnvId).try_into().expect("an i32"))
+    }
+
+    /// Whether the step ended the episode.
+    pub fn ended(&self) -> bool {
+        [Field::Terminated, Field::Truncated].iter().any(|field| self.value(*field) == [1])
+    }
+
+    /// The masks of available actions, agent by agent.
+    pub fn masks(&self) -> impl Iterator<Item = &[u8]> {
+        self.value(Field::AvailActions).chunks(self.n_actions)
+    }
+
+    /// A legal joint action, the same for the same row.
+    pub fn legal_actions(&self) -> Vec<i32> {
+        let seed = hash(&self.values);
+        let pick = |(agent, mask): (usize, &[u8])| {
+            let legal: Vec<_> = (0..mask.len()).filter(|action| mask[*action] == 1).collect();
+            legal[hash((seed, agent)) as usize % legal.len()] as i32
+        };
+        self.masks().enumerate().map(pick).collect()
+    }
+
+    /// The first value that differs from what was expected. Fields are compared that both rows have.
+    pub fn difference(&self, expected: &Row) -> Option<String> {
+        FIELDS.iter().find_map(|spec| {
+            let [found, expected] = [self, expected].map(|row| row.values[spec.field as usize].as_deref());
+            let (found, expected) = (found?, expected?);
+            if found == expected {
+                return None;
+            }
+            let elements = |bytes: &[u8]| -> Vec<String> {
+                bytes.chunks(spec.dtype.size()).map(|bytes| shown(bytes, spec.dtype)).collect()
+            };
+            let (found, expected) = (elements(found), elements(expected));
+            let differs = |i: &usize| found.get(*i) != expected.get(*i);
+            let i = (0..found.len().max(expected.len())).find(differs).unwrap_or(0);
+            let [found, expected] = [found, expected].map(|values| values.get(i).cloned());
+            Some(format!("{}[{i}] is {found:?}, expected {expected:?}", spec.name))
+        })
+    }
+}
+
+fn int(value: usize) -> Vec<u8> {
+    (value as i32).to_ne_bytes().to_vec()
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_ne_bytes()).collect()
+}
+
+fn shown(bytes: &[u8], dtype: Dtype) -> String {
+    match (dtype, <[u8; 4]>::try_from(bytes)) {
+        (Dtype::F32, Ok(bytes)) => format!("{:?}", f32::from_ne_bytes(bytes)),
+        (Dtype::I32, Ok(bytes)) => i32::from_ne_bytes(bytes).to_string(),
+        _ => format!("{bytes:?}"),
+    }
+}
