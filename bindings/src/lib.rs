@@ -42,6 +42,7 @@ mod _native {
         super::views::ready_numpy(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         super::batch::add_fields(module.py())?;
+        super::scenario::add_constants(module)?;
         super::exit::close_at_exit(module)
     }
 }

@@ -38,6 +38,7 @@ mod units;
 pub use arena::{Arena, Sizes};
 pub use battle::{Battle, ExecutionOrder, Step, Tick};
 pub use command::{IllegalAction, action};
+pub use encode::{FeatureBlock, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::Generator;
 pub use rules::{Rules, UnknownRules};
@@ -53,9 +54,9 @@ const TICKS_PER_SECOND: f64 = 16.0;
 const TICK: f64 = 1.0 / TICKS_PER_SECOND;
 
 /// How far agents see, in squares, and what distances in observations are divided by.
-const SIGHT_RANGE: f64 = 9.0;
+pub const SIGHT_RANGE: f64 = 9.0;
 /// How far away agents may choose targets, in squares, whatever their units' attack range.
-const TARGETING_RANGE: f64 = 6.0;
+pub const TARGETING_RANGE: f64 = 6.0;
 
 /// Shield that a unit regains in a tick: 2 a second.
 const SHIELD_PER_TICK: f64 = 2.0 * TICK;
@@ -71,8 +72,8 @@ const HEALTH_PER_ENERGY: f64 = 3.0;
 const MIN_ENERGY_FOR_NEW_TARGET: f64 = 5.0;
 
 /// Unscaled reward for killing an enemy.
-const KILL_REWARD: f64 = 10.0;
+pub const KILL_REWARD: f64 = 10.0;
 /// Unscaled reward of a step after which no enemy lives.
-const WIN_REWARD: f64 = 200.0;
+pub const WIN_REWARD: f64 = 200.0;
 /// The return that the greatest reward is scaled to.
-const REWARD_SCALE: f64 = 20.0;
+pub const REWARD_SCALE: f64 = 20.0;

@@ -211,7 +211,7 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
 
 fn sizes(scenario: &Scenario, layout: &Layout) -> Sizes {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let n_actions = crate::action::FIRST_TARGET + n_targets(scenario);
+    let n_actions = n_actions(scenario);
     let (ally, enemy) = (layout.ally_body(), layout.enemy_body());
     Sizes {
         n_agents,
@@ -221,6 +221,11 @@ fn sizes(scenario: &Scenario, layout: &Layout) -> Sizes {
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
     }
+}
+
+/// Actions of an agent, the available and the unavailable ones.
+pub(crate) fn n_actions(scenario: &Scenario) -> usize {
+    crate::action::FIRST_TARGET + n_targets(scenario)
 }
 
 /// Target actions of an agent: enough for every enemy, and for every ally that can be healed if one can heal.

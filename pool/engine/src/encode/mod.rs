@@ -1,10 +1,12 @@
 //! What agents get to see: observations, the state, and which actions are available.
 
 mod avail;
+mod features;
 mod obs;
 mod state;
 
 pub(crate) use avail::Available;
+pub use features::{FeatureBlock, obs_features, state_features};
 pub(crate) use obs::{Sights, write_obs};
 pub(crate) use state::write_state;
 
