@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from conftest import Serve
-from smaclite_pool import envpool
+from smaclite_pool.integrations import envpool
 
 
 def first_legal(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from conftest import Serve
-from smaclite_pool.epymarl import PoolRunner
-from smaclite_pool.smac import MultiAgentEnv
+from smaclite_pool.marl.epymarl import PoolRunner
+from smaclite_pool.marl.smac import MultiAgentEnv
 
 torch = pytest.importorskip("torch")
 

@@ -25,7 +25,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from smaclite_pool.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
 
 SCENARIO = {
     "name": "duel",
@@ -329,9 +329,9 @@ def test_the_example_of_the_documentation_runs(module: str) -> None:
     [
         "import smaclite_pool, sys; assert 'gymnasium' not in sys.modules; import gymnasium",
         "import gymnasium, smaclite_pool",
-        "import smaclite_pool.gymnasium, gymnasium",
+        "import smaclite_pool.integrations.gymnasium, gymnasium",
         "import gymnasium; gymnasium.make('smaclite_pool:smaclite_pool/2s3z-v0').close()",
-        "import gymnasium; gymnasium.make('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0').close()",
+        "import gymnasium; gymnasium.make('smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0').close()",
     ],
 )
 def test_ids_are_known_in_whatever_order_modules_are_imported(imports: str) -> None:
@@ -339,8 +339,8 @@ def test_ids_are_known_in_whatever_order_modules_are_imported(imports: str) -> N
         f"import warnings; warnings.simplefilter('error'); {imports}\n"
         "gymnasium.make('smaclite_pool/2s3z-v0').close()\n"
         "gymnasium.make_vec('smaclite_pool/2s3z-v0', num_envs=2).close()\n"
-        "import smaclite_pool.gymnasium, sys\n"
-        "smaclite_pool.gymnasium.register()\n"
+        "import smaclite_pool.integrations.gymnasium, sys\n"
+        "smaclite_pool.integrations.gymnasium.register()\n"
         "assert not [finder for finder in sys.meta_path if 'smaclite' in type(finder).__module__]\n"
     )
     assert done.returncode == 0, done.stderr

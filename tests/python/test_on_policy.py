@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from conftest import Serve
-from smaclite_pool.on_policy import ShareVecEnv
+from smaclite_pool.marl.on_policy import ShareVecEnv
 
 
 def legal(available: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], dice: np.random.Generator) -> list[list[int]]:

@@ -12,7 +12,7 @@ import smaclite_pool as sp
 pytest.importorskip("pettingzoo")
 
 from pettingzoo.test import parallel_api_test, parallel_seed_test
-from smaclite_pool.pettingzoo import ParallelBattle, parallel_env
+from smaclite_pool.integrations.pettingzoo import ParallelBattle, parallel_env
 
 
 @pytest.fixture

@@ -22,9 +22,9 @@ from conftest import left_over
 
 ray = pytest.importorskip("ray")
 
-import smaclite_pool.ray
+import smaclite_pool.integrations.ray
 from ray.cluster_utils import Cluster
-from smaclite_pool.ray import Fleet, Supervisor, actor_name, attach, start
+from smaclite_pool.integrations.ray import Fleet, Supervisor, actor_name, attach, start
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
 
@@ -177,7 +177,7 @@ class Watched(Supervisor):
 
 def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was started twenty times a second, without end, and every one of its last words was kept."""
-    monkeypatch.setattr("smaclite_pool.ray.MAX_FAILURES", 5)
+    monkeypatch.setattr("smaclite_pool.integrations.ray.MAX_FAILURES", 5)
     watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")
     watched._watch.join(60)
     assert not watched._watch.is_alive() and len(watched.starts) == 5
@@ -190,7 +190,7 @@ def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.M
 
 
 def test_a_pool_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("smaclite_pool.ray.TIME_TO_STOP", 0.5)
+    monkeypatch.setattr("smaclite_pool.integrations.ray.TIME_TO_STOP", 0.5)
     watched = Watched("import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(100)")
     while watched._child is None:
         time.sleep(0.01)
@@ -228,8 +228,8 @@ def of_cluster(cluster: Cluster, *command: str) -> str:
 
 
 def test_the_first_example_runs(cluster: Cluster) -> None:
-    assert smaclite_pool.ray.__doc__ is not None
-    text = textwrap.dedent("\n".join(smaclite_pool.ray.__doc__.split("\n")[2:]).split("\nAn actor a node")[0])
+    assert smaclite_pool.integrations.ray.__doc__ is not None
+    text = textwrap.dedent("\n".join(smaclite_pool.integrations.ray.__doc__.split("\n")[2:]).split("\nAn actor a node")[0])
     assert re.fullmatch(r"\[\d+\.\d+, \d+\.\d+\]\n", of_cluster(cluster, "-c", text))
 
 

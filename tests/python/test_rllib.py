@@ -14,9 +14,9 @@ pytest.importorskip("ray.rllib")
 pytest.importorskip("torch")
 
 import ray
-import smaclite_pool.rllib
+import smaclite_pool.integrations.rllib
 from ray.rllib.env.env_context import EnvContext
-from smaclite_pool.rllib import BattleMultiAgentEnv
+from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_runners_play_different_battles() -> None:
 
 def test_ppo_learns_with_masks(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The example: an unavailable action would have raised."""
-    text = smaclite_pool.rllib.__doc__
+    text = smaclite_pool.integrations.rllib.__doc__
     assert text is not None
     ray.init(num_cpus=2, log_to_driver=False, include_dashboard=False, object_store_memory=100 << 20)
     try:

@@ -14,7 +14,7 @@ import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool._layout import ScenarioLayout
 from smaclite_pool._smac_reward import Reward, RewardOptions, Toll
-from smaclite_pool.smac import MultiAgentEnv, Unavailable, get_map_params
+from smaclite_pool.marl.smac import MultiAgentEnv, Unavailable, get_map_params
 
 # Every option of SMAC with its default.
 SMAC_DEFAULTS: dict[str, object] = {

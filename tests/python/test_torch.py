@@ -15,8 +15,8 @@ import smaclite_pool as sp
 
 torch = pytest.importorskip("torch")
 
-import smaclite_pool.torch
-from smaclite_pool.torch import ReadOnly, pinned, tensor, tensors
+import smaclite_pool.integrations.torch
+from smaclite_pool.integrations.torch import ReadOnly, pinned, tensor, tensors
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
 
 
 def test_the_example_runs() -> None:
-    text = smaclite_pool.torch.__doc__
+    text = smaclite_pool.integrations.torch.__doc__
     assert text is not None
     exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nThe tensors lie")[0]), {"torch": torch})
 

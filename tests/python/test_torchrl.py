@@ -14,8 +14,8 @@ from conftest import Serve
 torch = pytest.importorskip("torch")
 pytest.importorskip("torchrl")
 
-import smaclite_pool.torchrl
-from smaclite_pool.torchrl import PoolEnv
+import smaclite_pool.integrations.torchrl
+from smaclite_pool.integrations.torchrl import PoolEnv
 from tensordict.nn import TensorDictModule
 from torchrl.collectors import Collector
 from torchrl.envs.utils import check_env_specs
@@ -44,7 +44,7 @@ def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
         ("agents", "action_mask"): (4, 2, 5, 11),
         ("agents", "action"): (4, 2, 5),
         "state": (4, 2, 120),
-        **{("info", name): (4, 2) for name in smaclite_pool.torchrl.INFO},
+        **{("info", name): (4, 2) for name in smaclite_pool.integrations.torchrl.INFO},
         **{name: (4, 2, 1) for name in ("done", "terminated", "truncated")},
     }
     assert shapes == expected
@@ -138,14 +138,14 @@ def test_a_running_pool_is_attached_to(serve: Serve) -> None:
 
 
 def test_the_example_runs() -> None:
-    text = smaclite_pool.torchrl.__doc__
+    text = smaclite_pool.integrations.torchrl.__doc__
     assert text is not None
     exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nKeys are")[0]), {})
 
 
 def test_torchrl_wraps_the_pettingzoo_face() -> None:
     pytest.importorskip("pettingzoo")
-    from smaclite_pool.pettingzoo import parallel_env
+    from smaclite_pool.integrations.pettingzoo import parallel_env
     from torchrl.envs import PettingZooWrapper
 
     env = PettingZooWrapper(parallel_env("2s3z"), use_mask=True, return_state=True, categorical_actions=True)

@@ -1,26 +1,31 @@
-"""Battles of SMAClite, many at once, stepped by native worker threads and read in place from shared memory.
+"""Battles of SMAClite for multi-agent reinforcement learning: many at once, read in place from shared memory.
 
     import smaclite_pool as sp
 
     with sp.make("2s3z", num_envs=64) as envs:      # a pool within this process
         batch = envs.reset(seed=1)
         for _ in range(1000):
-            actions = envs.sample_actions()         # int32 [64, n_agents], legal
-            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, batch.reward, ...
+            actions = envs.sample_actions()         # int32 [64, n_agents], available actions
+            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, ...
 
-A pool in a process of its own is served by `smaclite-pool serve 2s3z:64 --name train` and attached to by
-`sp.connect("train")`: the same methods, the same bits.
+`smaclite-pool serve 2s3z:64 --name train` runs a pool in a separate process, and `sp.connect("train")`
+attaches to it. Both have the same methods and give the same results, bit for bit.
 
-Code written for a framework goes on as it is, by a module each: `gymnasium` (its ids, `smaclite_pool/2s3z-v0` and so
-on, need only this import), `drop_in` (for `import smaclite`), `smac`, `epymarl`, `on_policy`, `pettingzoo`, `torchrl`,
-`rllib`, `envpool`, `torch`, `jax` and `ray`. `help("smaclite_pool.smac")` and its like begin with an example.
+Other interfaces are modules of this package:
 
-Words: an agent is a learner's slot, a unit any body. A step is one decision. A lane is a set of environments with one
-learner. A batch has M slots, one environment each.
+- `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
+  `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
+- `marl`: `smac` (SMAC's interface), `epymarl` and `on_policy`.
+- `compat`: drop-in replacements for the packages `smaclite` and `smac`.
+
+None of them is imported with this package, and each docstring begins with an example:
+`help("smaclite_pool.marl.smac")`.
+
+Terms: an agent is a unit that the learner controls, a unit is any body. A step is one decision of the agents.
+A lane is a set of environments with one learner. A batch has M slots, each of which is one environment.
 """
 
 from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status
-from ._registration import register_when_imported
 from .errors import (
     Busy,
     Closed,
@@ -68,5 +73,3 @@ __all__ = [
     "scenarios",
     "status",
 ]
-
-register_when_imported()

@@ -1,17 +1,29 @@
-# Written by hand: generated stubs do not know the types of arrays. `mypy.stubtest` checks that names, parameters and
-# defaults are the module's.
+# Written by hand, as generated stubs lack the types of arrays. `mypy.stubtest` compares names, parameters and
+# defaults with the module.
 
 from os import PathLike
 from types import TracebackType
-from typing import Any, Literal, final
+from typing import Any, Final, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Batch",
+    "EAST",
     "Envs",
+    "FIRST_TARGET",
     "Frame",
+    "KILL_REWARD",
+    "NORTH",
+    "NO_OP",
+    "REWARD_SCALE",
+    "SIGHT_RANGE",
+    "SOUTH",
+    "STOP",
+    "TARGETING_RANGE",
+    "WEST",
+    "WIN_REWARD",
     "__version__",
     "connect",
     "make",
@@ -24,20 +36,38 @@ __all__ = [
 
 __version__: str
 
+# Numbers of the actions of an agent.
+NO_OP: Final[int]
+STOP: Final[int]
+NORTH: Final[int]
+SOUTH: Final[int]
+EAST: Final[int]
+WEST: Final[int]
+FIRST_TARGET: Final[int]
+
+# In squares.
+SIGHT_RANGE: Final[float]
+TARGETING_RANGE: Final[float]
+
+# Points for a kill and for a victory, and the return that the maximum of points is scaled to.
+KILL_REWARD: Final[float]
+WIN_REWARD: Final[float]
+REWARD_SCALE: Final[float]
+
 _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]
 _Rules = Literal["smaclite", "paper"]
 
 @final
 class Frame:
-    """The shared memory of one frame: the base of the arrays of a `Batch`."""
+    """The shared memory of one batch; the base object of its arrays."""
 
     @property
     def sequence(self) -> int: ...
 
 @final
 class Batch:
-    """M slots, one environment each; every field is a read-only array over shared memory."""
+    """M slots, one environment per slot; every field is a read-only array over shared memory."""
 
     @property
     def env_id(self) -> NDArray[np.int32]:
@@ -59,7 +89,7 @@ class Batch:
         """float32 [M]: team reward of the step just made."""
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle: one side has nobody left."""
+        """bool [M]: the step ended the battle: one side has no unit left."""
     @property
     def truncated(self) -> NDArray[np.bool_]:
         """bool [M]: the step reached the episode limit with both sides alive."""
@@ -80,7 +110,7 @@ class Batch:
         """int32 [M]: steps so far; on an episode's last step its total."""
     @property
     def final_obs(self) -> NDArray[np.float32]:
-        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended in this step."""
+        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended."""
     @property
     def final_state(self) -> NDArray[np.float32]:
         """float32 [M, state_size]: same-step autoreset: last state, as final_obs."""
@@ -89,16 +119,16 @@ class Batch:
         """bool [M, n_agents, n_actions]: same-step autoreset: last avail_actions, as final_obs."""
     @property
     def sequence(self) -> int:
-        """Counts the frames of the lane, from 1."""
+        """Number of the batch in its lane, from 1."""
     def keys(self) -> list[str]: ...
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
-        """All fields as torch tensors over the same memory, by name; a write to one raises."""
+        """All fields as torch tensors over the same memory, by name; writing to one raises InvalidRequest."""
     def __len__(self) -> int: ...
 
 @final
 class Envs:
-    """The environments of a lane, attached to by `make` or `connect`."""
+    """The environments of a lane, created by `make` or attached to by `connect`."""
 
     def reset(
         self,
@@ -107,7 +137,9 @@ class Envs:
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
     ) -> Batch: ...
-    def step(self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None) -> Batch: ...
+    def step(
+        self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
+    ) -> Batch: ...
     def send(self, actions: ArrayLike, env_id: ArrayLike | None = None) -> None: ...
     def recv(self, timeout: float | None = None) -> Batch: ...
     def async_reset(self, seed: int | None = None) -> None: ...
