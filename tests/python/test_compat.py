@@ -146,7 +146,8 @@ from smac.env.starcraft2.maps import get_map_params
 from smac.env.starcraft2.maps.smac_maps import get_map_params as of_table
 from smac.env.starcraft2.starcraft2 import StarCraft2Env as Same
 env = StarCraft2Env(map_name="3s_vs_5z", difficulty="7", step_mul=8, seed=1)
-assert isinstance(env, MultiAgentEnv) and smac.env.StarCraft2Env is StarCraft2Env is Same and Base is MultiAgentEnv
+assert isinstance(env, MultiAgentEnv) and Base is MultiAgentEnv
+assert smac.env.StarCraft2Env is StarCraft2Env is Same
 assert get_map_params("3s_vs_5z")["limit"] == env.episode_limit == 250 and of_table is get_map_params
 env.reset()
 env.close()
@@ -187,7 +188,7 @@ def test_by_python_path(package: str) -> None:
 
 @pytest.mark.parametrize("package", ["smaclite", "smac"])
 @pytest.mark.parametrize("options", [[], ["--smaclite", "--smac"]])
-def test_the_command_replaces_both_packages_by_default(tmp_path: Path, package: str, options: list[str]) -> None:
+def test_the_command_replaces_both_by_default(tmp_path: Path, package: str, options: list[str]) -> None:
     script = tmp_path / "play.py"
     script.write_text(PLAY[package])
     done = run(*COMMAND, *options, str(script))
@@ -243,7 +244,7 @@ def test_by_install_and_in_child_processes(tmp_path: Path, package: str) -> None
 
 @pytest.mark.parametrize("package", ["smaclite", "smac"])
 def test_beside_the_published_package(tmp_path: Path, package: str) -> None:
-    """Without an installation the published package is imported, and afterwards the replacement is refused."""
+    """By default the published package is imported, and the replacement is refused after that."""
     published = tmp_path / package
     published.mkdir()
     (published / "__init__.py").touch()

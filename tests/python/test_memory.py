@@ -1,4 +1,4 @@
-"""Batches in place: no copy between the worker that writes and the array that is read, and memory that stays."""
+"""Batches in place: no copy between the worker and the learner, and memory that stays valid."""
 
 from __future__ import annotations
 
@@ -42,8 +42,10 @@ def mapping_of(array: Any) -> Mapping:
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_zero_copy(attached: bool, serve: Serve, place: Path) -> None:
-    """An observation lies in the iceoryx2 data segment, mapped read-only, that the supervisor's workers write to; what
-    is written into that file afterwards shows in the array, so nothing was copied on the way."""
+    """An observation lies in the data segment of iceoryx2 that the workers write to, mapped read-only.
+
+    Bytes that are later written to that file show in the array, so nothing was copied.
+    """
     if attached:
         serve("2s3z:8", "--name", "train")
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
@@ -103,7 +105,7 @@ def test_a_slice_outlives_batch_environments_and_pool() -> None:
 
 
 def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
-    """A cycle between a batch and its cached arrays once would have kept frames until the garbage collector ran."""
+    """A cycle between a batch and its cached arrays would keep frames until the garbage collector runs."""
     gc.disable()
     try:
         with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:

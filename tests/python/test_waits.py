@@ -1,4 +1,4 @@
-"""Every wait ends: with a timeout, Ctrl-C, the supervisor's death; other threads run meanwhile; a fork is noticed."""
+"""Every wait ends: by a timeout, Ctrl-C or the death of the supervisor; other threads run meanwhile."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], max_held_batches=2, wait=wait) as envs:  # type: ignore[arg-type]
+    settings: dict[str, Any] = {"threads": 1, "fields": [], "max_held_batches": 2, "wait": wait}
+    with sp.make("bane_vs_bane", 40_000, **settings) as envs:
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
@@ -74,7 +76,7 @@ STOPPED = """
 import os, signal, sys
 from pathlib import Path
 import smaclite_pool as sp
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background of a script
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a script ignore SIGINT
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
 os.kill(envs.pid, signal.SIGSTOP)
@@ -164,7 +166,9 @@ def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
     stop(server)
     for ask in (sp.connect, sp.status):
         begin = time.monotonic()
-        with pytest.raises(sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"):
+        with pytest.raises(
+            sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"
+        ):
             ask("train", timeout=0.3)
         assert time.monotonic() - begin < 8
     assert sp.pools() == ["train"]
@@ -197,7 +201,8 @@ print("fine")
 
 def test_a_killed_learner_frees_its_lane(serve: Serve) -> None:
     serve("2s3z:4", "--name", "train")
-    script = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True); time.sleep(100)'
+    connect = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True)'
+    script = f"{connect}; time.sleep(100)"
     learner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "1\n"
     with pytest.raises(sp.LaneTaken) as caught:

@@ -78,7 +78,7 @@ class Timeout(PoolError, TimeoutError):
 
 
 class TooManyBatchesHeld(PoolError, RuntimeError):
-    """The learner holds `max_held_batches` batches. Release one with all arrays over it, then `recv` again."""
+    """The learner holds `max_held_batches` batches. Release one and all its arrays, then `recv` again."""
 
 
 class Forked(PoolError, RuntimeError):

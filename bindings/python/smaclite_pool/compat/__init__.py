@@ -4,8 +4,8 @@ Run a program with both replacements first on Python's path:
 
     python -m smaclite_pool.compat src/main.py --config=qmix --env-config=smaclite with env_args.map_name=MMM
 
-`--smaclite` or `--smac` selects one of them. Without a program the command prints the value for PYTHONPATH. In
-code, call `install_smaclite` or `install_smac` before the first import of the package:
+`--smaclite` or `--smac` selects one of them. Without a program the command prints the value for PYTHONPATH.
+In code, call `install_smaclite` or `install_smac` before the first import of the package:
 
     from smaclite_pool import compat
 
@@ -22,12 +22,13 @@ code, call `install_smaclite` or `install_smac` before the first import of the p
 
 Without any of this, `import smaclite` and `import smac` get the published packages, if they are installed.
 
-The replacement of `smac` is `smaclite_pool.marl.smac`. That of `smaclite` is `smaclite_pool.compat.smaclite`, which
-needs gymnasium. Like the published environment it has no episode limit: callers wrap it in Gymnasium's `TimeLimit`,
-and only `truncated` distinguishes a time-out from a defeat. EPyMARL reads `info["episode_limit"]` instead, and so
-stores every time-out as a defeat. With `episode_limit=150` the environment truncates episodes itself and sets that
-key. Where the arguments of the constructor are out of reach, the environment variable SMACLITE_POOL_EPISODE_LIMIT
-or the option `--episode-limit` is the default; EPyMARL needs the same number as its time limit:
+The replacement of `smac` is `smaclite_pool.marl.smac`. That of `smaclite` is `smaclite_pool.compat.smaclite`,
+which needs gymnasium. Like the published environment it has no episode limit: callers wrap it in Gymnasium's
+`TimeLimit`, and only `truncated` distinguishes a time-out from a defeat. EPyMARL reads
+`info["episode_limit"]` instead, and so stores every time-out as a defeat. With `episode_limit=150` the
+environment truncates episodes itself and sets that key. Where the arguments of the constructor are out of
+reach, the environment variable SMACLITE_POOL_EPISODE_LIMIT or the option `--episode-limit` is the default;
+EPyMARL needs the same number as its time limit:
 
     python -m smaclite_pool.compat --episode-limit 150 src/main.py ... with env_args.time_limit=150 ...
 """

@@ -7,21 +7,21 @@ Register it in EPyMARL's `src/runners/__init__.py` with one line, and choose it 
     python -m smaclite_pool.compat src/main.py --config=qmix --env-config=smaclite with \\
         env_args.map_name=MMM2 env_args.time_limit=180 runner=pool batch_size_run=10
 
-EPyMARL imports `smaclite` with any environment; `smaclite_pool.compat` provides a drop-in replacement. Where the
-published package is installed, `python src/main.py ...` works too. EPyMARL's configuration ends episodes after 150
-steps unless `time_limit` is set.
+EPyMARL imports `smaclite` with any environment; `smaclite_pool.compat` provides a drop-in replacement. Where
+the published package is installed, `python src/main.py ...` works too. EPyMARL's configuration ends episodes
+after 150 steps unless `time_limit` is set.
 
-The runner does the same as EPyMARL's parallel runner with `batch_size_run` environments that are seeded with `seed`,
-`seed + 1` and so on: the same episodes for the same actions, the same batches, the same log. Observations are copied
-from shared memory into the tensors of the batch.
+The runner does the same as EPyMARL's parallel runner with `batch_size_run` environments that are seeded with
+`seed`, `seed + 1` and so on: the same episodes for the same actions, the same batches, the same log.
+Observations are copied from shared memory into the tensors of the batch.
 
 Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
 
 - `map_name`: a standard scenario or the path of a scenario file.
 - `seed`: environment i is seeded with seed + i.
 - `time_limit` or `episode_limit`: steps of an episode; by default the limit of the scenario.
-- `continuing_episode`: an episode that reaches its limit is not stored as terminated (an option of SMAC), default
-  False.
+- `continuing_episode`: an episode that reaches its limit is not stored as terminated (an option of SMAC),
+  default False.
 - `state_last_action`: the state contains the last actions, default True.
 - `pool`, `lane`: attach to a running pool instead of starting one. Start it with
   `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset disabled --name train`.
@@ -71,21 +71,23 @@ _SAME: dict[str, tuple[object, ...]] = {
     "reward_scale_rate": (20,),
     "heuristic_ai": (False,),
 }
-_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "replay_prefix", "heuristic_rest", "debug"}
+_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "replay_prefix"}
+_WITHOUT_EFFECT |= {"heuristic_rest", "debug"}
 
 
 class PoolRunner:
     """EPyMARL's runner interface over the environments of one lane.
 
     `args` and `logger` are those that EPyMARL passes to runners. Raises InvalidRequest for an unknown key of
-    `env_args`, for a value that is not supported, and for a running pool with other settings than this runner needs.
+    `env_args`, for a value that is not supported, and for a running pool with other settings than this runner
+    needs.
     """
 
     def __init__(self, args: Any, logger: Any) -> None:
         if not getattr(args, "common_reward", True):
             raise InvalidRequest("common_reward must be True, as the agents of a battle share one reward")
         if getattr(args, "render", False):
-            raise InvalidRequest("render must be False; to draw use runner=episode with smaclite_pool.marl.smac")
+            raise InvalidRequest("render must be False; use runner=episode with smaclite_pool.marl.smac")
         self.args = args
         self.logger = logger
         self.batch_size: int = args.batch_size_run
@@ -281,12 +283,12 @@ def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:
     for name, value in env_args.items():
         if name in _SAME and value not in _SAME[name]:
             raise InvalidRequest(
-                f"env_args.{name} must be {_SAME[name][0]!r} with this runner, got {value!r}; for other values use "
-                "smaclite_pool.marl.smac with runner=parallel"
+                f"env_args.{name} must be {_SAME[name][0]!r} with this runner, got {value!r}; "
+                "for other values use smaclite_pool.marl.smac with runner=parallel"
             )
         if name not in _OWN_KEYS | _SAME.keys() | _WITHOUT_EFFECT:
             known = ", ".join(sorted(_OWN_KEYS))
-            raise InvalidRequest(f"env_args.{name} is not known; the keys are {known}, and the options of SMAC")
+            raise InvalidRequest(f"env_args.{name} is not known; the keys are {known} and those of SMAC")
     if env_args.get("map_name") is None and env_args.get("pool") is None:
         raise InvalidRequest("set env_args.map_name or env_args.pool")
     return env_args

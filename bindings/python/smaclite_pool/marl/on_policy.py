@@ -1,4 +1,4 @@
-"""on-policy (MAPPO's own code base): its `ShareVecEnv` interface over one pool, without a process per environment.
+"""on-policy, the code base of MAPPO: its `ShareVecEnv` interface over one pool, without further processes.
 
     from smaclite_pool.marl.on_policy import ShareVecEnv
 
@@ -10,11 +10,12 @@
     envs.close()
 
 In `onpolicy/scripts/train/train_smac.py`, replace the result of `make_train_env` by
-`ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is `envs.n_agents`.
+`ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is
+`envs.n_agents`.
 
-`obs`, `share_obs` and `available_actions` are read-only views of shared memory; the state is the same memory for
-every agent. on-policy's buffers copy what they keep. Code that keeps these arrays for more than two steps needs a
-higher `max_held_batches`.
+`obs`, `share_obs` and `available_actions` are read-only views of shared memory; the state is the same memory
+for every agent. on-policy's buffers copy what they keep. Code that keeps these arrays for more than two steps
+needs a higher `max_held_batches`.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Discrete:
 
 
 class Reset(NamedTuple):
-    """The result of `reset`; A is the number of agents, O, S and N are the sizes of obs, state and actions."""
+    """The result of `reset`; A is `n_agents`, O `obs_size`, S `state_size`, N `n_actions`."""
 
     obs: Floats
     """float32 [B, A, O]."""
@@ -56,7 +57,7 @@ class Reset(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The result of `step`. Where an episode ended, `obs`, `share_obs` and `available_actions` are those of the next."""
+    """The result of `step`. Where an episode ended, the observations are those of the next episode."""
 
     obs: Floats
     share_obs: Floats
@@ -65,9 +66,11 @@ class Step(NamedTuple):
     dones: Bools
     """bool [B, A]: whether the agent is dead; True for all agents where the episode ended."""
     infos: list[list[dict[str, Any]]]
-    """`infos[b][a]`, the same for all agents: `won` (bool: the episode ended with a victory), `bad_transition`
-    (bool: it reached the episode limit), and counts of the environment: `battles_won`, `battles_game`,
-    `battles_draw` (reached the limit) and `restarts`.
+    """`infos[b][a]`, the same for all agents.
+
+    `won` (bool: the episode ended with a victory), `bad_transition` (bool: it reached the episode limit), and
+    counts of the environment: `battles_won`, `battles_game`, `battles_draw` (reached the limit) and
+    `restarts`.
     """
     available_actions: Bools
 
@@ -114,8 +117,8 @@ class ShareVecEnv:
     def connect(cls, pool: str, lane: str | None = None, *, timeout: float = 0.0) -> ShareVecEnv:
         """Attach to a running pool instead of starting one, as `smaclite_pool.connect` does.
 
-        Start the pool with `smaclite-pool serve 2s3z:8 --autoreset same_step --name train`. Raises ConnectError, and
-        InvalidRequest for a pool with other settings.
+        Start the pool with `smaclite-pool serve 2s3z:8 --autoreset same_step --name train`. Raises
+        ConnectError, and InvalidRequest for a pool with other settings.
         """
         envs = connect(pool, lane, timeout=timeout)
         if envs.autoreset != "same_step" or envs.batch_size != envs.num_envs:
@@ -145,7 +148,8 @@ class ShareVecEnv:
     def step_async(self, actions: ArrayLike) -> None:
         """Send integers of any dtype, [B, A, 1] or [B, A].
 
-        Raises IllegalAction for an unavailable action, and InvalidRequest for a fraction; nothing is stepped then.
+        Raises IllegalAction for an unavailable action, and InvalidRequest for a fraction; nothing is stepped
+        then.
         """
         given = np.asarray(actions)
         chosen = given.astype(np.int32).reshape(self.num_envs, self.n_agents)
@@ -159,7 +163,8 @@ class ShareVecEnv:
         truncated = batch.truncated
         ended = batch.terminated | truncated
         self._counts += np.stack((batch.battle_won, ended, truncated), axis=1)
-        rewards = batch.reward[:, None, None].repeat(self.n_agents, axis=1)  # a copy, as on-policy keeps those of an episode
+        # A copy, as on-policy keeps the rewards of an episode.
+        rewards = batch.reward[:, None, None].repeat(self.n_agents, axis=1)
         dones = ~batch.alive | ended[:, None]
         infos = self._infos(batch.battle_won.tolist(), truncated.tolist())
         return Step(batch.obs, self._shared(batch), rewards, dones, infos, batch.avail_actions)

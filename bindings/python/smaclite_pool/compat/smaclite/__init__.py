@@ -18,17 +18,18 @@ __all__ = ["SMACliteEnv", "register"]
 
 
 class SMACliteEnv(BattleEnv):
-    """An environment with the constructor and methods of the published one; see `BattleEnv` for their results.
+    """An environment with constructor and methods of the published one; see `BattleEnv` for their results.
 
     Args:
         map_info: must be None, as classes of the published package are not supported.
-        map_file: the path of a scenario file. The registered ids set `scenario`, a standard scenario, instead.
-        seed: seed of the first reset; with the same actions, its episodes equal those of the published environment
-            with that seed. None to draw one from NumPy's global generator.
+        map_file: the path of a scenario file. The registered ids set `scenario`, a standard scenario,
+            instead.
+        seed: seed of the first reset; with the same actions, its episodes equal those of the published
+            environment with that seed. None to draw one from NumPy's global generator.
         use_cpp_rvo2: has no effect; battles equal those of the published environment with True.
         render_mode: of `render()`: "human" shows a window (needs pygame), "rgb_array" returns a picture.
-        episode_limit: steps after which an episode is truncated and `info["episode_limit"]` is set; None for the
-            environment variable SMACLITE_POOL_EPISODE_LIMIT, or else no limit.
+        episode_limit: steps after which an episode is truncated and `info["episode_limit"]` is set; None for
+            the environment variable SMACLITE_POOL_EPISODE_LIMIT, or else no limit.
         settings: `illegal_actions`, `rules`, `wait` and other arguments of `BattleEnv`.
 
     Raises InvalidRequest, ScenarioError and StartError.
@@ -49,7 +50,7 @@ class SMACliteEnv(BattleEnv):
         **settings: Any,
     ) -> None:
         if map_info is not None:
-            raise InvalidRequest("map_info must be None, as classes of `smaclite` are not supported; use map_file")
+            raise InvalidRequest("map_info must be None; use map_file, the path of a scenario file")
         limit = _default_limit() if episode_limit is None else episode_limit
         super().__init__(
             scenario, map_file=map_file, seed=seed, episode_limit=limit, render_mode=render_mode, **settings
@@ -62,7 +63,7 @@ class SMACliteEnv(BattleEnv):
             self._battle.seed_next_reset(seed)
 
     def render(self) -> Any:
-        """Show the battle in a window and return None, or in render mode "rgb_array" return uint8 [640, 640, 3]."""
+        """Show the battle in a window, or with render mode "rgb_array" return uint8 [640, 640, 3]."""
         picture = super().render()
         if self.render_mode == "rgb_array":
             return picture

@@ -39,34 +39,37 @@ class MultiAgentEnv(Queries):
 
     Args:
         map_name: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
-        step_mul, move_amount, difficulty, game_version: only their defaults are supported; the error says why.
-        seed: seed of the first reset; with the same actions, its episodes equal those of the published environment
-            with that seed. None for a random seed.
+        step_mul, move_amount, difficulty, game_version: only their defaults are supported; the error says
+            why.
+        seed: seed of the first reset; with the same actions, its episodes equal those of the published
+            environment with that seed. None for a random seed.
         continuing_episode: mark an episode that reached the episode limit with `info["episode_limit"]`.
         obs_all_health: observations contain health and shields of all units.
         obs_own_health: observations contain health and shield of the agent itself; implied by obs_all_health.
         obs_last_action: observations contain the last actions of visible allies.
         obs_pathing_grid: observations contain whether 8 squares around are walkable (or off the map).
-        obs_terrain_height: observations contain the heights of 9 squares around: 0, as all maps are flat, and 1 off
-            the map.
+        obs_terrain_height: observations contain the heights of 9 squares around: 0, as all maps are flat, and
+            1 off the map.
         obs_timestep_number, state_timestep_number: contain the number of steps divided by the episode limit.
         obs_instead_of_state: the state is the concatenation of all observations.
         state_last_action: the state contains the last actions.
-        reward_sparse: the reward is 1 for a victory, -1 for a defeat, 0 otherwise; also subject to `reward_scale`,
-            as in SMAC.
-        reward_only_positive: if False, losses of allies are subtracted: health and shields lost in the step (net of
-            what was regained) and `reward_death_value` per death, times `reward_negative_scale`.
+        reward_sparse: the reward is 1 for a victory, -1 for a defeat, 0 otherwise; also subject to
+            `reward_scale`, as in SMAC.
+        reward_only_positive: if False, losses of allies are subtracted: health and shields lost in the step
+            (net of what was regained) and `reward_death_value` per death, times `reward_negative_scale`.
         reward_death_value, reward_win, reward_defeat: points for a kill, a victory, a defeat.
         reward_scale, reward_scale_rate: multiply rewards by rate / (the maximum return in points).
-        replay_dir, replay_prefix: folder of `save_replay`, and prefix of its file names (default: name of the map).
+        replay_dir, replay_prefix: folder of `save_replay`, and prefix of its file names (default: name of the
+            map).
         window_size_x, window_size_y: size of pictures and of the window of `render()`, in pixels.
-        heuristic_ai: use SMAC's scripted policy instead of the actions given to `step`, and write its actions into
-            them. Requires `heuristic_rest`, since orders at targets out of range are not available actions here.
+        heuristic_ai: use SMAC's scripted policy instead of the actions given to `step`, and write its actions
+            into them. Requires `heuristic_rest`, since orders at targets out of range are not available
+            actions here.
         debug: log actions and rewards at level DEBUG.
         rules, episode_limit: not in SMAC; as in `smaclite_pool.make`.
 
-    Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and InvalidRequest
-    for an invalid value. `rewards` explains how rewards other than the default are computed.
+    Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and
+    InvalidRequest for an invalid value. `rewards` explains how rewards other than the default are computed.
 
     Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`.
     """
@@ -112,7 +115,7 @@ class MultiAgentEnv(Queries):
         _check_fixed(difficulty=difficulty, game_version=game_version)
         if heuristic_ai and not heuristic_rest:
             raise Unavailable(
-                "heuristic_ai=True gives orders at targets out of range, which are not available actions here; "
+                "heuristic_ai=True attacks targets out of range, which are not available actions here; "
                 "heuristic_rest=True restricts it to available ones"
             )
         self.map_name = str(map_name)
@@ -176,9 +179,9 @@ class MultiAgentEnv(Queries):
     def step(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> tuple[float, bool, dict[str, Any]]:
         """Step by one action per agent, and return the reward, whether the episode ended, and `info`.
 
-        `info` contains `battle_won`, `dead_allies`, `dead_enemies`, and `episode_limit` (True) if the episode reached
-        its limit and `continuing_episode` is set. Raises IllegalAction for an unavailable action, and InvalidRequest
-        before the first reset and after the end of an episode; nothing is stepped then.
+        `info` contains `battle_won`, `dead_allies`, `dead_enemies`, and `episode_limit` (True) if the episode
+        reached its limit and `continuing_episode` is set. Raises IllegalAction for an unavailable action, and
+        InvalidRequest before the first reset and after the end of an episode; nothing is stepped then.
         """
         chosen = self._chosen(actions)
         before = self._health_totals()
@@ -218,7 +221,7 @@ class MultiAgentEnv(Queries):
         return HealthTotals(health[: self.n_agents], health[self.n_agents :])
 
     def get_stats(self) -> dict[str, float]:
-        """Numbers of episodes so far: won, all, and those that reached the limit; `win_rate` is 0 before the first."""
+        """Counts of episodes: won, all, and at the limit; `win_rate` is 0 before the first."""
         return {
             "battles_won": self.battles_won,
             "battles_game": self.battles_game,
@@ -238,8 +241,8 @@ class MultiAgentEnv(Queries):
     def render(self, mode: Literal["human", "rgb_array"] = "human") -> NDArray[np.uint8] | bool:
         """Draw the battle from above, with north at the top.
 
-        "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame), and returns whether
-        the window is still open.
+        "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame), and returns
+        whether the window is still open.
         """
         width, height = self.window_size
         picture = draw(self._views.layout, self._views.units, width, height)
@@ -253,8 +256,8 @@ class MultiAgentEnv(Queries):
     def save_replay(self) -> Path:
         """Write the episode so far to `<replay_prefix>_<time>.npz` in `replay_dir`, and return the path.
 
-        The file contains `scenario`, `rules`, `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the pool's
-        `states` float32 [T + 1, state_size].
+        The file contains `scenario`, `rules`, `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the
+        pool's `states` float32 [T + 1, state_size].
         """
         return self._recording.save(Path(self.replay_dir), self.replay_prefix or Path(self.map_name).stem)
 

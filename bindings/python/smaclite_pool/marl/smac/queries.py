@@ -43,8 +43,8 @@ class Queries:
     def get_state_dict(self) -> dict[str, Floats]:
         """The parts of the state by name, float32.
 
-        `allies` [A, features], `enemies` [E, features] and, if the options include them, `last_action` [A, N] and
-        `timestep` []. `get_env_info()` has the names of the features.
+        `allies` [A, features], `enemies` [E, features] and, if the options include them, `last_action` [A, N]
+        and `timestep` []. `get_env_info()` has the names of the features.
         """
         return self._views.state_dict()
 
