@@ -1,4 +1,4 @@
-"""A pool within the process: what is made, how it steps, and what happens at an episode's end."""
+"""A pool within the process: its fields and properties, stepping, and the end of episodes."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_the_sampler_draws_every_legal_action_and_no_other() -> None:
 
 
 def stop(batch: sp.Batch) -> Any:
-    """Stop, or nothing for the dead."""
+    """Stop, or no-op for dead agents."""
     return np.where(batch.alive, 1, 0)
 
 
@@ -144,7 +144,7 @@ def test_disabled_autoreset_asks_for_a_masked_reset() -> None:
         envs.step(stop(batch))
 
 
-def test_no_episode_limit_and_one_of_ones_own() -> None:
+def test_episode_limits() -> None:
     with sp.make("2s3z", 1, episode_limit=None) as envs:
         assert envs.episode_limit is None
     with sp.make("2s3z", 1, episode_limit=7) as envs:

@@ -1,4 +1,4 @@
-"""What was wrong, where, and what would be right; and nothing is stepped."""
+"""Errors say what was wrong, where, and what is accepted; nothing is stepped then."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def envs() -> Iterator[sp.Envs]:
 
 def test_an_illegal_action_names_environment_agent_and_what_was_available(envs: sp.Envs) -> None:
     actions = np.ones((2, 5), np.int32)
-    actions[1, 3] = 0  # no-op is for the dead
+    actions[1, 3] = 0  # no-op is for dead agents
     with pytest.raises(sp.IllegalAction, match="environment 1, agent 3: action 0 is not available") as caught:
         envs.step(actions)
     error = caught.value
@@ -178,7 +178,7 @@ def test_a_wrong_scenario_file_names_file_key_and_value(place: Path) -> None:
 
 
 def test_stepping_before_the_first_reset() -> None:
-    """Before it, `sample_actions` once drew actions that no environment would accept."""
+    """`sample_actions` once drew unavailable actions before the first reset."""
     with sp.make("2s3z", num_envs=1) as envs:
         for call in (lambda: envs.step([[1] * 5]), envs.sample_actions):
             with pytest.raises(sp.InvalidRequest, match="call reset first"):
@@ -203,9 +203,9 @@ def test_a_name_or_lane_that_is_taken(envs: sp.Envs) -> None:
 
 def test_no_such_pool_or_lane(envs: sp.Envs) -> None:
     with pytest.raises(sp.NoSuchPool, match=f"running: {envs.name}"):
-        sp.connect("nobody", timeout=0.05)
+        sp.connect("missing", timeout=0.05)
     with pytest.raises(sp.NoSuchPool):
-        sp.status("nobody")
+        sp.status("missing")
     with pytest.raises(sp.ConnectError, match="no lane `x`; the pool has `2s3z`"):
         sp.connect(envs.name, "x")
 

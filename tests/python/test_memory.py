@@ -104,7 +104,7 @@ def test_a_slice_outlives_batch_environments_and_pool() -> None:
         assert np.array_equal(part, expected)
 
 
-def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
+def test_a_batch_is_freed_with_its_last_reference() -> None:
     """A cycle between a batch and its cached arrays would keep frames until the garbage collector runs."""
     gc.disable()
     try:
@@ -120,20 +120,20 @@ def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
         gc.enable()
 
 
-def test_holding_too_many_frames_is_an_error_and_ends_with_letting_go() -> None:
+def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
     with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
         held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
         held.append(envs.step(envs.sample_actions()))
         first = held[0].copy()
         with pytest.raises(sp.TooManyBatchesHeld, match="all 2 frames"):
             envs.step(envs.sample_actions())
-        assert np.array_equal(held[0], first), "never an overwrite"
+        assert np.array_equal(held[0], first), "a held batch was overwritten"
         held.clear()
-        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still under way"
+        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was lost"
 
 
 def test_nothing_is_left_by_a_process_that_closes_nothing() -> None:
-    """Objects that outlive the interpreter are not freed by it; the fixture looks for what they left."""
+    """The interpreter does not free cycles at its end; the fixture checks what they leave behind."""
     done = run_script(
         """
 import smaclite_pool as sp

@@ -195,8 +195,10 @@ class EnvPool:
         return {key: self._array(getattr(batch, field), slots) for key, field in present.items()}
 
     def _array(self, array: NDArray[Any], slots: NDArray[Any] | None = None) -> NDArray[Any]:
-        own: NDArray[Any] = array if slots is None else array[slots]
-        return own.copy() if self._copy and slots is None else own  # indexing has copied already
+        if slots is not None:
+            chosen: NDArray[Any] = array[slots]  # indexing by an array copies
+            return chosen
+        return array.copy() if self._copy else array
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

@@ -9,8 +9,7 @@
             self.lane = attach()                        # a free lane of this node's pool
             self.batch = self.lane.envs.reset(seed=self.lane.seed)
 
-        def collect(self, steps):                       # uses shared memory; only the result passes through
-        Ray
+        def collect(self, steps):                       # shared memory only; Ray sees the result
             rewards = 0.0
             for _ in range(steps):
                 self.batch = self.lane.envs.step(self.lane.envs.sample_actions())

@@ -119,34 +119,35 @@ class PoolEnv(EnvBase):
         mask = None if tensordict is None else tensordict.get("_reset", None)
         if mask is None or bool(mask.all()):
             seed, self._next_seed = self._next_seed, None
-            return self._seen(self.envs.reset(seed))
-        return self._seen(self.envs.reset(mask=mask.reshape(-1).cpu().numpy()))
+            return self._decode(self.envs.reset(seed))
+        return self._decode(self.envs.reset(mask=mask.reshape(-1).cpu().numpy()))
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get(("agents", "action")).to("cpu", torch.int32).contiguous()
         batch = self.envs.step(actions.numpy())
-        seen = self._seen(batch)
-        terminated, truncated = (self._own(batch, name).unsqueeze(-1) for name in ("terminated", "truncated"))
+        observed = self._decode(batch)
+        terminated = self._field(batch, "terminated").unsqueeze(-1)
+        truncated = self._field(batch, "truncated").unsqueeze(-1)
         ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
-        return seen.update({"reward": self._own(batch, "reward").unsqueeze(-1), **ends})
+        return observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
 
-    def _seen(self, batch: Batch) -> TensorDictBase:
-        mask = self._own(batch, "avail_actions")
+    def _decode(self, batch: Batch) -> TensorDictBase:
+        mask = self._field(batch, "avail_actions")
         self.full_action_spec["agents", "action"].update_mask(mask)  # for random actions
-        agents = {"observation": self._own(batch, "obs"), "action_mask": mask}
+        agents = {"observation": self._field(batch, "obs"), "action_mask": mask}
         team = torch.Size([*self.batch_size, self.envs.n_agents])
-        info = {name: self._own(batch, name) for name in INFO_FIELDS}
+        info = {name: self._field(batch, name) for name in INFO_FIELDS}
         return TensorDict(
             {
                 "agents": TensorDict(agents, batch_size=team, device=self.device),
-                "state": self._own(batch, "state"),
+                "state": self._field(batch, "state"),
                 "info": TensorDict(info, batch_size=self.batch_size, device=self.device),
             },
             batch_size=self.batch_size,
             device=self.device,
         )
 
-    def _own(self, batch: Batch, name: str) -> torch.Tensor:
+    def _field(self, batch: Batch, name: str) -> torch.Tensor:
         """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""
         return tensor(getattr(batch, name)).plain.to(self.device, copy=True)
 

@@ -45,8 +45,8 @@ from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
 
 __all__ = ["PoolRunner"]
 
-_OWN_KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
-_OWN_KEYS |= {"pool", "lane", "threads"}
+_KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
+_KEYS |= {"pool", "lane", "threads"}
 
 # Keys of the configurations of EPyMARL and SMAC, with the values that match what a pool does.
 _SAME: dict[str, tuple[object, ...]] = {
@@ -239,23 +239,23 @@ class _Rows:
         while count > 0:
             batch = envs.recv()
             rows = batch.env_id
-            for name, own in self._fields.items():
-                own[rows] = getattr(batch, name)
+            for name, array in self._fields.items():
+                array[rows] = getattr(batch, name)
             count -= len(rows)
 
     def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
         """The arrays that EPyMARL stores before an action: [rows, ...], copies."""
-        own = self._fields
-        state = own["state"][rows, : self._state_size]
-        return {"state": state, "avail_actions": own["avail_actions"][rows], "obs": own["obs"][rows]}
+        fields = self._fields
+        state = fields["state"][rows, : self._state_size]
+        return {"state": state, "avail_actions": fields["avail_actions"][rows], "obs": fields["obs"][rows]}
 
     def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:
         """The arrays that it stores after an action: [rows, 1]."""
-        own = self._fields
-        ended = own["terminated"][rows, None]
+        fields = self._fields
+        ended = fields["terminated"][rows, None]
         if not marks_timeouts:
-            ended = ended | own["truncated"][rows, None]
-        return {"reward": own["reward"][rows, None], "terminated": ended}
+            ended = ended | fields["truncated"][rows, None]
+        return {"reward": fields["reward"][rows, None], "terminated": ended}
 
     def ended(self, rows: list[int]) -> list[int]:
         """Those of `rows` whose last step ended an episode."""
@@ -286,8 +286,8 @@ def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:
                 f"env_args.{name} must be {_SAME[name][0]!r} with this runner, got {value!r}; "
                 "for other values use smaclite_pool.marl.smac with runner=parallel"
             )
-        if name not in _OWN_KEYS | _SAME.keys() | _WITHOUT_EFFECT:
-            known = ", ".join(sorted(_OWN_KEYS))
+        if name not in _KEYS | _SAME.keys() | _WITHOUT_EFFECT:
+            known = ", ".join(sorted(_KEYS))
             raise InvalidRequest(f"env_args.{name} is not known; the keys are {known} and those of SMAC")
     if env_args.get("map_name") is None and env_args.get("pool") is None:
         raise InvalidRequest("set env_args.map_name or env_args.pool")

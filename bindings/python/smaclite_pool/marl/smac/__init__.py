@@ -6,8 +6,8 @@
     obs, state = env.reset()
     terminated = False
     while not terminated:
-        actions = [row.index(1) for row in env.get_avail_actions()]   # the first available action of each
-        agent reward, terminated, info = env.step(actions)
+        actions = [row.index(1) for row in env.get_avail_actions()]   # the first available ones
+        reward, terminated, info = env.step(actions)
     print(info["battle_won"], env.get_stats())
     env.close()
 
