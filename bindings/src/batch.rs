@@ -92,8 +92,7 @@ impl Batch {
         Ok(copies)
     }
 
-    /// All fields as torch tensors over the same memory, by name; a write to one raises. See
-    /// `smaclite_pool.integrations.torch`.
+    /// All fields as torch tensors over the same memory, by name; a write to one raises. See `smaclite_pool.torch`.
     fn torch<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("smaclite_pool.integrations.torch")?.call_method1("tensors", (slf,))
     }

@@ -1,4 +1,4 @@
-//! Queries that need no connection to a lane: standard scenarios, running pools and their status.
+//! Questions that need no learner: which scenarios there are, which pools run, how they do.
 
 use crate::convert::{Seconds, dict_of, seconds};
 use crate::errors;
@@ -19,11 +19,11 @@ pub fn scenarios() -> Vec<&'static str> {
     Scenario::standard_names().collect()
 }
 
-/// The status of the pool `pool` of this user.
+/// What the pool `pool` of this user is doing.
 ///
-/// Returns a dict with `pool`, `pid`, `threads`, `uptime_s`, `shared_memory` (bytes) and `lanes`: a list of
-/// dicts with `description` (as `Envs.description`), `holder` (the learner's process id or None), `figures`
-/// (counts since the start), `steps_per_s` and `failure`.
+/// Returns a dict with `pool`, `pid`, `threads`, `uptime_s`, `shared_memory` (bytes) and `lanes`: a list of dicts with
+/// `description` (as `Envs.description`), `holder` (the learner's process or None), `figures` (counts since the start),
+/// `steps_per_s` and `failure`.
 ///
 /// `timeout`: seconds that the pool has to answer; None for no limit. Raises NoSuchPool if no pool of that
 /// name runs, and ConnectError if it does not answer in time.

@@ -1,4 +1,4 @@
-"""A separate folder for the pools of each test, which must be empty after it; pools in child processes."""
+"""A place of its own for every test, which must be empty after it, and pools in processes of their own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 
 
 def shm_prefix(root: Path) -> str:
-    """The prefix of the folder name in /dev/shm: FNV-1a of `root`, as ipc/src/place.rs has it."""
+    """What the name of the folder in /dev/shm begins with: FNV-1a of `root`, as ipc/src/place.rs has it."""
     folder = 0xCBF29CE484222325
     for byte in str(root).encode():
         folder = ((folder ^ byte) * 0x100000001B3) % 2**64
@@ -24,14 +24,14 @@ def shm_prefix(root: Path) -> str:
 
 
 def left_over(root: Path) -> list[str]:
-    """Files in this folder, and those of its pools in /dev/shm."""
+    """Files of this place in its folder and in /dev/shm."""
     files = [str(path) for path in root.rglob("*") if not path.is_dir()]
     return files + [str(path) for path in Path("/dev/shm").glob(shm_prefix(root) + "*")]
 
 
 @pytest.fixture(autouse=True)
 def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The folder of the pools of this test; its path is short, as it contains sockets."""
+    """The folder of this test's pools; short, because sockets live in it."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
     yield root
@@ -72,6 +72,6 @@ def serve(place: Path) -> Iterator[Serve]:
 
 
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:
-    """Runs Python code in a separate process."""
+    """Runs Python code in a process of its own."""
     command = [sys.executable, "-c", text, *args]
     return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)

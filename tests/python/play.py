@@ -1,4 +1,4 @@
-"""Playing and comparing battles; shared by several tests."""
+"""Playing and comparing, for several tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def bits(batch: sp.Batch) -> bytes:
-    """A digest of all bits of a batch."""
+    """A digest of every bit of a batch."""
     digest = hashlib.sha256()
     for name, array in batch.copy().items():
         digest.update(name.encode() + array.tobytes())
@@ -18,7 +18,7 @@ def bits(batch: sp.Batch) -> bytes:
 
 
 def play(envs: sp.Envs, steps: int, seed: int) -> list[bytes]:
-    """Plays random available actions; returns the bits of every batch."""
+    """Random legal play; the bits of every batch."""
     envs.seed_sampler(seed)
     played = [bits(envs.reset(seed=seed))]
     for _ in range(steps):
@@ -27,7 +27,7 @@ def play(envs: sp.Envs, steps: int, seed: int) -> list[bytes]:
 
 
 def play_in_part_batches(envs: sp.Envs, steps: int, seed: int) -> dict[int, list[bytes]]:
-    """Plays asynchronously; returns the bits of obs and reward per environment and step."""
+    """Stops every agent that can stop, in batches as they come; obs and reward of each environment's own steps."""
     envs.async_reset(seed=seed)
     seen: dict[int, list[bytes]] = {env: [] for env in range(envs.num_envs)}
     while any(len(own) <= steps for own in seen.values()):
@@ -39,7 +39,7 @@ def play_in_part_batches(envs: sp.Envs, steps: int, seed: int) -> dict[int, list
 
 
 def first_legal(batch: sp.Batch) -> NDArray[np.int32]:
-    """The last available action of every agent: an attack, if there is one."""
+    """The last available action of every agent: an attack where one is possible."""
     mask = batch.avail_actions
     last: NDArray[np.int32] = (mask.shape[2] - 1 - mask[:, :, ::-1].argmax(axis=2)).astype(np.int32)
     return last

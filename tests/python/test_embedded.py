@@ -1,4 +1,4 @@
-"""A pool within the process: its fields and properties, stepping, and the end of episodes."""
+"""A pool within the process: what is made, how it steps, and what happens at an episode's end."""
 
 from __future__ import annotations
 
@@ -31,15 +31,7 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
 def test_properties_and_description_agree() -> None:
     with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
         described = envs.description
-        for name in (
-            "num_envs",
-            "batch_size",
-            "n_agents",
-            "n_enemies",
-            "n_actions",
-            "obs_size",
-            "state_size",
-        ):
+        for name in ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size"):
             assert getattr(envs, name) == described[name], name
         assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
         assert (envs.rules, envs.autoreset, envs.episode_limit) == ("smaclite", "next_step", 180)
@@ -68,14 +60,8 @@ def test_actions_of_any_integer_type_are_the_same_actions() -> None:
     with sp.make("2s3z", num_envs=2) as envs:
         legal = [[1] * 5] * 2
         seen = []
-        for actions in (
-            legal,
-            np.array(legal, np.int32),
-            np.array(legal, np.uint8),
-            np.array(legal, ">i4"),
-            np.asfortranarray(np.array(legal, np.int32)),
-            np.array(legal, np.uint64),
-        ):
+        for actions in (legal, np.array(legal, np.int32), np.array(legal, np.uint8), np.array(legal, ">i4"),
+                        np.asfortranarray(np.array(legal, np.int32)), np.array(legal, np.uint64)):
             envs.reset(seed=3)
             seen.append(envs.step(actions).obs.copy())
         assert all(np.array_equal(seen[0], obs) for obs in seen)
@@ -98,7 +84,7 @@ def test_the_sampler_draws_every_legal_action_and_no_other() -> None:
 
 
 def stop(batch: sp.Batch) -> Any:
-    """Stop, or no-op for dead agents."""
+    """Stop, or nothing for the dead."""
     return np.where(batch.alive, 1, 0)
 
 
@@ -144,7 +130,7 @@ def test_disabled_autoreset_asks_for_a_masked_reset() -> None:
         envs.step(stop(batch))
 
 
-def test_episode_limits() -> None:
+def test_no_episode_limit_and_one_of_ones_own() -> None:
     with sp.make("2s3z", 1, episode_limit=None) as envs:
         assert envs.episode_limit is None
     with sp.make("2s3z", 1, episode_limit=7) as envs:
@@ -174,10 +160,8 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
 
 @pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
-    """Only idle environments were closed at exit: a thread in `step` left the files of its pool behind.
-
-    The fixture `place` fails this test if a file is left.
-    """
+    """Only what was idle was closed at exit: a thread in the middle of `step` kept its pool's files until the next
+    start. The fixture `place` fails this test if a file is left."""
     script = f"""
 import threading, time
 import smaclite_pool as sp

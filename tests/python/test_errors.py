@@ -1,4 +1,4 @@
-"""Errors say what was wrong, where, and what is accepted; nothing is stepped then."""
+"""What was wrong, where, and what would be right; and nothing is stepped."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def envs() -> Iterator[sp.Envs]:
 
 def test_an_illegal_action_names_environment_agent_and_what_was_available(envs: sp.Envs) -> None:
     actions = np.ones((2, 5), np.int32)
-    actions[1, 3] = 0  # no-op is for dead agents
+    actions[1, 3] = 0  # no-op is for the dead
     with pytest.raises(sp.IllegalAction, match="environment 1, agent 3: action 0 is not available") as caught:
         envs.step(actions)
     error = caught.value
@@ -44,90 +44,48 @@ Call = Callable[[sp.Envs], Any]
 @pytest.mark.parametrize(
     ("call", "error", "match"),
     [
-        (
-            lambda e: e.step(np.ones((2, 4), int)),
-            sp.InvalidRequest,
-            r"actions must be .* shape \(2, 5\), got \(2, 4\)",
-        ),
+        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
         (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
         (lambda e: e.step([]), sp.InvalidRequest, r"got \(0,\)"),
         (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest, "actions cannot be made an array"),
         (lambda e: e.step(None), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got NoneType"),
         (lambda e: e.step({}), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
-        (
-            lambda e: e.step([[1] * 5], env_id=3),
-            sp.InvalidRequest,
-            r"env_id must be .* shape \(K,\), got \(\)",
-        ),
+        (lambda e: e.step([[1] * 5], env_id=3), sp.InvalidRequest, r"env_id must be .* shape \(K,\), got \(\)"),
         (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id chooses no environment"),
         (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
         (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
         (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
-        (
-            lambda e: e.step(np.full((2, 5), 2**40)),
-            sp.InvalidRequest,
-            r"fit into int32, got 1099511627776 at index \[0, 0\]",
-        ),
-        (
-            lambda e: e.step(np.full((2, 5), 2**63, np.uint64)),
-            sp.InvalidRequest,
-            "9223372036854775808 at index",
-        ),
+        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest, r"fit into int32, got 1099511627776 at index \[0, 0\]"),
+        (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), sp.InvalidRequest, "9223372036854775808 at index"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), sp.InvalidRequest, "environment 2 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), sp.InvalidRequest, "environment -1 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), sp.InvalidRequest, "environment 1 is given twice"),
         (lambda e: e.step([[1] * 5], env_id=[1]), sp.InvalidRequest, "takes all 2 at once"),
         (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id must be .*, got \(1, 1\)"),
-        (
-            lambda e: e.step([[1] * 5], env_id=[0.5]),
-            TypeError,
-            "env_id must be an integer array, got float64",
-        ),
+        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError, "env_id must be an integer array, got float64"),
         (lambda e: e.recv(), sp.InvalidRequest, "send actions first"),
         (lambda e: e.recv(timeout=-1), sp.InvalidRequest, "timeout must be .* from 0, or None, got -1.0"),
         (lambda e: e.recv(timeout=-(10**400)), sp.InvalidRequest, "timeout must be .*, got -inf"),
         (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
         (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout must be .*, got NaN"),
         (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed must not be negative, got -1"),
-        (
-            lambda e: e.reset(seed=2**64),
-            sp.InvalidRequest,
-            "seed must be at most 18446744073709551615, got 184467",
-        ),
-        (
-            lambda e: e.reset(seed=2**200),
-            sp.InvalidRequest,
-            "seed must be at most .*, got an integer of more than 127",
-        ),
+        (lambda e: e.reset(seed=2**64), sp.InvalidRequest, "seed must be at most 18446744073709551615, got 184467"),
+        (lambda e: e.reset(seed=2**200), sp.InvalidRequest, "seed must be at most .*, got an integer of more than 127"),
         (lambda e: e.reset(seed=-(2**200)), sp.InvalidRequest, "seed must not be negative"),
         (lambda e: e.reset(seed=1.5), TypeError, "seed must be an integer, got float"),
         (lambda e: e.seed_sampler(10**300), sp.InvalidRequest, "seed must be at most"),
-        (
-            lambda e: e.reset(mask=[True]),
-            sp.InvalidRequest,
-            r"mask must be a bool array of shape \(2,\), got shape \(1,\)",
-        ),
+        (lambda e: e.reset(mask=[True]), sp.InvalidRequest, r"mask must be a bool array of shape \(2,\), got shape \(1,\)"),
         (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
         (lambda e: e.reset(mask=[True, False], env_id=[0]), sp.InvalidRequest, "give one"),
         (lambda e: e.reset(env_id=[5]), sp.InvalidRequest, "environment 5 does not exist"),
         (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest, "env_id chooses no environment"),
-        (
-            lambda e: e.reset(mask=[False, False], timeout=10),
-            sp.InvalidRequest,
-            "mask chooses no environment",
-        ),
+        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest, "mask chooses no environment"),
         (lambda e: e.sample_actions(out=np.zeros((2, 5))), TypeError, "int32 array of shape"),
-        (
-            lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)),
-            sp.InvalidRequest,
-            r"out must be .* shape \(2, 5\)",
-        ),
+        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest, r"out must be .* shape \(2, 5\)"),
         (lambda e: e.sample_actions(env_id=[7]), sp.InvalidRequest, "environment 7 does not exist"),
     ],
 )
-def test_a_wrong_request_says_what_is_accepted(
-    envs: sp.Envs, call: Call, error: type[Exception], match: str
-) -> None:
+def test_a_wrong_request_says_what_is_accepted(envs: sp.Envs, call: Call, error: type[Exception], match: str) -> None:
     with pytest.raises(error, match=match):
         call(envs)
     assert envs.step([[1] * 5] * 2).episode_length.tolist() == [1, 1], "and the next right one works"
@@ -156,11 +114,7 @@ def test_a_wrong_request_says_what_is_accepted(
         ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
         ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
-        (
-            {"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000},
-            sp.TooLittleMemory,
-            "bytes",
-        ),
+        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, sp.TooLittleMemory, "bytes"),
     ],
 )
 def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Exception], match: str) -> None:
@@ -178,7 +132,7 @@ def test_a_wrong_scenario_file_names_file_key_and_value(place: Path) -> None:
 
 
 def test_stepping_before_the_first_reset() -> None:
-    """`sample_actions` once drew unavailable actions before the first reset."""
+    """Before it, `sample_actions` once drew actions that no environment would accept."""
     with sp.make("2s3z", num_envs=1) as envs:
         for call in (lambda: envs.step([[1] * 5]), envs.sample_actions):
             with pytest.raises(sp.InvalidRequest, match="call reset first"):
@@ -203,9 +157,9 @@ def test_a_name_or_lane_that_is_taken(envs: sp.Envs) -> None:
 
 def test_no_such_pool_or_lane(envs: sp.Envs) -> None:
     with pytest.raises(sp.NoSuchPool, match=f"running: {envs.name}"):
-        sp.connect("missing", timeout=0.05)
+        sp.connect("nobody", timeout=0.05)
     with pytest.raises(sp.NoSuchPool):
-        sp.status("missing")
+        sp.status("nobody")
     with pytest.raises(sp.ConnectError, match="no lane `x`; the pool has `2s3z`"):
         sp.connect(envs.name, "x")
 

@@ -1,4 +1,4 @@
-"""Batches in place: no copy between the worker and the learner, and memory that stays valid."""
+"""Batches in place: no copy between the worker that writes and the array that is read, and memory that stays."""
 
 from __future__ import annotations
 
@@ -42,10 +42,8 @@ def mapping_of(array: Any) -> Mapping:
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_zero_copy(attached: bool, serve: Serve, place: Path) -> None:
-    """An observation lies in the data segment of iceoryx2 that the workers write to, mapped read-only.
-
-    Bytes that are later written to that file show in the array, so nothing was copied.
-    """
+    """An observation lies in the iceoryx2 data segment, mapped read-only, that the supervisor's workers write to; what
+    is written into that file afterwards shows in the array, so nothing was copied on the way."""
     if attached:
         serve("2s3z:8", "--name", "train")
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:
@@ -104,8 +102,8 @@ def test_a_slice_outlives_batch_environments_and_pool() -> None:
         assert np.array_equal(part, expected)
 
 
-def test_a_batch_is_freed_with_its_last_reference() -> None:
-    """A cycle between a batch and its cached arrays would keep frames until the garbage collector runs."""
+def test_a_batch_goes_as_soon_as_nobody_holds_it() -> None:
+    """A cycle between a batch and its cached arrays once would have kept frames until the garbage collector ran."""
     gc.disable()
     try:
         with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
@@ -120,20 +118,20 @@ def test_a_batch_is_freed_with_its_last_reference() -> None:
         gc.enable()
 
 
-def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
+def test_holding_too_many_frames_is_an_error_and_ends_with_letting_go() -> None:
     with sp.make("2s3z", num_envs=2, max_held_batches=2) as envs:
         held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
         held.append(envs.step(envs.sample_actions()))
         first = held[0].copy()
         with pytest.raises(sp.TooManyBatchesHeld, match="all 2 frames"):
             envs.step(envs.sample_actions())
-        assert np.array_equal(held[0], first), "a held batch was overwritten"
+        assert np.array_equal(held[0], first), "never an overwrite"
         held.clear()
-        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was lost"
+        assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still under way"
 
 
 def test_nothing_is_left_by_a_process_that_closes_nothing() -> None:
-    """The interpreter does not free cycles at its end; the fixture checks what they leave behind."""
+    """Objects that outlive the interpreter are not freed by it; the fixture looks for what they left."""
     done = run_script(
         """
 import smaclite_pool as sp

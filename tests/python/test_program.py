@@ -1,4 +1,4 @@
-"""The program and the example, run from the command line."""
+"""The program and the example, as a person runs them."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_
 
 def test_exit_codes_mean_something() -> None:
     assert run("-m", "smaclite_pool", "nonsense").returncode == 2
-    failed = run("-m", "smaclite_pool", "status", "missing")
-    assert failed.returncode == 1 and "missing" in failed.stderr and "Traceback" not in failed.stderr
+    failed = run("-m", "smaclite_pool", "status", "nobody")
+    assert failed.returncode == 1 and "nobody" in failed.stderr and "Traceback" not in failed.stderr
 
 
 def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:

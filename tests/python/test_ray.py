@@ -31,12 +31,12 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_r
 
 @pytest.fixture(autouse=True)
 def place() -> None:
-    """Overrides the folder per test: nodes keep the one that they were started with."""
+    """Not one for each test: nodes keep the place that they were started with."""
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """Two nodes of two cores; their pools have one folder, which must be empty at the end."""
+    """Two nodes of two cores; their pools are in a place of their own, which must be empty in the end."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SMACLITE_POOL_ROOT", str(root))

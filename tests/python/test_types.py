@@ -1,4 +1,4 @@
-"""Types: the package is strictly typed, and the stub of the native module matches the module."""
+"""Types: the package is strictly typed, and the stub of the native module is the module."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def check(*command: str) -> None:
-    python = [sys.executable, "-m", *command]
-    done = subprocess.run(python, capture_output=True, text=True, cwd=REPOSITORY, check=False)
+    done = subprocess.run([sys.executable, "-m", *command], capture_output=True, text=True, cwd=REPOSITORY, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -26,17 +25,16 @@ def test_the_stub_matches_the_module() -> None:
 
 
 def test_the_stub_declares_every_field_with_its_type() -> None:
-    """stubtest compares names only; dtypes and shapes come from the native table of fields."""
+    """stubtest sees names only; types and texts come from the table of fields."""
     stub = (Path(sp.__file__).parent / "_native.pyi").read_text()
-    properties = {name: value for name, value in vars(sp.Batch).items() if isinstance(value, property)}
-    fields = [name for name, value in properties.items() if " [M" in str(value.__doc__)]
+    fields = [name for name, value in vars(sp.Batch).items() if isinstance(value, property) and " [M" in str(value.__doc__)]
     assert len(fields) == 16
     for name in fields:
         text = getattr(sp.Batch, name).__doc__
         dtype, described = text.split(" ", 1)
         scalar = {"bool": "bool_"}.get(dtype, dtype)
         shape = described.split("]")[0]
-        assert f'def {name}(self) -> NDArray[np.{scalar}]:\n        """{dtype} {shape}]: ' in stub, text
+        assert f"def {name}(self) -> NDArray[np.{scalar}]:\n        \"\"\"{dtype} {shape}]: " in stub, text
 
 
 def test_everything_public_is_documented() -> None:

@@ -1,4 +1,4 @@
-"""Every wait ends: by a timeout, Ctrl-C or the death of the supervisor; other threads run meanwhile."""
+"""Every wait ends: with a timeout, Ctrl-C, the supervisor's death; other threads run meanwhile; a fork is noticed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ from conftest import Serve, left_over, run_script
 
 @pytest.fixture
 def slow() -> Iterator[sp.Envs]:
-    """Environments with slow batches: thousands of large battles on one thread."""
+    """Environments whose batch takes long: thousands of large battles on one thread."""
     with sp.make("bane_vs_bane", num_envs=4000, threads=1, fields=[], max_held_batches=2) as envs:
         envs.reset()
         yield envs
@@ -44,8 +43,7 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
 
-    settings: dict[str, Any] = {"threads": 1, "fields": [], "max_held_batches": 2, "wait": wait}
-    with sp.make("bane_vs_bane", 40_000, **settings) as envs:
+    with sp.make("bane_vs_bane", 40_000, threads=1, fields=[], max_held_batches=2, wait=wait) as envs:  # type: ignore[arg-type]
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
@@ -76,13 +74,13 @@ STOPPED = """
 import os, signal, sys
 from pathlib import Path
 import smaclite_pool as sp
-signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a script ignore SIGINT
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background of a script
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
 os.kill(envs.pid, signal.SIGSTOP)
 threads = Path(f"/proc/{envs.pid}/task")
 while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
-    pass  # a thread may continue for a moment
+    pass  # a thread may go on for a moment
 envs.send(envs.sample_actions())
 try:
     print("waiting", flush=True)
@@ -98,7 +96,7 @@ except sp.PoolDied as error:
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
 @pytest.mark.parametrize("how", ["interrupted", "died"])
 def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
-    """By Ctrl-C, and by the death of the supervisor."""
+    """With Ctrl-C, and with the death of the supervisor."""
     server = serve("2s3z:4", "--name", "train")
     learner = subprocess.Popen([sys.executable, "-c", STOPPED, wait], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "waiting\n"
@@ -112,13 +110,12 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
     assert learner.returncode == 0
     if how == "died":
         server.wait()
-        # The name is free at once, and its files are removed.
-        with sp.make("2s3z", num_envs=1, name="train") as again:
+        with sp.make("2s3z", num_envs=1, name="train") as again:  # the name is free at once, and cleaned up
             again.reset()
 
 
 def stop(server: subprocess.Popen[str]) -> None:
-    """Sends SIGSTOP and waits until every thread has stopped; one may continue, and answer, for a moment."""
+    """SIGSTOP, and waits until every thread has stopped: one may go on, and answer, for a moment."""
     server.send_signal(signal.SIGSTOP)
     threads = Path(f"/proc/{server.pid}/task")
     while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
@@ -146,8 +143,8 @@ except sp.StartError as error:
 
 
 @pytest.mark.parametrize("call", ["status", "connect", "list", "make"])
-def test_timeout_and_ctrl_c_end_every_call_to_a_stopped_supervisor(call: str, serve: Serve) -> None:
-    """They once waited for ten seconds, without regard to timeout and Ctrl-C."""
+def test_no_call_waits_for_a_stopped_supervisor_against_its_callers_will(call: str, serve: Serve) -> None:
+    """They once waited for ten seconds, whatever timeout and Ctrl-C said."""
     server = serve("2s3z:4", "--name", "train")
     stop(server)
     asking = subprocess.Popen([sys.executable, "-c", STOPPED_CALLS, call], stdout=subprocess.PIPE, text=True)
@@ -156,20 +153,18 @@ def test_timeout_and_ctrl_c_end_every_call_to_a_stopped_supervisor(call: str, se
         time.sleep(0.5)  # to be in the call, most likely
         asking.send_signal(signal.SIGINT)
     asking.wait(timeout=8)
-    with asking.stdout:  # `communicate` would skip the buffer of `readline`
+    with asking.stdout:  # `communicate` would pass over what `readline` has in its buffer
         said = asking.stdout.read().strip()
     expected = {"list": "['train']", "make": f"a pool named `train` runs already (process {server.pid})"}
     assert said.startswith(expected.get(call, "interrupted")), said
 
 
-def test_connecting_to_a_stopped_supervisor_times_out(serve: Serve) -> None:
+def test_a_stopped_supervisor_is_given_up_in_time(serve: Serve) -> None:
     server = serve("2s3z:4", "--name", "train")
     stop(server)
     for ask in (sp.connect, sp.status):
         begin = time.monotonic()
-        with pytest.raises(
-            sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"
-        ):
+        with pytest.raises(sp.ConnectError, match=rf"`train` \(process {server.pid}\) did not answer within 0.3 s"):
             ask("train", timeout=0.3)
         assert time.monotonic() - begin < 8
     assert sp.pools() == ["train"]
@@ -179,7 +174,7 @@ def test_connecting_to_a_stopped_supervisor_times_out(serve: Serve) -> None:
 
 
 def test_an_interrupted_make_leaves_nothing_behind(place: Path) -> None:
-    """An interrupted `make` is undone at the exit of the interpreter at the latest."""
+    """What was being made is taken back, at the interpreter's exit at the latest."""
     script = """
 import signal, sys
 import smaclite_pool as sp
@@ -202,8 +197,7 @@ print("fine")
 
 def test_a_killed_learner_frees_its_lane(serve: Serve) -> None:
     serve("2s3z:4", "--name", "train")
-    connect = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True)'
-    script = f"{connect}; time.sleep(100)"
+    script = 'import smaclite_pool as sp, time; e = sp.connect("train"); b = e.reset(); print(1, flush=True); time.sleep(100)'
     learner = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert learner.stdout is not None and learner.stdout.readline() == "1\n"
     with pytest.raises(sp.LaneTaken) as caught:
@@ -239,7 +233,7 @@ if child == 0:
         os._exit(4)
     del batch
     envs.close()
-    sys.exit(0)  # a normal exit, with all finalisers of the interpreter
+    sys.exit(0)  # the usual way out, with everything the interpreter does at its end
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 assert np.array_equal(batch.obs, before)
 for _ in range(20):
@@ -249,7 +243,7 @@ print("fine")
 """
 
 
-def test_a_forked_child_gets_an_error_and_disturbs_no_process() -> None:
+def test_a_forked_child_is_told_and_disturbs_nobody() -> None:
     done = run_script(FORK)
     assert done.stdout == "fine\n", done.stderr
 
@@ -291,21 +285,21 @@ print("fine")
 
 @pytest.mark.parametrize("how", ["close", "del"])
 def test_an_embedded_pool_ends_while_a_forked_worker_waits_for_its_parent(how: str) -> None:
-    """The parent waited for a socket of which the worker had a copy: a deadlock, even for Ctrl-C."""
+    """The end waited for a socket that the worker had a copy of: a deadlock, and Ctrl-C did not help."""
     done = run_script(BESIDE_A_CHILD, how)
     assert done.stdout == "fine\n", done.stderr
 
 
 @pytest.mark.parametrize("timeout", [float(sys.maxsize), 2.0**64, 1e300, float("inf"), None])
 def test_a_timeout_beyond_any_clock_is_no_limit(timeout: float | None) -> None:
-    """It once was a panic if the batch came late, and the environments were unusable after it."""
+    """It was a panic where the batch came late, and the environments could not be used any more."""
     with sp.make("MMM2", num_envs=256, threads=1, wait="block", fields=[]) as envs:
         envs.reset(timeout=timeout)
         assert envs.step(np.ones((256, envs.n_agents), np.int32), timeout=timeout).sequence == 2
 
 
 def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
-    """`make` once held the interpreter's lock while it read a scenario file, for minutes in one case."""
+    """`make` held the interpreter's lock for as long as it read a scenario file: minutes, once."""
     path = tmp_path / "large.json"
     path.write_text("[" + ",".join(["[1]"] * 1_500_000) + "]")
     is_done, n_runs = threading.Event(), 0
@@ -319,7 +313,7 @@ def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
     interval = sys.getswitchinterval()
     thread = threading.Thread(target=run)
     thread.start()
-    # Long enough that the other thread runs only while this one has released the lock.
+    # So long that the other thread runs only while this one has let go of the lock.
     sys.setswitchinterval(20)
     try:
         for _ in range(20):

@@ -1,15 +1,15 @@
-"""Battles of SMAClite for multi-agent reinforcement learning: many at once, read in place from shared memory.
+"""Battles of SMAClite, many at once, stepped by native worker threads and read in place from shared memory.
 
     import smaclite_pool as sp
 
     with sp.make("2s3z", num_envs=64) as envs:      # a pool within this process
         batch = envs.reset(seed=1)
         for _ in range(1000):
-            actions = envs.sample_actions()         # int32 [64, n_agents], available actions
-            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, ...
+            actions = envs.sample_actions()         # int32 [64, n_agents], legal
+            batch = envs.step(actions)              # batch.obs, batch.state, batch.avail_actions, batch.reward, ...
 
-`smaclite-pool serve 2s3z:64 --name train` runs a pool in a separate process, and `sp.connect("train")`
-attaches to it. Both have the same methods and give the same results, bit for bit.
+A pool in a process of its own is served by `smaclite-pool serve 2s3z:64 --name train` and attached to by
+`sp.connect("train")`: the same methods, the same bits.
 
 Other interfaces are modules of this package:
 
@@ -21,8 +21,8 @@ Other interfaces are modules of this package:
 None of them is imported with this package, and each docstring begins with an example:
 `help("smaclite_pool.marl.smac")`.
 
-Terms: an agent is a unit that the learner controls, a unit is any body. A step is one decision of the agents.
-A lane is a set of environments with one learner. A batch has M slots, each of which is one environment.
+Words: an agent is a learner's slot, a unit any body. A step is one decision. A lane is a set of environments with one
+learner. A batch has M slots, one environment each.
 """
 
 from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status

@@ -1,5 +1,5 @@
-# Written by hand, as generated stubs lack the types of arrays. `mypy.stubtest` compares names, parameters and
-# defaults with the module.
+# Written by hand: generated stubs do not know the types of arrays. `mypy.stubtest` checks that names, parameters and
+# defaults are the module's.
 
 from os import PathLike
 from types import TracebackType
@@ -60,14 +60,14 @@ _Rules = Literal["smaclite", "paper"]
 
 @final
 class Frame:
-    """The shared memory of one batch; the base object of its arrays."""
+    """The shared memory of one frame: the base of the arrays of a `Batch`."""
 
     @property
     def sequence(self) -> int: ...
 
 @final
 class Batch:
-    """M slots, one environment per slot; every field is a read-only array over shared memory."""
+    """M slots, one environment each; every field is a read-only array over shared memory."""
 
     @property
     def env_id(self) -> NDArray[np.int32]:
@@ -89,7 +89,7 @@ class Batch:
         """float32 [M]: team reward of the step just made."""
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle: one side has no unit left."""
+        """bool [M]: the step ended the battle: one side has nobody left."""
     @property
     def truncated(self) -> NDArray[np.bool_]:
         """bool [M]: the step reached the episode limit with both sides alive."""
@@ -110,7 +110,7 @@ class Batch:
         """int32 [M]: steps so far; on an episode's last step its total."""
     @property
     def final_obs(self) -> NDArray[np.float32]:
-        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended."""
+        """float32 [M, n_agents, obs_size]: same-step autoreset: last obs of an episode that ended in this step."""
     @property
     def final_state(self) -> NDArray[np.float32]:
         """float32 [M, state_size]: same-step autoreset: last state, as final_obs."""
@@ -119,16 +119,16 @@ class Batch:
         """bool [M, n_agents, n_actions]: same-step autoreset: last avail_actions, as final_obs."""
     @property
     def sequence(self) -> int:
-        """Number of the batch in its lane, from 1."""
+        """Counts the frames of the lane, from 1."""
     def keys(self) -> list[str]: ...
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
-        """All fields as torch tensors over the same memory, by name; writing to one raises InvalidRequest."""
+        """All fields as torch tensors over the same memory, by name; a write to one raises."""
     def __len__(self) -> int: ...
 
 @final
 class Envs:
-    """The environments of a lane, created by `make` or attached to by `connect`."""
+    """The environments of a lane, attached to by `make` or `connect`."""
 
     def reset(
         self,
@@ -137,9 +137,7 @@ class Envs:
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
     ) -> Batch: ...
-    def step(
-        self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
-    ) -> Batch: ...
+    def step(self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None) -> Batch: ...
     def send(self, actions: ArrayLike, env_id: ArrayLike | None = None) -> None: ...
     def recv(self, timeout: float | None = None) -> Batch: ...
     def async_reset(self, seed: int | None = None) -> None: ...

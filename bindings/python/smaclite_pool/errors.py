@@ -1,23 +1,23 @@
-"""Exceptions, with one base class; each one is also a subclass of a matching built-in exception."""
+"""What can go wrong, under one base class; each is also the built-in that fits it."""
 
 from __future__ import annotations
 
 
 class PoolError(Exception):
-    """Base class of all exceptions of this package."""
+    """Base of every error of this package."""
 
 
 class InvalidRequest(PoolError, ValueError):
-    """An invalid setting, shape or environment, or a request at the wrong time. Nothing was done."""
+    """A value that cannot be: a setting, a shape, an environment, a request out of turn. Nothing was done."""
 
 
 class IllegalAction(InvalidRequest):
-    """An action that is not available to its agent. No environment was stepped."""
+    """An action that is not available to its agent. Nothing was stepped, in no environment."""
 
     env: int
-    """Index of the environment."""
+    """The environment."""
     agent: int
-    """Index of the agent in it."""
+    """The agent in it."""
     action: int
     """The action that was given."""
     available: list[int]
@@ -32,30 +32,30 @@ class IllegalAction(InvalidRequest):
 
 
 class ScenarioError(PoolError, ValueError):
-    """An invalid scenario or unit file; the message names file, key, value and accepted values."""
+    """A scenario or unit file that is wrong; the message names file, key, value and what would be right."""
 
 
 class StartError(PoolError, RuntimeError):
-    """A pool could not start; what it had created was removed."""
+    """A pool could not start. Nothing of it is left."""
 
 
 class TooLittleMemory(PoolError, MemoryError):
-    """Not enough free space in /dev/shm; the message says how much is needed and how to provide it."""
+    """/dev/shm has too little room; the message says how much is needed and how to get it."""
 
 
 class ConnectError(PoolError, ConnectionError):
-    """A pool cannot be attached to, or does not answer."""
+    """A pool could not be attached to or asked."""
 
 
 class NoSuchPool(ConnectError):
-    """No pool of that name is running; the message lists the running ones."""
+    """No pool of that name runs; the message names those that do."""
 
 
 class LaneTaken(ConnectError):
-    """The lane already has a learner."""
+    """The lane has a learner already."""
 
     holder: int
-    """Process id of the learner."""
+    """The learner's process."""
 
     def __init__(self, message: str, holder: int) -> None:
         super().__init__(message)
@@ -66,27 +66,27 @@ class LaneTaken(ConnectError):
 
 
 class PoolDied(PoolError, ConnectionError):
-    """The supervisor ended. Batches that are held stay readable; connect again once it has restarted."""
+    """The supervisor is gone. Batches that are held stay readable; connect anew once it is back."""
 
 
 class LaneFailed(PoolError, RuntimeError):
-    """A worker panicked, and its lane has ended. Other lanes continue."""
+    """A worker failed inside; the lane serves no more. Other lanes go on."""
 
 
 class Timeout(PoolError, TimeoutError):
-    """No batch arrived in time. It is still pending: call `recv` again, or `reset`."""
+    """Nothing came in time. The batch is still under way: `recv` it, or `reset`."""
 
 
 class TooManyBatchesHeld(PoolError, RuntimeError):
-    """The learner holds `max_held_batches` batches. Release one and all its arrays, then `recv` again."""
+    """As many batches are held as the lane allows. Drop one and every array over it, then `recv` again."""
 
 
 class Forked(PoolError, RuntimeError):
-    """The environments belong to the parent process; a forked child must open its own connection."""
+    """The environments belong to the process that attached; after a fork the child connects by itself."""
 
 
 class Busy(PoolError, RuntimeError):
-    """Another thread is calling a method of these environments."""
+    """Another thread is in a call of these environments."""
 
 
 class Closed(PoolError, ValueError):
