@@ -156,10 +156,10 @@ def test_torchrl_wraps_the_pettingzoo_integration() -> None:
     env.close()
 
 
-def test_torchrl_makes_the_gymnasium_vector_from_an_id() -> None:
+def test_torchrl_makes_a_single_battle_from_an_id() -> None:
     pytest.importorskip("gymnasium")
     from torchrl.envs import GymEnv
 
-    env = GymEnv("smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0", num_envs=2)
-    assert env.reset()["obs"].shape == (2, 5, 80)
+    env = GymEnv("smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0")
+    assert env.reset()["observation"].shape == (5, 80)
     env.close()
