@@ -1,4 +1,4 @@
-"""Docstrings of the native module for the site: its stub has the types, the built module has the texts."""
+"""Docstrings of the native module for the site: its stub has the types, the built module has the docstrings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class NativeDocs(griffe.Extension):
     """Gives every public object of `smaclite_pool._native` the docstring that `help()` shows."""
 
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
-        """Called by griffe when it has read a package."""
+        """Called by griffe after it has read a package."""
         if pkg.path == "smaclite_pool":
             describe(pkg["_native"], smaclite_pool._native.__name__)
 
@@ -24,7 +24,7 @@ def describe(parent: griffe.Module | griffe.Class, path: str) -> None:
         if name.startswith("_") or member.is_alias:
             continue
         text = inspect.getdoc(attrgetter(member.path.removeprefix(path + "."))(smaclite_pool._native))
-        if text and (not member.is_attribute or member.has_labels("property")):  # a constant has its type's
+        if text and (not member.is_attribute or member.has_labels("property")):  # a constant only has that of its type
             member.docstring = griffe.Docstring(text, parent=member, parser="google")
         if isinstance(member, griffe.Class):
             describe(member, path)

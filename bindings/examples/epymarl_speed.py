@@ -2,13 +2,14 @@
 
     python bindings/examples/epymarl_speed.py EPYMARL/src --map MMM2 --envs 10 --runs 7
 
-For each runner: medians over runs of batches of episodes, with QMIX's controller, untrained, acting by chance; steps
-per second of the clock, and per second of processor time of all its processes together. The runners take turns, but
-other work on the machine hits them unequally: measure on an idle one.
+For each runner, this prints medians over runs of batches of episodes, in which QMIX's untrained controller
+chooses the actions: steps per second of wall time, and per second of CPU time of all processes together. The
+runners take turns, but other load on the machine affects them unequally: measure on an idle machine.
 
-`parallel (smaclite)` is EPyMARL's own runner over the drop-in for the published package, `parallel (smac)` its own over
-the SMAC face, `pool` is our `PoolRunner`. With `--published cpp`, where the published package is installed, EPyMARL's
-own runner over that one is measured instead (`numpy`: without its RVO2 in C++, as EPyMARL's configuration has it).
+`parallel (smaclite)` is EPyMARL's own runner on the drop-in replacement for the published package,
+`parallel (smac)` the same runner on SMAC's interface, and `pool` is `PoolRunner`. `--published cpp` measures
+EPyMARL's own runner on the published package instead, if it is installed (`numpy`: without its RVO2 in C++,
+the default of EPyMARL's configuration).
 """
 
 from __future__ import annotations
@@ -25,10 +26,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import smaclite_pool as sp
-from smaclite_pool import drop_in, smac
-from smaclite_pool.epymarl import PoolRunner
+from smaclite_pool import compat
+from smaclite_pool.marl.epymarl import PoolRunner
 
-torch: Any = importlib.import_module("torch")  # this way, so that types can be checked where EPyMARL's needs are not
+# Imported by name, so that types can be checked without them.
+torch: Any = importlib.import_module("torch")
 yaml: Any = importlib.import_module("yaml")
 
 
@@ -36,13 +38,14 @@ def arguments(src: Path, scenario: str, envs: int, env: str, env_args: dict[str,
     """EPyMARL's settings for QMIX."""
     settings = yaml.safe_load((src / "config" / "default.yaml").read_text())
     settings |= yaml.safe_load((src / "config" / "algs" / "qmix.yaml").read_text())
-    settings |= {"env": env, "batch_size_run": envs, "use_cuda": False, "device": "cpu", "test_nepisode": envs}
+    settings |= {"use_cuda": False, "device": "cpu"}
+    settings |= {"env": env, "batch_size_run": envs, "test_nepisode": envs}
     settings["env_args"] = {"map_name": scenario, "seed": 1, **env_args}
     return SimpleNamespace(**settings)
 
 
 def set_up(runner: Any, args: Any) -> None:
-    """What EPyMARL's `run.py` does before it trains."""
+    """The set-up of EPyMARL's `run.py`."""
     info = runner.get_env_info()
     args.n_agents, args.n_actions, args.state_shape = info["n_agents"], info["n_actions"], info["state_shape"]
     groups = {"agents": args.n_agents}
@@ -62,18 +65,19 @@ def set_up(runner: Any, args: Any) -> None:
     runner.setup(scheme=scheme, groups=groups, preprocess=preprocess, mac=controller)
 
 
-def processor_seconds() -> float:
-    """Of this process and its living children."""
+def cpu_seconds() -> float:
+    """CPU time of this process and its living children in seconds."""
     ticks = 0
     for process in ["self", *(str(child.pid) for child in multiprocessing.active_children())]:
-        figures = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        ticks += int(figures[11]) + int(figures[12])  # user and system
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])  # user and system
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> None:
-    """Measure, and print a line a runner."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Measure, and print a line per runner."""
+    keep_lines = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
     parser.add_argument("src", type=Path, help="EPyMARL's folder src")
     parser.add_argument("--map", default="MMM2")
     parser.add_argument("--envs", type=int, default=10)
@@ -83,13 +87,14 @@ def main() -> None:
     torch.set_num_threads(1)  # as EPyMARL's main.py does
     sys.path.insert(0, str(options.src))
     if not options.published:
-        drop_in.install()
-        smac.install()
+        compat.install_smaclite()
+        compat.install_smac()
     parallel = importlib.import_module("runners.parallel_runner").ParallelRunner
     limit = {"time_limit": sp.scenario(options.map)["episode_limit"]}
     logger = SimpleNamespace(log_stat=lambda *_: None)
     runners: dict[str, Any] = {}
-    published = ("parallel (published)", parallel, "smaclite", {**limit, "use_cpp_rvo2": options.published == "cpp"})
+    published_args = {**limit, "use_cpp_rvo2": options.published == "cpp"}
+    published = ("parallel (published)", parallel, "smaclite", published_args)
     ours = [
         ("parallel (smaclite)", parallel, "smaclite", limit),
         ("parallel (smac)", parallel, "sc2", {}),
@@ -102,17 +107,18 @@ def main() -> None:
     speeds: dict[str, list[tuple[float, float]]] = {name: [] for name in runners}
     for run in range(options.runs + 1):
         for name, runner in runners.items():
-            before, begin, worked = runner.t_env, time.perf_counter(), processor_seconds()
-            while time.perf_counter() < begin + 1:  # the kernel counts processor time in hundredths of a second
+            before, begin, cpu_before = runner.t_env, time.perf_counter(), cpu_seconds()
+            # The kernel counts CPU time in hundredths of a second.
+            while time.perf_counter() < begin + 1:
                 runner.run()
-            steps, taken = runner.t_env - before, time.perf_counter() - begin
+            steps, elapsed = runner.t_env - before, time.perf_counter() - begin
             if run > 0:  # the first run warms up
-                speeds[name].append((steps / taken, steps / (processor_seconds() - worked)))
+                speeds[name].append((steps / elapsed, steps / (cpu_seconds() - cpu_before)))
     for name, runner in runners.items():
-        clock, processor = (sorted(kind) for kind in zip(*speeds[name], strict=True))
+        wall, cpu = (sorted(kind) for kind in zip(*speeds[name], strict=True))
         print(
-            f"{name:20} {statistics.median(clock):7.0f} steps/s ({clock[0]:.0f} to {clock[-1]:.0f}), "
-            f"{statistics.median(processor):7.0f} per processor second ({processor[0]:.0f} to {processor[-1]:.0f})"
+            f"{name:20} {statistics.median(wall):7.0f} steps/s ({wall[0]:.0f} to {wall[-1]:.0f}), "
+            f"{statistics.median(cpu):7.0f} per CPU second ({cpu[0]:.0f} to {cpu[-1]:.0f})"
         )
         runner.close_env()
 

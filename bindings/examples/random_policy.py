@@ -1,4 +1,4 @@
-"""A random-policy learner over a real scenario: how fast it is, and how it fares.
+"""A random policy in an embedded pool: steps per second, returns and wins.
 
     python bindings/examples/random_policy.py 2s3z --num-envs 64 --seconds 5
 """
@@ -11,11 +11,12 @@ import smaclite_pool as sp
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Play a scenario with uniformly random legal actions.")
-    parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file (default: 2s3z)")
+    parser = argparse.ArgumentParser(description="Play a scenario with uniformly random available actions.")
+    a_scenario = "a standard scenario or a file (default: 2s3z)"
+    parser.add_argument("scenario", nargs="?", default="2s3z", help=a_scenario)
     parser.add_argument("--num-envs", type=int, default=64, help="environments stepped at once (default: 64)")
     parser.add_argument("--seconds", type=float, default=5.0, help="how long to play (default: 5)")
-    parser.add_argument("--threads", type=int, help="worker threads (default: the cores there are, less one)")
+    parser.add_argument("--threads", type=int, help="worker threads (default: one less than the cores)")
     parser.add_argument("--seed", type=int, default=1, help="of environments and policy (default: 1)")
     return parser.parse_args()
 
@@ -38,7 +39,8 @@ def play(envs: sp.Envs, seconds: float, seed: int) -> None:
     print(f"{envs.scenario}: {envs.num_envs} environments, {envs.n_agents} agents against {envs.n_enemies}")
     print(f"  {steps / elapsed:,.0f} steps/s ({steps:,} steps of single environments in {elapsed:.1f} s)")
     if returns:
-        print(f"  {len(returns):,} episodes: mean return {np.mean(returns):.2f}, won {100 * wins / len(returns):.1f} %")
+        won = 100 * wins / len(returns)
+        print(f"  {len(returns):,} episodes: mean return {np.mean(returns):.2f}, won {won:.1f} %")
     else:
         print("  no episode ended in this time")
 

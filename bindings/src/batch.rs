@@ -99,7 +99,7 @@ impl Batch {
 
     /// Return a dict from field names to torch tensors over the same memory. A write to one raises an error.
     fn torch<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        slf.py().import("smaclite_pool.torch")?.call_method1("tensors", (slf,))
+        slf.py().import("smaclite_pool.integrations.torch")?.call_method1("tensors", (slf,))
     }
 
     fn __len__(&self) -> usize {

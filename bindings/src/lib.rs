@@ -38,6 +38,36 @@ mod _native {
     #[pymodule_export]
     use super::scenario::scenario;
 
+    // Numbers of the actions of an agent.
+    #[pymodule_export]
+    const NO_OP: usize = smaclite_engine::action::NO_OP;
+    #[pymodule_export]
+    const STOP: usize = smaclite_engine::action::STOP;
+    #[pymodule_export]
+    const NORTH: usize = smaclite_engine::action::NORTH;
+    #[pymodule_export]
+    const SOUTH: usize = smaclite_engine::action::SOUTH;
+    #[pymodule_export]
+    const EAST: usize = smaclite_engine::action::EAST;
+    #[pymodule_export]
+    const WEST: usize = smaclite_engine::action::WEST;
+    #[pymodule_export]
+    const FIRST_TARGET: usize = smaclite_engine::action::FIRST_TARGET;
+
+    // In squares.
+    #[pymodule_export]
+    const SIGHT_RANGE: f64 = smaclite_engine::SIGHT_RANGE;
+    #[pymodule_export]
+    const TARGETING_RANGE: f64 = smaclite_engine::TARGETING_RANGE;
+
+    // Points for a kill and for a victory, and the return that the maximum of points is scaled to.
+    #[pymodule_export]
+    const KILL_REWARD: f64 = smaclite_engine::KILL_REWARD;
+    #[pymodule_export]
+    const WIN_REWARD: f64 = smaclite_engine::WIN_REWARD;
+    #[pymodule_export]
+    const REWARD_SCALE: f64 = smaclite_engine::REWARD_SCALE;
+
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::views::load_numpy(module.py())?;

@@ -1,24 +1,34 @@
-//! What a scenario is, as a dict: the figures that observations are fractions of, and the map.
+//! A scenario as a dict: the stats of its units, its map, and the layout of observations and state.
 
 use crate::convert::to_dict;
 use crate::errors::class;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
+use smaclite_engine::{FeatureBlock, obs_features, state_features};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
 use std::path::{Path, PathBuf};
 
-/// Everything about a scenario that never changes: a standard one by name, or the one in a file.
+/// Return everything about a scenario that never changes.
 ///
-/// Returns a dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row first),
-/// `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none), `ally_has_shields` and
-/// `enemy_has_shields` (whether observations and state show them), `episode_limit` (steps or None), and `allies` and
-/// `enemies`: a list of dicts, by id, with `unit_type`, `type_id` (place in the one-hot), `position` ([x, y] at the
-/// start), `radius` (squares), `hp`, `shield`, `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (the
-/// planes it can act on) and `targeter`.
+/// Args:
+///     scenario: name of a standard scenario, or path of a scenario file.
 ///
-/// Raises ScenarioError for a wrong scenario or unit file.
+/// Returns:
+///     A dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row
+///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
+///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
+///         `episode_limit` (steps or None), `allies`, `enemies`, `obs_layout` and `state_layout`.
+///         `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id` (index in the
+///         one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`, `energy` (maxima),
+///         `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or heal) and `targeter`.
+///         `obs_layout` and `state_layout` are lists of dicts, the parts of an observation and of the state
+///         in order, each with `name`, `start` (index of its first feature), `shape` ([features], or [units,
+///         features]) and `features` (their names).
+///
+/// Raises:
+///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn scenario(py: Python<'_>, scenario: PathBuf) -> PyResult<Bound<'_, PyDict>> {
@@ -44,6 +54,8 @@ fn described(scenario: &Scenario) -> Value {
         "episode_limit": scenario.episode_limit,
         "allies": units(scenario, Faction::Ally),
         "enemies": units(scenario, Faction::Enemy),
+        "obs_layout": layout(&obs_features(scenario)),
+        "state_layout": layout(&state_features(scenario)),
     })
 }
 
@@ -88,4 +100,12 @@ fn targeter(targeter: &Targeter) -> &'static str {
         Targeter::LaserBeam { .. } => "LASER_BEAM",
         Targeter::Heal => "HEAL",
     }
+}
+
+fn layout(blocks: &[FeatureBlock]) -> Vec<Value> {
+    let entries = blocks.iter().map(|block| {
+        let shape: Vec<usize> = [block.rows, Some(block.features.len())].into_iter().flatten().collect();
+        json!({ "name": block.name, "start": block.start, "shape": shape, "features": block.features })
+    });
+    entries.collect()
 }

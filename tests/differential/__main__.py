@@ -88,7 +88,7 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     option("--first", "first seed, others follow (another one in every run)", default=seed)
     option("--steps", f"most steps of an episode (the scenario's limit, or {UNLIMITED_STEPS})")
     option("--jobs", "processes (one per core)", type=positive, default=os.cpu_count())
-    option("--stop-after", "stop after so many faults (20)", type=positive, default=20)
+    option("--stop-after", "stop after this number of faults (20)", type=positive, default=20)
     folder = {"type": Path, "metavar": "FOLDER"}
     option("--folder", "for what differs; new or empty (target/differential/TIME)", **folder)
     options = parser.parse_args(argv)

@@ -19,7 +19,7 @@ FIRST_TARGET = 6
 
 @dataclass(frozen=True)
 class Episode:
-    """What is played: a scenario, by a policy, from a seed, for so many steps at most."""
+    """An episode to play: scenario, policy, seed, and the maximum number of steps."""
 
     files: ScenarioFiles
     policy: str

@@ -1,4 +1,4 @@
-"""What to make of a difference: is it one, how small can it be made, and files for whoever looks into it."""
+"""Analysis of a difference: check for ties, shrink the scenario, and write files for debugging."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Record = Callable[[Episode, list[list[int]], int], Recorded]
 
 @dataclass(frozen=True)
 class Published:
-    """How the published environment is reached; tests put something else in its place."""
+    """Access to the published environment; tests replace it."""
 
     open: OpenBattle
     record: Record
@@ -47,7 +47,7 @@ class Finding:
 
 
 def examine(episode: Episode, published: Published, folder: Path) -> Finding:
-    """Plays an episode; a difference is kept below `folder`, in a folder of its own, and shrunk."""
+    """Plays an episode; a difference is saved in a separate folder below `folder`, and shrunk."""
     outcome = play(episode, published.open)
     finding = Finding(episode.name, outcome.kind, outcome.what, len(outcome.actions))
     if outcome.kind != "different":

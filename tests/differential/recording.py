@@ -1,7 +1,7 @@
 """Records an episode of the published environment tick by tick, in the format of tests/golden/README.md.
 
-It runs in a process of its own, because some of the published environment's choices depend on Python's
-hash seed: `record` starts `python -m differential.recording` with a given one.
+It runs in a separate process, because some choices of the published environment depend on Python's hash
+seed: `record` starts `python -m differential.recording` with a given one.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ class Watch:
         }
 
     def cut(self, n_ticks: int) -> None:
-        """Forgets what came after so many ticks."""
+        """Drops everything after the first `n_ticks` ticks."""
         del self.frames[n_ticks + 1 :]
         for rows in (self.orders.ids, self.preferred, self.rewards, self.revived):
             del rows[n_ticks:]

@@ -1,4 +1,4 @@
-"""The same seed and actions give the same bits: for any number of threads, either transport, any batch size."""
+"""The same seed and actions give the same bits, for all numbers of threads, batch sizes and transports."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def test_part_batches_give_each_environment_the_same_episode() -> None:
         expected = play_in_part_batches(envs, 40, seed=3)
     for batch_size, threads in ((1, 1), (2, 2), (4, 3)):
         with sp.make("2s3z", num_envs=6, batch_size=batch_size, threads=threads) as envs:
-            assert play_in_part_batches(envs, 40, seed=3) == expected, f"batches of {batch_size}, {threads} threads"
+            assert play_in_part_batches(envs, 40, seed=3) == expected, (
+                f"batches of {batch_size}, {threads} threads"
+            )
 
 
 def test_environment_i_of_seed_s_is_environment_0_of_seed_s_plus_i() -> None:

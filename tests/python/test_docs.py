@@ -1,6 +1,6 @@
-"""Every Python block of the documentation and of the faces' docstrings, run as a reader would.
+"""Runs every Python block of the documentation and of the docstrings of modules.
 
-A block whose framework is not installed is skipped: the frameworks cannot share one environment.
+Blocks whose framework is not installed are skipped, as the frameworks cannot share one environment.
 """
 
 import ast
@@ -20,7 +20,7 @@ PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
 FRAMEWORKS = {"gymnasium", "pettingzoo", "torch", "torchrl", "tensordict", "jax", "ray"}
-COMMAND = r"^(python|pip|smaclite-pool|PYTHONPATH=)"
+COMMAND = r"^(python|pip|smaclite-pool)"
 
 
 def fenced(text: str, language: str) -> list[str]:
@@ -28,7 +28,7 @@ def fenced(text: str, language: str) -> list[str]:
 
 
 def indented(docstring: str) -> Iterator[str]:
-    """The indented blocks of a docstring that are Python code of their own."""
+    """The indented blocks of a docstring that are complete Python programs."""
     for block in re.findall(r"\n\n((?: {4}.*\n|\n(?= {4}))+)", docstring + "\n"):
         code = "".join(line[4:] if line.strip() else "\n" for line in block.splitlines(keepends=True))
         try:
@@ -46,7 +46,7 @@ def examples() -> Iterator[object]:
     for page in sorted((ROOT / "docs").rglob("*.md")):
         for number, code in enumerate(fenced(page.read_text(), "python")):
             yield pytest.param(page, code, id=f"{page.relative_to(ROOT)}-{number}")
-    for module in sorted([*PACKAGE.glob("*.py"), *PACKAGE.glob("*/__init__.py")]):
+    for module in sorted(PACKAGE.rglob("*.py")):
         docstring = ast.get_docstring(ast.parse(module.read_text())) or ""
         for number, code in enumerate(indented(docstring)):
             yield pytest.param(module, code, id=f"{module.relative_to(PACKAGE)}-{number}")
@@ -54,10 +54,11 @@ def examples() -> Iterator[object]:
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    """Where a page's files are, and a place for its pools; short, because sockets lie in it."""
+    """A folder for pools, with the files of the pages; its path is short, as it contains sockets."""
     with tempfile.TemporaryDirectory(prefix="docs-") as folder:
         for page in (ROOT / "docs").rglob("*.md"):
-            for name, text in re.findall(r"^`(\w+\.json)`[^\n]*\n\n```json\n(.*?)^```", page.read_text(), re.M | re.S):
+            file = r"^`(\w+\.json)`[^\n]*\n\n```json\n(.*?)^```"
+            for name, text in re.findall(file, page.read_text(), re.M | re.S):
                 (Path(folder) / name).write_text(text)
         yield Path(folder)
 
@@ -69,11 +70,14 @@ def test_example(source: Path, code: str, folder: Path) -> None:
     try:
         if "sp.connect(" in code:
             arguments = ["serve", "2s3z:4", "MMM2:4", "--name", "train"]
-            pool = subprocess.Popen([*PROGRAM, *arguments], env=environment, stdout=subprocess.PIPE, text=True)
+            program = [*PROGRAM, *arguments]
+            pool = subprocess.Popen(program, env=environment, stdout=subprocess.PIPE, text=True)
             assert pool.stdout is not None
             assert any("smaclite_pool.connect" in line for line in pool.stdout), "the pool did not start"
         command = [sys.executable, "-c", code]
-        done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, timeout=180)
+        done = subprocess.run(
+            command, env=environment, cwd=folder, capture_output=True, text=True, timeout=180, check=False
+        )
     finally:
         if pool is not None:
             pool.terminate()

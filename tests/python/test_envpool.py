@@ -1,4 +1,4 @@
-"""EnvPool's names, used as EnvPool's own examples use them."""
+"""The EnvPool-compatible API, used as in the examples of EnvPool."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from conftest import Serve
-from smaclite_pool import envpool
+from smaclite_pool.integrations import envpool
 
 
 def first_legal(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:
-    """Each agent's last legal action: an attack, where there is one."""
+    """The last available action of each agent: an attack, if there is one."""
     mask = obs["action_mask"]
-    actions: np.ndarray[Any, np.dtype[np.int32]] = mask.shape[-1] - 1 - mask[..., ::-1].argmax(-1).astype(np.int32)
+    from_the_end = mask[..., ::-1].argmax(-1).astype(np.int32)
+    actions: np.ndarray[Any, np.dtype[np.int32]] = mask.shape[-1] - 1 - from_the_end
     return actions
 
 
 def test_synchronous_stepping_is_that_of_the_pool() -> None:
-    with envpool.make("2s3z", env_type="gymnasium", num_envs=4, seed=3) as envs, sp.make("2s3z", 4, seed=3) as plain:
+    made = envpool.make("2s3z", env_type="gymnasium", num_envs=4, seed=3)
+    with made as envs, sp.make("2s3z", 4, seed=3) as plain:
         obs, info = envs.reset()
         batch = plain.reset()
         assert not envs.is_async and len(envs) == envs.num_envs == 4
@@ -39,7 +41,7 @@ def test_synchronous_stepping_is_that_of_the_pool() -> None:
             assert info["env_id"].dtype == np.int32
 
 
-def test_asynchronous_stepping_serves_everyone() -> None:
+def test_asynchronous_stepping_serves_all_environments() -> None:
     with envpool.make_gymnasium("2s3z", num_envs=6, batch_size=2, num_threads=2) as envs:
         assert envs.is_async
         envs.async_reset()
@@ -63,12 +65,15 @@ def test_a_reset_of_some_returns_those_in_their_order() -> None:
         assert info["env_id"].tolist() == [1]
         _, info = envs.reset(3)
         assert info["env_id"].tolist() == [3]
-        for wrong in ({"env_id": np.zeros(0, int)}, {"env_id": [1], "options": {"reset_mask": np.ones(4, bool)}}):
+        for wrong in (
+            {"env_id": np.zeros(0, int)},
+            {"env_id": [1], "options": {"reset_mask": np.ones(4, bool)}},
+        ):
             with pytest.raises(sp.InvalidRequest):
                 envs.reset(**wrong)
 
 
-def test_arrays_are_ones_own_unless_asked_otherwise() -> None:
+def test_arrays_are_copies_unless_copy_is_false() -> None:
     for copy in (True, False):
         with envpool.make("2s3z", num_envs=2, copy=copy) as envs:
             obs, info = envs.reset()
@@ -86,8 +91,10 @@ def test_spec_and_config_say_what_is_served() -> None:
         sent = {f"obs:{name}": array for name, array in obs.items()}
         sent |= {f"info:{name}": array for name, array in info.items()}
         _, sent["reward"], sent["terminated"], sent["trunc"], _ = envs.step(first_legal(obs))
-        told = {name: (spec.dtype, (3, *spec.shape)) for name, spec in envs.spec.state_array_spec.items()}
-        assert told == {name: (array.dtype, array.shape) for name, array in sent.items()}
+        described = {
+            name: (spec.dtype, (3, *spec.shape)) for name, spec in envs.spec.state_array_spec.items()
+        }
+        assert described == {name: (array.dtype, array.shape) for name, array in sent.items()}
         assert envs.spec.action_array_spec["action"].shape == (10,)
         for _ in range(19):
             obs, _, _, truncated, _ = envs.step(first_legal(obs))
@@ -105,11 +112,11 @@ def test_spaces_are_of_one_environment() -> None:
         assert envs.action_space == spec.action_space
 
 
-def test_what_cannot_be_is_told() -> None:
+def test_invalid_arguments_are_refused() -> None:
     assert envpool.list_all_envs() == sp.scenarios()
     mistakes: list[tuple[dict[str, Any], str]] = [
         ({"env_type": "dm"}, "dm"),
-        ({"thread_affinity_offset": 0}, "pinned"),
+        ({"thread_affinity_offset": 0}, "pinning"),
         ({"num_envs": 2, "batch_size": 3}, "batch size .* got 3"),
     ]
     for wrong, words in mistakes:
@@ -121,7 +128,7 @@ def test_what_cannot_be_is_told() -> None:
             envs.step(np.full((2, 5), 6))
 
 
-def test_an_attached_lane_has_them_too(serve: Serve) -> None:
+def test_a_connected_lane_has_the_same_api(serve: Serve) -> None:
     serve("2s3z:4", "--name", "names", "--batch-size", "2")
     with envpool.EnvPool(sp.connect("names")) as envs:
         envs.async_reset()

@@ -1,4 +1,4 @@
-"""The Gymnasium face, by Gymnasium's own checkers, wrappers and vector environments."""
+"""The Gymnasium integration, with Gymnasium's own checkers, wrappers and vector environments."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from smaclite_pool.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+
+MODULE = "smaclite_pool.integrations.gymnasium"
 
 SCENARIO = {
     "name": "duel",
@@ -45,7 +47,7 @@ SCENARIO = {
 
 @pytest.fixture(autouse=True)
 def no_warnings() -> Iterator[None]:
-    """Gymnasium's checkers speak by warnings."""
+    """Gymnasium's checkers report by warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
@@ -53,7 +55,7 @@ def no_warnings() -> Iterator[None]:
 
 @pytest.mark.parametrize("scenario", sp.scenarios())
 def test_gymnasium_accepts_one_environment(scenario: str) -> None:
-    # The checker takes an action of one state in another, where it need not be available.
+    # The checker uses an action of one state in another, where it may not be available.
     env = gymnasium.make(f"smaclite_pool/{scenario}-v0", render_mode="rgb_array", illegal_actions="stop")
     check_env(env.unwrapped)
     env.close()
@@ -81,14 +83,14 @@ def test_spaces_are_those_learners_expect() -> None:
         assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)
         assert list(envs.single_observation_space) == ["action_mask", "obs", "state"]
     env = BattleEnv("MMM2")
-    # The healer's targets are the other allies, everyone else's the enemies.
+    # The targets of the healer are the other allies, those of other agents are the enemies.
     assert [space.n for space in env.action_space] == [6 + 9] + [6 + 12] * 9
     assert env.observation_space[0] == gymnasium.spaces.Box(-1, 1, (env.obs_size,), np.float32)
     env.close()
 
 
 def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
-    """Legal actions by a generator of one's own."""
+    """Available actions from a given generator."""
     actions: np.ndarray[Any, Any] = (rng.random(masks.shape) * masks).argmax(-1)
     return actions
 
@@ -111,7 +113,8 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
         actions = first_legal(seen["action_mask"], rng)
         seen, rewards, terminated, truncated, infos = ours.step(actions)
         expected, *rest, expected_infos = theirs.step(tuple(actions.T))
-        for name, got, wanted in zip(("reward", "terminated", "truncated"), (rewards, terminated, truncated), rest):
+        ours_by_name = {"reward": rewards, "terminated": terminated, "truncated": truncated}
+        for (name, got), wanted in zip(ours_by_name.items(), rest):
             np.testing.assert_array_equal(got, wanted, err_msg=name)
         ended = terminated | truncated
         episodes += ended.sum()
@@ -156,7 +159,9 @@ def test_record_episode_statistics_agrees(mode: AutoresetMode) -> None:
         if ended.any():
             episodes += ended.sum()
             np.testing.assert_array_equal(infos["_episode"], ended)
-            np.testing.assert_allclose(infos["episode"]["r"][ended], infos["episode_return"][ended], rtol=1e-5)
+            np.testing.assert_allclose(
+                infos["episode"]["r"][ended], infos["episode_return"][ended], rtol=1e-5
+            )
             np.testing.assert_array_equal(infos["episode"]["l"][ended], infos["episode_length"][ended])
             if mode is AutoresetMode.DISABLED:
                 envs.reset(options={"reset_mask": ended})
@@ -174,13 +179,13 @@ def test_a_masked_reset_leaves_the_others_alone() -> None:
         np.testing.assert_array_equal(after["obs"][~mask], before["obs"][~mask])
         assert infos["_battle_won"].tolist() == mask.tolist()
         assert (after["state"][1] != before["state"][1]).any()
-        with pytest.raises(sp.InvalidRequest, match="no environment"):
+        with pytest.raises(sp.InvalidRequest, match="at least one environment"):
             envs.reset(options={"reset_mask": ~mask & mask})
         with pytest.raises(sp.InvalidRequest, match="shape"):
             envs.reset(options={"reset_mask": mask[:2]})
 
 
-def test_arrays_are_ones_own_unless_asked_otherwise() -> None:
+def test_arrays_are_copies_unless_copy_is_false() -> None:
     with closing(make_vector("2s3z", 2)) as envs:
         first, _ = envs.reset(seed=1)
         kept = copy.deepcopy(first)
@@ -225,7 +230,8 @@ def test_an_illegal_action_is_an_error_or_a_stop() -> None:
         envs.reset(seed=1)
         with pytest.raises(sp.IllegalAction, match="environment 0, agent 0: action 6"):
             envs.step(everyone_attacks)
-    with closing(make_vector("2s3z", 2, illegal_actions="stop")) as lenient, closing(make_vector("2s3z", 2)) as strict:
+    stopping = make_vector("2s3z", 2, illegal_actions="stop")
+    with closing(stopping) as lenient, closing(make_vector("2s3z", 2)) as strict:
         lenient.reset(seed=1)
         strict.reset(seed=1)
         given = np.array([[6, 2, -1, 99, 0]] * 2)
@@ -262,7 +268,7 @@ def test_seeds() -> None:
     assert BattleEnv("2s3z", seed=4).np_random_seed == 4
 
 
-def test_a_scenario_of_ones_own(tmp_path: Path) -> None:
+def test_a_custom_scenario(tmp_path: Path) -> None:
     file = tmp_path / "duel.json"
     file.write_text(json.dumps(SCENARIO))
     for make in (gymnasium.make, gymnasium.make_vec):
@@ -288,7 +294,7 @@ def test_an_episode_that_runs_out_of_time_is_truncated() -> None:
         assert envs.step(np.ones((2, 3), int))[3].all()
 
 
-def test_who_lives_is_told() -> None:
+def test_living_units_are_listed() -> None:
     env = BattleEnv("2s3z", seed=1)
     assert env.agents == {} and env.enemies == {}
     env.reset()
@@ -315,11 +321,13 @@ def test_an_attached_lane_is_a_vector_too(serve: Serve) -> None:
     envs.close()
 
 
-@pytest.mark.parametrize("module", ["gymnasium", "drop_in", "envpool"])
+@pytest.mark.parametrize("module", ["integrations.gymnasium", "integrations.envpool", "compat"])
 def test_the_example_of_the_documentation_runs(module: str) -> None:
     text = importlib.import_module(f"smaclite_pool.{module}").__doc__ or ""
     lines = [line for line in text.splitlines() if line.startswith("    ") or not line]
-    code = "\n".join(line for line in textwrap.dedent("\n".join(lines)).splitlines() if not line.startswith("python "))
+    code = "\n".join(
+        line for line in textwrap.dedent("\n".join(lines)).splitlines() if not line.startswith("python ")
+    )
     done = run_script("import warnings; warnings.simplefilter('error')\n" + code)
     assert "close()" in code and done.returncode == 0, done.stderr
 
@@ -327,20 +335,37 @@ def test_the_example_of_the_documentation_runs(module: str) -> None:
 @pytest.mark.parametrize(
     "imports",
     [
-        "import smaclite_pool, sys; assert 'gymnasium' not in sys.modules; import gymnasium",
-        "import gymnasium, smaclite_pool",
-        "import smaclite_pool.gymnasium, gymnasium",
-        "import gymnasium; gymnasium.make('smaclite_pool:smaclite_pool/2s3z-v0').close()",
-        "import gymnasium; gymnasium.make('smaclite_pool.gymnasium:smaclite_pool/2s3z-v0').close()",
+        "import gymnasium, smaclite_pool.integrations.gymnasium",
+        "import smaclite_pool.integrations.gymnasium, gymnasium",
+        f"import gymnasium; gymnasium.make('{MODULE}:smaclite_pool/2s3z-v0').close()",
+        f"import gymnasium; gymnasium.make_vec('{MODULE}:smaclite_pool/2s3z-v0', num_envs=2).close()",
     ],
 )
-def test_ids_are_known_in_whatever_order_modules_are_imported(imports: str) -> None:
+def test_importing_the_integration_registers_the_ids(imports: str) -> None:
     done = run_script(
         f"import warnings; warnings.simplefilter('error'); {imports}\n"
         "gymnasium.make('smaclite_pool/2s3z-v0').close()\n"
         "gymnasium.make_vec('smaclite_pool/2s3z-v0', num_envs=2).close()\n"
-        "import smaclite_pool.gymnasium, sys\n"
-        "smaclite_pool.gymnasium.register()\n"
-        "assert not [finder for finder in sys.meta_path if 'smaclite' in type(finder).__module__]\n"
+        "import smaclite_pool\n"
+        "ids = {f'smaclite_pool/{name}-v0' for name in [*smaclite_pool.scenarios(), 'custom']}\n"
+        "assert {id for id in gymnasium.registry if id.startswith('smaclite_pool/')} == ids\n"
     )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("imports", ["import smaclite_pool, gymnasium", "import gymnasium, smaclite_pool"])
+def test_importing_the_package_registers_nothing_and_installs_no_hook(imports: str) -> None:
+    done = run_script(
+        "import sys\n"
+        "finders = sys.meta_path[:]\n"
+        f"{imports}\n"
+        "assert sys.meta_path == finders\n"
+        "assert not [id for id in gymnasium.registry if 'smaclite' in id]\n"
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_importing_the_package_imports_no_framework() -> None:
+    names = {"gymnasium", "pettingzoo", "torch", "torchrl", "jax", "ray"}
+    done = run_script(f"import sys, smaclite_pool; assert not {names} & set(sys.modules), sys.modules")
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""on-policy's ShareVecEnv: shapes, what is shared, ends of episodes, counts; against the pool's own arrays."""
+"""on-policy's ShareVecEnv: shapes, shared memory, ends of episodes and counts, compared with the pool."""
 
 from __future__ import annotations
 
@@ -6,26 +6,28 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from conftest import Serve
-from smaclite_pool.on_policy import ShareVecEnv
+from numpy.typing import NDArray
+from smaclite_pool.marl.on_policy import ShareVecEnv
 
 
-def legal(available: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], dice: np.random.Generator) -> list[list[int]]:
-    return [[int(dice.choice(np.flatnonzero(mask))) for mask in env] for env in available]
+def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[int]]:
+    return [[int(rng.choice(np.flatnonzero(mask))) for mask in env] for env in available]
 
 
 def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
-    faced = ShareVecEnv("2s3z", 4, seed=2)
+    adapted = ShareVecEnv("2s3z", 4, seed=2)
     envs = sp.make("2s3z", 4, seed=2, autoreset="same_step")
-    obs, share_obs, available = faced.reset()
+    obs, share_obs, available = adapted.reset()
     batch = envs.reset()
     assert obs.shape == (4, 5, 80) and share_obs.shape == (4, 5, 120) and available.shape == (4, 5, 11)
-    sizes = (faced.observation_space, faced.share_observation_space, faced.action_space[0].n)
-    assert sizes == ([[80]] * 5, [[120]] * 5, 11) and len(faced.action_space) == 5
-    dice = np.random.default_rng(0)
+    sizes = (adapted.observation_space, adapted.share_observation_space, adapted.action_space[0].n)
+    assert sizes == ([[80]] * 5, [[120]] * 5, 11) and len(adapted.action_space) == 5
+    rng = np.random.default_rng(0)
     kept, games = [], np.zeros((4, 3), int)
     for _ in range(130):  # a first episode ends within 120 steps
-        actions = legal(available, dice)
-        obs, share_obs, rewards, dones, infos, available = faced.step(np.array(actions)[..., None].astype(np.float32))
+        actions = legal(available, rng)
+        given = np.array(actions)[..., None].astype(np.float32)
+        obs, share_obs, rewards, dones, infos, available = adapted.step(given)
         batch = envs.step(actions)
         np.testing.assert_array_equal(obs, batch.obs)
         np.testing.assert_array_equal(available, batch.avail_actions)
@@ -41,13 +43,13 @@ def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
             counts = [info["battles_won"], info["battles_game"], info["battles_draw"]]
             assert counts == games[env].tolist() and info["restarts"] == 0
             assert (info["won"], info["bad_transition"]) == (batch.battle_won[env], batch.truncated[env])
-        kept.append(rewards)  # on-policy's evaluation keeps an episode's rewards
+        kept.append(rewards)  # on-policy's evaluation keeps the rewards of an episode
     assert games[:, 1].min() >= 1
     del obs, share_obs, available, batch
-    faced.close()
-    faced.close()
+    adapted.close()
+    adapted.close()
     envs.close()
-    assert faced.closed and np.sum(kept) > 0
+    assert adapted.closed and np.sum(kept) > 0
 
 
 def test_a_time_out_is_a_bad_transition() -> None:
@@ -70,7 +72,7 @@ def test_wrong_actions_step_nothing() -> None:
         envs.step(wrong)
     assert (caught.value.env, caught.value.agent, caught.value.action) == (1, 2, 0)
     wrong[1, 2] = 1.5
-    with pytest.raises(sp.InvalidRequest, match="whole"):
+    with pytest.raises(sp.InvalidRequest, match="integers"):
         envs.step(wrong)
     np.testing.assert_array_equal(envs.reset().obs, before)
     envs.close()

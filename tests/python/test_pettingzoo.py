@@ -1,9 +1,10 @@
-"""The PettingZoo face, by PettingZoo's own tests and by what this project promises beyond them."""
+"""The PettingZoo integration: PettingZoo's own tests, and what this project guarantees beyond them."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,19 +12,20 @@ import smaclite_pool as sp
 
 pytest.importorskip("pettingzoo")
 
-from pettingzoo.test import parallel_api_test, parallel_seed_test
-from smaclite_pool.pettingzoo import ParallelBattle, parallel_env
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from smaclite_pool.integrations import pettingzoo
+from smaclite_pool.integrations.pettingzoo import parallel_env
 
 
 @pytest.fixture
-def env() -> Iterator[ParallelBattle]:
+def env() -> Iterator[parallel_env]:
     made = parallel_env("2s3z", seed=3)
     yield made
     made.close()
 
 
-def play(env: ParallelBattle, seed: int) -> list[tuple[float, bytes, list[str]]]:
-    """A battle of first-available attacks until it ends; reward, observation bits and agents of each step."""
+def play(env: parallel_env, seed: int) -> list[tuple[float, bytes, list[str]]]:
+    """Attacks the last available target until the battle ends; reward, observations and agents per step."""
     seen, _ = env.reset(seed=seed)
     played = []
     while env.agents:
@@ -44,7 +46,7 @@ def test_pettingzoo_accepts_it(scenario: str) -> None:
         parallel_seed_test(lambda: parallel_env(scenario), num_cycles=100)
 
 
-def test_the_dead_stay_listed_with_the_no_op_alone(env: ParallelBattle) -> None:
+def test_the_dead_stay_listed_with_the_no_op_alone(env: parallel_env) -> None:
     observations, _ = env.reset(seed=1)
     died = 0
     while env.agents:
@@ -56,10 +58,10 @@ def test_the_dead_stay_listed_with_the_no_op_alone(env: ParallelBattle) -> None:
         assert all(env.observation_space(agent).contains(seen[agent]) for agent in seen)
         died = max(died, len(no_op))
         observations = seen
-    assert died > 0, "nobody died: this tested nothing"
+    assert died > 0, "no agent died, so nothing was tested"
 
 
-def test_the_battle_is_the_pools(env: ParallelBattle) -> None:
+def test_the_battle_is_the_pools(env: parallel_env) -> None:
     with sp.make("2s3z", 1, autoreset="disabled") as envs:
         seen, _ = env.reset(seed=5)
         batch = envs.reset(seed=5)
@@ -74,13 +76,13 @@ def test_the_battle_is_the_pools(env: ParallelBattle) -> None:
                 break
 
 
-def test_a_seed_gives_the_same_battle_again(env: ParallelBattle) -> None:
+def test_a_seed_gives_the_same_battle_again(env: parallel_env) -> None:
     first = play(env, 7)
     assert play(env, 7) == first != play(env, 8)
     assert first[-1][2] == [] and first[0][2] == env.possible_agents
 
 
-def test_a_time_out_truncates_everybody() -> None:
+def test_a_time_out_truncates_all_agents() -> None:
     env = parallel_env("2s3z", episode_limit=2)
     env.reset()
     for _ in range(2):
@@ -92,12 +94,53 @@ def test_a_time_out_truncates_everybody() -> None:
     env.close()
 
 
-def test_what_cannot_be_done_is_refused(env: ParallelBattle) -> None:
+def test_invalid_calls_are_refused(env: parallel_env) -> None:
     with pytest.raises(sp.InvalidRequest, match="reset"):
         env.state()
     env.reset()
     with pytest.raises(sp.InvalidRequest, match="agent_4"):
         env.step(dict.fromkeys(env.agents[:4], 1))
-    with pytest.raises(sp.IllegalAction) as told:
+    with pytest.raises(sp.IllegalAction) as caught:
         env.step(dict.fromkeys(env.agents, 0))
-    assert told.value.agent == 0 and 1 in told.value.available
+    assert caught.value.agent == 0 and 1 in caught.value.available
+
+
+@pytest.mark.parametrize("constructor", [pettingzoo.env, pettingzoo.raw_env])
+def test_pettingzoo_accepts_the_aec_interface(constructor: Any) -> None:
+    made = constructor("2s3z", seed=3)
+    api_test(made, num_cycles=200)
+    made.close()
+    seed_test(lambda: constructor("2s3z"), num_cycles=50)
+
+
+def test_the_aec_battle_is_the_parallel_one(env: parallel_env) -> None:
+    aec = pettingzoo.env("2s3z")
+    observations, _ = env.reset(seed=5)
+    aec.reset(seed=5)
+    for _ in range(30):
+        actions = {}
+        for agent in env.agents:
+            observation, _, terminated, truncated, _ = aec.last()
+            assert aec.agent_selection == agent and not (terminated or truncated)
+            assert np.array_equal(observation["observation"], observations[agent]["observation"])
+            actions[agent] = max(np.flatnonzero(observation["action_mask"]).tolist())
+            aec.step(actions[agent])
+        observations, *_ = env.step(actions)
+        if not env.agents:
+            break
+    aec.close()
+
+
+def test_the_render_mode_is_an_argument_of_every_constructor() -> None:
+    for constructor in (parallel_env, pettingzoo.raw_env, pettingzoo.env):
+        made: Any = constructor("2s3z", render_mode="rgb_array")
+        made.reset(seed=1)
+        picture = made.render()
+        assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 2
+        made.close()
+        with pytest.raises(sp.InvalidRequest, match="render_mode"):
+            constructor("2s3z", render_mode="ansi")
+    plain = parallel_env("2s3z")
+    plain.reset()
+    assert plain.render() is None
+    plain.close()

@@ -22,9 +22,9 @@ from conftest import left_over
 
 ray = pytest.importorskip("ray")
 
-import smaclite_pool.ray
+import smaclite_pool.integrations.ray
 from ray.cluster_utils import Cluster
-from smaclite_pool.ray import Fleet, Supervisor, actor_name, attach, start
+from smaclite_pool.integrations.ray import Fleet, Supervisor, actor_name, attach, start
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
 
@@ -41,7 +41,8 @@ def cluster() -> Iterator[Cluster]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SMACLITE_POOL_ROOT", str(root))
         patch.setenv("PYTHONPATH", str(Path(__file__).parent))  # actors find this module
-        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "object_store_memory": 100 << 20})
+        head = {"num_cpus": 2, "object_store_memory": 100 << 20}
+        cluster = Cluster(initialize_head=True, head_node_args=head)
         cluster.add_node(num_cpus=2, object_store_memory=100 << 20)
         ray.init(cluster.address, log_to_driver=False)
         yield cluster
@@ -72,8 +73,9 @@ class Player:
 
     def where(self) -> dict[str, Any]:
         envs, lane = self.lane.envs, self.lane
-        told = {"node": ray.get_runtime_context().get_node_id(), "pool": envs.name, "pid": envs.pid, "lane": lane.name}
-        return told | {"seed": lane.seed, "generation": lane.generation, "process": os.getpid()}
+        where = {"node": ray.get_runtime_context().get_node_id(), "pool": envs.name, "pid": envs.pid}
+        where |= {"lane": lane.name, "seed": lane.seed, "generation": lane.generation}
+        return where | {"process": os.getpid()}
 
     def play(self, steps: int) -> dict[str, np.ndarray[Any, Any]]:
         rewards = []
@@ -83,7 +85,7 @@ class Player:
         return {"reward": np.stack(rewards), "obs": self.batch.obs.copy()}
 
     def play_on(self, steps: int) -> tuple[bool, int]:
-        """Whether the pool died on the way, and the generation in the end."""
+        """Plays; returns whether the pool died, and the generation at the end."""
         try:
             self.play(steps)
         except sp.PoolDied:
@@ -95,7 +97,7 @@ class Player:
 
 
 def ends(process: int) -> bool:
-    """Whether a process ends within ten seconds; one that nobody waits for has."""
+    """Whether a process ends within ten seconds; zombies count as ended."""
     status = Path(f"/proc/{process}/status")
     for _ in range(100):
         if not status.exists() or "State:\tZ" in status.read_text():
@@ -109,15 +111,19 @@ def test_each_node_plays_in_its_own_pool(fleet: Fleet) -> None:
     seen = ray.get([player.where.remote() for player in players])
     running = fleet.running()
     assert len(running) == 2 and len(players) == 4
-    for told in seen:
-        here = running[told["node"]]
-        assert (told["pool"], told["pid"], told["generation"]) == (here.pool, here.pid, 1)
-        assert told["node"].startswith(here.pool.removeprefix("smaclite-"))
-        assert ray.get_actor(actor_name("smaclite", told["node"])) == fleet.supervisors[told["node"]]
-    assert len({(told["node"], told["lane"]) for told in seen}) == 4, "one actor a lane"
-    assert sorted(told["seed"] for told in seen) == [100, 104, 108, 112], "no two environments are seeded alike"
-    holders = [lane["holder"] for node in fleet.status().values() for lane in node["lanes"]]
-    assert sorted(holders) == sorted(told["process"] for told in seen), "attached themselves, not through an actor"
+    for where in seen:
+        here = running[where["node"]]
+        assert (where["pool"], where["pid"], where["generation"]) == (here.pool, here.pid, 1)
+        assert where["node"].startswith(here.pool.removeprefix("smaclite-"))
+        assert ray.get_actor(actor_name("smaclite", where["node"])) == fleet.supervisors[where["node"]]
+    assert len({(where["node"], where["lane"]) for where in seen}) == 4, "one actor per lane"
+    assert sorted(where["seed"] for where in seen) == [100, 104, 108, 112], (
+        "all environments have different seeds"
+    )
+    learners = [lane["learner_pid"] for node in fleet.status().values() for lane in node["lanes"]]
+    assert sorted(learners) == sorted(where["process"] for where in seen), (
+        "attached themselves, not through an actor"
+    )
     played = ray.get([player.play.remote(5) for player in players])
     assert all(part["reward"].shape == (5, 4) and part["obs"].shape == (4, 5, 80) for part in played)
 
@@ -142,18 +148,22 @@ def test_players_attach_again_when_a_pool_was_killed(fleet: Fleet) -> None:
     os.kill(fleet.running()[hit].pid, signal.SIGKILL)
     assert ray.get(playing) == [(True, 2)]
     after = ray.get([player.where.remote() for player in players])
-    assert {told["generation"] for told in after if told["node"] != hit} == {1}, "the other node does not notice"
+    assert {where["generation"] for where in after if where["node"] != hit} == {1}, (
+        "the other node does not notice"
+    )
     assert fleet.running()[hit].generation == 2
 
 
 def test_a_killed_actor_is_restarted_and_leaves_no_second_pool(fleet: Fleet) -> None:
     players = fleet.spawn(Player)
-    told = ray.get(players[0].where.remote())
-    ray.kill(fleet.supervisors[told["node"]], no_restart=False)
+    where = ray.get(players[0].where.remote())
+    ray.kill(fleet.supervisors[where["node"]], no_restart=False)
     assert ray.get(players[0].play_on.remote(100_000))[0], "the pool ends with its actor"
     again = ray.get(players[0].where.remote())
-    assert again["pool"] == told["pool"] and again["pid"] == fleet.running()[told["node"]].pid != told["pid"]
-    assert ends(told["pid"])
+    assert (
+        again["pool"] == where["pool"] and again["pid"] == fleet.running()[where["node"]].pid != where["pid"]
+    )
+    assert ends(where["pid"])
 
 
 def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
@@ -163,7 +173,7 @@ def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
 
 
 class Watched(Supervisor):
-    """A supervisor outside of an actor, whose pool is a program that ends at once."""
+    """A supervisor outside an actor, whose pool is the given program."""
 
     def __init__(self, program: str) -> None:
         self.starts: list[float] = []
@@ -176,8 +186,8 @@ class Watched(Supervisor):
 
 
 def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was started twenty times a second, without end, and every one of its last words was kept."""
-    monkeypatch.setattr("smaclite_pool.ray.MAX_FAILURES", 5)
+    """It was started twenty times per second, without end, and all of its output was kept."""
+    monkeypatch.setattr("smaclite_pool.integrations.ray.MAX_FAILURES", 5)
     watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")
     watched._watch.join(60)
     assert not watched._watch.is_alive() and len(watched.starts) == 5
@@ -190,7 +200,7 @@ def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.M
 
 
 def test_a_pool_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("smaclite_pool.ray.TIME_TO_STOP", 0.5)
+    monkeypatch.setattr("smaclite_pool.integrations.ray.STOP_TIMEOUT", 0.5)
     watched = Watched("import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(100)")
     while watched._child is None:
         time.sleep(0.01)
@@ -205,14 +215,21 @@ def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:
     assert {node: running.pid for node, running in again.running().items()} == before
 
 
-def test_a_node_that_joins_is_taken_in_and_one_that_leaves_is_not_missed(cluster: Cluster, fleet: Fleet) -> None:
+def test_nodes_can_join_and_leave(cluster: Cluster, fleet: Fleet) -> None:
     before = {node: running.pid for node, running in fleet.running().items()}
     joined = cluster.add_node(num_cpus=1, object_store_memory=100 << 20)
     wider = start("2s3z", 4, lanes=2, threads=1, seed=100)
     running = wider.running()
     [new] = set(running) - set(before)
     assert before.items() <= {node: one.pid for node, one in running.items()}.items()
-    assert sorted(seed for one in running.values() for seed in one.seeds.values()) == [100, 104, 108, 112, 116, 120]
+    assert sorted(seed for one in running.values() for seed in one.seeds.values()) == [
+        100,
+        104,
+        108,
+        112,
+        116,
+        120,
+    ]
     cluster.remove_node(joined)
     assert ends(running[new].pid)
     assert set(wider.running()) == set(wider.status()) == set(before)
@@ -220,16 +237,19 @@ def test_a_node_that_joins_is_taken_in_and_one_that_leaves_is_not_missed(cluster
 
 
 def of_cluster(cluster: Cluster, *command: str) -> str:
-    """What a driver of its own prints."""
+    """The output of a separate driver."""
     environment = {**os.environ, "RAY_ADDRESS": cluster.address}
-    done = subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True, timeout=240)
+    done = subprocess.run(
+        [sys.executable, *command], env=environment, capture_output=True, text=True, timeout=240
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_the_first_example_runs(cluster: Cluster) -> None:
-    assert smaclite_pool.ray.__doc__ is not None
-    text = textwrap.dedent("\n".join(smaclite_pool.ray.__doc__.split("\n")[2:]).split("\nAn actor a node")[0])
+    documentation = smaclite_pool.integrations.ray.__doc__
+    assert documentation is not None
+    text = textwrap.dedent("\n".join(documentation.split("\n")[2:]).split("\nOne actor per node")[0])
     assert re.fullmatch(r"\[\d+\.\d+, \d+\.\d+\]\n", of_cluster(cluster, "-c", text))
 
 

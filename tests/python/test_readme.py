@@ -1,4 +1,4 @@
-"""The README's table, code and commands, checked and run as a reader would."""
+"""Checks the tables of the README, and runs its code and commands."""
 
 import os
 import re
@@ -24,7 +24,7 @@ def blocks(language: str) -> list[str]:
 
 
 def table(heading: str) -> list[list[str]]:
-    """The rows of the table whose first column has this heading."""
+    """The rows of the table with this heading of the first column."""
     head = re.search(rf"^\| {heading} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)", README, re.MULTILINE)
     assert head, f"no table with {heading}"
     return [[cell.strip() for cell in row.strip("|").split("|")] for row in head[1].splitlines()]
@@ -32,7 +32,7 @@ def table(heading: str) -> list[list[str]]:
 
 @pytest.fixture
 def environment() -> Iterator[dict[str, str]]:
-    """A folder of pools of one's own; short, because sockets lie in it."""
+    """A separate folder of pools; its path is short, as it contains sockets."""
     with tempfile.TemporaryDirectory(prefix="readme-") as folder:
         yield {**os.environ, "SMACLITE_POOL_ROOT": folder}
 
@@ -44,12 +44,15 @@ def run(argv: list[str], environment: dict[str, str]) -> str:
 
 
 def test_the_table_of_fields_is_the_one_in_the_code() -> None:
-    told = {name.strip("`"): f"{dtype} {shape}: {meaning}." for name, dtype, shape, meaning in table("field")}
-    documented = {name: getattr(member, "__doc__", None) or "" for name, member in vars(smaclite_pool.Batch).items()}
+    listed = {
+        name.strip("`"): f"{dtype} {shape}: {meaning}." for name, dtype, shape, meaning in table("field")
+    }
+    members = vars(smaclite_pool.Batch).items()
+    documented = {name: getattr(member, "__doc__", None) or "" for name, member in members}
     actual = {name: text for name, text in documented.items() if re.match(r"\w+ \[M", text)}
-    assert list(told) == list(actual)
+    assert list(listed) == list(actual)
     for name, text in actual.items():
-        assert text.startswith(told[name]), name
+        assert text.startswith(listed[name]), name
 
 
 def test_the_first_example_runs(environment: dict[str, str]) -> None:
@@ -78,9 +81,9 @@ def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Pat
 
 
 def test_every_command_of_the_program_is_listed(environment: dict[str, str]) -> None:
-    told = {re.sub(r"`smaclite-pool (\S+).*`", r"\1", command) for command, _ in table("command")}
+    documented = {re.sub(r"`smaclite-pool (\S+).*`", r"\1", command) for command, _ in table("command")}
     listed = run([*PROGRAM, "--help"], environment).split("Commands:")[1].split("Options:")[0]
-    assert told == set(re.findall(r"^  (\w+)", listed, re.MULTILINE)) - {"help"}
+    assert documented == set(re.findall(r"^  (\w+)", listed, re.MULTILINE)) - {"help"}
 
 
 def test_ci_runs_the_test_command() -> None:

@@ -1,4 +1,4 @@
-"""The RLlib face: its spaces and dicts, and PPO with action masking on the new API stack."""
+"""The RLlib integration: spaces and dicts, and PPO with action masking on the new API stack."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ pytest.importorskip("ray.rllib")
 pytest.importorskip("torch")
 
 import ray
-import smaclite_pool.rllib
+import smaclite_pool.integrations.rllib
 from ray.rllib.env.env_context import EnvContext
-from smaclite_pool.rllib import BattleMultiAgentEnv
+from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
 
 
 @pytest.fixture
@@ -32,13 +32,14 @@ def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
         batch = envs.reset(seed=5)
         for _ in range(150):
             assert list(seen) == list(infos) == env.possible_agents == env.agents
-            for agent, (name, sight) in enumerate(seen.items()):
-                assert env.get_observation_space(name).contains(sight)
-                assert np.array_equal(sight["observations"], batch.obs[0, agent])
-                assert np.array_equal(sight["action_mask"], batch.avail_actions[0, agent])
+            for agent, (name, observation) in enumerate(seen.items()):
+                assert env.get_observation_space(name).contains(observation)
+                assert np.array_equal(observation["observations"], batch.obs[0, agent])
+                assert np.array_equal(observation["action_mask"], batch.avail_actions[0, agent])
             actions = envs.sample_actions()
-            assert all(env.get_action_space(name).contains(action) for name, action in zip(seen, actions[0], strict=True))
-            seen, rewards, terminateds, truncateds, infos = env.step(dict(zip(seen, actions[0], strict=True)))
+            by_name = dict(zip(seen, actions[0], strict=True))
+            assert all(env.get_action_space(name).contains(action) for name, action in by_name.items())
+            seen, rewards, terminateds, truncateds, infos = env.step(by_name)
             batch = envs.step(actions)
             assert set(rewards.values()) == {batch.reward[0].item()}
             assert set(terminateds.values()) == {batch.terminated[0].item()} and "__all__" in terminateds
@@ -48,7 +49,7 @@ def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
         assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
 
 
-def test_what_cannot_be_done_is_refused(env: BattleMultiAgentEnv) -> None:
+def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:
     with pytest.raises(sp.InvalidRequest, match="reset"):
         env.step({})
     env.reset()
@@ -59,7 +60,7 @@ def test_what_cannot_be_done_is_refused(env: BattleMultiAgentEnv) -> None:
 
 
 def test_runners_play_different_battles() -> None:
-    """Unless told otherwise RLlib resets without a seed."""
+    """By default RLlib resets without a seed."""
     seeds = []
     for worker, vector in [(1, 0), (1, 1), (2, 0)]:
         env = BattleMultiAgentEnv(EnvContext({"seed": 1}, worker_index=worker, vector_index=vector))
@@ -71,7 +72,7 @@ def test_runners_play_different_battles() -> None:
 
 def test_ppo_learns_with_masks(runtime_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The example: an unavailable action would have raised."""
-    text = smaclite_pool.rllib.__doc__
+    text = smaclite_pool.integrations.rllib.__doc__
     assert text is not None
     ray.init(num_cpus=2, log_to_driver=False, include_dashboard=False, object_store_memory=100 << 20)
     try:

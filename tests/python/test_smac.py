@@ -1,10 +1,8 @@
-"""SMAC's interface: sizes, options, rewards, questions and failures, against the pool's own arrays."""
+"""SMAC's interface: sizes, options, rewards, queries and errors, compared with the arrays of the pool."""
 
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,33 +11,34 @@ import pytest
 import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool._layout import ScenarioLayout
-from smaclite_pool._smac_reward import Reward, RewardOptions, Toll
-from smaclite_pool.smac import MultiAgentEnv, Unavailable, get_map_params
+from smaclite_pool.marl.smac import MultiAgentEnv, Unavailable, get_map_params
+from smaclite_pool.marl.smac.rewards import HealthTotals, Reward, RewardOptions
 
-# Every option of SMAC with its default.
+# All options of SMAC with their defaults.
 SMAC_DEFAULTS: dict[str, object] = {
     "map_name": "8m", "step_mul": 8, "move_amount": 2, "difficulty": "7", "game_version": None, "seed": None,
     "continuing_episode": False, "obs_all_health": True, "obs_last_action": False, "obs_pathing_grid": False,
-    "obs_own_health": True, "obs_terrain_height": False, "obs_instead_of_state": False, "obs_timestep_number": False,
-    "state_last_action": True, "state_timestep_number": False, "reward_sparse": False, "reward_only_positive": True,
-    "reward_death_value": 10, "reward_win": 200, "reward_defeat": 0, "reward_negative_scale": 0.5,
-    "reward_scale": True, "reward_scale_rate": 20, "replay_dir": "", "replay_prefix": "", "window_size_x": 1920,
-    "window_size_y": 1200, "heuristic_ai": False, "heuristic_rest": False, "debug": False,
+    "obs_own_health": True, "obs_terrain_height": False, "obs_instead_of_state": False,
+    "obs_timestep_number": False, "state_last_action": True, "state_timestep_number": False,
+    "reward_sparse": False, "reward_only_positive": True, "reward_death_value": 10, "reward_win": 200,
+    "reward_defeat": 0, "reward_negative_scale": 0.5, "reward_scale": True, "reward_scale_rate": 20,
+    "replay_dir": "", "replay_prefix": "", "window_size_x": 1920, "window_size_y": 1200,
+    "heuristic_ai": False, "heuristic_rest": False, "debug": False,
 }  # fmt: skip
 
 
-def legal(env: MultiAgentEnv, dice: np.random.Generator) -> list[int]:
-    return [int(dice.choice(np.flatnonzero(row))) for row in env.get_avail_actions()]
+def legal(env: MultiAgentEnv, rng: np.random.Generator) -> list[int]:
+    return [int(rng.choice(np.flatnonzero(row))) for row in env.get_avail_actions()]
 
 
 def play(envs: list[MultiAgentEnv], steps: int, seed: int = 0) -> list[list[float]]:
-    """The same random legal actions in all of them, for an episode or that many steps; the rewards of each."""
-    dice = np.random.default_rng(seed)
+    """The same random available actions in all environments, for at most an episode; the rewards of each."""
+    rng = np.random.default_rng(seed)
     for env in envs:
         env.reset()
     rewards: list[list[float]] = [[] for _ in envs]
     for _ in range(steps):
-        actions = legal(envs[0], dice)
+        actions = legal(envs[0], rng)
         results = [env.step(actions) for env in envs]
         for own, (reward, _, _) in zip(rewards, results, strict=True):
             own.append(reward)
@@ -56,7 +55,7 @@ def test_takes_every_option_of_smac_with_its_default() -> None:
 
 
 def test_smacs_default_map_plays() -> None:
-    # SMAC's own examples name no map and get 8m. That map was missing, so they failed on their first line.
+    # The examples of SMAC name no map and get 8m. That map was missing, so they failed on their first line.
     env = MultiAgentEnv()
     env.reset()
     assert (env.map_name, env.n_agents, env.n_enemies, env.episode_limit) == ("8m", 8, 8, 120)
@@ -70,9 +69,9 @@ MAP_PARAMS = {
     "8m_vs_9m": (8, 9, 120, 0), "10m_vs_11m": (10, 11, 150, 0), "27m_vs_30m": (27, 30, 180, 0),
     "MMM": (10, 10, 150, 3), "MMM2": (10, 12, 180, 3), "2s3z": (5, 5, 120, 2), "3s5z": (8, 8, 150, 2),
     "3s5z_vs_3s6z": (8, 9, 170, 2), "3s_vs_3z": (3, 3, 150, 0), "3s_vs_4z": (3, 4, 200, 0),
-    "3s_vs_5z": (3, 5, 250, 0), "1c3s5z": (9, 9, 180, 3), "2m_vs_1z": (2, 1, 150, 0), "corridor": (6, 24, 400, 0),
-    "6h_vs_8z": (6, 8, 150, 0), "2s_vs_1sc": (2, 1, 300, 0), "so_many_baneling": (7, 32, 100, 0),
-    "bane_vs_bane": (24, 24, 200, 2), "2c_vs_64zg": (2, 64, 400, 0),
+    "3s_vs_5z": (3, 5, 250, 0), "1c3s5z": (9, 9, 180, 3), "2m_vs_1z": (2, 1, 150, 0),
+    "corridor": (6, 24, 400, 0), "6h_vs_8z": (6, 8, 150, 0), "2s_vs_1sc": (2, 1, 300, 0),
+    "so_many_baneling": (7, 32, 100, 0), "bane_vs_bane": (24, 24, 200, 2), "2c_vs_64zg": (2, 64, 400, 0),
 }  # fmt: skip
 
 
@@ -91,15 +90,21 @@ def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
     obs, state = env.reset()
     batch = envs.reset()
     info = env.get_env_info()
-    sizes = (info["n_agents"], info["obs_shape"], info["state_shape"], info["n_actions"], info["episode_limit"])
+    sizes = (
+        info["n_agents"],
+        info["obs_shape"],
+        info["state_shape"],
+        info["n_actions"],
+        info["episode_limit"],
+    )
     assert sizes == (envs.n_agents, envs.obs_size, envs.state_size, envs.n_actions, envs.episode_limit)
-    dice = np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     for _ in range(30):
         np.testing.assert_array_equal(np.stack(obs), batch.obs[0])
         np.testing.assert_array_equal(state, batch.state[0])
         np.testing.assert_array_equal(env.get_avail_actions(), batch.avail_actions[0])
         assert state.dtype == np.float32 and all(row.shape == (envs.obs_size,) for row in obs)
-        actions = legal(env, dice)
+        actions = legal(env, rng)
         reward, ended, _ = env.step(np.array(actions))  # numpy's integers are legal
         batch = envs.step([actions])
         assert reward == batch.reward[0] and ended == (batch.terminated[0] or batch.truncated[0])
@@ -116,7 +121,12 @@ OPTIONS: list[dict[str, Any]] = [
     {"obs_all_health": False, "obs_own_health": False},
     {"obs_pathing_grid": True, "obs_terrain_height": True},
     {"obs_timestep_number": True, "state_timestep_number": True, "state_last_action": False},
-    {"obs_instead_of_state": True, "obs_last_action": True, "obs_timestep_number": True, "obs_pathing_grid": True},
+    {
+        "obs_instead_of_state": True,
+        "obs_last_action": True,
+        "obs_timestep_number": True,
+        "obs_pathing_grid": True,
+    },
 ]
 
 
@@ -143,7 +153,7 @@ def test_options_cut_and_add_where_smac_does() -> None:
         base, more, less = plain.get_obs_agent(agent), rich.get_obs_agent(agent), bare.get_obs_agent(agent)
         moves, rest = more[: 4 + 8 + 9], more[4 + 8 + 9 :]
         np.testing.assert_array_equal(moves[:4], base[:4])
-        np.testing.assert_array_equal(moves[12:], np.zeros(9))  # nobody is near the map's edge
+        np.testing.assert_array_equal(moves[12:], np.zeros(9))  # no agent is near the edge of the map
         np.testing.assert_array_equal(rest[:enemies], base[4 : 4 + enemies])
         others = rest[enemies : enemies + 4 * (8 + 11)].reshape(4, 19)
         np.testing.assert_array_equal(others[:, :8].ravel(), base[4 + enemies : 4 + enemies + allies])
@@ -175,13 +185,14 @@ def test_pathing_grid_is_the_map_around() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["MMM2", "2s3z", "bane_vs_bane"])
-def test_who_sees_whom_and_where_units_stand(scenario: str) -> None:
+def test_visibility_and_positions_of_units(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=1)
-    figures = sp.scenario(scenario)
+    info = sp.scenario(scenario)
     env.reset()
-    for unit, start in zip(env.agents.values(), figures["allies"], strict=True):
-        assert np.allclose(unit.pos, start["position"], atol=1e-5) and unit.health == unit.health_max == start["hp"]
-    assert env.get_unit_types() == [unit["type_id"] for unit in figures["allies"] + figures["enemies"]]
+    for unit, start in zip(env.agents.values(), info["allies"], strict=True):
+        assert np.allclose(unit.pos, start["position"], atol=1e-5)
+        assert unit.health == unit.health_max == start["hp"]
+    assert env.get_unit_types() == [unit["type_id"] for unit in info["allies"] + info["enemies"]]
     play([env], 25)
     units = [*env.agents.values(), *env.enemies.values()]
     seen = env.get_visibility_matrix()
@@ -224,7 +235,12 @@ def test_rewards_by_every_option() -> None:
 
 
 def test_a_victory_pays_what_it_should() -> None:
-    winning: dict[str, Any] = {"map_name": "2c_vs_64zg", "seed": 1, "heuristic_ai": True, "heuristic_rest": True}
+    winning: dict[str, Any] = {
+        "map_name": "2c_vs_64zg",
+        "seed": 1,
+        "heuristic_ai": True,
+        "heuristic_rest": True,
+    }
     changed: list[dict[str, Any]] = [{"reward_scale": False}, {"reward_win": 500, "reward_scale": False}]
     sparse: dict[str, Any] = {"reward_sparse": True, "reward_scale": False}
     envs = [MultiAgentEnv(**winning, **options) for options in [*changed, sparse]]
@@ -236,18 +252,20 @@ def test_a_victory_pays_what_it_should() -> None:
         env.close()
 
 
-def test_kills_are_told_from_banelings_that_blow_themselves_up() -> None:
-    layout = ScenarioLayout("bane_vs_bane")  # enemies 0 to 3 are banelings of 30 health, the rest zerglings of 35
+def test_banelings_that_destroy_themselves_are_not_kills() -> None:
+    layout = ScenarioLayout(
+        "bane_vs_bane"
+    )  # enemies 0 to 3 are banelings of 30 health, the rest zerglings of 35
     reward = Reward(layout, RewardOptions(death_value=20, scale=False))
     unit = (10 * 24 + 200 + 4 * 30 + 20 * 35) / 20
     full = np.array([30.0] * 4 + [35.0] * 20, np.float32)
     allies = np.ones(24, np.float32)
 
     def paid(enemies: NDArray[np.float32], earned: float) -> float:
-        return reward(earned / unit, False, False, Toll(allies, full), Toll(allies, enemies))
+        return reward(earned / unit, False, False, HealthTotals(allies, full), HealthTotals(allies, enemies))
 
     after = full.copy()
-    after[:2] = 0  # one blew itself up, one was killed
+    after[:2] = 0  # one destroyed itself, one was killed
     after[4:6] = 0  # two zerglings killed
     earned = 30 + 30 + 35 + 35 + 3 * 10
     assert np.isclose(paid(after, earned), earned + 3 * 10, atol=1e-3)
@@ -271,11 +289,11 @@ def test_time_out_is_terminated_and_marked_only_if_asked() -> None:
         env.close()
 
 
-def test_what_cannot_be_is_refused_with_the_reason() -> None:
+def test_unsupported_options_are_refused_with_the_reason() -> None:
     refused: dict[str, tuple[object, str]] = {
         "step_mul": (4, "8 ticks"),
         "move_amount": (3, "2 squares"),
-        "difficulty": ("A", "difficulties"),
+        "difficulty": ("A", "fixed script"),
         "game_version": ("4.10", "StarCraft"),
         "heuristic_ai": (True, "heuristic_rest"),
     }
@@ -297,7 +315,7 @@ def test_an_illegal_action_steps_nothing() -> None:
     env.reset()
     before = env.get_state()
     with pytest.raises(sp.IllegalAction) as caught:
-        env.step([1, 1, 0, 1, 1])  # no-op is for the dead
+        env.step([1, 1, 0, 1, 1])  # no-op is for dead agents
     assert (caught.value.agent, caught.value.action) == (2, 0)
     for wrong in ([1, 1, 1.5, 1, 1], [1, 1, 1, 1]):
         with pytest.raises(sp.InvalidRequest):
@@ -318,11 +336,11 @@ def test_stats_before_the_first_battle_and_close_twice() -> None:
     env.close()
 
 
-def test_seed_says_which_episodes_are_played() -> None:
+def test_the_seed_determines_the_episodes() -> None:
     envs = [MultiAgentEnv("MMM2", seed=seed, heuristic_ai=True, heuristic_rest=True) for seed in (7, 7, 8)]
     first, second, other = (play([env], 30)[0] for env in envs)
     assert first == second != other and envs[0].seed() == 7
-    assert play([envs[0]], 30)[0] != first  # the generator goes on
+    assert play([envs[0]], 30)[0] != first  # the random generator continues
     assert envs[0].seed(7) == 7
     assert play([envs[0]], 30)[0] == first
     assert MultiAgentEnv("MMM2").seed() != MultiAgentEnv("MMM2").seed()
@@ -331,7 +349,7 @@ def test_seed_says_which_episodes_are_played() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["MMM2", "corridor", "2s_vs_1sc", "bane_vs_bane"])
-def test_the_heuristic_plays_legally_and_writes_what_it_did(scenario: str) -> None:
+def test_the_heuristic_uses_available_actions_and_writes_them_back(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=1, heuristic_ai=True, heuristic_rest=True)
     env.reset()
     ended, attacks = False, 0
@@ -375,39 +393,3 @@ def test_a_picture_shows_units_where_they_stand() -> None:
     assert at(*green)[1] == max(at(*green)) and at(*red)[0] == max(at(*red))
     assert picture[:, :160].max() == 0  # beside the map
     env.close()
-
-
-IMPORTS_SMAC = """
-from smac.env import MultiAgentEnv, StarCraft2Env
-from smac.env.starcraft2.maps import get_map_params
-import smac.env
-env = StarCraft2Env(map_name="3s_vs_5z", difficulty="7", step_mul=8, seed=1)
-assert isinstance(env, MultiAgentEnv) and smac.env.StarCraft2Env is StarCraft2Env
-assert get_map_params("3s_vs_5z")["limit"] == env.episode_limit == 250
-env.reset()
-env.close()
-"""
-
-
-def test_code_that_imports_smac_finds_this(tmp_path: Path) -> None:
-    in_a_child = """
-import multiprocessing
-def play():
-    exec(SCRIPT)
-if __name__ == "__main__":
-    import smaclite_pool.smac
-    smaclite_pool.smac.install()
-    play()
-    for method in ("spawn", "fork"):
-        child = multiprocessing.get_context(method).Process(target=play)
-        child.start()
-        child.join()
-        assert child.exitcode == 0, method
-"""
-    script = tmp_path / "script.py"
-    script.write_text(in_a_child.replace("SCRIPT", repr(IMPORTS_SMAC)))
-    unchanged = tmp_path / "unchanged.py"
-    unchanged.write_text(IMPORTS_SMAC)
-    for command in ([str(script)], ["-m", "smaclite_pool.smac", str(unchanged)]):
-        done = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=100, check=False)
-        assert done.returncode == 0, done.stderr

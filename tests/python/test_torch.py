@@ -1,4 +1,4 @@
-"""PyTorch over shared memory: in place, guarded against writes, keeping its frame; pinning with a CUDA that notes calls."""
+"""PyTorch over shared memory: in place, guarded against writes, and pinned (with a recording test double)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import smaclite_pool as sp
 
 torch = pytest.importorskip("torch")
 
-import smaclite_pool.torch
-from smaclite_pool.torch import ReadOnly, pinned, tensor, tensors
+import smaclite_pool.integrations.torch
+from smaclite_pool.integrations.torch import ReadOnly, pinned, tensor, tensors
 
 
 @pytest.fixture
@@ -40,8 +40,9 @@ def test_every_field_is_read_in_place_and_without_a_warning(envs: sp.Envs) -> No
     assert list(tensors(batch, ["obs"])) == ["obs"]
 
 
-def test_before_dlpack_knew_read_only_memory(envs: sp.Envs, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_versions_without_read_only_dlpack(envs: sp.Envs, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = envs.reset(seed=1)
+
     def refuse(array: Any) -> Any:
         raise BufferError("Cannot export readonly array")
 
@@ -82,13 +83,35 @@ def test_a_write_is_refused(envs: sp.Envs, write: Callable[[Any], Any], mode: Ca
     assert np.array_equal(batch.obs, before)
 
 
+def test_the_internals_of_torch_that_the_guard_needs() -> None:
+    """Without one of them a write would end the process; a new version of torch must fail here instead."""
+    assert ReadOnly.__torch_function__ is torch._C._disabled_torch_function_impl
+    plain = torch.zeros(3)
+    same: Any = torch.Tensor._make_subclass(ReadOnly, plain)
+    assert type(same) is ReadOnly and same.data_ptr() == plain.data_ptr()
+    add = torch.ops.aten.add_.Tensor._schema
+    assert add.is_mutable
+    writes = [
+        argument.name for argument in add.arguments if argument.alias_info and argument.alias_info.is_write
+    ]
+    assert writes == ["self"]
+    view, copy_of = torch.ops.aten.view.default._schema, torch.ops.aten.clone.default._schema
+    assert not view.is_mutable and view.returns[0].alias_info is not None
+    assert copy_of.returns[0].alias_info is None
+
+
 def test_what_is_computed_is_ordinary(envs: sp.Envs) -> None:
     batch = envs.reset(seed=1)
     seen = tensors(batch)
     policy = torch.nn.Linear(80, 11)
     logits = policy(seen["obs"]).masked_fill(~seen["avail_actions"], -torch.inf)
     logits.logsumexp(-1).sum().backward()
-    for ordinary in (logits, seen["obs"].clone(), torch.stack([seen["state"], seen["state"]]), seen["obs"].double()):
+    for ordinary in (
+        logits,
+        seen["obs"].clone(),
+        torch.stack([seen["state"], seen["state"]]),
+        seen["obs"].double(),
+    ):
         assert type(ordinary) is torch.Tensor
         ordinary.detach().zero_()
     buffer = torch.zeros(3, 8, 5, 80)
@@ -126,9 +149,9 @@ def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
 
 
 def test_the_example_runs() -> None:
-    text = smaclite_pool.torch.__doc__
+    text = smaclite_pool.integrations.torch.__doc__
     assert text is not None
-    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nThe tensors lie")[0]), {"torch": torch})
+    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nNothing is copied")[0]), {"torch": torch})
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="has CUDA")
@@ -139,7 +162,7 @@ def test_pinning_without_cuda_is_refused(envs: sp.Envs) -> None:
 
 
 def test_pinning_registers_the_whole_lane_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a CUDA that only notes its calls: every frame of the lane lies in what was registered."""
+    """A test double of CUDA records its calls: every batch of the lane lies in the registered memory."""
     calls: list[tuple[str, tuple[int, ...]]] = []
 
     class Runtime:

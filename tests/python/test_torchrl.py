@@ -1,4 +1,4 @@
-"""The TorchRL face, by TorchRL's own check, its rollouts and its collector; and TorchRL over the PettingZoo face."""
+"""The TorchRL integration, with TorchRL's own check, rollouts, collector and wrappers."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from conftest import Serve
 torch = pytest.importorskip("torch")
 pytest.importorskip("torchrl")
 
-import smaclite_pool.torchrl
-from smaclite_pool.torchrl import PoolEnv
+import smaclite_pool.integrations.torchrl
+from smaclite_pool.integrations._common import INFO_FIELDS
+from smaclite_pool.integrations.torchrl import PoolEnv
 from tensordict.nn import TensorDictModule
 from torchrl.collectors import Collector
 from torchrl.envs.utils import check_env_specs
@@ -44,7 +45,7 @@ def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
         ("agents", "action_mask"): (4, 2, 5, 11),
         ("agents", "action"): (4, 2, 5),
         "state": (4, 2, 120),
-        **{("info", name): (4, 2) for name in smaclite_pool.torchrl.INFO},
+        **{("info", name): (4, 2) for name in INFO_FIELDS},
         **{name: (4, 2, 1) for name in ("done", "terminated", "truncated")},
     }
     assert shapes == expected
@@ -53,7 +54,7 @@ def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
 
 
 def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
-    """Episodes that end on the way are reset each by itself, and go on."""
+    """Environments whose episode ends are reset separately."""
     env.set_seed(7)
     torch.manual_seed(1)
     played = env.rollout(150, break_when_any_done=False)
@@ -110,7 +111,7 @@ def test_an_unavailable_action_is_refused(env: PoolEnv) -> None:
         env.step(data)
 
 
-def test_a_collector_gathers_more_than_a_lane_lets_hold() -> None:
+def test_a_collector_keeps_more_batches_than_a_lane_allows() -> None:
     env = PoolEnv("2s3z", 4)
     logits = TensorDictModule(torch.nn.Linear(80, 11), [("agents", "observation")], [("agents", "logits")])
     policy = ProbabilisticActor(
@@ -138,18 +139,27 @@ def test_a_running_pool_is_attached_to(serve: Serve) -> None:
 
 
 def test_the_example_runs() -> None:
-    text = smaclite_pool.torchrl.__doc__
+    text = smaclite_pool.integrations.torchrl.__doc__
     assert text is not None
     exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nKeys are")[0]), {})
 
 
-def test_torchrl_wraps_the_pettingzoo_face() -> None:
+def test_torchrl_wraps_the_pettingzoo_integration() -> None:
     pytest.importorskip("pettingzoo")
-    from smaclite_pool.pettingzoo import parallel_env
+    from smaclite_pool.integrations.pettingzoo import parallel_env
     from torchrl.envs import PettingZooWrapper
 
     env = PettingZooWrapper(parallel_env("2s3z"), use_mask=True, return_state=True, categorical_actions=True)
     check_env_specs(env)
     played = env.rollout(200)
     assert played["next", "done"][-1].all() and played["agent", "action_mask"].shape[1:] == (5, 11)
+    env.close()
+
+
+def test_torchrl_makes_a_single_battle_from_an_id() -> None:
+    pytest.importorskip("gymnasium")
+    from torchrl.envs import GymEnv
+
+    env = GymEnv("smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0")
+    assert env.reset()["observation"].shape == (5, 80)
     env.close()

@@ -11,9 +11,15 @@
 `smaclite-pool serve 2s3z:64 --name train` serves a pool in a separate process, and `sp.connect("train")`
 attaches to it. Methods and results are the same, bit for bit.
 
-Code written for a framework goes on as it is, by a module each: `gymnasium` (its ids, `smaclite_pool/2s3z-v0` and so
-on, need only this import), `drop_in` (for `import smaclite`), `smac`, `epymarl`, `on_policy`, `pettingzoo`, `torchrl`,
-`rllib`, `envpool`, `torch`, `jax` and `ray`. `help("smaclite_pool.smac")` and its like begin with an example.
+Other interfaces are modules of this package:
+
+- `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
+  `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
+- `marl`: `smac` (SMAC's interface), `epymarl` and `on_policy`.
+- `compat`: drop-in replacements for the packages `smaclite` and `smac`.
+
+None of them is imported with this package, and each docstring begins with an example:
+`help("smaclite_pool.marl.smac")`.
 
 Terms: an agent is a unit that the learner controls; a unit is any body in a battle. A step is one decision of
 the agents. A lane is a set of environments with one learner. A batch holds the results of M environments, one
@@ -21,7 +27,6 @@ per slot.
 """
 
 from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status
-from ._registration import register_when_imported
 from .errors import (
     Busy,
     Closed,
@@ -69,5 +74,3 @@ __all__ = [
     "scenarios",
     "status",
 ]
-
-register_when_imported()

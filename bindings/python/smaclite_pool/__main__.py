@@ -1,4 +1,4 @@
-"""The `smaclite-pool` program: `python -m smaclite_pool`."""
+"""`python -m smaclite_pool` is the program `smaclite-pool`."""
 
 import signal
 import sys

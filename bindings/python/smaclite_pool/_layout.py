@@ -1,7 +1,9 @@
-"""Where each figure lies in the observations and the state of a scenario, and what stands on its map."""
+"""Named parts of observations and state, and the map; offsets and names come from the native module."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -13,47 +15,72 @@ from ._native import scenario
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-MOVES = 4  # is a move north, south, east, west possible
-SIGHT = 9.0  # how far agents see, in squares
-REACH = 6.0  # how far agents may choose targets, in squares
+
+@dataclass(frozen=True)
+class FeatureBlock:
+    """A part of an observation or of the state."""
+
+    start: int
+    """Index of its first feature."""
+    shape: tuple[int, ...]
+    """[features], or [units, features]."""
+    features: list[str]
+    """Names of its last axis."""
+
+    def view(self, array: Floats) -> Floats:
+        """This part of arrays [..., size], as a view [..., *shape]."""
+        part = array[..., self.start : self.start + math.prod(self.shape)]
+        return part.reshape(*array.shape[:-1], *self.shape)
+
+    def column(self, array: Floats, feature: str) -> Floats:
+        """One feature of this part of arrays [..., size], as a view [..., *shape[:-1]].
+
+        Zeros if the part has no feature of that name.
+        """
+        part = self.view(array)
+        if feature not in self.features:
+            return np.broadcast_to(np.float32(0), part.shape[:-1])
+        return part[..., self.features.index(feature)]
 
 
-class Observation(NamedTuple):
-    """Views into observations [..., A, obs_size], by what they speak of."""
+class ObservationBlocks(NamedTuple):
+    """The parts of an observation, in order."""
 
-    moves: Floats
-    """[..., A, 4]: is a move north, south, east, west possible."""
-    enemies: Floats
-    """[..., A, E, 4 + health, shield, type]: targetable, distance/9, dx/9, dy/9, ..."""
-    allies: Floats
-    """[..., A, A - 1, 4 + health, shield, type]: seen, distance/9, dx/9, dy/9, ..., oneself left out."""
-    own: Floats
-    """[..., A, health, shield, type]."""
+    moves: FeatureBlock
+    """[4]: whether a move north, south, east, west is available."""
+    enemies: FeatureBlock
+    """[E, features]: targetable, distance, dx, dy, health, shield, type; zeros for the unseen."""
+    allies: FeatureBlock
+    """[A - 1, features]: visible, distance, dx, dy, health, shield, type; without the agent itself."""
+    own: FeatureBlock
+    """[features]: health, shield, type."""
 
 
-class State(NamedTuple):
-    """Views into states [..., state_size], by what they speak of."""
+class StateBlocks(NamedTuple):
+    """The parts of the state, in order."""
 
-    allies: Floats
-    """[..., A, 4 + shield, type]: health, energy or cooldown, x, y, ..."""
-    enemies: Floats
-    """[..., E, 3 + shield, type]: health, x, y, ..."""
-    last_action: Floats
-    """[..., A, N]: the last action of each agent, one-hot."""
+    allies: FeatureBlock
+    """[A, features]: health, energy/cooldown, rel_x, rel_y, shield, type."""
+    enemies: FeatureBlock
+    """[E, features]: health, rel_x, rel_y, shield, type."""
+    last_action: FeatureBlock
+    """[A, N]: the last action of each agent, one-hot."""
 
 
 class ScenarioLayout:
-    """The figures of a scenario that observations and state are made of.
+    """A scenario's units, its map, and the layout of its observations and state.
 
-    `name` is a standard scenario or a path, as `smaclite_pool.make` takes it.
+    `name` is a standard scenario or a path, as in `smaclite_pool.make`.
     """
 
     def __init__(self, name: str | PathLike[str]) -> None:
         self.info: dict[str, Any] = scenario(name)
-        self.ally_figures: list[dict[str, Any]] = self.info["allies"]
-        self.enemy_figures: list[dict[str, Any]] = self.info["enemies"]
-        self.n_agents = len(self.ally_figures)
-        self.n_enemies = len(self.enemy_figures)
+        self.allies: list[dict[str, Any]] = self.info["allies"]
+        self.enemies: list[dict[str, Any]] = self.info["enemies"]
+        self.n_agents = len(self.allies)
+        self.n_enemies = len(self.enemies)
+        self.obs = ObservationBlocks(**_blocks(self.info["obs_layout"]))
+        self.state = StateBlocks(**_blocks(self.info["state_layout"]))
         self.type_bits: int = self.info["num_unit_types"]
         self.shield_bits_ally = int(self.info["ally_has_shields"])
         self.shield_bits_enemy = int(self.info["enemy_has_shields"])
@@ -61,59 +88,30 @@ class ScenarioLayout:
         self.walkable: Bools = np.array(self.info["walkable"], np.bool_)
         """[height, width]: `walkable[y, x]`, the southern row first."""
 
-    @property
-    def ally_tail(self) -> int:
-        """Figures of an ally's shield and type."""
-        return self.shield_bits_ally + self.type_bits
+    def squares(self, rel_x: Floats, rel_y: Floats) -> Floats:
+        """Positions [..., 2] in squares, of `rel_x` and `rel_y` [...] as in the state.
 
-    @property
-    def enemy_tail(self) -> int:
-        """Figures of an enemy's shield and type."""
-        return self.shield_bits_enemy + self.type_bits
-
-    def observation(self, obs: Floats) -> Observation:
-        """The parts of observations [..., A, obs_size], in place."""
-        ally, enemy = 5 + self.ally_tail, 5 + self.enemy_tail
-        enemies_end = MOVES + self.n_enemies * enemy
-        allies_end = enemies_end + (self.n_agents - 1) * ally
-        return Observation(
-            obs[..., :MOVES],
-            obs[..., MOVES:enemies_end].reshape(*obs.shape[:-1], self.n_enemies, enemy),
-            obs[..., enemies_end:allies_end].reshape(*obs.shape[:-1], self.n_agents - 1, ally),
-            obs[..., allies_end:],
-        )
-
-    def state(self, state: Floats) -> State:
-        """The parts of states [..., state_size], in place."""
-        ally, enemy = 4 + self.ally_tail, 3 + self.enemy_tail
-        allies_end = self.n_agents * ally
-        enemies_end = allies_end + self.n_enemies * enemy
-        return State(
-            state[..., :allies_end].reshape(*state.shape[:-1], self.n_agents, ally),
-            state[..., allies_end:enemies_end].reshape(*state.shape[:-1], self.n_enemies, enemy),
-            state[..., enemies_end:].reshape(*state.shape[:-1], self.n_agents, -1),
-        )
-
-    def squares(self, position: Floats) -> Floats:
-        """Positions [..., 2] as the state has them, in squares.
-
-        The state's figures are rounded, so a position may be off by a millionth of a square.
+        The features of the state are rounded, so a position may be off by a millionth of a square.
         """
-        squares: Floats = position * self.map_size + self.map_size / np.float32(2)
+        squares: Floats = np.stack((rel_x, rel_y), axis=-1) * self.map_size + self.map_size / np.float32(2)
         return squares
 
-    def tail_names(self, shield_bits: int) -> list[str]:
-        """Names of the figures of a shield and a type."""
-        return ["shield"] * shield_bits + [f"type_{bit}" for bit in range(self.type_bits)]
-
     def on_map(self, points: NDArray[np.int64]) -> Bools:
-        """[...]: do points [..., 2] lie on the map."""
+        """[...]: whether points [..., 2] lie on the map."""
         inside: Bools = np.all((points >= 0) & (points < self.map_size), axis=-1)
         return inside
 
     def off_or_walkable(self, points: NDArray[np.int64]) -> Bools:
-        """[...]: are points [..., 2] walkable squares, or off the map."""
+        """[...]: whether points [..., 2] are walkable squares, or off the map."""
         inside = self.on_map(points)
         x, y = np.where(inside, points[..., 0], 0), np.where(inside, points[..., 1], 0)
         walkable: Bools = ~inside | self.walkable[y, x]
         return walkable
+
+
+def _blocks(layout: list[dict[str, Any]]) -> dict[str, FeatureBlock]:
+    return {part["name"]: _block(**part) for part in layout}
+
+
+def _block(name: str, start: int, shape: list[int], features: list[str]) -> FeatureBlock:
+    return FeatureBlock(start, tuple(shape), features)

@@ -3,15 +3,27 @@
 
 from os import PathLike
 from types import TracebackType
-from typing import Any, Literal, final
+from typing import Any, Final, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Batch",
+    "EAST",
     "Envs",
+    "FIRST_TARGET",
     "Frame",
+    "KILL_REWARD",
+    "NORTH",
+    "NO_OP",
+    "REWARD_SCALE",
+    "SIGHT_RANGE",
+    "SOUTH",
+    "STOP",
+    "TARGETING_RANGE",
+    "WEST",
+    "WIN_REWARD",
     "__version__",
     "connect",
     "make",
@@ -23,6 +35,24 @@ __all__ = [
 ]
 
 __version__: str
+
+# Numbers of the actions of an agent.
+NO_OP: Final[int]
+STOP: Final[int]
+NORTH: Final[int]
+SOUTH: Final[int]
+EAST: Final[int]
+WEST: Final[int]
+FIRST_TARGET: Final[int]
+
+# In squares.
+SIGHT_RANGE: Final[float]
+TARGETING_RANGE: Final[float]
+
+# Points for a kill and for a victory, and the return that the maximum of points is scaled to.
+KILL_REWARD: Final[float]
+WIN_REWARD: Final[float]
+REWARD_SCALE: Final[float]
 
 _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]

@@ -66,6 +66,7 @@ mod units;
 pub use arena::{Arena, Sizes};
 pub use battle::Battle;
 pub use command::{IllegalAction, action};
+pub use encode::{FeatureBlock, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::Generator;
 pub use rules::{Rules, UnknownRules};
@@ -83,10 +84,10 @@ const TICK: f64 = 1.0 / TICKS_PER_SECOND;
 
 /// How far agents see, in squares; distances in observations are divided by it. It is the same for all unit
 /// types, as in SMAC.
-const SIGHT_RANGE: f64 = 9.0;
+pub const SIGHT_RANGE: f64 = 9.0;
 /// The range within which target actions are available to agents, in squares, whatever the attack range of
 /// the unit: beyond its attack range, a unit walks to its target first.
-const TARGETING_RANGE: f64 = 6.0;
+pub const TARGETING_RANGE: f64 = 6.0;
 
 /// Shield regeneration per tick: 2 per second.
 const SHIELD_PER_TICK: f64 = 2.0 * TICK;
@@ -102,8 +103,8 @@ const HEALTH_PER_ENERGY: f64 = 3.0;
 const MIN_ENERGY_FOR_NEW_TARGET: f64 = 5.0;
 
 /// Unscaled reward for killing an enemy.
-const KILL_REWARD: f64 = 10.0;
+pub const KILL_REWARD: f64 = 10.0;
 /// Unscaled reward of a step after which no enemy is alive.
-const WIN_REWARD: f64 = 200.0;
+pub const WIN_REWARD: f64 = 200.0;
 /// The return that the greatest unscaled return is scaled to.
-const REWARD_SCALE: f64 = 20.0;
+pub const REWARD_SCALE: f64 = 20.0;

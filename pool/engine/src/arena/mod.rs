@@ -219,7 +219,7 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
 
 fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let n_actions = crate::action::FIRST_TARGET + n_targets(scenario);
+    let n_actions = n_actions(scenario);
     let (ally, enemy) = (features.ally_body(), features.enemy_body());
     Sizes {
         n_agents,
@@ -230,6 +230,11 @@ fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
     }
+}
+
+/// Actions of an agent, available or not.
+pub(crate) fn n_actions(scenario: &Scenario) -> usize {
+    crate::action::FIRST_TARGET + n_targets(scenario)
 }
 
 /// Number of target actions: enough for every enemy, and if an agent is a healer for every ally that it can

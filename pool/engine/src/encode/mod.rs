@@ -1,10 +1,12 @@
 //! What agents receive: observations, the state, and the available actions.
 
 mod avail;
+mod features;
 mod obs;
 mod state;
 
 pub(crate) use avail::Available;
+pub use features::{FeatureBlock, obs_features, state_features};
 pub(crate) use obs::{ObsScratch, write_obs};
 pub(crate) use state::write_state;
 

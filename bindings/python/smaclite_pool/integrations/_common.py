@@ -1,0 +1,128 @@
+"""Shared by several integrations: names of observations and infos, and single battles. Needs no framework."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._native import Batch, make
+from ..errors import InvalidRequest
+
+OBSERVATION_KEYS = {"obs": "obs", "state": "state", "action_mask": "avail_actions"}
+"""Keys of the observations of vector environments, and the field of a batch that each one contains."""
+
+OUTCOME_FIELDS = ("battle_won", "dead_allies", "dead_enemies")
+"""Fields of a batch in the info of a single battle."""
+
+INFO_FIELDS = (*OUTCOME_FIELDS, "episode_return", "episode_length")
+"""Fields of a batch in the infos of vector environments. `Envs.fields` has their dtypes."""
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """A battle after a reset or step. Arrays are copies, as a lane limits the batches that can be held."""
+
+    obs: NDArray[np.float32]
+    """float32 [n_agents, obs_size]."""
+    avail_actions: NDArray[np.bool_]
+    """bool [n_agents, n_actions]."""
+    state: NDArray[np.float32]
+    """float32 [state_size]."""
+    reward: float
+    """The team reward."""
+    terminated: bool
+    truncated: bool
+    episode_length: int
+    """Steps so far."""
+    info: dict[str, Any]
+    """`battle_won` (bool), `dead_allies` and `dead_enemies` (int)."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the episode has ended."""
+        return self.terminated or self.truncated
+
+    @staticmethod
+    def of(batch: Batch) -> TimeStep:
+        """The only environment of a batch."""
+        return TimeStep(
+            obs=batch.obs[0].copy(),
+            avail_actions=batch.avail_actions[0].copy(),
+            state=batch.state[0].copy(),
+            reward=batch.reward[0].item(),
+            terminated=batch.terminated[0].item(),
+            truncated=batch.truncated[0].item(),
+            episode_length=batch.episode_length[0].item(),
+            info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
+        )
+
+
+class SingleBattle:
+    """A pool of one environment, which waits for a reset when its battle has ended.
+
+    A reset uses the seed that it is given, or else the seed of `seed_next_reset`. Without either the first
+    reset uses the seed of `settings`, and later ones continue the random generator.
+
+    Args:
+        scenario: a standard scenario or the path of a scenario file.
+        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
+    """
+
+    def __init__(self, scenario: str | PathLike[str], settings: Mapping[str, Any]) -> None:
+        # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
+        defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
+        self.envs = make(scenario, 1, autoreset="disabled", **{**defaults, **settings})
+        self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
+        self._next_seed: int | None = None
+        self._last: TimeStep | None = None
+
+    @property
+    def last(self) -> TimeStep:
+        """The result of the last step or reset. Raises InvalidRequest before the first reset."""
+        if self._last is None:
+            raise InvalidRequest("no battle has begun; call reset first")
+        return self._last
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there was a reset."""
+        return self._last is not None
+
+    def seed_next_reset(self, seed: int) -> None:
+        """Use this seed for the next reset that is not given one."""
+        self._next_seed = seed
+
+    def reset(self, seed: int | None = None) -> TimeStep:
+        """Begin a battle."""
+        self._last = TimeStep.of(self.envs.reset(self._next_seed if seed is None else seed))
+        self._next_seed = None
+        return self._last
+
+    def step(self, actions: Sequence[int | np.integer[Any]] | NDArray[Any]) -> TimeStep:
+        """Step by one action per agent, including dead agents.
+
+        Raises IllegalAction for an unavailable action, and InvalidRequest for a wrong number of actions or
+        after the end of the battle; nothing is stepped then.
+        """
+        if self.last.ended:
+            raise InvalidRequest("the battle has ended; call reset first")
+        joint: Any = [actions]
+        self._last = TimeStep.of(self.envs.step(joint))
+        return self._last
+
+    def step_by_name(self, actions: Mapping[str, int | np.integer[Any]]) -> TimeStep:
+        """`step` by a dict with an action for every name in `agents`."""
+        if not self.last.ended and (missing := [agent for agent in self.agents if agent not in actions]):
+            raise InvalidRequest(
+                f"actions must contain every agent, missing {', '.join(missing)}; dead agents use 0 (no-op)"
+            )
+        return self.step([int(actions.get(agent, 0)) for agent in self.agents])
+
+    def close(self) -> None:
+        """End the pool. Calling it again has no effect."""
+        self.envs.close()

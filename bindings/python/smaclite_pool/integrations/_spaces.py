@@ -1,0 +1,129 @@
+"""Gymnasium spaces of a lane. The action spaces sample actions that are available at that moment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from .._native import Envs
+from ..errors import Closed, InvalidRequest
+from ._common import OBSERVATION_KEYS
+
+
+class LegalDiscrete(spaces.Discrete):
+    """Actions of one agent: `Discrete(n_actions)` whose `sample()` without arguments draws available ones."""
+
+    def __init__(self, n_actions: int) -> None:
+        super().__init__(n_actions)
+        self.mask = np.ones(n_actions, np.int8)
+        """int8 [n_actions]: the actions to sample; updated at every step."""
+
+    def sample(self, mask: Any = None, probability: Any = None) -> np.int64:
+        """A random action, by `mask`, int8 [n_actions], or by `probability`, float64 [n_actions]."""
+        if mask is None and probability is None:
+            mask = self.mask
+        return super().sample(mask, probability)
+
+    def __reduce__(self) -> tuple[type[spaces.Discrete], tuple[int]]:
+        return spaces.Discrete, (int(self.n),)  # a copy is not updated
+
+
+def update_masks(each: Mapping[str, LegalDiscrete], avail_actions: NDArray[np.bool_]) -> None:
+    """Set the masks of the agents' spaces, from bool [n_agents, n_actions]."""
+    for space, mask in zip(each.values(), avail_actions.view(np.int8), strict=True):
+        space.mask = mask
+
+
+class LegalTuple(spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
+    """Joint actions of one battle, a `Discrete` per agent; `sample()` by default draws available ones."""
+
+    def __init__(self, envs: Envs, sizes: Sequence[int]) -> None:
+        super().__init__([spaces.Discrete(size) for size in sizes])
+        self._envs = envs
+
+    def seed(self, seed: int | Sequence[int] | None = None) -> Any:  # Gymnasium's versions differ
+        """Seed the space and the sampler of available actions."""
+        if isinstance(seed, int):
+            self._envs.seed_sampler(seed)
+        return super().seed(seed)
+
+    def sample(
+        self, mask: tuple[Any | None, ...] | None = None, probability: tuple[Any | None, ...] | None = None
+    ) -> tuple[np.int64, ...]:
+        """Random actions, by `mask`, int8 [n] per agent, or by `probability`, float64 [n] per agent."""
+        if mask is None and probability is None:
+            try:
+                return tuple(self._envs.sample_actions()[0].astype(np.int64))
+            except (Closed, InvalidRequest):
+                pass  # before the first reset and after the end there is no mask, so any action will do
+        return super().sample(mask, probability)
+
+    def __reduce__(self) -> tuple[type[spaces.Space[Any]], tuple[Any]]:
+        return spaces.Tuple, (self.spaces,)  # a copy has no environments to ask
+
+
+class LegalBox(spaces.Box):
+    """Joint actions of all environments, [num_envs, n_agents]; `sample()` draws available ones."""
+
+    def __init__(self, envs: Envs, batched: spaces.Box) -> None:
+        dtype: Any = batched.dtype  # whose type differs with Gymnasium's versions
+        super().__init__(batched.low, batched.high, dtype=dtype.type)
+        self._envs = envs
+
+    def seed(self, seed: int | None = None) -> int | Any:
+        """Seed the space and the sampler of available actions."""
+        if seed is not None:
+            self._envs.seed_sampler(seed)
+        return super().seed(seed)
+
+    def sample(self, mask: None = None, probability: None = None) -> NDArray[Any]:
+        """Random actions that are available after the last step or reset."""
+        try:
+            return self._envs.sample_actions().astype(self.dtype)
+        except (Closed, InvalidRequest):  # before the first reset and after the end
+            return super().sample(mask, probability)
+
+    def __reduce__(self) -> tuple[type[spaces.Box], tuple[Any, ...]]:
+        return spaces.Box, (self.low, self.high, self.shape, self.dtype)  # a copy has no environments to ask
+
+
+def single_observation_space(envs: Envs) -> spaces.Dict:
+    """The observation of one environment, with the keys whose fields the lane has.
+
+    `obs` float32 [n_agents, obs_size] and `state` float32 [state_size], both in [-1, 1], and `action_mask`
+    int8 [n_agents, n_actions].
+    """
+    fields = envs.fields
+    present: dict[str, spaces.Space[Any]] = {}
+    for key, field in OBSERVATION_KEYS.items():
+        if field in fields:
+            dtype, (_, *shape) = fields[field]
+            if dtype == np.bool_:
+                present[key] = spaces.MultiBinary(tuple(shape))
+            else:
+                present[key] = spaces.Box(-1.0, 1.0, tuple(shape), np.float32)
+    return spaces.Dict(present)
+
+
+def batched_observation_space(envs: Envs) -> spaces.Dict:
+    """The observations of all environments: Gymnasium's `batch_space` of the single space."""
+    batched = batch_space(single_observation_space(envs), envs.num_envs)
+    assert isinstance(batched, spaces.Dict)
+    return batched
+
+
+def single_action_space(envs: Envs) -> spaces.MultiDiscrete:
+    """`MultiDiscrete([n_actions] * n_agents)`."""
+    return spaces.MultiDiscrete([envs.n_actions] * envs.n_agents)
+
+
+def batched_action_space(envs: Envs) -> LegalBox:
+    """The actions of all environments; equal to Gymnasium's `batch_space` of the single space."""
+    batched = batch_space(single_action_space(envs), envs.num_envs)
+    assert isinstance(batched, spaces.Box)
+    return LegalBox(envs, batched)

@@ -1,0 +1,379 @@
+"""Gymnasium: many battles as a `VectorEnv`, or one as an `Env` (extra `gymnasium`).
+
+    import gymnasium
+    import smaclite_pool.integrations.gymnasium  # registers smaclite_pool/2s3z-v0 and the other ids
+
+    envs = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=64)
+    observations, infos = envs.reset(seed=1)
+    for _ in range(200):
+        actions = envs.action_space.sample()  # available actions, see observations["action_mask"]
+        observations, rewards, terminations, truncations, infos = envs.step(actions)
+    envs.close()
+
+Importing this module registers `smaclite_pool/<scenario>-v0` for each standard scenario, and
+`smaclite_pool/custom-v0` for scenario files:
+`gymnasium.make_vec("smaclite_pool/custom-v0", num_envs=64, map_file="my_map.json")`. Where only a name can be
+given, as in configuration files, put the module in front, and Gymnasium imports it:
+"smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0".
+
+Each id serves both functions of Gymnasium:
+
+- `gymnasium.make_vec` returns a `BattleVectorEnv`, one pool that steps all battles at once. Use it for
+  training. (Its `vectorization_mode` "sync" or "async" combines single environments instead, which is
+  slower.)
+- `gymnasium.make` returns a `BattleEnv`, a single battle with the interface of the published environment.
+
+`RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
+after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any, Literal, TypeAlias
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from .._layout import ScenarioLayout
+from .._native import FIRST_TARGET, NO_OP, STOP, Batch, Envs, make, scenarios
+from .._render import draw
+from .._units import Unit, UnitsView
+from ..errors import InvalidRequest
+from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle
+from ._spaces import (
+    LegalBox,
+    LegalTuple,
+    batched_action_space,
+    batched_observation_space,
+    single_action_space,
+    single_observation_space,
+)
+
+__all__ = ["BattleEnv", "BattleVectorEnv", "make_vector"]
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+Scenario: TypeAlias = "str | PathLike[str]"
+JointAction: TypeAlias = Sequence["int | np.integer[Any]"]
+IllegalActions: TypeAlias = Literal["error", "stop"]
+
+AUTORESET_MODES = {
+    "next_step": AutoresetMode.NEXT_STEP,
+    "same_step": AutoresetMode.SAME_STEP,
+    "disabled": AutoresetMode.DISABLED,
+}
+
+
+class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[Any]]):
+    """The environments of a lane as a `gymnasium.vector.VectorEnv`.
+
+    Observations are a dict of `obs` float32 [num_envs, n_agents, obs_size], `state` float32 [num_envs,
+    state_size] and `action_mask` int8 [num_envs, n_agents, n_actions]. Actions are integers [num_envs,
+    n_agents]. Rewards are float64 [num_envs], one per team. `infos` contains battle_won, dead_allies,
+    dead_enemies, episode_return and episode_length after the step, each [num_envs] and with a `_key` mask.
+    With same-step autoreset, `final_obs` (an object array of dicts) and `final_info` describe the episodes
+    that ended in the step, and the observations belong to the next episodes.
+
+    Args:
+        envs: a synchronous lane, from `smaclite_pool.make` or `smaclite_pool.connect`; closed with this
+            object.
+        illegal_actions: "error": a step with an unavailable action raises IllegalAction. "stop": agents given
+            an unavailable action stop instead; use it with algorithms that ignore action masks.
+        copy: True: arrays are copies that you can keep and change. False: observations are read-only views of
+            shared memory; at most the lane's `max_held_batches` can be held.
+
+    Raises InvalidRequest for an asynchronous lane or another value of `illegal_actions`.
+    """
+
+    observation_space: spaces.Dict
+    action_space: LegalBox
+    single_observation_space: spaces.Dict
+    single_action_space: spaces.MultiDiscrete
+
+    def __init__(self, envs: Envs, *, illegal_actions: IllegalActions = "error", copy: bool = True) -> None:
+        self.closed = True  # if this fails, the caller still owns the lane
+        if envs.batch_size != envs.num_envs:
+            raise InvalidRequest(
+                f"a VectorEnv steps all environments at once, but the lane is asynchronous: batch_size is "
+                f"{envs.batch_size}, num_envs {envs.num_envs}; use smaclite_pool.integrations.envpool for it"
+            )
+        self._envs, self._copy = envs, copy
+        self._stops = _stops(illegal_actions)
+        self._last: Batch | None = None  # only with "stop"
+        self.num_envs = envs.num_envs
+        self.metadata = {"render_modes": [], "autoreset_mode": AUTORESET_MODES[envs.autoreset]}
+        self.single_observation_space = single_observation_space(envs)
+        self.single_action_space = single_action_space(envs)
+        self.observation_space = batched_observation_space(envs)
+        self.action_space = batched_action_space(envs)
+        fields = envs.fields
+        self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in fields}
+        self._info_fields = [name for name in INFO_FIELDS if name in fields]
+        self.closed = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Arrays, dict[str, Any]]:
+        """Begin new episodes in all environments, or where `options["reset_mask"]` is True, bool [num_envs].
+
+        With a seed, environment i is seeded with seed + i; without one its random generator continues. Raises
+        InvalidRequest for a mask of another shape, or without any True.
+        """
+        super().reset(seed=seed)
+        mask = (options or {}).get("reset_mask")
+        if mask is not None and not np.any(mask):
+            raise InvalidRequest("options['reset_mask'] must be True for at least one environment")
+        batch = self._envs.reset(seed, mask=mask)
+        self._last = batch if self._stops else None
+        present = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        return self._observations(batch, ""), self._infos(batch, present)
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[Arrays, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Step every environment by the actions of its agents, integers [num_envs, n_agents].
+
+        Raises IllegalAction for an unavailable action; nothing is stepped then. With next-step autoreset the
+        actions of an environment whose episode has just ended are ignored.
+        """
+        if self._last is not None:
+            actions = stop_unavailable(actions, self._last.avail_actions)
+        batch = self._envs.step(actions)
+        self._last = batch if self._stops else None
+        infos = self._infos(batch, np.ones(self.num_envs, np.bool_))
+        if self._envs.autoreset == "same_step":
+            self._add_final(infos, batch)
+        terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
+        return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
+
+    def _observations(self, batch: Batch, prefix: Literal["", "final_"]) -> Arrays:
+        observations: Arrays = {}
+        for key, field in self._keys.items():
+            array = getattr(batch, prefix + field)
+            array = array.copy() if self._copy else array
+            observations[key] = array.view(np.int8) if array.dtype == np.bool_ else array
+        return observations
+
+    def _infos(self, batch: Batch, present: NDArray[np.bool_]) -> dict[str, Any]:
+        infos: dict[str, Any] = {}
+        for name in self._info_fields:
+            array = getattr(batch, name)
+            infos[name] = np.where(present, array, array.dtype.type(0))
+            infos[f"_{name}"] = present.copy()
+        return infos
+
+    def _add_final(self, infos: dict[str, Any], batch: Batch) -> None:
+        ended = batch.terminated | batch.truncated
+        if not ended.any():
+            return
+        last = self._observations(batch, "final_")
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for env in np.flatnonzero(ended):
+            final_obs[env] = {key: array[env] for key, array in last.items()}
+        infos["final_obs"], infos["_final_obs"] = final_obs, ended
+        infos["final_info"], infos["_final_info"] = self._infos(batch, ended), ended.copy()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the environments."""
+        self._envs.close()
+
+
+def make_vector(
+    scenario: Scenario | None = None,
+    num_envs: int = 1,
+    *,
+    map_file: Scenario | None = None,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    max_episode_steps: int | None = None,
+    seed: int | None = None,
+    illegal_actions: IllegalActions = "error",
+    copy: bool = True,
+    **settings: Any,
+) -> BattleVectorEnv:
+    """Start a pool within this process; `gymnasium.make_vec` calls this.
+
+    Args:
+        scenario, map_file: a standard scenario, or the path of a scenario file; exactly one of them.
+        num_envs: number of environments.
+        autoreset_mode: an `AutoresetMode`, its value ("NextStep") or the pool's name for it ("next_step").
+        max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
+        seed: environment i is seeded with seed + i until a reset with another seed; None for a random seed.
+        illegal_actions, copy: as in `BattleVectorEnv`.
+        settings: `threads`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
+
+    Raises InvalidRequest, ScenarioError and StartError.
+    """
+    mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
+    pool_names = {mode.value: name for name, mode in AUTORESET_MODES.items()}
+    if max_episode_steps is not None:
+        settings["episode_limit"] = max_episode_steps
+    settings.update(seed=_seed_or_random(seed), autoreset=pool_names.get(mode, mode))
+    envs = make(_one_of(scenario, map_file), num_envs, **settings)
+    return BattleVectorEnv(envs, illegal_actions=illegal_actions, copy=copy)
+
+
+class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
+    """One battle with the spaces, types and methods of the published environment.
+
+    An observation is a tuple of float32 [obs_size], one per agent; an action is a tuple of integers, one per
+    agent. `info` contains battle_won, dead_allies, dead_enemies, and `episode_limit` (True) in a step that
+    truncates the episode; all values are numbers. Single battles are slow; for training, step many at once
+    with `gymnasium.make_vec`.
+
+    Args:
+        scenario, map_file: a standard scenario, or the path of a scenario file; exactly one of them.
+        seed: for the first reset without a seed; None to draw one from NumPy's global generator.
+        episode_limit: steps after which an episode is truncated; None for no limit, "default" for the limit
+            of the scenario.
+        illegal_actions: "error" or "stop", as in `BattleVectorEnv`.
+        render_mode: None or "rgb_array"; Gymnasium adds "human" (needs pygame).
+        settings: `rules`, `wait` and other arguments of `smaclite_pool.make`.
+
+    Raises InvalidRequest, ScenarioError and StartError.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # a step is half a second
+    picture_size = (640, 640)
+    observation_space: spaces.Tuple  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
+    action_space: LegalTuple
+
+    def __init__(
+        self,
+        scenario: Scenario | None = None,
+        *,
+        map_file: Scenario | None = None,
+        seed: int | None = None,
+        episode_limit: int | Literal["default"] | None = "default",
+        illegal_actions: IllegalActions = "error",
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        self._stops = _stops(illegal_actions)
+        name = _one_of(scenario, map_file)
+        self._layout = ScenarioLayout(name)
+        seed = _seed_or_random(seed)
+        self._np_random, self._np_random_seed = seeding.np_random(seed)
+        self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
+        envs = self._battle.envs
+        self.render_mode = render_mode
+        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
+        self.obs_size, self.state_size = envs.obs_size, envs.state_size
+        self.observation_space = spaces.Tuple(
+            [spaces.Box(-1.0, 1.0, (self.obs_size,), np.float32) for _ in range(self.n_agents)]
+        )
+        n_targets = [self.n_agents - 1 if unit["healer"] else self.n_enemies for unit in self._layout.allies]
+        self.action_space = LegalTuple(envs, [FIRST_TARGET + n for n in n_targets])
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[tuple[NDArray[np.float32], ...], dict[str, Any]]:
+        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
+        super().reset(seed=seed)
+        now = self._battle.reset(seed)
+        return self.get_obs(), now.info.copy()
+
+    def step(
+        self, action: JointAction
+    ) -> tuple[tuple[NDArray[np.float32], ...], float, bool, bool, dict[str, Any]]:
+        """Step the battle by one action per agent; dead agents use 0 (no-op).
+
+        Raises IllegalAction for an unavailable action, and InvalidRequest before the first reset and after
+        the end of the battle; nothing is stepped then.
+        """
+        if self._stops:
+            now = self._battle.step(stop_unavailable(action, self._battle.last.avail_actions))
+        else:
+            now = self._battle.step(action)
+        info = now.info.copy()
+        if now.truncated:
+            info["episode_limit"] = True
+        return self.get_obs(), now.reward, now.terminated, now.truncated, info
+
+    def get_obs(self) -> tuple[NDArray[np.float32], ...]:
+        """The observation of each agent, float32 [obs_size]; zeros for dead agents."""
+        return tuple(self._battle.last.obs.copy())
+
+    def get_state(self) -> NDArray[np.float32]:
+        """The global state, float32 [state_size], for training only."""
+        return self._battle.last.state.copy()
+
+    def get_avail_actions(self) -> list[NDArray[np.float64]]:
+        """Which actions are available, 0 or 1 [n_actions] per agent."""
+        return list(self._battle.last.avail_actions.astype(np.float64))
+
+    @property
+    def agents(self) -> dict[int, Unit]:
+        """The living units of the agents by id; empty before the first reset."""
+        return self._living(0, self.n_agents)
+
+    @property
+    def enemies(self) -> dict[int, Unit]:
+        """The living enemies by id; empty before the first reset."""
+        return self._living(self.n_agents, self.n_enemies)
+
+    def _living(self, first: int, count: int) -> dict[int, Unit]:
+        if not self._battle.has_begun:
+            return {}
+        units = self._units()
+        return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
+
+    def _units(self) -> UnitsView:
+        units = UnitsView(self._layout)
+        units.update(self._battle.last.state)
+        return units
+
+    def render(self) -> Any:
+        """The battle from above, uint8 [640, 640, 3]."""
+        return draw(self._layout, self._units(), *self.picture_size)
+
+    def close(self) -> None:
+        """End the pool. Calling it again has no effect."""
+        self._battle.close()
+
+
+def stop_unavailable(actions: Any, avail_actions: NDArray[np.bool_]) -> NDArray[Any]:
+    """Replace every unavailable action by a stop, or by a no-op if the agent is dead.
+
+    `actions` are integers [..., n_agents], `avail_actions` [..., n_agents, n_actions].
+    """
+    given = np.asarray(actions)
+    known = np.clip(given, 0, avail_actions.shape[-1] - 1)
+    available = np.take_along_axis(avail_actions, known[..., None], axis=-1)[..., 0] & (known == given)
+    fallback = np.where(avail_actions[..., STOP], STOP, NO_OP).astype(given.dtype)
+    return np.where(available, given, fallback)
+
+
+def _stops(illegal_actions: IllegalActions) -> bool:
+    if illegal_actions not in ("error", "stop"):
+        raise InvalidRequest(f'illegal_actions must be "error" or "stop", got {illegal_actions!r}')
+    return illegal_actions == "stop"
+
+
+def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
+    if map_file is not None:
+        return map_file
+    if scenario is None:
+        raise InvalidRequest("map_file must be the path of a scenario file, got None")
+    return scenario
+
+
+def _seed_or_random(seed: int | None) -> int:
+    # From the global generator as in the published environment, so that numpy.random.seed determines it.
+    return int(np.random.randint(2**31 - 1)) if seed is None else seed
+
+
+def _register() -> None:
+    battles: dict[str, dict[str, str]] = {name: {"scenario": name} for name in scenarios()}
+    for name, kwargs in {**battles, "custom": {}}.items():
+        single, vector = f"{__name__}:BattleEnv", f"{__name__}:make_vector"
+        gymnasium.register(
+            f"smaclite_pool/{name}-v0", entry_point=single, vector_entry_point=vector, kwargs=kwargs
+        )
+
+
+_register()

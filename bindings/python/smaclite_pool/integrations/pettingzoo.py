@@ -1,0 +1,189 @@
+"""PettingZoo: one battle with the parallel or the AEC interface (extra `pettingzoo`).
+
+    from smaclite_pool.integrations.pettingzoo import parallel_env
+
+    env = parallel_env("2s3z")
+    observations, infos = env.reset(seed=1)
+    while env.agents:
+        actions = {
+            agent: env.action_space(agent).sample(observation["action_mask"])
+            for agent, observation in observations.items()
+        }
+        observations, rewards, terminations, truncations, infos = env.step(actions)
+    env.close()
+
+`parallel_env` is the environment. `raw_env` converts it to the AEC interface, and `env` also adds
+PettingZoo's checks of actions and of the order of calls. All take the same arguments.
+
+Agents are "agent_0", "agent_1", ...; all of them stay in `agents` until the battle ends. Dead agents observe
+zeros, and their only available action is 0 (no-op). Single battles are slow; for training, step many at once
+with `smaclite_pool.make` or an integration with vector environments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any, TypeAlias
+
+import numpy as np
+from gymnasium.spaces import Box, Dict
+from numpy.typing import NDArray
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import parallel_to_aec, wrappers
+
+from .._layout import ScenarioLayout
+from .._render import Window, draw
+from .._units import UnitsView
+from ..errors import InvalidRequest
+from ._common import SingleBattle, TimeStep
+from ._spaces import LegalDiscrete, update_masks
+
+__all__ = ["env", "parallel_env", "raw_env"]
+
+Observation: TypeAlias = dict[str, NDArray[Any]]
+Scenario: TypeAlias = "str | PathLike[str]"
+
+RENDER_MODES = ["human", "rgb_array"]
+
+
+class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as PettingZoo names its environments
+    """One battle with PettingZoo's parallel interface.
+
+    Each agent observes `{"observation": float32 [obs_size], "action_mask": int8 [n_actions]}`, copies that
+    you can keep and change. Every agent gets the team reward; termination, truncation and info (`battle_won`,
+    `dead_allies`, `dead_enemies`) are the same for all.
+
+    Args:
+        scenario: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
+        render_mode: None; "rgb_array": `render()` returns a picture; "human": a window shows every step
+            (needs pygame).
+        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
+
+    Raises InvalidRequest, ScenarioError and StartError.
+    """
+
+    picture_size = (640, 640)
+
+    def __init__(
+        self, scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
+    ) -> None:
+        if render_mode not in (None, *RENDER_MODES):
+            raise InvalidRequest(f'render_mode must be None, "human" or "rgb_array", got {render_mode!r}')
+        self._layout = ScenarioLayout(scenario)
+        self._battle = SingleBattle(scenario, settings)
+        envs = self._battle.envs
+        self.metadata = {
+            "name": f"smaclite_pool_{envs.scenario}",
+            "render_modes": RENDER_MODES,
+            "render_fps": 2,  # a step is half a second
+            "is_parallelizable": True,
+        }
+        self.render_mode = render_mode
+        self._window: Window | None = None
+        self.possible_agents = self._battle.agents
+        self.agents: list[str] = []
+        self.observation_spaces = {agent: self._observation_space() for agent in self.possible_agents}
+        self.action_spaces = {agent: LegalDiscrete(envs.n_actions) for agent in self.possible_agents}
+        self.state_space = Box(-1.0, 1.0, (envs.state_size,), np.float32)
+
+    def _observation_space(self) -> Dict:
+        envs = self._battle.envs
+        observation = Box(-1.0, 1.0, (envs.obs_size,), np.float32)
+        return Dict(observation=observation, action_mask=Box(0, 1, (envs.n_actions,), np.int8))
+
+    def observation_space(self, agent: str) -> Dict:
+        """The observation space of an agent; the same object every time."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> LegalDiscrete:
+        """The action space of an agent; the same object every time."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
+        now = self._battle.reset(seed)
+        self.agents = self.possible_agents[:]
+        self._show()
+        return self._observe(now), self._infos(now)
+
+    def step(
+        self, actions: Mapping[str, int | np.integer[Any]]
+    ) -> tuple[
+        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:
+        """Step the battle by one action per agent; dead agents use 0 (no-op).
+
+        Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or the
+        battle has ended; nothing is stepped then.
+        """
+        now = self._battle.step_by_name(actions)
+        self._show()
+        observations, infos = self._observe(now), self._infos(now)
+        rewards = dict.fromkeys(self.agents, now.reward)
+        terminations = dict.fromkeys(self.agents, now.terminated)
+        truncations = dict.fromkeys(self.agents, now.truncated)
+        if now.ended:
+            self.agents = []
+        return observations, rewards, terminations, truncations, infos
+
+    def _observe(self, now: TimeStep) -> dict[str, Observation]:
+        update_masks(self.action_spaces, now.avail_actions)
+        masks = now.avail_actions.astype(np.int8)
+        return {
+            agent: {"observation": obs, "action_mask": mask}
+            for agent, obs, mask in zip(self.possible_agents, now.obs, masks, strict=True)
+        }
+
+    def _infos(self, now: TimeStep) -> dict[str, dict[str, Any]]:
+        return {agent: now.info.copy() for agent in self.agents}
+
+    def state(self) -> NDArray[np.float32]:
+        """The global state, float32 [state_size], for training only.
+
+        Raises InvalidRequest before the first reset.
+        """
+        return self._battle.last.state.copy()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human"."""
+        if self.render_mode is None:
+            return None
+        units = UnitsView(self._layout)
+        units.update(self._battle.last.state)
+        picture = draw(self._layout, units, *self.picture_size)
+        if self.render_mode == "rgb_array":
+            return picture
+        if self._window is None:
+            self._window = Window(self._battle.envs.scenario, *self.picture_size)
+        self._window.show(picture)
+        return None
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.render()
+
+    def close(self) -> None:
+        """End the pool. Calling it again has no effect."""
+        self.agents = []
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+        self._battle.close()
+
+
+def raw_env(
+    scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
+) -> AECEnv[str, Observation, np.int64]:
+    """One battle with PettingZoo's AEC interface (agents act in turn); arguments as in `parallel_env`."""
+    return parallel_to_aec(parallel_env(scenario, render_mode=render_mode, **settings))
+
+
+def env(
+    scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
+) -> AECEnv[str, Observation, np.int64]:
+    """`raw_env` with PettingZoo's checks of actions and of the order of calls."""
+    checked = wrappers.AssertOutOfBoundsWrapper(raw_env(scenario, render_mode=render_mode, **settings))
+    return wrappers.OrderEnforcingWrapper(checked)

@@ -1,0 +1,113 @@
+"""RLlib: one battle as a `MultiAgentEnv` of the new API stack (extra `rllib`).
+
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
+    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+    from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
+    from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
+
+    hidden = {"head_fcnet_hiddens": [64, 64]}
+    shared = RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config=hidden)
+    config = (
+        PPOConfig()
+        .environment(BattleMultiAgentEnv, env_config={"scenario": "2s3z"})
+        .multi_agent(policies={"shared"}, policy_mapping_fn=lambda agent, episode, **_: "shared")
+        .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs={"shared": shared}))
+        .env_runners(num_env_runners=0, rollout_fragment_length=100)
+        .training(train_batch_size=200, minibatch_size=100, num_epochs=1)
+    )
+    algorithm = config.build_algo()
+    print(algorithm.train()["env_runners"])
+    algorithm.stop()
+
+Agents are "agent_0", "agent_1", ...; dead agents observe zeros, and their only available action is 0 (no-op).
+A module that ignores the mask soon chooses an unavailable action, and the step raises IllegalAction.
+
+RLlib steps one battle at a time through dicts, hundreds of times slower than a pool can. To use an RLlib
+cluster at full speed, see `smaclite_pool.integrations.ray`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Dict
+from numpy.typing import NDArray
+from ray.rllib.env.multi_agent_env import MultiAgentEnv
+
+from ._common import SingleBattle, TimeStep
+from ._spaces import LegalDiscrete, update_masks
+
+__all__ = ["BattleMultiAgentEnv"]
+
+SEEDS_PER_RUNNER = 10_000
+"""Distance between the seeds of env runners; each runner has fewer battles than that."""
+
+
+class BattleMultiAgentEnv(MultiAgentEnv):
+    """One battle with the interface of RLlib's multi-agent environments.
+
+    Each agent observes `{"observations": float32 [obs_size], "action_mask": float32 [n_actions]}`. Every
+    agent gets the team reward, and infos (`battle_won`, `dead_allies`, `dead_enemies`) are the same for all.
+
+    Args:
+        config: RLlib's `env_config`, with `scenario`, a standard scenario or the path of a scenario file
+            (default "2s3z"), and `seed`, `episode_limit` and other arguments of `smaclite_pool.make`. Each
+            battle of each env runner gets a different seed.
+
+    Raises InvalidRequest, ScenarioError and StartError.
+    """
+
+    def __init__(self, config: Mapping[str, Any] | None = None) -> None:
+        settings = {"scenario": "2s3z", "seed": 0, **(config or {})}
+        runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
+        settings["seed"] += SEEDS_PER_RUNNER * runner + battle
+        self._battle = SingleBattle(settings.pop("scenario"), settings)
+        agents, n_actions = self._battle.agents, self._battle.envs.n_actions
+        self._legal_actions = {agent: LegalDiscrete(n_actions) for agent in agents}
+        self.possible_agents, self.agents = list(agents), list(agents)
+        self.observation_spaces = {agent: self._observation_space() for agent in agents}
+        self.action_spaces = {agent: self._legal_actions[agent] for agent in agents}
+        super().__init__()
+
+    def _observation_space(self) -> Dict:
+        envs = self._battle.envs
+        observations = Box(-1.0, 1.0, (envs.obs_size,), np.float32)
+        return Dict(action_mask=Box(0.0, 1.0, (envs.n_actions,), np.float32), observations=observations)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[Any, Any], dict[Any, Any]]:
+        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
+        now = self._battle.reset(seed)
+        return self._observe(now), self._for_all(now.info)
+
+    def step(  # type: ignore[override]  # RLlib's own differs from Gymnasium's
+        self, action_dict: Mapping[Any, int | np.integer[Any]]
+    ) -> tuple[dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, Any]]:
+        """Step the battle by one action per agent; dead agents use 0 (no-op).
+
+        Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or the
+        battle has ended; nothing is stepped then.
+        """
+        now = self._battle.step_by_name(action_dict)
+        terminateds = self._for_all(now.terminated) | {"__all__": now.terminated}
+        truncateds = self._for_all(now.truncated) | {"__all__": now.truncated}
+        return self._observe(now), self._for_all(now.reward), terminateds, truncateds, self._for_all(now.info)
+
+    def _observe(self, now: TimeStep) -> dict[str, dict[str, NDArray[np.float32]]]:
+        update_masks(self._legal_actions, now.avail_actions)  # RLlib begins with a random step as a check
+        masks = now.avail_actions.astype(np.float32)
+        return {
+            agent: {"action_mask": mask, "observations": obs}
+            for agent, mask, obs in zip(self._battle.agents, masks, now.obs, strict=True)
+        }
+
+    def _for_all(self, value: Any) -> dict[str, Any]:
+        return dict.fromkeys(self._battle.agents, value)
+
+    def close(self) -> None:
+        """End the pool. Calling it again has no effect."""
+        self._battle.close()

@@ -1,0 +1,160 @@
+"""TorchRL: the environments of a lane as one batched `EnvBase` (extra `torchrl`).
+
+    from smaclite_pool.integrations.torchrl import PoolEnv
+
+    env = PoolEnv("2s3z", num_envs=32)
+    env.set_seed(1)
+    episodes = env.rollout(50, break_when_any_done=False)   # TensorDict [32, 50]
+    print(episodes["next", "reward"].sum())
+    env.close()
+
+Keys are those of TorchRL's multi-agent environments: ("agents", "observation"), ("agents", "action_mask") and
+("agents", "action"), and for the team "state", "info", "reward", "done", "terminated" and "truncated" at the
+root. Pass the mask to the policy (`MaskedCategorical`, or `ActionMask` for random actions; `rand_action`
+applies it): an unavailable action raises IllegalAction, and nothing is stepped. A finished environment waits
+for its reset, which collectors and `step_and_maybe_reset` request by a `_reset` mask.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from .._native import Batch, Envs, make
+from ..errors import InvalidRequest
+from ._common import INFO_FIELDS
+from .torch import tensor
+
+__all__ = ["PoolEnv"]
+
+
+class PoolEnv(EnvBase):
+    """The environments of a lane with batch size [num_envs].
+
+    Data is copied once, from shared memory to `device`. "info" contains battle_won, dead_allies,
+    dead_enemies, episode_return and episode_length, each [num_envs].
+
+    Args:
+        scenario: a standard scenario or the path of a scenario file, for a pool within this process; or
+            environments of `smaclite_pool.connect`, which must be synchronous and have autoreset "disabled".
+        num_envs: number of environments of a pool within this process.
+        device: the device of all tensors.
+        settings: `seed`, `threads`, `episode_limit` and other arguments of `smaclite_pool.make`, for a pool
+            within this process.
+
+    Raises InvalidRequest for environments with other settings, and for `settings` with connected
+    environments.
+    """
+
+    def __init__(
+        self,
+        scenario: str | PathLike[str] | Envs = "2s3z",
+        num_envs: int = 64,
+        *,
+        device: torch.device | str = "cpu",
+        **settings: Any,
+    ) -> None:
+        if isinstance(scenario, Envs):
+            self._check(scenario, settings)
+            envs = scenario
+        else:
+            envs = make(scenario, num_envs, autoreset="disabled", **settings)
+        super().__init__(device=torch.device(device), batch_size=torch.Size([envs.num_envs]))
+        self.envs = envs
+        self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.n_agents)]}
+        self._next_seed: int | None = None
+        self._make_specs()
+
+    @staticmethod
+    def _check(envs: Envs, settings: dict[str, Any]) -> None:
+        if settings:
+            raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
+        if envs.autoreset != "disabled":
+            raise InvalidRequest(f"autoreset must be 'disabled' for TorchRL, got {envs.autoreset!r}")
+        if envs.batch_size != envs.num_envs:
+            raise InvalidRequest(
+                f"batch_size must be num_envs={envs.num_envs} (TorchRL steps all environments at once), "
+                f"got {envs.batch_size}"
+            )
+
+    def _make_specs(self) -> None:
+        count, agents, device = self.batch_size, self.envs.n_agents, self.device
+        team = torch.Size([*count, agents])
+        shape = torch.Size([*team, self.envs.obs_size])
+        observation = Bounded(-1.0, 1.0, shape, device=device, dtype=torch.float32)
+        mask = Binary(shape=torch.Size([*team, self.envs.n_actions]), device=device, dtype=torch.bool)
+        action = Categorical(self.envs.n_actions, shape=team, device=device, dtype=torch.int64)
+        info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
+        self.observation_spec = Composite(
+            agents=Composite(observation=observation, action_mask=mask, shape=team, device=device),
+            state=Unbounded(torch.Size([*count, self.envs.state_size]), device=device, dtype=torch.float32),
+            info=Composite(info, shape=count, device=device),
+            shape=count,
+            device=device,
+        )
+        actions = Composite(action=action, shape=team, device=device)
+        self.full_action_spec = Composite(agents=actions, shape=count, device=device)
+        column = torch.Size([*count, 1])
+        reward = self._scalar(self._dtype("reward"), column)
+        self.full_reward_spec = Composite(reward=reward, shape=count, device=device)
+        ends = {name: self._scalar(torch.bool, column) for name in ("done", "terminated", "truncated")}
+        self.full_done_spec = Composite(ends, shape=count, device=device)
+
+    def _dtype(self, field: str) -> torch.dtype:
+        numpy_dtype, _ = self.envs.fields[field]
+        return torch.from_numpy(np.empty(0, numpy_dtype)).dtype
+
+    def _scalar(self, dtype: torch.dtype, shape: torch.Size) -> Any:
+        if dtype is torch.bool:
+            return Binary(shape=shape, device=self.device, dtype=dtype)
+        return Unbounded(shape, device=self.device, dtype=dtype)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
+        mask = None if tensordict is None else tensordict.get("_reset", None)
+        if mask is None or bool(mask.all()):
+            seed, self._next_seed = self._next_seed, None
+            return self._decode(self.envs.reset(seed))
+        return self._decode(self.envs.reset(mask=mask.reshape(-1).cpu().numpy()))
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        actions = tensordict.get(("agents", "action")).to("cpu", torch.int32).contiguous()
+        batch = self.envs.step(actions.numpy())
+        observed = self._decode(batch)
+        terminated = self._field(batch, "terminated").unsqueeze(-1)
+        truncated = self._field(batch, "truncated").unsqueeze(-1)
+        ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
+        return observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
+
+    def _decode(self, batch: Batch) -> TensorDictBase:
+        mask = self._field(batch, "avail_actions")
+        self.full_action_spec["agents", "action"].update_mask(mask)  # for random actions
+        agents = {"observation": self._field(batch, "obs"), "action_mask": mask}
+        team = torch.Size([*self.batch_size, self.envs.n_agents])
+        info = {name: self._field(batch, name) for name in INFO_FIELDS}
+        return TensorDict(
+            {
+                "agents": TensorDict(agents, batch_size=team, device=self.device),
+                "state": self._field(batch, "state"),
+                "info": TensorDict(info, batch_size=self.batch_size, device=self.device),
+            },
+            batch_size=self.batch_size,
+            device=self.device,
+        )
+
+    def _field(self, batch: Batch, name: str) -> torch.Tensor:
+        """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""
+        return tensor(getattr(batch, name)).plain.to(self.device, copy=True)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self._next_seed = seed  # for the next reset of all environments
+
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        """Close the environments; this ends a pool within this process."""
+        self.envs.close()
+        super().close(raise_if_closed=raise_if_closed)

@@ -1,0 +1,1 @@
+"""Interfaces of MARL code bases: SMAC and PyMARL, EPyMARL, and on-policy."""

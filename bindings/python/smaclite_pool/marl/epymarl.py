@@ -1,0 +1,319 @@
+"""EPyMARL and PyMARL: a runner over one pool, instead of a process and a pipe per environment.
+
+Register it in EPyMARL's `src/runners/__init__.py` with one line, and choose it on the command line:
+
+    from smaclite_pool.marl.epymarl import PoolRunner; REGISTRY["pool"] = PoolRunner
+
+    python -m smaclite_pool.compat src/main.py --config=qmix --env-config=smaclite with \\
+        env_args.map_name=MMM2 env_args.time_limit=180 runner=pool batch_size_run=10
+
+EPyMARL imports `smaclite` with any environment; `smaclite_pool.compat` provides a drop-in replacement. Where
+the published package is installed, `python src/main.py ...` works too. EPyMARL's configuration ends episodes
+after 150 steps unless `time_limit` is set.
+
+The runner does the same as EPyMARL's parallel runner with `batch_size_run` environments that are seeded with
+`seed`, `seed + 1` and so on: the same episodes for the same actions, the same batches, the same log.
+Observations are copied from shared memory into the tensors of the batch.
+
+Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
+
+- `map_name`: a standard scenario or the path of a scenario file.
+- `seed`: environment i is seeded with seed + i.
+- `time_limit` or `episode_limit`: steps of an episode; by default the limit of the scenario.
+- `continuing_episode`: an episode that reaches its limit is not stored as terminated (an option of SMAC),
+  default False.
+- `state_last_action`: the state contains the last actions, default True.
+- `pool`, `lane`: attach to a running pool instead of starting one. Start it with
+  `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset disabled --name train`.
+- `threads`: worker threads of a pool that this runner starts.
+- `use_cpp_rvo2` and the options of SMAC: only with values that match what a pool does.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._native import Envs, connect, make
+from ..errors import InvalidRequest
+from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
+
+__all__ = ["PoolRunner"]
+
+_KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
+_KEYS |= {"pool", "lane", "threads"}
+
+# Keys of the configurations of EPyMARL and SMAC, with the values that match what a pool does.
+_SAME: dict[str, tuple[object, ...]] = {
+    "step_mul": (8, None),
+    "move_amount": (2,),
+    "difficulty": ("7",),
+    "game_version": (None, "latest"),
+    "obs_all_health": (True,),
+    "obs_own_health": (True, False),  # obs_all_health includes it
+    "obs_last_action": (False,),
+    "obs_pathing_grid": (False,),
+    "obs_terrain_height": (False,),
+    "obs_instead_of_state": (False,),
+    "obs_timestep_number": (False,),
+    "state_timestep_number": (False,),
+    "reward_sparse": (False,),
+    "reward_only_positive": (True,),
+    "reward_death_value": (10,),
+    "reward_win": (200,),
+    "reward_defeat": (0,),
+    "reward_scale": (True,),
+    "reward_scale_rate": (20,),
+    "heuristic_ai": (False,),
+}
+_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "replay_prefix"}
+_WITHOUT_EFFECT |= {"heuristic_rest", "debug"}
+
+
+class PoolRunner:
+    """EPyMARL's runner interface over the environments of one lane.
+
+    `args` and `logger` are those that EPyMARL passes to runners. Raises InvalidRequest for an unknown key of
+    `env_args`, for a value that is not supported, and for a running pool with other settings than this runner
+    needs.
+    """
+
+    def __init__(self, args: Any, logger: Any) -> None:
+        if not getattr(args, "common_reward", True):
+            raise InvalidRequest("common_reward must be True, as the agents of a battle share one reward")
+        if getattr(args, "render", False):
+            raise InvalidRequest("render must be False; use runner=episode with smaclite_pool.marl.smac")
+        self.args = args
+        self.logger = logger
+        self.batch_size: int = args.batch_size_run
+        settings = _checked(args.env_args)
+        self._envs = _attached(settings, self.batch_size)
+        self._first_seed: int | None = settings.get("seed")
+        self._marks_timeouts = bool(settings.get("continuing_episode", False))
+        envs = self._envs
+        if envs.episode_limit is None:
+            envs.close()
+            raise InvalidRequest(f"{envs.scenario} has no episode limit; set env_args.time_limit")
+        self.episode_limit = envs.episode_limit
+        has_last_action = settings.get("state_last_action", True)
+        self._state_size = envs.state_size - (0 if has_last_action else envs.n_agents * envs.n_actions)
+        self._rows = _Rows(envs, self._state_size)
+        self.t = 0
+        self.t_env = 0
+        self.train_returns: list[float] = []
+        self.test_returns: list[float] = []
+        self.train_stats: dict[str, float] = {}
+        self.test_stats: dict[str, float] = {}
+        self.log_train_stats_t = -100000  # as in EPyMARL, so that the first episodes are logged
+
+    def setup(self, scheme: Any, groups: Any, preprocess: Any, mac: Any) -> None:
+        """Store what EPyMARL builds from `get_env_info`."""
+        episode_batch: Callable[..., Any] = importlib.import_module("components.episode_buffer").EpisodeBatch
+        self.new_batch = partial(
+            episode_batch,
+            scheme,
+            groups,
+            self.batch_size,
+            self.episode_limit + 1,
+            preprocess=preprocess,
+            device=self.args.device,
+        )
+        self.mac = mac
+        self._torch = importlib.import_module("torch")
+        self._dtypes = {name: info.get("dtype", self._torch.float32) for name, info in scheme.items()}
+
+    def get_env_info(self) -> dict[str, Any]:
+        """Sizes and the episode limit."""
+        return {
+            "state_shape": self._state_size,
+            "obs_shape": self._envs.obs_size,
+            "n_actions": self._envs.n_actions,
+            "n_agents": self._envs.n_agents,
+            "episode_limit": self.episode_limit,
+        }
+
+    def save_replay(self) -> None:
+        """Not supported; raises InvalidRequest."""
+        raise InvalidRequest("this runner saves no replays; use runner=episode with smaclite_pool.marl.smac")
+
+    def close_env(self) -> None:
+        """Close the environments."""
+        self._envs.close()
+
+    def reset(self) -> None:
+        """Begin a new batch of episodes."""
+        self.batch = self.new_batch()
+        self._envs.async_reset(seed=self._first_seed)
+        self._first_seed = None
+        self._rows.receive(self._envs, self.batch_size)
+        self.t = 0
+        self._store(self._rows.before_action(list(range(self.batch_size))), slice(None))
+
+    def run(self, test_mode: bool = False) -> Any:
+        """Play one episode in every environment and return their batch."""
+        self.reset()
+        self.mac.init_hidden(batch_size=self.batch_size)
+        ends: list[dict[str, float]] = []
+        shown = running = list(range(self.batch_size))
+        while True:
+            # As in EPyMARL, the controller selects actions also for episodes that have just ended.
+            actions = self.mac.select_actions(
+                self.batch, t_ep=self.t, t_env=self.t_env, bs=shown, test_mode=test_mode
+            )
+            self.batch.update({"actions": actions.unsqueeze(1)}, bs=shown, ts=self.t, mark_filled=False)
+            if not running:
+                break
+            chosen = actions.to("cpu").numpy()
+            if len(running) < len(shown):
+                chosen = chosen[[env in running for env in shown]]
+            self._envs.send(chosen, env_id=running)
+            self._rows.receive(self._envs, len(running))
+            self._store(self._rows.after_action(running, self._marks_timeouts), running, mark_filled=False)
+            self.t += 1
+            self._store(self._rows.before_action(running), running)
+            ended = self._rows.ended(running)
+            ends += [self._rows.info(env, self._marks_timeouts) for env in ended]
+            shown, running = running, [env for env in running if env not in ended]
+        if not test_mode:
+            self.t_env += self._rows.steps()
+        self._record(ends, test_mode)
+        return self.batch
+
+    def _store(self, rows: Mapping[str, NDArray[Any]], envs: Any, mark_filled: bool = True) -> None:
+        """Store arrays [rows, ...] in the batch at the current step."""
+        tensors = {
+            name: self._torch.from_numpy(array).to(self.args.device, self._dtypes[name]).unsqueeze(1)
+            for name, array in rows.items()
+        }
+        self.batch.update(tensors, bs=envs, ts=self.t, mark_filled=mark_filled)
+
+    def _record(self, ends: list[dict[str, float]], test_mode: bool) -> None:
+        """Add to the statistics, and log them if the interval has passed."""
+        stats = self.test_stats if test_mode else self.train_stats
+        returns = self.test_returns if test_mode else self.train_returns
+        totals = {"n_episodes": float(self.batch_size), "ep_length": float(self._rows.steps())}
+        for numbers in [*ends, totals]:
+            for name, value in numbers.items():
+                stats[name] = stats.get(name, 0) + value
+        returns.extend(self._rows.returns())
+        n_test = max(1, self.args.test_nepisode // self.batch_size) * self.batch_size
+        if test_mode and len(self.test_returns) == n_test:
+            self._log(returns, stats, "test_")
+        elif self.t_env - self.log_train_stats_t >= self.args.runner_log_interval:
+            self._log(returns, stats, "test_" if test_mode else "")
+            selector = self.mac.action_selector
+            if hasattr(selector, "epsilon"):
+                self.logger.log_stat("epsilon", selector.epsilon, self.t_env)
+            self.log_train_stats_t = self.t_env
+
+    def _log(self, returns: list[float], stats: dict[str, float], prefix: str) -> None:
+        self.logger.log_stat(prefix + "return_mean", np.mean(returns), self.t_env)
+        self.logger.log_stat(prefix + "return_std", np.std(returns), self.t_env)
+        returns.clear()
+        episodes = stats.pop("n_episodes")
+        for name, value in stats.items():
+            self.logger.log_stat(prefix + name + "_mean", value / episodes, self.t_env)
+        stats.clear()
+
+
+class _Rows:
+    """The last results of every environment, one row per environment."""
+
+    FIELDS = ("obs", "state", "avail_actions", "reward", "terminated", "truncated", *INFO_FIELDS)
+
+    def __init__(self, envs: Envs, state_size: int) -> None:
+        self._state_size = state_size
+        fields = envs.fields
+        self._fields: dict[str, NDArray[Any]] = {}
+        for name in self.FIELDS:
+            dtype, (_, *shape) = fields[name]
+            self._fields[name] = np.zeros((envs.num_envs, *shape), dtype)
+
+    def receive(self, envs: Envs, count: int) -> None:
+        """Receive the next `count` environments that have finished a step."""
+        while count > 0:
+            batch = envs.recv()
+            rows = batch.env_id
+            for name, array in self._fields.items():
+                array[rows] = getattr(batch, name)
+            count -= len(rows)
+
+    def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
+        """The arrays that EPyMARL stores before an action: [rows, ...], copies."""
+        fields = self._fields
+        state = fields["state"][rows, : self._state_size]
+        return {"state": state, "avail_actions": fields["avail_actions"][rows], "obs": fields["obs"][rows]}
+
+    def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:
+        """The arrays that it stores after an action: [rows, 1]."""
+        fields = self._fields
+        ended = fields["terminated"][rows, None]
+        if not marks_timeouts:
+            ended = ended | fields["truncated"][rows, None]
+        return {"reward": fields["reward"][rows, None], "terminated": ended}
+
+    def ended(self, rows: list[int]) -> list[int]:
+        """Those of `rows` whose last step ended an episode."""
+        ended = (self._fields["terminated"] | self._fields["truncated"]).tolist()
+        return [row for row in rows if ended[row]]
+
+    def info(self, row: int, marks_timeouts: bool) -> dict[str, float]:
+        """`info` of the last step of an environment whose episode ended."""
+        info = {name: float(self._fields[name][row]) for name in OUTCOME_FIELDS}
+        if marks_timeouts and self._fields["truncated"][row]:
+            info["episode_limit"] = 1.0
+        return info
+
+    def returns(self) -> list[float]:
+        """The return so far of every environment's episode."""
+        returns: list[float] = self._fields["episode_return"].tolist()
+        return returns
+
+    def steps(self) -> int:
+        """The total number of steps of all environments' episodes."""
+        return int(self._fields["episode_length"].sum())
+
+
+def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:
+    for name, value in env_args.items():
+        if name in _SAME and value not in _SAME[name]:
+            raise InvalidRequest(
+                f"env_args.{name} must be {_SAME[name][0]!r} with this runner, got {value!r}; "
+                "for other values use smaclite_pool.marl.smac with runner=parallel"
+            )
+        if name not in _KEYS | _SAME.keys() | _WITHOUT_EFFECT:
+            known = ", ".join(sorted(_KEYS))
+            raise InvalidRequest(f"env_args.{name} is not known; the keys are {known} and those of SMAC")
+    if env_args.get("map_name") is None and env_args.get("pool") is None:
+        raise InvalidRequest("set env_args.map_name or env_args.pool")
+    return env_args
+
+
+def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
+    """Environments with batch size 1, since the episodes of a batch end at different times."""
+    limit: int | Literal["default"] = settings.get("time_limit") or settings.get("episode_limit") or "default"
+    if settings.get("pool") is None:
+        return make(
+            settings["map_name"],
+            num_envs,
+            batch_size=1,
+            seed=settings.get("seed") or 0,
+            threads=settings.get("threads"),
+            autoreset="disabled",
+            episode_limit=limit,
+        )
+    envs = connect(settings["pool"], settings.get("lane"), timeout=10)
+    served = (envs.num_envs, envs.batch_size, envs.autoreset)
+    if served != (num_envs, 1, "disabled"):
+        pool, scenario = envs.name, envs.scenario
+        envs.close()
+        raise InvalidRequest(
+            f"num_envs, batch_size and autoreset of pool `{pool}` are {served}; this runner needs "
+            f"`smaclite-pool serve {scenario}:{num_envs} --batch-size 1 --autoreset disabled --name {pool}`"
+        )
+    return envs

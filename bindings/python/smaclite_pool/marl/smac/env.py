@@ -1,0 +1,292 @@
+"""The environment with SMAC's interface."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, SupportsInt, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._layout import Bools, Floats
+from ..._native import scenario
+from ..._render import Window, draw
+from ...errors import InvalidRequest
+from ...integrations._common import SingleBattle, TimeStep
+from .heuristic import Heuristic
+from .queries import Queries
+from .replay import Recording
+from .rewards import HealthTotals, Reward, RewardOptions, Unavailable
+from .views import ViewOptions, Views
+
+_log = logging.getLogger(__name__)
+
+# Options of SMAC about StarCraft II: their allowed values, and why there are no others.
+_FIXED: dict[str, tuple[tuple[object, ...], str]] = {
+    "step_mul": ((8, None), "a step is 8 ticks by the rules of the game"),
+    "move_amount": ((2,), "a move order is 2 squares long by the rules of the game"),
+    "difficulty": (("7",), "the enemies follow a fixed script; the difficulties are those of StarCraft II"),
+    "game_version": ((None, "latest"), "StarCraft II is not used; `rules` chooses the rule set"),
+}
+
+
+class MultiAgentEnv(Queries):
+    """One battle with SMAC's interface, with all options of SMAC under their names and defaults.
+
+    Args:
+        map_name: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
+        step_mul, move_amount, difficulty, game_version: only their defaults are supported; the error says
+            why.
+        seed: seed of the first reset; with the same actions, its episodes equal those of the published
+            environment with that seed. None for a random seed.
+        continuing_episode: mark an episode that reached the episode limit with `info["episode_limit"]`.
+        obs_all_health: observations contain health and shields of all units.
+        obs_own_health: observations contain health and shield of the agent itself; implied by obs_all_health.
+        obs_last_action: observations contain the last actions of visible allies.
+        obs_pathing_grid: observations contain whether 8 squares around are walkable (or off the map).
+        obs_terrain_height: observations contain the heights of 9 squares around: 0, as all maps are flat, and
+            1 off the map.
+        obs_timestep_number, state_timestep_number: contain the number of steps divided by the episode limit.
+        obs_instead_of_state: the state is the concatenation of all observations.
+        state_last_action: the state contains the last actions.
+        reward_sparse: the reward is 1 for a victory, -1 for a defeat, 0 otherwise; also subject to
+            `reward_scale`, as in SMAC.
+        reward_only_positive: if False, losses of allies are subtracted: health and shields lost in the step
+            (net of what was regained) and `reward_death_value` per death, times `reward_negative_scale`.
+        reward_death_value, reward_win, reward_defeat: points for a kill, a victory, a defeat.
+        reward_scale, reward_scale_rate: multiply rewards by rate / (the maximum return in points).
+        replay_dir, replay_prefix: folder of `save_replay`, and prefix of its file names (default: name of the
+            map).
+        window_size_x, window_size_y: size of pictures and of the window of `render()`, in pixels.
+        heuristic_ai: use SMAC's scripted policy instead of the actions given to `step`, and write its actions
+            into them. Requires `heuristic_rest`, since orders at targets out of range are not available
+            actions here.
+        debug: log actions and rewards at level DEBUG.
+        rules, episode_limit: not in SMAC; as in `smaclite_pool.make`.
+
+    Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and
+    InvalidRequest for an invalid value. `rewards` explains how rewards other than the default are computed.
+
+    Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`.
+    """
+
+    def __init__(
+        self,
+        map_name: str | PathLike[str] = "8m",
+        step_mul: int | None = 8,
+        move_amount: float = 2,
+        difficulty: str = "7",
+        game_version: str | None = None,
+        seed: int | None = None,
+        continuing_episode: bool = False,
+        obs_all_health: bool = True,
+        obs_own_health: bool = True,
+        obs_last_action: bool = False,
+        obs_pathing_grid: bool = False,
+        obs_terrain_height: bool = False,
+        obs_instead_of_state: bool = False,
+        obs_timestep_number: bool = False,
+        state_last_action: bool = True,
+        state_timestep_number: bool = False,
+        reward_sparse: bool = False,
+        reward_only_positive: bool = True,
+        reward_death_value: float = 10,
+        reward_win: float = 200,
+        reward_defeat: float = 0,
+        reward_negative_scale: float = 0.5,
+        reward_scale: bool = True,
+        reward_scale_rate: float = 20,
+        replay_dir: str | None = "",
+        replay_prefix: str | None = "",
+        window_size_x: int = 1920,
+        window_size_y: int = 1200,
+        heuristic_ai: bool = False,
+        heuristic_rest: bool = False,
+        debug: bool = False,
+        *,
+        rules: Literal["smaclite", "paper"] = "smaclite",
+        episode_limit: int | Literal["default"] | None = "default",
+    ) -> None:
+        _check_fixed(step_mul=step_mul, move_amount=move_amount)
+        _check_fixed(difficulty=difficulty, game_version=game_version)
+        if heuristic_ai and not heuristic_rest:
+            raise Unavailable(
+                "heuristic_ai=True attacks targets out of range, which are not available actions here; "
+                "heuristic_rest=True restricts it to available ones"
+            )
+        self.map_name = str(map_name)
+        self._views = Views(
+            map_name,
+            ViewOptions(
+                all_health=obs_all_health,
+                own_health=obs_own_health or obs_all_health,
+                last_action=obs_last_action,
+                pathing_grid=obs_pathing_grid,
+                terrain_height=obs_terrain_height,
+                timestep_number=obs_timestep_number,
+                instead_of_state=obs_instead_of_state,
+                state_last_action=state_last_action,
+                state_timestep_number=state_timestep_number,
+            ),
+        )
+        options = RewardOptions(
+            sparse=reward_sparse,
+            only_positive=reward_only_positive,
+            death_value=reward_death_value,
+            win=reward_win,
+            defeat=reward_defeat,
+            negative_scale=reward_negative_scale,
+            scale=reward_scale,
+            scale_rate=reward_scale_rate,
+        )
+        self._reward = Reward(self._views.layout, options)
+        self.max_reward = self._reward.max_reward
+        self.continuing_episode = continuing_episode
+        self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
+        self._heuristic = Heuristic(self._views.layout)
+        self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
+        self.window_size = (window_size_x, window_size_y)
+        self._seed = secrets.randbits(32) if seed is None else int(seed)
+        settings = {"seed": self._seed, "episode_limit": episode_limit, "rules": rules}
+        self._battle = SingleBattle(map_name, settings)
+        envs = self._battle.envs
+        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
+        self.episode_limit = envs.episode_limit
+        self._views.set_limit(self.episode_limit)
+        self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
+        # Zeros until the first reset.
+        self._avail: Bools = np.zeros((self.n_agents, self.n_actions), np.bool_)
+        no_obs = np.zeros((self.n_agents, envs.obs_size), np.float32)
+        self._views.update(no_obs, np.zeros(envs.state_size, np.float32), 0)
+        self._recording = Recording(self.map_name, rules)
+        self._window: Window | None = None
+
+    def reset(self) -> tuple[list[Floats], Floats]:
+        """Begin a new episode, and return `get_obs()` and `get_state()`.
+
+        The random generator continues, unless `seed` was called.
+        """
+        now = self._battle.reset()
+        self._heuristic.reset()
+        self._update(now)
+        self._recording.begin(self._seed, now)
+        return self.get_obs(), self.get_state()
+
+    def step(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> tuple[float, bool, dict[str, Any]]:
+        """Step by one action per agent, and return the reward, whether the episode ended, and `info`.
+
+        `info` contains `battle_won`, `dead_allies`, `dead_enemies`, and `episode_limit` (True) if the episode
+        reached its limit and `continuing_episode` is set. Raises IllegalAction for an unavailable action, and
+        InvalidRequest before the first reset and after the end of an episode; nothing is stepped then.
+        """
+        chosen = self._chosen(actions)
+        before = self._health_totals()
+        now = self._battle.step(chosen)
+        self._update(now)
+        self._recording.add(chosen, now)
+        info, won = now.info.copy(), bool(now.info["battle_won"])
+        self.battles_game += now.ended
+        self.battles_won += won
+        self.timeouts += now.truncated
+        if now.truncated and self.continuing_episode:
+            info["episode_limit"] = True
+        reward = self._reward(now.reward, now.terminated, won, before, self._health_totals())
+        if self.debug:
+            _log.debug("actions %s, reward %s, info %s", chosen, reward, info)
+        return reward, now.ended, info
+
+    def _chosen(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> list[int]:
+        if self.heuristic_ai:
+            chosen = self._heuristic.actions(self._views.units, self._avail)
+            if hasattr(actions, "__setitem__"):
+                # As in SMAC, so that the learner trains with the actions that were used.
+                for agent, action in enumerate(chosen):
+                    cast(Any, actions)[agent] = action
+            return chosen
+        chosen = [int(action) for action in actions]
+        if any(whole != given for whole, given in zip(chosen, actions, strict=True)):
+            raise InvalidRequest(f"actions must be integers, one per agent, got {list(actions)}")
+        return chosen
+
+    def _update(self, now: TimeStep) -> None:
+        self._views.update(now.obs, now.state, now.episode_length)
+        self._avail = now.avail_actions
+
+    def _health_totals(self) -> HealthTotals:
+        health = self._views.units.health + self._views.units.shield
+        return HealthTotals(health[: self.n_agents], health[self.n_agents :])
+
+    def get_stats(self) -> dict[str, float]:
+        """Counts of episodes: won, all, and at the limit; `win_rate` is 0 before the first."""
+        return {
+            "battles_won": self.battles_won,
+            "battles_game": self.battles_game,
+            "battles_draw": self.timeouts,
+            "win_rate": self.battles_won / max(self.battles_game, 1),
+            "timeouts": self.timeouts,
+            "restarts": self.force_restarts,
+        }
+
+    def seed(self, seed: int | None = None) -> int:
+        """Set the seed for the next `reset`, if one is given, and return the last seed."""
+        if seed is not None:
+            self._seed = int(seed)
+            self._battle.seed_next_reset(self._seed)
+        return self._seed
+
+    def render(self, mode: Literal["human", "rgb_array"] = "human") -> NDArray[np.uint8] | bool:
+        """Draw the battle from above, with north at the top.
+
+        "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame), and returns
+        whether the window is still open.
+        """
+        width, height = self.window_size
+        picture = draw(self._views.layout, self._views.units, width, height)
+        if mode == "rgb_array":
+            return picture
+        if mode != "human":
+            raise InvalidRequest(f'mode must be "human" or "rgb_array", got {mode!r}')
+        self._window = self._window or Window(f"smaclite_pool: {self.map_name}", width, height)
+        return self._window.show(picture)
+
+    def save_replay(self) -> Path:
+        """Write the episode so far to `<replay_prefix>_<time>.npz` in `replay_dir`, and return the path.
+
+        The file contains `scenario`, `rules`, `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the
+        pool's `states` float32 [T + 1, state_size].
+        """
+        return self._recording.save(Path(self.replay_dir), self.replay_prefix or Path(self.map_name).stem)
+
+    def close(self) -> None:
+        """End the pool and close the window. Calling it again has no effect."""
+        self._battle.close()
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def full_restart(self) -> None:
+        """Begin a new episode; SMAC uses this when StarCraft II hangs."""
+        self.reset()
+        self.force_restarts += 1
+
+
+def get_map_params(map_name: str) -> dict[str, Any]:
+    """SMAC's function of that name: `n_agents`, `n_enemies`, `limit` and `unit_type_bits` of a scenario."""
+    info = scenario(map_name)
+    return {
+        "n_agents": len(info["allies"]),
+        "n_enemies": len(info["enemies"]),
+        "limit": info["episode_limit"],
+        "unit_type_bits": info["num_unit_types"],
+    }
+
+
+def _check_fixed(**options: object) -> None:
+    for name, value in options.items():
+        values, reason = _FIXED[name]
+        if value not in values:
+            raise Unavailable(f"{name} must be {values[0]!r}, got {value!r}: {reason}")

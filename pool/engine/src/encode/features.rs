@@ -1,0 +1,131 @@
+//! The layout of observations and of the state: the name and the position of every feature.
+//!
+//! This describes what `obs` and `state` write, for readers that pick single features by name. Sizes do not
+//! derive from it; the tests compare the two.
+
+use smaclite_scenarios::Scenario;
+
+use crate::action;
+use crate::arena::n_actions;
+
+/// Consecutive features that belong together: one row, or one row per unit.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FeatureBlock {
+    /// Which part this is, such as `enemies`; unique within an observation or state.
+    pub name: &'static str,
+    /// Index of its first feature in the observation or state.
+    pub start: usize,
+    /// Number of rows, by in-faction id; `None` for a block that is one row and not a list of units.
+    pub rows: Option<usize>,
+    /// Names of the features of a row.
+    pub features: Vec<String>,
+}
+
+impl FeatureBlock {
+    /// Index after its last feature.
+    pub fn end(&self) -> usize {
+        self.start + self.rows.unwrap_or(1) * self.features.len()
+    }
+}
+
+/// The blocks of the observation of one agent: `moves` (whether a move in each direction is available),
+/// `enemies`, `allies` (all but the agent itself) and `own`.
+///
+/// A unit out of sight has zeros only. Distances are divided by the sight range, `health` and `shield` by
+/// their maximum, and `type_i` is 1 for the unit's type.
+pub fn obs_features(scenario: &Scenario) -> Vec<FeatureBlock> {
+    let others = scenario.n_agents().saturating_sub(1);
+    let seen = |mark| [mark, "distance", "dx", "dy"];
+    in_sequence([
+        ("moves", None, names(&["north", "south", "east", "west"])),
+        ("enemies", Some(scenario.n_enemies()), unit(scenario, &seen("targetable"), Side::Enemies)),
+        ("allies", Some(others), unit(scenario, &seen("visible"), Side::Allies)),
+        ("own", None, unit(scenario, &[], Side::Allies)),
+    ])
+}
+
+/// The blocks of the state: `allies`, `enemies`, and `last_action`, one-hot per agent.
+///
+/// `energy/cooldown` is the energy of healers and the cooldown of other agents, divided by its maximum;
+/// `rel_x` and `rel_y` are the offset from the centre of the map, divided by its width and height. The dead
+/// have zeros only.
+pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
+    // Health is the first feature of a unit in the state, and the others follow what stands between.
+    let in_state = |between: &[&str], side| {
+        let mut features = unit(scenario, &[], side);
+        features.splice(1..1, names(between));
+        features
+    };
+    let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
+    let allies = in_state(&["energy/cooldown", "rel_x", "rel_y"], Side::Allies);
+    let enemies = in_state(&["rel_x", "rel_y"], Side::Enemies);
+    let actions = (0..n_actions(scenario)).map(action_name).collect();
+    in_sequence([
+        ("allies", Some(n_agents), allies),
+        ("enemies", Some(n_enemies), enemies),
+        ("last_action", Some(n_agents), actions),
+    ])
+}
+
+#[derive(Clone, Copy)]
+enum Side {
+    Allies,
+    Enemies,
+}
+
+/// `first`, then health, \[shield\], \[type\].
+fn unit(scenario: &Scenario, first: &[&str], side: Side) -> Vec<String> {
+    let has_shield = match side {
+        Side::Allies => scenario.ally_has_shields,
+        Side::Enemies => scenario.enemy_has_shields,
+    };
+    let shield = if has_shield { &["shield"][..] } else { &[] };
+    let types = (0..scenario.num_unit_types).map(|i| format!("type_{i}"));
+    names(first).into_iter().chain(names(&["health"])).chain(names(shield)).chain(types).collect()
+}
+
+fn action_name(action: usize) -> String {
+    const BEFORE_TARGETS: [&str; action::FIRST_TARGET] = ["no_op", "stop", "north", "south", "east", "west"];
+    match BEFORE_TARGETS.get(action) {
+        Some(name) => (*name).to_owned(),
+        None => format!("target_{}", action - action::FIRST_TARGET),
+    }
+}
+
+fn names(names: &[&str]) -> Vec<String> {
+    names.iter().map(|&name| name.to_owned()).collect()
+}
+
+/// Puts blocks one after the other.
+fn in_sequence<const N: usize>(blocks: [(&'static str, Option<usize>, Vec<String>); N]) -> Vec<FeatureBlock> {
+    let mut start = 0;
+    let place = |(name, rows, features)| {
+        let block = FeatureBlock { name, start, rows, features };
+        start = block.end();
+        block
+    };
+    blocks.into_iter().map(place).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Arena, Rules};
+
+    fn end(blocks: &[FeatureBlock]) -> usize {
+        blocks.last().map_or(0, FeatureBlock::end)
+    }
+
+    #[test]
+    fn there_are_as_many_features_as_obs_size_and_state_size() {
+        for name in Scenario::standard_names() {
+            let mut scenario = Scenario::standard(name).unwrap();
+            for (ally, enemy) in [(false, false), (true, false), (false, true), (true, true)] {
+                (scenario.ally_has_shields, scenario.enemy_has_shields) = (ally, enemy);
+                let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
+                assert_eq!(end(&obs_features(&scenario)), sizes.obs_size, "{name}");
+                assert_eq!(end(&state_features(&scenario)), sizes.state_size, "{name}");
+            }
+        }
+    }
+}

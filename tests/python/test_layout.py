@@ -1,0 +1,161 @@
+"""Constants and layouts of the native module, compared with what the engine writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from smaclite_pool import _native
+from smaclite_pool._layout import Floats, ScenarioLayout
+from smaclite_pool._units import UnitsView
+
+SCENARIOS = ["2s3z", "MMM2", "bane_vs_bane", "3s_vs_5z"]
+
+
+def played(scenario: str) -> list[dict[str, Any]]:
+    """Copies of the batches of one battle with random available actions, and the actions that led to each."""
+    with sp.make(scenario, 1, seed=3, autoreset="disabled") as envs:
+        envs.seed_sampler(1)
+        batches: list[dict[str, Any]] = [{**envs.reset().copy(), "actions": None}]
+        while not (batches[-1]["terminated"][0] or batches[-1]["truncated"][0]):
+            actions = envs.sample_actions()
+            batches.append({**envs.step(actions).copy(), "actions": actions[0]})
+    return batches
+
+
+@pytest.mark.parametrize("scenario", sp.scenarios())
+def test_the_blocks_cover_observations_and_state(scenario: str) -> None:
+    info = sp.scenario(scenario)
+    with sp.make(scenario, 1) as envs:
+        sizes = {"obs_layout": envs.obs_size, "state_layout": envs.state_size}
+        n_actions = envs.n_actions
+    for name, size in sizes.items():
+        end = 0
+        for block in info[name]:
+            assert block["start"] == end and block["shape"][-1] == len(block["features"]), block["name"]
+            end += int(np.prod(block["shape"]))
+        assert end == size, name
+    assert len(info["state_layout"][-1]["features"]) == n_actions
+    assert info["state_layout"][-1]["features"][_native.FIRST_TARGET] == "target_0"
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_the_features_of_the_state_are_those_that_the_engine_writes(scenario: str) -> None:
+    layout, batches = ScenarioLayout(scenario), played(scenario)
+    units = UnitsView(layout)
+    first = batches[0]["state"][0]
+    units.update(first)
+    for index, start in enumerate(layout.allies + layout.enemies):
+        unit = units.unit(index)
+        assert np.allclose(unit.pos, start["position"], atol=1e-5)
+        assert unit.health == start["hp"] and (unit.owner == 1) == (index < layout.n_agents)
+    for side, described in ((layout.state.allies, layout.allies), (layout.state.enemies, layout.enemies)):
+        for bit in range(layout.type_bits):
+            expected = [unit["type_id"] == bit for unit in described]
+            np.testing.assert_array_equal(side.column(first, f"type_{bit}"), expected)
+    for batch in batches[1:]:
+        last_action = layout.state.last_action.view(batch["state"][0])
+        np.testing.assert_array_equal(last_action.argmax(axis=1), batch["actions"])
+        assert np.all(last_action.sum(axis=1) == 1)
+    alive = layout.state.allies.column(batches[-1]["state"][0], "health") > 0
+    np.testing.assert_array_equal(alive, batches[-1]["alive"][0])
+    assert not alive.all()
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_the_features_of_observations_are_those_that_the_engine_writes(scenario: str) -> None:
+    layout = ScenarioLayout(scenario)
+    units, n_agents = UnitsView(layout), layout.n_agents
+    seen = 0
+    for batch in played(scenario):
+        obs: Floats = batch["obs"][0]
+        available, alive = batch["avail_actions"][0], batch["alive"][0]
+        units.update(batch["state"][0])
+        moves = available[:, _native.NORTH : _native.FIRST_TARGET]
+        np.testing.assert_array_equal(layout.obs.moves.view(obs), moves)
+        assert layout.obs.moves.features == ["north", "south", "east", "west"]
+        own_health = layout.obs.own.column(obs, "health")
+        np.testing.assert_allclose(own_health, (units.health / units.health_max)[:n_agents], atol=1e-6)
+        for agent in np.flatnonzero(alive):
+            for block, first in ((layout.obs.allies, 0), (layout.obs.enemies, n_agents)):
+                others = [i for i in range(first, first + n_agents) if i != agent]
+                if block is layout.obs.enemies:
+                    others = list(range(n_agents, n_agents + layout.n_enemies))
+                offset = (units.positions[others] - units.positions[agent]) / _native.SIGHT_RANGE
+                visible = block.column(obs[agent], "health") > 0
+                seen += int(visible.sum())
+                distance = np.hypot(offset[:, 0], offset[:, 1])
+                np.testing.assert_array_equal(visible, (distance < 1) & (units.health[others] > 0))
+                for feature, expected in (("distance", distance), ("dx", offset[:, 0]), ("dy", offset[:, 1])):
+                    written = block.column(obs[agent], feature)
+                    np.testing.assert_allclose(written[visible], expected[visible], atol=1e-5)
+                    assert not written[~visible].any()
+    assert seen > 0
+
+
+def test_action_numbers_and_the_targeting_range() -> None:
+    """Moves change the position as their names say, and targets are available up to the targeting range."""
+    with sp.make("3s_vs_5z", 1, autoreset="disabled") as envs:
+        layout = ScenarioLayout("3s_vs_5z")
+        steps = {_native.NORTH: (0, 1), _native.SOUTH: (0, -1), _native.EAST: (1, 0), _native.WEST: (-1, 0)}
+        for action, direction in steps.items():
+            before, after = UnitsView(layout), UnitsView(layout)
+            before.update(envs.reset(seed=1).state[0])
+            after.update(envs.step([[action] * 3]).state[0])
+            moved = after.positions[:3] - before.positions[:3]
+            assert np.all(moved @ np.array(direction) > 0.5), action
+        with pytest.raises(sp.IllegalAction):
+            envs.step([[_native.NO_OP] * 3])
+        envs.step([[_native.STOP] * 3])
+    targets = 0
+    for batch in played("3s_vs_5z"):
+        units = UnitsView(layout)
+        units.update(batch["state"][0])
+        for agent in np.flatnonzero(batch["alive"][0]):
+            offset = units.positions[3:] - units.positions[agent]
+            near = np.hypot(offset[:, 0], offset[:, 1]) <= _native.TARGETING_RANGE
+            available = batch["avail_actions"][0, agent, _native.FIRST_TARGET :]
+            np.testing.assert_array_equal(available, near & (units.health[3:] > 0))
+            targets += int(available.sum())
+    assert targets > 0
+
+
+DUEL = {
+    "name": "five_against_one",
+    "num_allied_units": 5,
+    "num_enemy_units": 1,
+    "groups": [
+        {"faction": "ALLY", "x": 9, "y": 16, "units": {"MARINE": 5}},
+        {"faction": "ENEMY", "x": 16, "y": 16, "units": {"MARINE": 1}},
+    ],
+    "attack_point": [9, 16],
+    "terrain_preset": "SIMPLE",
+    "num_unit_types": 0,
+    "ally_has_shields": False,
+    "enemy_has_shields": False,
+}
+
+
+def test_the_rewards(tmp_path: Path) -> None:
+    """A victory returns REWARD_SCALE for all health of the enemies, KILL_REWARD per enemy, and WIN_REWARD."""
+    file = tmp_path / "duel.json"
+    file.write_text(json.dumps(DUEL))
+    layout = ScenarioLayout(file)
+    [enemy] = layout.enemies
+    scale = _native.REWARD_SCALE / (enemy["hp"] + _native.KILL_REWARD + _native.WIN_REWARD)
+    with sp.make(file, 1, autoreset="disabled", seed=1) as envs:
+        batch, units = envs.reset(), UnitsView(layout)
+        units.update(batch.state[0])
+        while not (batch.terminated[0] or batch.truncated[0]):
+            before, mask = units.health[-1], batch.avail_actions[0]
+            attack = np.where(mask[:, _native.FIRST_TARGET], _native.FIRST_TARGET, _native.STOP)
+            batch = envs.step([np.where(mask[:, _native.NO_OP], _native.NO_OP, attack)])
+            units.update(batch.state[0])
+            bonus = _native.KILL_REWARD + _native.WIN_REWARD if batch.battle_won[0] else 0.0
+            assert batch.reward[0] == pytest.approx((before - units.health[-1] + bonus) * scale, abs=1e-4)
+        assert batch.battle_won[0]
+        assert batch.episode_return[0] == pytest.approx(_native.REWARD_SCALE, abs=1e-4)
