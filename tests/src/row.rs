@@ -119,8 +119,9 @@ impl Row {
             let (found, expected) = (elements(found), elements(expected));
             let differs = |i: &usize| found.get(*i) != expected.get(*i);
             let i = (0..found.len().max(expected.len())).find(differs).unwrap_or(0);
-            let [found, expected] = [found, expected].map(|values| values.get(i).cloned());
-            Some(format!("{}[{i}] is {found:?}, expected {expected:?}", spec.name))
+            let [found, expected] =
+                [&found, &expected].map(|values| values.get(i).map_or("missing", String::as_str));
+            Some(format!("{}[{i}] is {found}, expected {expected}", spec.name))
         })
     }
 }
@@ -137,6 +138,6 @@ fn shown(bytes: &[u8], dtype: Dtype) -> String {
     match (dtype, <[u8; 4]>::try_from(bytes)) {
         (Dtype::F32, Ok(bytes)) => format!("{:?}", f32::from_ne_bytes(bytes)),
         (Dtype::I32, Ok(bytes)) => i32::from_ne_bytes(bytes).to_string(),
-        _ => format!("{bytes:?}"),
+        _ => bytes[0].to_string(),
     }
 }

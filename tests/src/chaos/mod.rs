@@ -17,8 +17,9 @@
 //! | `namespace_learner` | `restarted`, lane 3 | attaches from another process namespace, repeatedly |
 //!
 //! Besides these, another user tries to open every file of the pools in `/dev/shm`, and one thread starts
-//! pools in other directories and kills them at a random system call ([`crash_points`](crate::crash_points)). Without root,
-//! `unshare` or `strace` these do less; the summary counts what was done.
+//! pools in other directories and kills them at a random system call
+//! ([`crash_points`](crate::crash_points)). Without root, `unshare` or `strace` these do less; the summary
+//! counts what was done.
 //!
 //! # One run
 //!
