@@ -84,7 +84,7 @@ impl Envs {
 
     /// How many environments a request is about.
     fn count(&self, ids: Option<&Ints<'_>>) -> usize {
-        ids.map_or(self.description.num_envs, Ints::len)
+        ids.map_or(self.description.settings.num_envs, Ints::len)
     }
 
     fn joint<'py>(
@@ -96,7 +96,7 @@ impl Envs {
         if let Some(ids) = &ids {
             some("env_id", ids.as_slice()?)?;
         }
-        let actions = convert::actions(actions, self.count(ids.as_ref()), self.description.n_agents)?;
+        let actions = convert::actions(actions, self.count(ids.as_ref()), self.description.sizes.n_agents)?;
         Ok((actions, ids))
     }
 }
@@ -122,7 +122,7 @@ impl Envs {
         let (seed, timeout) = (seed.map(|s| whole("seed", s)).transpose()?, seconds(timeout)?);
         let chosen = match (mask, env_id) {
             (Some(_), Some(_)) => return Err(invalid("mask and env_id both choose environments; give one")),
-            (Some(mask), None) => Some(masked(mask, self.description.num_envs)?),
+            (Some(mask), None) => Some(masked(mask, self.description.settings.num_envs)?),
             (None, ids) => match env_ids(ids)? {
                 Some(ids) => Some(some("env_id", ids.as_slice()?.to_vec())?),
                 None => None,
@@ -197,7 +197,7 @@ impl Envs {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let ids = env_ids(env_id)?;
-        let shape = [self.count(ids.as_ref()), self.description.n_agents];
+        let shape = [self.count(ids.as_ref()), self.description.sizes.n_agents];
         let out = match out {
             Some(out) => convert::actions_out(out, shape)?,
             None => PyArray2::zeros(py, shape, false),
@@ -241,50 +241,50 @@ impl Envs {
         let kind = if self.embedded { "embedded" } else { "attached" };
         format!(
             "<smaclite_pool.Envs {} x {}, {kind}, pool '{}', lane '{}'>",
-            d.num_envs, d.scenario, d.pool, d.lane
+            d.settings.num_envs, d.scenario, d.pool, d.lane
         )
     }
 
     /// Environments (N).
     #[getter]
     fn num_envs(&self) -> usize {
-        self.description.num_envs
+        self.description.settings.num_envs
     }
 
     /// Environments in a batch (M); equal to `num_envs` for synchronous stepping.
     #[getter]
     fn batch_size(&self) -> usize {
-        self.description.batch_size
+        self.description.settings.batch_size
     }
 
     /// Agents of an environment.
     #[getter]
     fn n_agents(&self) -> usize {
-        self.description.n_agents
+        self.description.sizes.n_agents
     }
 
     /// Enemies of an environment.
     #[getter]
     fn n_enemies(&self) -> usize {
-        self.description.n_enemies
+        self.description.sizes.n_enemies
     }
 
     /// Actions of an agent: no-op (only for the dead), stop, move north, south, east, west, then one a target.
     #[getter]
     fn n_actions(&self) -> usize {
-        self.description.n_actions
+        self.description.sizes.n_actions
     }
 
     /// Features of an agent's observation.
     #[getter]
     fn obs_size(&self) -> usize {
-        self.description.obs_size
+        self.description.sizes.obs_size
     }
 
     /// Features of the state.
     #[getter]
     fn state_size(&self) -> usize {
-        self.description.state_size
+        self.description.sizes.state_size
     }
 
     /// Steps after which an episode is truncated; None for no limit.
@@ -302,13 +302,13 @@ impl Envs {
     /// What happens at an episode's end: "next_step", "same_step" or "disabled".
     #[getter]
     fn autoreset(&self) -> &'static str {
-        self.description.autoreset.name()
+        self.description.settings.autoreset.name()
     }
 
     /// Environment i begins with seed + i.
     #[getter]
     fn seed(&self) -> u64 {
-        self.description.seed
+        self.description.settings.seed
     }
 
     /// The pool's name.

@@ -2,7 +2,9 @@
 //! and who uses the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened
 //! by another.
 
+use crate::name::check_name;
 use rustix::fs::OFlags;
+use smaclite_pool::fnv::Fnv1a;
 use std::fs::{File, Metadata};
 use std::io::Error;
 use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
@@ -81,10 +83,9 @@ impl RuntimeDir {
             return Err(RuntimeDirError::Open { root, mode: folder.mode() & 0o7777 });
         }
         // Two folders must not share names in /dev/shm, where the folder does not show.
-        let hash = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
-            (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-        });
-        Ok(RuntimeDir { prefix: format!("sp{:08x}", hash as u32), root })
+        let mut hash = Fnv1a::default();
+        hash.write(root.as_os_str().as_encoded_bytes());
+        Ok(RuntimeDir { prefix: format!("sp{:08x}", hash.finish() as u32), root })
     }
 
     /// The folder.
@@ -170,18 +171,6 @@ pub(crate) fn owner_and_mode(file: &Metadata) -> String {
 pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
     let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
-}
-
-/// May this be a pool's or lane's name? Names become parts of file names and of messages to people.
-pub fn check_name(name: &str) -> Result<(), String> {
-    let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    if name.is_empty() || name.len() > 40 || !name.chars().all(fine) || name.starts_with('.') {
-        return Err(format!(
-            "`{}` cannot be a name: a name has 1 to 40 letters, digits, `-`, `_` or `.`, and no `.` at the start",
-            name.chars().take(60).collect::<String>().escape_debug()
-        ));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! learner) and `requests` (the learner publishes, the supervisor subscribes). Names hold the supervisor's
 //! instance, so that a restarted pool never meets what a learner still holds of its predecessor.
 
+use crate::capacity::Capacity;
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::runtime_dir::RuntimeDir;
@@ -19,7 +20,6 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
-use serde::{Deserialize, Serialize};
 use smaclite_pool::layout::Layout;
 use std::mem::MaybeUninit;
 use std::sync::Arc;
@@ -39,16 +39,8 @@ pub(crate) type IpcNotifier = Notifier<Ipc>;
 /// A supervisor and a learner that died may still be listed while their successors come.
 const SLACK: usize = 4;
 
-/// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one
-/// that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
-const DEPARTED_LEARNERS: usize = 1;
-
 /// How long a subscription waits for one of a dead process to be taken back.
 const RECLAIM_TIMEOUT: Duration = Duration::from_secs(1);
-
-/// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache
-/// lines).
-const CHUNK_OVERHEAD: usize = 192;
 
 /// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a
 /// subscriber that is dropped, whoever still reads them. Dropped in this order.
@@ -82,68 +74,6 @@ pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode,
 /// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.
 fn quiet() {
     set_log_level_from_env_or(LogLevel::Fatal);
-}
-
-/// How many frames and requests a lane's memory has room for. Travels in the lane's description.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Capacity {
-    /// Frames a learner may hold at once.
-    pub max_held_batches: usize,
-    /// Frames that can wait for the learner: all results of one request to every environment, and an error
-    /// report.
-    pub frames_waiting: usize,
-    /// Frames being filled at once.
-    pub frames_filling: usize,
-    /// Spectators at once.
-    pub spectators: usize,
-    /// Requests that can wait for the supervisor.
-    pub requests_waiting: usize,
-}
-
-impl Capacity {
-    /// What a lane of `num_envs` environments in batches of `batch_size` served by `threads` workers needs.
-    pub fn new(
-        num_envs: usize,
-        batch_size: usize,
-        threads: usize,
-        max_held_batches: usize,
-        spectators: usize,
-    ) -> Self {
-        let synchronous = num_envs == batch_size;
-        // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or
-        // at the last slot of a full one. One more for a rejection, and one that is kept back to report a
-        // failure.
-        let writing = threads.min(num_envs);
-        Capacity {
-            max_held_batches,
-            frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
-            spectators,
-            requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
-        }
-    }
-
-    /// Subscriptions to a lane's frames at once.
-    fn subscriptions(&self) -> usize {
-        self.spectators + 1 + DEPARTED_LEARNERS
-    }
-
-    /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
-    /// one to fill.
-    fn frames(&self) -> usize {
-        self.subscriptions() * (self.frames_waiting + self.max_held_batches) + self.frames_filling
-    }
-
-    /// Bytes of shared memory that the supervisor needs for a lane.
-    pub fn frame_memory(&self, layout: &Layout) -> usize {
-        self.frames() * (layout.bytes() + CHUNK_OVERHEAD).next_multiple_of(64)
-    }
-
-    /// Bytes of shared memory that a learner needs for its requests.
-    pub fn request_memory(&self, layout: &Layout, num_envs: usize) -> usize {
-        let bytes = step_bytes(num_envs, layout.sizes().n_agents);
-        (self.requests_waiting + 2) * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
-    }
 }
 
 fn still_held() -> IpcError {
@@ -299,7 +229,7 @@ impl LaneServices {
         num_envs: usize,
         capacity: Capacity,
     ) -> Result<RequestPublisher, IpcError> {
-        let requests = capacity.requests_waiting + 2;
+        let requests = capacity.requests();
         self.requests
             .publisher_builder()
             .initial_max_slice_len(step_bytes(num_envs, layout.sizes().n_agents))

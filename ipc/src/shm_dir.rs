@@ -4,6 +4,7 @@
 //! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random
 //! *mark*, so that they cannot occupy it beforehand; the mark is the content of the locked file.
 
+use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file, owner_and_mode};
 use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
@@ -28,12 +29,17 @@ const SHM: &str = "/dev/shm";
 /// How long to wait for another process that tidies the place up; it takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Held by every process of a place for as long as it uses iceoryx2.
+/// Held by every process of a runtime folder for as long as it uses iceoryx2.
 pub(crate) struct ShmDir {
+    usage: ProcessOwned<Usage>,
+}
+
+/// The shared lock, and what the last process removes with it. A forked child shares its parent's lock, so it
+/// must not drop this.
+struct Usage {
     lock: File,
     lock_path: PathBuf,
     folder: PathBuf,
-    owner: u32,
 }
 
 impl RuntimeDir {
@@ -57,7 +63,8 @@ impl RuntimeDir {
                 && let Some(folder) = self.folder_of(&lock)
             {
                 check_folder(&folder)?;
-                return Ok(ShmDir { lock, lock_path: path, folder, owner: std::process::id() });
+                let usage = Usage { lock, lock_path: path, folder };
+                return Ok(ShmDir { usage: ProcessOwned::new(usage) });
             }
             drop(lock);
             std::thread::sleep(Duration::from_millis(1));
@@ -119,13 +126,13 @@ impl RuntimeDir {
 impl ShmDir {
     /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
     pub(crate) fn iceoryx(&self) -> Config {
-        iceoryx(&self.folder)
+        iceoryx(&self.usage.folder)
     }
 
     /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are
     /// complete. It would say no more than that it could not open the service.
     pub(crate) fn check_segments(&self) -> Result<()> {
-        for entry in std::fs::read_dir(&self.folder)?.flatten() {
+        for entry in std::fs::read_dir(&self.usage.folder)?.flatten() {
             let Ok(file) = entry.metadata() else { continue }; // of a peer that left meanwhile
             if file.is_file() && file.len() == 0 && file.mode() & 0o400 != 0 {
                 let (path, found) = (entry.path(), owner_and_mode(&file));
@@ -138,11 +145,8 @@ impl ShmDir {
     }
 }
 
-impl Drop for ShmDir {
+impl Drop for Usage {
     fn drop(&mut self) {
-        if self.owner != std::process::id() {
-            return; // a forked child shares its parent's lock
-        }
         // What cannot be removed is found by its mark later.
         if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok()
             && remove_folder(&self.folder).is_ok()
@@ -246,11 +250,11 @@ mod tests {
     fn every_use_of_a_place_has_a_private_folder_of_its_own() {
         let (_root, runtime_dir) = runtime_dir();
         let [first, second] = [runtime_dir.open_shm_dir().unwrap(), runtime_dir.open_shm_dir().unwrap()];
-        assert_eq!(first.folder, second.folder);
-        assert_eq!(first.folder.metadata().unwrap().mode() & 0o7777, 0o700);
-        let seen = first.folder.clone();
+        assert_eq!(first.usage.folder, second.usage.folder);
+        assert_eq!(first.usage.folder.metadata().unwrap().mode() & 0o7777, 0o700);
+        let seen = first.usage.folder.clone();
         drop((first, second));
-        assert_ne!(runtime_dir.open_shm_dir().unwrap().folder, seen);
+        assert_ne!(runtime_dir.open_shm_dir().unwrap().usage.folder, seen);
     }
 
     /// Killed between making the file and writing the mark, before the folder was made, and while pools ran.
@@ -267,7 +271,7 @@ mod tests {
                 std::fs::write(folder.join("1.data"), "left").unwrap();
             }
             let shm_dir = runtime_dir.open_shm_dir().unwrap();
-            assert_ne!(shm_dir.folder, folder);
+            assert_ne!(shm_dir.usage.folder, folder);
             assert!(!folder.exists());
             drop(shm_dir);
             assert!(!runtime_dir.shm_dir_lock().exists());
@@ -282,7 +286,7 @@ mod tests {
         std::fs::create_dir(&lost).unwrap();
         let shm_dir = runtime_dir.open_shm_dir().unwrap();
         runtime_dir.remove_stale().unwrap();
-        assert!(lost.exists() && shm_dir.folder.exists());
+        assert!(lost.exists() && shm_dir.usage.folder.exists());
         drop(shm_dir);
         runtime_dir.remove_stale().unwrap();
         assert!(!lost.exists() && !runtime_dir.shm_dir_lock().exists());

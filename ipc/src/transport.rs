@@ -10,7 +10,7 @@ use crate::wire::{FrameHeader, MAGIC, read_request};
 use iceoryx2::port::update_connections::UpdateConnections;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, Transport};
+use smaclite_pool::transport::{Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, Transport};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -81,11 +81,11 @@ unsafe impl Outlet for FrameOutlet {
         unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
     }
 
-    fn publish(&mut self, mut loan: FrameLoan, epoch: Epoch, content: Content) {
+    fn publish(&mut self, mut loan: FrameLoan, epoch: Epoch, content: FrameContent) {
         self.sequence += 1;
         let (rejection_len, request) = match content {
-            Content::Batch => (0, 0),
-            Content::Rejection { request, len } => (len as u32, request),
+            FrameContent::Batch => (0, 0),
+            FrameContent::Rejection { request, len } => (len as u32, request),
         };
         *loan.user_header_mut() = FrameHeader {
             magic: MAGIC,

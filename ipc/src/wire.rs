@@ -41,7 +41,7 @@ pub struct FrameHeader {
 
 /// What a frame that arrived means to its reader.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum ReceivedFrame {
     /// Every slot is filled.
     Batch,
     /// A request was refused.
@@ -55,24 +55,24 @@ pub enum Content {
 
 /// Reads a frame that another process wrote: `None` if it is not laid out as this lane's are. Whose session
 /// and round it belongs to is the caller's to ask.
-pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Option<Content> {
+pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Option<ReceivedFrame> {
     let given = (header.magic, header.version, header.layout_hash, header.slots as usize, payload.len());
     if given != (MAGIC, FORMAT_VERSION, layout.hash(), layout.slots(), layout.bytes()) {
         return None;
     }
     if header.rejection_len == 0 {
-        return Some(Content::Batch);
+        return Some(ReceivedFrame::Batch);
     }
     let text = payload.get(..header.rejection_len as usize).unwrap_or_default();
     let rejection = serde_json::from_slice(text)
         .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
-    Some(Content::Rejection { request: header.request, rejection })
+    Some(ReceivedFrame::Rejection { request: header.request, rejection })
 }
 
-/// The frames, first to last, that are missing between frame `last` (0: there was none) and frame `next`.
-pub fn frames_lost(last: u64, next: u64) -> Option<(u64, u64)> {
-    let expected = last.wrapping_add(1);
-    (last != 0 && next != expected).then(|| (expected, next.wrapping_sub(1)))
+/// The frames, first to last, that are missing between frame `last`, if there was one, and frame `next`.
+pub fn frames_lost(last: Option<u64>, next: u64) -> Option<(u64, u64)> {
+    let expected = last?.wrapping_add(1);
+    (next != expected).then(|| (expected, next.wrapping_sub(1)))
 }
 
 const STEP: u32 = 1;
@@ -210,7 +210,7 @@ mod tests {
     use smaclite_pool::fields::FieldSet;
 
     fn layout() -> Layout {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
         Layout::new(sizes, 4, FieldSet::without_final())
     }
 
@@ -220,7 +220,7 @@ mod tests {
         let (version, layout_hash) = (FORMAT_VERSION, layout.hash());
         let good = FrameHeader { magic: MAGIC, version, layout_hash, slots: 4, ..FrameHeader::default() };
         let mut payload = vec![b'x'; layout.bytes()];
-        assert_eq!(read_frame(&good, &payload, &layout), Some(Content::Batch));
+        assert_eq!(read_frame(&good, &payload, &layout), Some(ReceivedFrame::Batch));
         let lies = [
             FrameHeader { magic: 1, ..good },
             FrameHeader { version: 9, ..good },
@@ -235,7 +235,7 @@ mod tests {
         };
         let text = serde_json::to_vec(&Rejection::NotReset).unwrap();
         payload[..text.len()].copy_from_slice(&text);
-        let refused = |rejection| Some(Content::Rejection { request: 7, rejection });
+        let refused = |rejection| Some(ReceivedFrame::Rejection { request: 7, rejection });
         assert_eq!(read(text.len(), &payload), refused(Rejection::NotReset));
         let unreadable = |what: &str| refused(Rejection::Malformed { what: what.to_owned() });
         assert_eq!(read(2, &payload), unreadable("{\""));
@@ -244,11 +244,11 @@ mod tests {
 
     #[test]
     fn gaps_between_frames_are_noticed() {
-        assert_eq!(frames_lost(0, 5), None);
-        assert_eq!(frames_lost(5, 6), None);
-        assert_eq!(frames_lost(5, 9), Some((6, 8)));
-        assert_eq!(frames_lost(u64::MAX, 5), Some((0, 4)));
-        assert_eq!(frames_lost(5, 0), Some((6, u64::MAX)));
+        assert_eq!(frames_lost(None, 5), None);
+        assert_eq!(frames_lost(Some(5), 6), None);
+        assert_eq!(frames_lost(Some(5), 9), Some((6, 8)));
+        assert_eq!(frames_lost(Some(u64::MAX), 5), Some((0, 4)));
+        assert_eq!(frames_lost(Some(5), 0), Some((6, u64::MAX)));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! blocks; the writing, and the wait for a frame where there is none, are not made under it.
 
 use crate::slot::FrameMemory;
-use crate::transport::{Content, Epoch, Outlet};
+use crate::transport::{Epoch, FrameContent, Outlet};
 use std::collections::VecDeque;
 
 /// A right to write `count` slots of an open frame.
@@ -87,7 +87,7 @@ impl<O: Outlet> FrameAssembler<O> {
         }
         let frame = self.open.remove(index).expect("found above");
         if !frame.stale {
-            self.outlet.publish(frame.loan, self.epoch, Content::Batch);
+            self.outlet.publish(frame.loan, self.epoch, FrameContent::Batch);
         }
         !frame.stale
     }
@@ -113,7 +113,7 @@ impl<O: Outlet> FrameAssembler<O> {
         let payload = O::payload(&mut loan);
         let len = text.len().min(payload.len());
         payload[..len].copy_from_slice(&text[..len]);
-        self.outlet.publish(loan, self.epoch, Content::Rejection { request, len });
+        self.outlet.publish(loan, self.epoch, FrameContent::Rejection { request, len });
     }
 
     fn open_frame(&mut self) -> Result<usize, String> {

@@ -7,8 +7,10 @@
 
 #![deny(unsafe_code)] // `slot`, and the one place that splits a frame with it, say why they may
 
+pub mod env_ids;
 pub mod environment;
 pub mod fields;
+pub mod fnv;
 pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]
@@ -19,12 +21,14 @@ mod frame_assembler;
 mod hosted_env;
 #[allow(unsafe_code)]
 mod lane;
+mod lane_settings;
 mod leader_followers;
 mod sync;
 mod workers;
 
 pub use hosted_env::Autoreset;
 pub use lane::{LaneSpec, LaneStats};
+pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS};
 pub use leader_followers::WaitStrategy;
 pub use rejection::Rejection;
 pub use workers::{Pool, PoolOptions};

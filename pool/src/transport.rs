@@ -75,12 +75,12 @@ pub unsafe trait Outlet: Send + 'static {
     /// The payload of a loaned frame; its address does not change until it is published.
     fn payload(loan: &mut Self::Loan) -> &mut [u8];
     /// Sends a filled frame of `round` and wakes whoever waits for it.
-    fn publish(&mut self, loan: Self::Loan, epoch: Epoch, content: Content);
+    fn publish(&mut self, loan: Self::Loan, epoch: Epoch, content: FrameContent);
 }
 
 /// What a published frame holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum FrameContent {
     /// Every slot is filled.
     Batch,
     /// The first bytes are a JSON [`Rejection`].

@@ -27,7 +27,7 @@ fn assert_refused(room: &Room, publisher: &Requests, header: RequestHeader, payl
 
 /// The payload of a step with these environments and the same action for everyone.
 fn step_payload(lane: &LaneDescription, envs: &[i32], action: i32) -> Vec<u8> {
-    let mut bytes = vec![0; step_bytes(envs.len(), lane.n_agents)];
+    let mut bytes = vec![0; step_bytes(envs.len(), lane.sizes.n_agents)];
     for (at, env) in bytes.chunks_exact_mut(4).zip(envs) {
         at.copy_from_slice(&env.to_ne_bytes());
     }
@@ -111,14 +111,14 @@ fn a_learner_that_lies_harms_nobody() {
         refused(reset, &reset_payload(&[-1, 1, 2, 3]), 4);
         ask(reset, &reset_payload(&[3, 2, 1, 0]), 4);
         let steps = || status(room.runtime_dir(), "train").expect("it lives").lanes[lane_index].stats.frames;
-        let frames = if lane.is_synchronous() { 1 } else { 2 };
+        let frames = if lane.settings.is_synchronous() { 1 } else { 2 };
         assert!(eventually(|| steps() == frames), "the reset was not served");
         let mut refused = |kind, payload: &[u8], count| {
             let before = rejected();
             ask(kind, payload, count);
             assert!(eventually(|| rejected() == before + 1), "{kind:?} of {count} was taken");
         };
-        for action in [-1, 6, lane.n_actions as i32, i32::MAX, i32::MIN] {
+        for action in [-1, 6, lane.sizes.n_actions as i32, i32::MAX, i32::MIN] {
             refused(RequestKind::Step, &step_payload(&lane, &[0, 1, 2, 3], action), 4);
         }
         for envs in [[0, 1, 2, 2], [0, 1, 2, 4], [0, 1, 2, i32::MIN], [i32::MAX; 4]] {
@@ -137,7 +137,7 @@ fn a_learner_that_lies_harms_nobody() {
         let mut honest = Child::learner(&room, plan);
         assert!(eventually(|| honest.ask("connect train").is_ok()), "the lane was not freed");
         honest.must("reset");
-        if lane.is_synchronous() {
+        if lane.settings.is_synchronous() {
             honest.must("step 20");
         }
     }

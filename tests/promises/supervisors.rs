@@ -160,7 +160,7 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     player.send_to(&[0]).expect("sent");
     player.recv(SOON).expect("the result of one more");
     recv_of_all(&mut other, |_| Ok(())); // of the last reset that was sent
-    let mut actions = vec![0; 4 * other.description().n_agents];
+    let mut actions = vec![0; 4 * other.description().sizes.n_agents];
     other.sample_actions(None, &mut actions).expect("legal actions");
     recv_of_all(&mut other, |client| client.send(&actions, None, WaitOptions::forever()));
 }

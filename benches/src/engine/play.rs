@@ -50,7 +50,7 @@ impl Play {
                 battle.reset();
             }
             act(&battle, &mut row);
-            let living = sizes.n_units - battle.dead_allies() - battle.dead_enemies();
+            let living = sizes.n_units() - battle.dead_allies() - battle.dead_enemies();
             play.unit_ticks += (living * TICKS_PER_STEP) as u64;
             play.actions.extend_from_slice(&row);
             battle.step(&row, &mut play.scratch).map_err(|e| e.to_string())?;

@@ -51,7 +51,7 @@ fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
                 pool.pool.clone(),
                 pool.pid.to_string(),
                 d.lane.clone(),
-                format!("{} x {}", d.num_envs, d.scenario),
+                format!("{} x {}", d.settings.num_envs, d.scenario),
                 learner(lane),
                 format!("{:.0}", lane.steps_per_s),
             ]);
@@ -106,7 +106,7 @@ fn lane_row(lane: &LaneStatus) -> Vec<String> {
     };
     vec![
         d.lane.clone(),
-        format!("{} x {}", d.num_envs, d.scenario),
+        format!("{} x {}", d.settings.num_envs, d.scenario),
         learner(lane),
         format!("{:.0}", lane.steps_per_s),
         format!("{:.0} us", lane.queue_wait_us),

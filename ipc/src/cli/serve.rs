@@ -118,15 +118,15 @@ impl Serve {
         let name = name.unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; name it: NAME={rest}"))?;
         let mut lane = LaneConfig::new(name, scenario, num_envs);
-        if let (LaneEnvs::Battle { rules, episode_limit, .. }, limit) = (&mut lane.game, self.episode_limit) {
+        if let (LaneEnvs::Battle { rules, episode_limit, .. }, limit) = (&mut lane.envs, self.episode_limit) {
             *rules = self.rules;
             *episode_limit = limit.map(|limit| limit.0);
         }
-        lane.batch_size = self.batch_size.unwrap_or(num_envs);
-        lane.seed = self.seed;
-        lane.autoreset = self.autoreset;
+        lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
+        lane.settings.seed = self.seed;
+        lane.settings.autoreset = self.autoreset;
         if let Some(names) = &self.fields {
-            lane.fields = FieldSet::from_names(names)?;
+            lane.settings.fields = FieldSet::from_names(names)?;
         }
         lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
@@ -145,12 +145,12 @@ fn print_start(supervisor: &Supervisor) {
         megabytes(supervisor.shared_memory())
     );
     for lane in supervisor.lanes() {
-        let mode = if lane.is_synchronous() {
+        let mode = if lane.settings.is_synchronous() {
             "synchronous".to_owned()
         } else {
-            format!("asynchronous in batches of {}", lane.batch_size)
+            format!("asynchronous in batches of {}", lane.settings.batch_size)
         };
-        let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.num_envs, lane.scenario);
+        let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.settings.num_envs, lane.scenario);
     }
     let _ = out!("attach with smaclite_pool.connect({:?}); Ctrl-C stops it", supervisor.name());
 }

@@ -3,6 +3,7 @@
 use crate::control::client::{ControlSocketError, in_seconds};
 use crate::control::protocol::ControlError;
 use crate::memory::TooLittleMemory;
+use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
 use smaclite_pool::Rejection;
@@ -65,4 +66,10 @@ pub enum ClientError {
     Forked { owner: u32 },
     #[error(transparent)]
     Ipc(#[from] IpcError),
+}
+
+impl From<NotOwner> for ClientError {
+    fn from(NotOwner { owner }: NotOwner) -> ClientError {
+        ClientError::Forked { owner }
+    }
 }

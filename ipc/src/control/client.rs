@@ -2,8 +2,10 @@
 //! stop: a supervisor that is stopped must not stop those who ask it.
 
 use super::protocol::{ControlRequest, ControlResponse, MAX_RESPONSE};
-use crate::client::{ConnectError, WaitOptions};
-use crate::runtime_dir::{RuntimeDir, check_name};
+use crate::client::ConnectError;
+use crate::name::{NameError, check_name};
+use crate::runtime_dir::RuntimeDir;
+use crate::wait_options::WaitOptions;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -40,7 +42,7 @@ pub(crate) struct ControlClient {
 #[allow(missing_docs)] // the messages say it
 pub enum ControlSocketError {
     #[error("pool name: {0}")]
-    Name(String),
+    Name(#[from] NameError),
     #[error("no pool named `{pool}` runs here{}", hint(running))]
     NoSuchPool { pool: String, running: Vec<String> },
     #[error(
@@ -165,7 +167,7 @@ impl ControlClient {
         question: &ControlRequest,
         wait: WaitOptions<'_>,
     ) -> Result<(ControlClient, ControlResponse), ControlSocketError> {
-        check_name(pool).map_err(ControlSocketError::Name)?;
+        check_name(pool)?;
         let mut waiting = Waiting { begin: Instant::now(), wait, pool: pool.to_owned(), pid: None };
         let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
         waiting.pid = client.pid;

@@ -1,12 +1,12 @@
 //! What is said on the control socket: one JSON object a line, a question from the client, an answer from the
 //! supervisor.
 
-use crate::services::Capacity;
+use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::Sizes;
-use smaclite_pool::fields::{FIELDS, FieldSet};
+use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::{Autoreset, LaneStats};
+use smaclite_pool::{LaneSettings, LaneStats};
 
 /// Counts up when a question or answer changes.
 pub const PROTOCOL_VERSION: u32 = 1;
@@ -144,30 +144,16 @@ pub struct LaneDescription {
     pub lane: String,
     /// The scenario's name.
     pub scenario: String,
-    /// Agents of an environment.
-    pub n_agents: usize,
-    /// Enemies of an environment.
-    pub n_enemies: usize,
-    /// Actions of an agent.
-    pub n_actions: usize,
-    /// Features of an observation.
-    pub obs_size: usize,
-    /// Features of a state.
-    pub state_size: usize,
-    /// Environments (N).
-    pub num_envs: usize,
-    /// Slots of a frame (M); equal to `num_envs` for synchronous stepping.
-    pub batch_size: usize,
-    /// Environment `i` begins with seed `seed + i`.
-    pub seed: u64,
-    /// What happens at an episode's end.
-    pub autoreset: Autoreset,
+    /// Sizes of an environment.
+    #[serde(flatten)]
+    pub sizes: Sizes,
+    /// How many environments there are, and how they are stepped.
+    #[serde(flatten)]
+    pub settings: LaneSettings,
     /// Steps after which an episode is truncated.
     pub episode_limit: Option<u32>,
     /// The rules that are played: `smaclite` or `paper`.
     pub rules: String,
-    /// Names of the fields of a frame.
-    pub fields: Vec<String>,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
     /// How many frames may be held and wait.
@@ -177,86 +163,72 @@ pub struct LaneDescription {
 }
 
 impl LaneDescription {
-    /// The sizes of an environment.
-    pub fn sizes(&self) -> Sizes {
-        Sizes {
-            n_agents: self.n_agents,
-            n_enemies: self.n_enemies,
-            n_units: self.n_agents.saturating_add(self.n_enemies),
-            n_actions: self.n_actions,
-            obs_size: self.obs_size,
-            state_size: self.state_size,
-        }
-    }
-
-    /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the
-    /// hash tells whether both computed the same.
+    /// Where each field of a frame lies. Computed from the sizes, not received from the supervisor; the hash
+    /// says whether both computed the same.
     ///
     /// # Errors
-    /// [`ControlError::Malformed`] for sizes that no lane has and fields that no frame has.
+    /// [`ControlError::Malformed`] for sizes and settings that no lane has.
     pub fn layout(&self) -> Result<Layout, ControlError> {
         let malformed = |what: String| ControlError::Malformed { what };
-        let fields = FieldSet::from_names(&self.fields).map_err(|error| malformed(error.to_string()))?;
-        let rows = [self.n_agents, self.n_actions, self.batch_size, self.num_envs];
-        let widest = self.obs_size.max(self.state_size).max(self.n_actions);
+        self.settings.check().map_err(|error| malformed(error.to_string()))?;
+        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = self.sizes;
+        let widest = obs_size.max(state_size).max(n_actions);
         // No field is larger than this, so no sum of them overflows.
-        let field = [self.num_envs, self.n_agents, widest, size_of::<f32>()];
+        let field = [self.settings.num_envs, n_agents, widest, size_of::<f32>()];
         let field = field.iter().fold(1u128, |product, size| product.saturating_mul(*size as u128));
         let most = u128::from(u64::MAX) / FIELDS.len() as u128 / 2;
-        if rows.contains(&0) || self.batch_size > self.num_envs || field > most {
-            return Err(malformed(format!(
-                "no lane has {:?}",
-                (self.sizes(), self.num_envs, self.batch_size)
-            )));
+        if n_agents == 0 || n_actions == 0 || field > most {
+            return Err(malformed(format!("no lane has {:?}", self.sizes)));
         }
-        Ok(Layout::new(self.sizes(), self.batch_size, fields))
-    }
-
-    /// Is every environment stepped in every batch?
-    pub fn is_synchronous(&self) -> bool {
-        self.batch_size == self.num_envs
+        Ok(self.settings.layout(self.sizes))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_pool::fields::FieldSet;
 
     #[test]
     fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
+        let sizes = Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
+        let settings = LaneSettings::new(1_000_000);
         let lane = LaneDescription {
             pool: "train".to_owned(),
             pid: 1,
             instance: "train.1.0".to_owned(),
             lane: "2s3z".to_owned(),
             scenario: "2s3z".to_owned(),
-            n_agents: 5,
-            n_enemies: 5,
-            n_actions: 11,
-            obs_size: 80,
-            state_size: 120,
-            num_envs: 1_000_000,
-            batch_size: 1_000_000,
-            seed: 0,
-            autoreset: Autoreset::NextStep,
+            sizes,
+            settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
-            fields: vec!["obs".to_owned()],
             layout_hash: 0,
-            capacity: Capacity::new(1, 1, 1, 2, 0),
+            capacity: Capacity::new(&settings, 1, 2, 0),
             threads: 2,
         };
         assert!(lane.layout().is_ok());
+        let of_sizes = |sizes| LaneDescription { sizes, ..lane.clone() };
+        let of_settings = |settings| LaneDescription { settings, ..lane.clone() };
         let lies = [
-            LaneDescription { n_agents: 0, ..lane.clone() },
-            LaneDescription { n_actions: 0, ..lane.clone() },
-            LaneDescription { batch_size: 0, ..lane.clone() },
-            LaneDescription { batch_size: 1_000_001, ..lane.clone() },
-            LaneDescription { obs_size: usize::MAX, ..lane.clone() },
-            LaneDescription { state_size: usize::MAX / 4, ..lane.clone() },
-            LaneDescription { num_envs: usize::MAX, ..lane.clone() },
-            LaneDescription { fields: vec!["obz".to_owned()], ..lane },
+            of_sizes(Sizes { n_agents: 0, ..sizes }),
+            of_sizes(Sizes { n_actions: 0, ..sizes }),
+            of_sizes(Sizes { obs_size: usize::MAX, ..sizes }),
+            of_sizes(Sizes { state_size: usize::MAX / 4, ..sizes }),
+            of_settings(LaneSettings { batch_size: 0, ..settings }),
+            of_settings(LaneSettings { batch_size: 1_000_001, ..settings }),
+            of_settings(LaneSettings { num_envs: usize::MAX, ..settings }),
         ];
         lies.iter().for_each(|lie| assert!(lie.layout().is_err(), "{lie:?}"));
+
+        let keys = serde_json::to_value(&lane).unwrap();
+        assert_eq!((&keys["n_agents"], &keys["batch_size"]), (&5.into(), &1_000_000.into()), "{keys}");
+        let with_fields = |names: &[&str]| {
+            let mut keys = keys.clone();
+            keys["fields"] = names.into();
+            serde_json::from_value::<LaneDescription>(keys)
+        };
+        assert_eq!(with_fields(&["obs"]).unwrap().settings.fields, FieldSet::from_names(["obs"]).unwrap());
+        assert!(with_fields(&["obz"]).unwrap_err().to_string().contains("no field is named `obz`"));
     }
 }

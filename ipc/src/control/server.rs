@@ -6,6 +6,7 @@ use super::protocol::{
     ControlError, ControlRequest, ControlResponse, LaneDescription, LaneStatus, MAX_REQUEST,
     PROTOCOL_VERSION, PoolStatus,
 };
+use crate::CHECK_INTERVAL;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -15,9 +16,6 @@ use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
-
-/// How often dead processes are looked for; nothing else does it for us.
-const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too
 /// few to use up the process's file descriptors. Learners and spectators have limits of their own.

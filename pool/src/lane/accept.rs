@@ -1,6 +1,7 @@
 //! How a request is accepted: entirely, with its environments busy and their actions copied, or not at all.
 
 use super::Lane;
+use crate::env_ids::{check_distinct, env_index};
 use crate::hosted_env::{Autoreset, HostedEnv, Task};
 use crate::rejection::Rejection;
 use crate::sync::{MutexGuard, lock};
@@ -133,7 +134,7 @@ impl<T: Transport> Lane<T> {
         fetch(env_ids);
         fetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
             let mut hosted = self.reserve(env, Task::Step, checking)?;
             let hosted = &mut *hosted;
             hosted
@@ -160,13 +161,14 @@ impl<T: Transport> Lane<T> {
         let seed = if checking.was_reset { seed } else { seed.or(Some(self.seed)) };
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
         if whole {
-            self.check_all_named(env_ids)?;
+            // Checked before the epoch ends: a refused request must not free seats that are still at work.
+            check_distinct(env_ids.iter().map(|id| id.load(Ordering::Relaxed)), self.num_envs)?;
             *checking.epoch = Epoch { request: checking.request.number, ..*checking.epoch };
             self.begin_epoch(*checking.epoch);
             return (0..self.num_envs).try_for_each(|env| self.reserve(env, reset(env), checking).map(drop));
         }
         for id in env_ids {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
             drop(self.reserve(env, reset(env), checking)?);
         }
         if self.is_synchronous() {
@@ -178,20 +180,6 @@ impl<T: Transport> Lane<T> {
             }
         }
         Ok(())
-    }
-
-    /// Before a round is given up for a reset of all environments: are they all named? Otherwise a refused
-    /// request would have freed seats that are still at work.
-    fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
-        let mut named = vec![false; self.num_envs];
-        env_ids.iter().try_for_each(|id| {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
-            if std::mem::replace(&mut named[env], true) {
-                Err(Rejection::DuplicateEnv { env })
-            } else {
-                Ok(())
-            }
-        })
     }
 
     /// Marks a seat busy, or says who took it.
@@ -212,13 +200,6 @@ impl<T: Transport> Lane<T> {
                 Ok(hosted)
             }
         }
-    }
-
-    fn env_of(&self, id: i32) -> Result<usize, Rejection> {
-        usize::try_from(id)
-            .ok()
-            .filter(|env| *env < self.num_envs)
-            .ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs: self.num_envs })
     }
 
     /// A refused request leaves no trace.

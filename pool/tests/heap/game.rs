@@ -6,8 +6,7 @@ use smaclite_pool::environment::Environment;
 use std::sync::{Arc, Condvar, Mutex};
 
 /// Of every game here.
-pub const SIZES: Sizes =
-    Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 5, obs_size: 3, state_size: 4 };
+pub const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
 
 /// A closed gate stops whoever comes to it, in the middle of a step.
 #[derive(Clone, Default)]

@@ -7,7 +7,7 @@ use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Doorbell, RequestKind};
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -35,16 +35,9 @@ impl LaneSetup {
         let make = move |env: usize| -> Box<dyn Environment> {
             Box::new(LaneEnvs::new(self.seed + env as u64, oddity(env)))
         };
-        LaneSpec {
-            name: format!("lane {lane}"),
-            sizes: SIZES,
-            num_envs: self.num_envs,
-            batch_size: self.batch_size,
-            seed: self.seed,
-            autoreset: self.autoreset,
-            fields: self.fields,
-            make: Box::new(make),
-        }
+        let LaneSetup { num_envs, batch_size, autoreset, fields, seed } = self;
+        let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
+        LaneSpec { name: format!("lane {lane}"), sizes: SIZES, settings, make: Box::new(make) }
     }
 }
 

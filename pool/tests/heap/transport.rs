@@ -4,7 +4,7 @@
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
 use smaclite_pool::transport::{
-    Content, Doorbell, Epoch, Inlet, Message, Outlet, Request, RequestKind, Transport,
+    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, RequestKind, Transport,
 };
 use smaclite_pool::{LaneSpec, Rejection};
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
@@ -118,7 +118,7 @@ unsafe impl Outlet for HeapOutlet {
         &mut loan.bytes[loan.start..loan.start + loan.len]
     }
 
-    fn publish(&mut self, memory: Memory, epoch: Epoch, content: Content) {
+    fn publish(&mut self, memory: Memory, epoch: Epoch, content: FrameContent) {
         let _ = self.frames.send(Frame { memory, epoch, content }); // a learner that left does not read it
     }
 }
@@ -129,7 +129,7 @@ pub struct Frame {
     /// What it answers.
     pub epoch: Epoch,
     /// Batch or rejection.
-    pub content: Content,
+    pub content: FrameContent,
 }
 
 impl Frame {
@@ -140,7 +140,7 @@ impl Frame {
 
     /// The rejection in it, if it is one, and the request's number.
     pub fn rejection(&self) -> Option<(u64, Rejection)> {
-        let Content::Rejection { request, len } = self.content else { return None };
+        let FrameContent::Rejection { request, len } = self.content else { return None };
         let text = &self.memory.as_slice()[..len];
         Some((request, serde_json::from_slice(text).expect("rejections are JSON")))
     }

@@ -18,8 +18,8 @@ use libfuzzer_sys::fuzz_target;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Content, Doorbell, Inlet, Message, Request, RequestKind, Transport};
-use smaclite_pool::{Autoreset, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_pool::transport::{FrameContent, Doorbell, Inlet, Message, Request, RequestKind, Transport};
+use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
@@ -90,9 +90,8 @@ fn bench() -> &'static Mutex<Bench> {
                 Box::new(LaneEnvs::new(env as u64, Oddity::default()))
             };
             let name = format!("{num_envs}");
-            let (make, fields) = (Box::new(make) as _, FieldSet::ALL);
-            let spec =
-                LaneSpec { name, sizes: SIZES, num_envs, batch_size, seed: 1, autoreset, fields, make };
+            let settings = LaneSettings { batch_size, seed: 1, autoreset, ..LaneSettings::new(num_envs) };
+            let spec = LaneSpec { name, sizes: SIZES, settings, make: Box::new(make) };
             let layout = spec.layout();
             let ((spec, _, outlet), ends) = transport::lane(spec);
             let (messages, inlet) = channel();
@@ -159,7 +158,7 @@ impl Bench {
             let frame =
                 lane.frames.recv_timeout(Duration::from_secs(20)).expect("an honest learner is answered");
             let ours = (frame.epoch.session, frame.epoch.request) == (self.session, epoch);
-            assert!(!ours || frame.content == Content::Batch, "{:?}", frame.rejection());
+            assert!(!ours || frame.content == FrameContent::Batch, "{:?}", frame.rejection());
             if ours {
                 return frame;
             }

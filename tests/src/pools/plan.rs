@@ -94,14 +94,14 @@ impl LanePlan {
     fn config(&self) -> LaneConfig {
         let scenario = Scenario::resolve(&self.scenario).expect("a standard scenario");
         let mut lane = LaneConfig::new(self.name.clone(), scenario, self.num_envs);
-        lane.game = self.game(lane.game);
-        lane.batch_size = self.batch_size;
-        lane.seed = self.seed;
-        lane.autoreset = self.autoreset;
+        lane.envs = self.game(lane.envs);
+        lane.settings.batch_size = self.batch_size;
+        lane.settings.seed = self.seed;
+        lane.settings.autoreset = self.autoreset;
         lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
         if let Some(names) = &self.fields {
-            lane.fields = FieldSet::from_names(names).expect("names of fields");
+            lane.settings.fields = FieldSet::from_names(names).expect("names of fields");
         }
         lane
     }

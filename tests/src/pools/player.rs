@@ -46,7 +46,8 @@ impl Player {
         wait: WaitStrategy,
     ) -> Result<Player, ConnectError> {
         let client = Client::connect(runtime_dir, pool, Some(&plan.name), wait)?;
-        let (synchronous, n_agents) = (client.description().is_synchronous(), client.description().n_agents);
+        let (synchronous, n_agents) =
+            (client.description().settings.is_synchronous(), client.description().sizes.n_agents);
         Ok(Player {
             client,
             replay: Replay::new(plan),
@@ -86,7 +87,8 @@ impl Player {
         self.replay.reset_all(seed);
         self.ready.clear();
         self.sequence = 0; // the client leaves out what is still to come of before
-        let batches = self.client.description().num_envs / self.client.description().batch_size;
+        let batches =
+            self.client.description().settings.num_envs / self.client.description().settings.batch_size;
         (0..batches).try_for_each(|_| self.recv(timeout).map(drop))
     }
 

@@ -88,7 +88,9 @@ fn sampled(task: &Task<'_>, client: &mut Client) -> Result<Measured, Box<dyn Err
 /// Living units in all environments of a batch.
 fn living(batch: &Batch) -> usize {
     let dead = |field| batch.field::<i32>(field).unwrap_or(&[]).iter().sum::<i32>() as usize;
-    batch.env_id().len() * batch.layout().sizes().n_units - dead(Field::DeadAllies) - dead(Field::DeadEnemies)
+    batch.env_id().len() * batch.layout().sizes().n_units()
+        - dead(Field::DeadAllies)
+        - dead(Field::DeadEnemies)
 }
 
 fn patience(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
@@ -108,7 +110,7 @@ impl Server {
         name: &str,
     ) -> Result<(Server, Client), Box<dyn Error>> {
         let mut lane = LaneConfig::new("bench", task.scenario.clone(), task.envs);
-        lane.batch_size = task.batch_size;
+        lane.settings.batch_size = task.batch_size;
         let runtime_dir = runtime_dir.clone();
         let config =
             SupervisorConfig { name: name.to_owned(), lanes: vec![lane], options: task.options, runtime_dir };

@@ -53,7 +53,7 @@ impl Replay {
                     Policy::Nearest => policy::nearest(&battle, &mut row),
                     Policy::Random | Policy::Sampled => random.act(&battle, &mut row),
                 }
-                let living = sizes.n_units - battle.dead_allies() - battle.dead_enemies();
+                let living = sizes.n_units() - battle.dead_allies() - battle.dead_enemies();
                 replay.unit_ticks += (living * TICKS_PER_STEP) as u64;
                 battle.step(&row, &mut scratch).expect("policies choose legal actions");
             }

@@ -9,6 +9,7 @@ mod partition;
 mod unit_stats;
 
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 pub(crate) use edges::{Edge, left_of};
@@ -47,20 +48,25 @@ pub struct Arena {
 }
 
 /// How many of everything a battle has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sizes {
     /// Agents, which are the allied units.
     pub n_agents: usize,
     /// Enemies.
     pub n_enemies: usize,
-    /// Agents and enemies.
-    pub n_units: usize,
     /// Actions of an agent: no-op, stop, four moves, and one for each unit that can be targeted.
     pub n_actions: usize,
     /// Floats in the observation of one agent.
     pub obs_size: usize,
     /// Floats in the state.
     pub state_size: usize,
+}
+
+impl Sizes {
+    /// Agents and enemies.
+    pub fn n_units(&self) -> usize {
+        self.n_agents + self.n_enemies
+    }
 }
 
 /// Which of the optional figures a unit has in observations and state.
@@ -216,7 +222,6 @@ fn sizes(scenario: &Scenario, layout: &Layout) -> Sizes {
     Sizes {
         n_agents,
         n_enemies,
-        n_units: n_agents + n_enemies,
         n_actions,
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),

@@ -53,7 +53,7 @@ pub(crate) struct Plan {
 impl Plan {
     /// Makes room for a battle in this arena, so that whatever happens in it nothing is allocated later.
     pub fn fit(&mut self, arena: &Arena) {
-        let n_units = arena.sizes().n_units;
+        let n_units = arena.sizes().n_units();
         make_room(&mut self.previous_target, n_units);
         make_room(&mut self.start, n_units);
         make_room(&mut self.unmoved, n_units);
