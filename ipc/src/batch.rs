@@ -1,5 +1,5 @@
-//! A received frame, read in place. The memory stays valid and unchanged for as long as the batch exists, also
-//! after its client and its supervisor are gone.
+//! A received frame, read in place. The memory stays valid and unchanged for as long as the batch exists,
+//! also after its client and its supervisor are gone.
 
 #![allow(unsafe_code)] // reads the sample at an address taken once
 
@@ -23,20 +23,20 @@ pub struct Batch {
     layout: Arc<Layout>,
 }
 
-/// What keeps the memory in place; dropped in this order. Nothing but the drop uses it: a sample that is asked
-/// for its payload locks a mutex of its port, which a thread of the parent may have locked at the moment of a
-/// fork.
+/// What keeps the memory mapped and unchanged; dropped in this order. Nothing but the drop uses it: to ask a
+/// sample for its payload locks a mutex of its port, which a thread of the parent may have locked at the
+/// moment of a fork.
 struct Held {
     _sample: FrameSample,
     _port: Arc<FramePort>,
 }
 
-// SAFETY: everything but `bytes` and the sample is `Send` by itself. The sample is, too: iceoryx2 declares it.
-// `bytes` is the address of memory that any thread may read.
+// SAFETY: everything but `bytes` is `Send` by itself; the sample is, because iceoryx2 declares it. `bytes` is
+// the address of memory that any thread may read.
 unsafe impl Send for Batch {}
 
-// SAFETY: a shared batch reads `bytes`, `header` and `layout`, which nothing changes, and does not use `_held`
-// before it is dropped, which takes the batch by value.
+// SAFETY: a shared batch reads `bytes`, `header` and `layout`, which nothing changes, and does not use
+// `_held` before it is dropped, which takes the batch by value.
 unsafe impl Sync for Batch {}
 
 impl Batch {
@@ -55,8 +55,8 @@ impl Batch {
     pub fn bytes(&self) -> &[u8] {
         // SAFETY: `new` took the address from the sample, whose memory is mapped, initialised, and written by
         // no process until the sample is given back. Only the drop of `_held` does that, and the borrow is
-        // that of the batch. A forked child never gives it back, so there it stays mapped; what the parent may
-        // do there is in the type's documentation.
+        // that of the batch. A forked child never gives it back, so there it stays mapped; what the parent
+        // may do there is in the type's documentation.
         unsafe { self.bytes.as_ref() }
     }
 
@@ -107,8 +107,8 @@ impl Batch {
         self.field(Field::Obs).unwrap_or(&[])
     }
 
-    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, in place: a policy's
-    /// first layer is a matrix product straight from shared memory. Needs the feature `faer`.
+    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, without a copy: a
+    /// policy's first layer is a matrix product straight from shared memory. Needs the feature `faer`.
     #[cfg(feature = "faer")]
     pub fn obs_matrix(&self) -> faer::MatRef<'_, f32> {
         let columns = self.layout.row_len(Field::Obs) / self.layout.sizes().n_agents;

@@ -77,7 +77,7 @@ use std::time::Duration;
 /// How often a wait checks what cannot wake it: whether the peer lives, and whether the caller wants to stop.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
-/// What a pool is doing. It has 10 seconds to answer.
+/// The status of a pool, which has 10 seconds to answer.
 pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, ConnectError> {
     status_within(
         runtime_dir,
@@ -86,7 +86,7 @@ pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, Connec
     )
 }
 
-/// What a pool is doing, if it answers in time.
+/// The status of a pool, if it answers in time.
 pub fn status_within(
     runtime_dir: &RuntimeDir,
     pool: &str,
@@ -99,7 +99,7 @@ pub fn status_within(
     }
 }
 
-/// Names of the pools that run at a runtime_dir, sorted. A supervisor that is stopped runs.
+/// Names of the pools that run in a runtime folder, sorted; those of stopped supervisors too.
 pub fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
     control::client::running_pools(runtime_dir)
 }

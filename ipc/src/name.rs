@@ -9,7 +9,8 @@ const SHOWN: usize = 60;
 /// A text that cannot be the name of a pool or lane.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{}` cannot be a name: a name has 1 to {MAX_LEN} letters, digits, `-`, `_` or `.`, and no `.` at the start",
+    "`{}` cannot be a name: a name has 1 to {MAX_LEN} letters, digits, `-`, `_` or `.`, and no `.` at the \
+     start",
     .0.chars().take(SHOWN).collect::<String>().escape_debug()
 )]
 pub struct NameError(String);

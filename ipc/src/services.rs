@@ -1,9 +1,9 @@
 //! The iceoryx2 services of a pool: their names, settings and sizes, and how each side opens them.
 //!
-//! A pool has one event that wakes its workers (`work`), and every lane two data services: `frames` (one
-//! publisher, the supervisor; a learner and spectators subscribe; an event of the same name wakes the
-//! learner) and `requests` (the learner publishes, the supervisor subscribes). Names hold the supervisor's
-//! instance, so that a restarted pool never meets what a learner still holds of its predecessor.
+//! A pool has one event that wakes its workers (`work`). Every lane has two data services: `frames`, which
+//! the supervisor publishes to a learner and spectators, with an event of the same name that wakes the
+//! learner; and `requests`, which the learner publishes to the supervisor. Names contain the supervisor's
+//! instance, so that a restarted pool never finds services that a learner still holds of its predecessor.
 
 use crate::capacity::Capacity;
 pub use crate::error::IpcError;
@@ -36,26 +36,26 @@ pub(crate) type RequestSample = Sample<Ipc, [u8], RequestHeader>;
 pub(crate) type IpcListener = Listener<Ipc>;
 pub(crate) type IpcNotifier = Notifier<Ipc>;
 
-/// A supervisor and a learner that died may still be listed while their successors come.
+/// Extra entries for a supervisor and a learner that died and are still listed when their successors come.
 const SLACK: usize = 4;
 
-/// How long a subscription waits for one of a dead process to be taken back.
+/// How long a subscription waits until one of a dead process is reclaimed.
 const RECLAIM_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a
-/// subscriber that is dropped, whoever still reads them. Dropped in this order.
+/// A subscription to frames. Every batch keeps the one that received it: iceoryx2 reclaims the samples of a
+/// dropped subscriber, also those that are still read. Dropped in this order.
 pub(crate) struct FramePort {
     pub(crate) subscriber: FrameSubscriber,
     _shm_dir: Arc<ShmDir>,
 }
 
-/// A node and the stay that outlives it. Dropped in this order.
+/// A node, and the folder of its files. Dropped in this order.
 pub(crate) struct IpcNode {
     pub(crate) node: Node<Ipc>,
     pub(crate) shm_dir: Arc<ShmDir>,
 }
 
-/// A node without signal handlers, under our own configuration.
+/// A node without signal handlers, with an explicit configuration.
 pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode, IpcError> {
     quiet();
     let entering = format!("entering the folder {}", runtime_dir.root().display());
@@ -71,13 +71,13 @@ pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode,
     Ok(IpcNode { node, shm_dir })
 }
 
-/// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.
+/// Keeps iceoryx2 from writing to the terminal: users get what matters as errors of this crate.
 fn quiet() {
     set_log_level_from_env_or(LogLevel::Fatal);
 }
 
 fn still_held() -> IpcError {
-    let what = "too many clients that are gone still have their frames held";
+    let what = "too many earlier clients still have batches that are held";
     IpcError::new("subscribing to a lane's frames", what, "drop those batches and every array over them")
 }
 
@@ -114,11 +114,54 @@ impl WorkEvent {
     }
 }
 
+type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
+type RequestService = publish_subscribe::PortFactory<Ipc, [u8], RequestHeader>;
+
+fn create_frames(
+    node: &Node<Ipc>,
+    name: &ServiceName,
+    nodes: usize,
+    capacity: Capacity,
+) -> Result<FrameService, IpcError> {
+    let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<FrameHeader>();
+    builder
+        .max_publishers(1)
+        .max_subscribers(capacity.subscriptions())
+        .max_nodes(nodes)
+        .subscriber_max_buffer_size(capacity.frames_waiting)
+        .subscriber_max_borrowed_samples(capacity.max_held_batches)
+        .history_size(0)
+        // A learner or spectator that stopped reading must not stop the workers.
+        .enable_safe_overflow(true)
+        .create()
+        .map_err(doing("creating a lane's frame service"))
+}
+
+fn create_requests(
+    node: &Node<Ipc>,
+    name: &ServiceName,
+    nodes: usize,
+    capacity: Capacity,
+) -> Result<RequestService, IpcError> {
+    let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<RequestHeader>();
+    builder
+        .max_publishers(1 + SLACK)
+        .max_subscribers(1)
+        .max_nodes(nodes)
+        .subscriber_max_buffer_size(capacity.requests_waiting)
+        .subscriber_max_borrowed_samples(2)
+        .history_size(0)
+        // A learner that sends faster than the workers accept must wait; a request is never dropped.
+        .enable_safe_overflow(false)
+        .create()
+        .map_err(doing("creating a lane's request service"))
+}
+
 /// The services of one lane.
 pub(crate) struct LaneServices {
-    frames: publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>,
+    frames: FrameService,
     frames_event: event::PortFactory<Ipc>,
-    requests: publish_subscribe::PortFactory<Ipc, [u8], RequestHeader>,
+    requests: RequestService,
 }
 
 impl LaneServices {
@@ -130,41 +173,11 @@ impl LaneServices {
     ) -> Result<Self, IpcError> {
         let nodes = capacity.spectators + 2 + SLACK;
         let frames_name = service_name(instance, lane, "frames")?;
-        let frames = node.service_builder(&frames_name).publish_subscribe::<[u8]>();
-        let frames = frames
-            .user_header::<FrameHeader>()
-            .max_publishers(1)
-            .max_subscribers(capacity.subscriptions())
-            .max_nodes(nodes)
-            .subscriber_max_buffer_size(capacity.frames_waiting)
-            .subscriber_max_borrowed_samples(capacity.max_held_batches)
-            .history_size(0)
-            // A learner or spectator that stopped reading must not stop the workers.
-            .enable_safe_overflow(true)
-            .create()
-            .map_err(doing("creating a lane's frame service"))?;
-        let frames_event = node
-            .service_builder(&frames_name)
-            .event()
-            .max_listeners(1 + SLACK)
-            .max_notifiers(1)
-            .max_nodes(nodes)
-            .create()
-            .map_err(doing("creating a lane's frame event"))?;
-        let requests = node.service_builder(&service_name(instance, lane, "requests")?);
-        let requests = requests
-            .publish_subscribe::<[u8]>()
-            .user_header::<RequestHeader>()
-            .max_publishers(1 + SLACK)
-            .max_subscribers(1)
-            .max_nodes(nodes)
-            .subscriber_max_buffer_size(capacity.requests_waiting)
-            .subscriber_max_borrowed_samples(2)
-            .history_size(0)
-            // A learner that sends faster than the workers accept waits; a request is never dropped.
-            .enable_safe_overflow(false)
-            .create()
-            .map_err(doing("creating a lane's request service"))?;
+        let frames = create_frames(node, &frames_name, nodes, capacity)?;
+        let frames_event = node.service_builder(&frames_name).event().max_listeners(1 + SLACK);
+        let frames_event = frames_event.max_notifiers(1).max_nodes(nodes).create();
+        let frames_event = frames_event.map_err(doing("creating a lane's frame event"))?;
+        let requests = create_requests(node, &service_name(instance, lane, "requests")?, nodes, capacity)?;
         Ok(LaneServices { frames, frames_event, requests })
     }
 
@@ -207,7 +220,8 @@ impl LaneServices {
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers)
                     if begin.elapsed() < RECLAIM_TIMEOUT =>
                 {
-                    std::thread::sleep(Duration::from_millis(20)); // the supervisor looks for the dead every 100 ms
+                    // The supervisor looks for dead processes every 100 ms.
+                    std::thread::sleep(Duration::from_millis(20));
                 }
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => return Err(still_held()),
                 Err(error) => return Err(doing("subscribing to a lane's frames")(error)),

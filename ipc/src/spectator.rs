@@ -1,5 +1,5 @@
-//! Watching a lane: read-only, as many frames as the spectator has time for. It slows down neither the workers
-//! nor the learner.
+//! Watching a lane: read-only, as many frames as the spectator has time for, without slowing down the workers
+//! or the learner.
 
 use crate::batch::Batch;
 use crate::client::{ClientError, ConnectError, checked_layout};
@@ -14,7 +14,7 @@ use crate::wire::{ReceivedFrame, read_frame};
 use smaclite_pool::layout::Layout;
 use std::sync::Arc;
 
-/// A spectator of a lane. It holds the newest batch that it fetched; older ones that it did not fetch are lost.
+/// A spectator of a lane. It holds the newest batch that it fetched and misses those that it did not fetch.
 pub struct Spectator {
     lane: ProcessOwned<WatchedLane>,
 }
@@ -38,9 +38,9 @@ impl Spectator {
         lane: Option<&str>,
     ) -> Result<Spectator, ConnectError> {
         let wait = WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false };
-        let question = ControlRequest::Watch { lane: lane.map(str::to_owned) };
-        let (control, answer) = ControlClient::request(runtime_dir, pool, &question, wait)?;
-        let description = match answer {
+        let request = ControlRequest::Watch { lane: lane.map(str::to_owned) };
+        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let description = match response {
             ControlResponse::Lane(lane) => *lane,
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
             other => return Err(ControlError::unexpected(&other).into()),
@@ -70,7 +70,8 @@ impl Spectator {
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         let lane = self.lane.get_mut()?;
         // The buffer holds one frame, so at most one is newer. It is read before the held batch is given
-        // back, which stays if the newer frame is an error report. A subscriber may hold two frames or more.
+        // back, because the held batch stays if the newer frame is an error report. A subscriber may hold
+        // two frames.
         if let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
             let frame = read_frame(sample.user_header(), sample.payload(), &lane.layout);
             if frame == Some(ReceivedFrame::Batch) {
@@ -83,7 +84,7 @@ impl Spectator {
     }
 }
 
-/// What a spectator needs of iceoryx2.
+/// Opens what a spectator needs of iceoryx2.
 fn open_ports(
     runtime_dir: &RuntimeDir,
     lane: &LaneDescription,

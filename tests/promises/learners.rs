@@ -123,7 +123,7 @@ fn holding_too_many_frames_is_an_error_that_passes() {
     learner.must("hold 3");
     learner.must("send");
     let error = learner.ask("recv 5000").expect_err("no frame is free");
-    assert_says(&error, &["all 3 frames", "drop", "max_held_batches"]);
+    assert_says(&error, &["all 3 batches", "drop", "max_held_batches"]);
     learner.must("check");
     learner.must("drop");
     learner.must("recv 5000"); // the step's result was not lost

@@ -1,4 +1,4 @@
-//! Attaching to a lane: the question to the supervisor, and the ports of iceoryx2.
+//! Attaching to a lane: the request to the supervisor, and the ports of iceoryx2.
 
 use super::error::ConnectError;
 use super::request_validator::RequestValidator;
@@ -88,9 +88,9 @@ impl Client {
         strategy: WaitStrategy,
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let question = ControlRequest::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
-        let (control, answer) = ControlClient::request(runtime_dir, pool, &question, wait)?;
-        let (session, description) = match answer {
+        let request = ControlRequest::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
+        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let (session, description) = match response {
             ControlResponse::Attached { session, lane } => (session, *lane),
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
             other => return Err(ControlError::unexpected(&other).into()),

@@ -1,8 +1,8 @@
-//! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads of
-//! this one.
+//! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads
+//! of this one.
 //!
-//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `request_validator` checks
-//! a request before it is sent, and `sampler` draws random actions.
+//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `request_validator`
+//! checks a request before it is sent, and `sampler` draws random actions.
 
 mod attach;
 mod error;
@@ -32,7 +32,7 @@ pub struct Client {
     lane: ProcessOwned<AttachedLane>,
 }
 
-/// Dropped in this order: the ports first and the control connection last, so that the supervisor notices the end
+/// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
 /// when everything else is given back.
 struct AttachedLane {
     ports: Ports,

@@ -1,5 +1,6 @@
-//! What a learner may send next: which environments work on an earlier request, and which actions the others
-//! accept. A request that the supervisor would refuse is refused here, with the same error, before it is sent.
+//! What a learner may send next: which environments work on an earlier request, and which actions are
+//! available in the others. A request that the supervisor would refuse is refused here, with the same error,
+//! before it is sent.
 
 use smaclite_pool::env_ids::{check_distinct, env_index};
 use smaclite_pool::fields::Field;

@@ -123,7 +123,8 @@ impl AttachedLane {
             payload[actions_offset(count)..].copy_from_slice(bytemuck::cast_slice(actions));
         }
         let delivered = sample.send();
-        let _ = self.ports.work.notify(); // fails only if the supervisor's event is gone, and so is the supervisor
+        // Fails only if the supervisor's event is gone, and then so is the supervisor.
+        let _ = self.ports.work.notify();
         Ok(matches!(delivered, Ok(receivers) if receivers > 0))
     }
 }

@@ -1,5 +1,5 @@
-//! What is said on the control socket: one JSON object a line, a question from the client, an answer from the
-//! supervisor.
+//! The messages of the control socket: one JSON object per line, requests from the client and responses from
+//! the supervisor.
 
 use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
@@ -8,36 +8,37 @@ use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 
-/// Counts up when a question or answer changes.
+/// Increased whenever a request or response changes.
 pub const PROTOCOL_VERSION: u32 = 1;
 
-/// The longest question that a supervisor reads; the longest real one names a lane.
+/// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
 
-/// The longest answer that a client reads: the status of more lanes than a process has file descriptors for.
+/// Bytes of the longest response that a client reads: the status of more lanes than a process has file
+/// descriptors for.
 pub(crate) const MAX_RESPONSE: usize = 1 << 30;
 
-/// A question to a supervisor.
+/// A request to a supervisor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "request", rename_all = "snake_case")]
 pub enum ControlRequest {
     /// Everything about the pool.
     Status,
-    /// Become the learner of a lane; the only lane if none is named. Ends when the connection does.
+    /// Become the learner of a lane, or of the only lane if none is named, until the connection ends.
     Attach {
-        /// The asker's [`PROTOCOL_VERSION`].
+        /// The client's [`PROTOCOL_VERSION`].
         version: u32,
         /// The lane's name.
         lane: Option<String>,
     },
-    /// Become a spectator of a lane. Ends when the connection does.
+    /// Become a spectator of a lane, or of the only lane if none is named, until the connection ends.
     Watch {
         /// The lane's name.
         lane: Option<String>,
     },
 }
 
-/// A supervisor's answer.
+/// A supervisor's response.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "snake_case")]
 pub enum ControlResponse {
@@ -45,25 +46,25 @@ pub enum ControlResponse {
     Status(PoolStatus),
     /// To [`ControlRequest::Attach`].
     Attached {
-        /// Goes into every request.
+        /// The session; part of every request of the learner.
         session: u64,
-        /// What was attached to.
+        /// The lane.
         lane: Box<LaneDescription>,
     },
     /// To [`ControlRequest::Watch`].
     Lane(Box<LaneDescription>),
-    /// No.
+    /// To any request that was refused.
     Refused(ControlError),
 }
 
-/// Why a question was refused.
+/// Why a control request was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "error", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlError {
     #[error("lane `{lane}` already has a learner: process {learner_pid}")]
     LaneTaken { lane: String, learner_pid: u32 },
-    #[error("lane `{lane}` has its {limit} spectators already; serve it with more (--spectators)")]
+    #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
@@ -73,11 +74,11 @@ pub enum ControlError {
         "the pool speaks version {supervisor} of the protocol, this program {client}; run the same release"
     )]
     Version { supervisor: u32, client: u32 },
-    #[error("lane `{lane}` failed and serves no more: {text}")]
+    #[error("lane `{lane}` failed and no longer serves: {text}")]
     LaneFailed { lane: String, text: String },
     #[error(
-        "this process runs in another process namespace than pool `{pool}`, which could not notice its end; run both \
-         in the same one (`docker run --pid=container:NAME`)"
+        "this process runs in another process namespace than pool `{pool}`, which could not notice its end; \
+         run both in the same one (`docker run --pid=container:NAME`)"
     )]
     OtherNamespace { pool: String },
     #[error("not understood: {what}")]
@@ -85,7 +86,7 @@ pub enum ControlError {
 }
 
 impl ControlError {
-    /// An answer that does not belong to the question.
+    /// A response that does not fit the request.
     pub(crate) fn unexpected(answer: &ControlResponse) -> ControlError {
         ControlError::Malformed { what: format!("unexpected answer {answer:?}") }
     }
@@ -112,12 +113,12 @@ pub struct PoolStatus {
     pub lanes: Vec<LaneStatus>,
 }
 
-/// A lane now.
+/// The current state of a lane.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LaneStatus {
-    /// What it is.
+    /// Its constant part.
     pub description: LaneDescription,
-    /// The process of the learner that has it.
+    /// The process of its learner, if it has one.
     pub learner_pid: Option<u32>,
     /// Spectators that watch it.
     pub spectators: usize,
@@ -127,11 +128,11 @@ pub struct LaneStatus {
     pub steps_per_s: f64,
     /// Microseconds that a request waited for a worker, on average over the last second.
     pub queue_wait_us: f64,
-    /// Why it is out of service, if it is.
+    /// Why it failed, if it did.
     pub failure: Option<String>,
 }
 
-/// What a lane is: enough to find its services and read its frames.
+/// The description of a lane: enough to find its services and read its frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaneDescription {
     /// The pool's name.
@@ -152,11 +153,11 @@ pub struct LaneDescription {
     pub settings: LaneSettings,
     /// Steps after which an episode is truncated.
     pub episode_limit: Option<u32>,
-    /// The rules that are played: `smaclite` or `paper`.
+    /// The rules of its battles: `smaclite` or `paper`.
     pub rules: String,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
-    /// How many frames may be held and wait.
+    /// How many frames and requests its memory has room for.
     pub capacity: Capacity,
     /// Worker threads of the pool, which all lanes share.
     pub threads: usize,
@@ -187,26 +188,32 @@ impl LaneDescription {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_pool::MAX_ENVS;
     use smaclite_pool::fields::FieldSet;
 
-    #[test]
-    fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
-        let sizes = Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
-        let settings = LaneSettings::new(1_000_000);
-        let lane = LaneDescription {
+    /// A lane of 2s3z with as many environments as there can be.
+    fn lane() -> LaneDescription {
+        let settings = LaneSettings::new(MAX_ENVS);
+        LaneDescription {
             pool: "train".to_owned(),
             pid: 1,
             instance: "train.1.0".to_owned(),
             lane: "2s3z".to_owned(),
             scenario: "2s3z".to_owned(),
-            sizes,
+            sizes: Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 },
             settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
             layout_hash: 0,
             capacity: Capacity::new(&settings, 1, 2, 0),
             threads: 2,
-        };
+        }
+    }
+
+    #[test]
+    fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
+        let lane = lane();
+        let (sizes, settings) = (lane.sizes, lane.settings);
         assert!(lane.layout().is_ok());
         let of_sizes = |sizes| LaneDescription { sizes, ..lane.clone() };
         let of_settings = |settings| LaneDescription { settings, ..lane.clone() };
@@ -216,13 +223,16 @@ mod tests {
             of_sizes(Sizes { obs_size: usize::MAX, ..sizes }),
             of_sizes(Sizes { state_size: usize::MAX / 4, ..sizes }),
             of_settings(LaneSettings { batch_size: 0, ..settings }),
-            of_settings(LaneSettings { batch_size: 1_000_001, ..settings }),
+            of_settings(LaneSettings { batch_size: MAX_ENVS + 1, ..settings }),
             of_settings(LaneSettings { num_envs: usize::MAX, ..settings }),
         ];
         lies.iter().for_each(|lie| assert!(lie.layout().is_err(), "{lie:?}"));
+    }
 
-        let keys = serde_json::to_value(&lane).unwrap();
-        assert_eq!((&keys["n_agents"], &keys["batch_size"]), (&5.into(), &1_000_000.into()), "{keys}");
+    #[test]
+    fn sizes_and_settings_are_keys_of_the_description() {
+        let keys = serde_json::to_value(lane()).unwrap();
+        assert_eq!((&keys["n_agents"], &keys["batch_size"]), (&5.into(), &MAX_ENVS.into()), "{keys}");
         let with_fields = |names: &[&str]| {
             let mut keys = keys.clone();
             keys["fields"] = names.into();

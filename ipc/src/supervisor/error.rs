@@ -13,7 +13,7 @@ use smaclite_pool::LaneSettingsError;
 pub enum StartError {
     #[error("pool name: {0}")]
     Name(#[from] NameError),
-    #[error("a pool named `{pool}` already runs{}; choose another name or stop it", of_process(*pid))]
+    #[error("a pool named `{pool}` runs already{}; choose another name or stop it", of_process(*pid))]
     NameTaken { pool: String, pid: Option<u32> },
     #[error("a pool needs at least one lane")]
     NoLanes,
