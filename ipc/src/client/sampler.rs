@@ -3,19 +3,16 @@
 use super::request_validator::RequestValidator;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use smaclite_engine::policy::pick;
 use smaclite_pool::Rejection;
 
 /// Draws actions by the masks that a [`RequestValidator`] remembers.
 pub(super) struct Sampler {
     generator: Pcg64Mcg,
-    /// The mask of one agent, one bit per action.
-    bits: Vec<u64>,
 }
 
 impl Sampler {
     pub(super) fn new(seed: u64) -> Sampler {
-        Sampler { generator: Pcg64Mcg::seed_from_u64(seed), bits: Vec::new() }
+        Sampler { generator: Pcg64Mcg::seed_from_u64(seed) }
     }
 
     /// Writes an action for every agent of the environments (all, if `None`), `[count, n_agents]`.
@@ -29,30 +26,28 @@ impl Sampler {
         for (i, actions) in out.chunks_exact_mut(validator.n_agents()).enumerate() {
             let env = env_ids.map_or(Ok(i), |ids| validator.env_index(ids[i]))?;
             for (agent, action) in actions.iter_mut().enumerate() {
-                *action = self.draw(validator.mask(env, agent));
+                *action = pick(validator.mask(env, agent), self.generator.next_u64()) as i32;
             }
         }
         Ok(())
     }
-
-    fn draw(&mut self, mask: &[u8]) -> i32 {
-        self.bits.clear();
-        self.bits.extend(mask.chunks(64).map(pack_word));
-        pick(&self.bits, self.generator.next_u64()) as i32
-    }
 }
 
-/// Up to 64 mask bytes as bits.
-fn pack_word(bytes: &[u8]) -> u64 {
-    let (eights, rest) = bytes.as_chunks::<8>();
-    let last = rest.iter().rev().fold(0, |bits, byte| bits << 1 | u64::from(byte & 1));
-    let start = if rest.is_empty() { 0 } else { last << (8 * eights.len()) };
-    eights.iter().enumerate().fold(start, |word, (i, eight)| word | pack_eight(*eight) << (8 * i))
-}
-
-/// Eight mask bytes as eight bits: the multiplication gathers the low bit of every byte in the top byte.
-fn pack_eight(bytes: [u8; 8]) -> u64 {
-    ((u64::from_le_bytes(bytes) & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080)) >> 56
+/// One of the available actions, as uniformly as `random` is; 0 if none is available.
+fn pick(mask: &[u8], random: u64) -> usize {
+    let count: u32 = mask.iter().map(|available| u32::from(*available != 0)).sum();
+    // The high bits of random * count are uniform in 0..count, to within count / 2^64.
+    let skip = ((u128::from(random) * u128::from(count)) >> 64) as u32;
+    // The index of the available action number `skip` is the number of prefixes of the mask that contain at
+    // most `skip` available actions. It is counted without branches, since random ones would be
+    // mispredicted.
+    let mut seen = 0;
+    let action = mask.iter().filter(|available| {
+        seen += u32::from(**available != 0);
+        seen <= skip
+    });
+    let action = action.count();
+    if action < mask.len() { action } else { 0 }
 }
 
 #[cfg(test)]
@@ -60,10 +55,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_become_bits() {
-        assert_eq!(pack_word(&[1, 0, 1, 1, 0, 0, 0, 1]), 0b1000_1101);
-        assert_eq!(pack_word(&[0, 1]), 0b10);
-        assert_eq!(pack_word(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1]), 0b110_0000_0001);
-        assert_eq!(pack_word(&[1; 64]), u64::MAX);
+    fn every_available_action_and_no_other_is_picked_alike() {
+        let picked = |mask: &[u8]| [0, 1, 2, 3].map(|quarter| pick(mask, quarter << 62));
+        assert_eq!(picked(&[0, 1, 1, 0, 1, 0, 1, 0]), [1, 2, 4, 6]);
+        assert_eq!(picked(&[1, 0, 0, 1]), [0, 0, 3, 3]);
+        assert_eq!(picked(&[0, 0, 1]), [2; 4]);
+        assert_eq!(picked(&[0; 9]), [0; 4], "no action is available");
+        let mut long = [1; 200];
+        long[0] = 0;
+        assert_eq!([pick(&long, 0), pick(&long, u64::MAX)], [1, 199]);
     }
 }

@@ -16,7 +16,7 @@ mod transport;
 use game::{LaneEnvs, Oddity, SIZES};
 use libfuzzer_sys::fuzz_target;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
-use smaclite_pool::fields::{Field, FieldSet};
+use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{FrameContent, Doorbell, Inlet, Message, Request, RequestKind, Transport};
 use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, Pool, PoolOptions, Rejection, WaitStrategy};
