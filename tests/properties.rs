@@ -177,7 +177,7 @@ proptest! {
         let mut battle = battle;
         play(&mut battle, seed, 5);
         let (after, outputs) = (battle.units(), Outputs::of(&battle));
-        for unit in (0..sizes.n_units).filter(|&unit| !before.alive[unit]) {
+        for unit in (0..sizes.n_units()).filter(|&unit| !before.alive[unit]) {
             prop_assert!(!after.alive[unit], "unit {} is alive again", unit);
             prop_assert_eq!(before.pos[unit], after.pos[unit]);
             prop_assert_eq!(before.shield[unit], after.shield[unit]);
@@ -191,7 +191,7 @@ proptest! {
         }
         prop_assert_eq!(outputs.alive.iter().filter(|&&bit| bit == 0).count(), battle.dead_allies());
         let alive = after.alive.iter().filter(|&&alive| alive).count();
-        prop_assert_eq!(sizes.n_units - alive, battle.dead_allies() + battle.dead_enemies());
+        prop_assert_eq!(sizes.n_units() - alive, battle.dead_allies() + battle.dead_enemies());
     }
 
     #[test]

@@ -5,12 +5,11 @@ use smaclite_benches::process::wait_for_termination;
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::Environment;
-use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_pool::{LaneSettings, PoolOptions};
 use std::error::Error;
 
 pub(crate) const SIZES: Sizes =
-    Sizes { n_agents: 5, n_enemies: 5, n_units: 10, n_actions: 11, obs_size: 80, state_size: 120 };
+    Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
 
 struct Null;
 
@@ -55,12 +54,8 @@ pub(crate) fn serve(
 ) -> Result<(), Box<dyn Error>> {
     let lane = LaneConfig {
         name: "null".to_owned(),
-        game: LaneEnvs::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
-        num_envs,
-        batch_size: num_envs,
-        seed: 0,
-        autoreset: Autoreset::NextStep,
-        fields: FieldSet::ALL,
+        envs: LaneEnvs::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
+        settings: LaneSettings::new(num_envs),
         max_held_batches: 4,
         spectators: 0,
     };

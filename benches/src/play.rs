@@ -73,7 +73,7 @@ impl Recording {
                     Policy::Nearest => policy::nearest(&battle, &mut row),
                     Policy::Random | Policy::Sampled => random.act(&battle, &mut row),
                 }
-                let living = sizes.n_units - battle.dead_allies() - battle.dead_enemies();
+                let living = sizes.n_units() - battle.dead_allies() - battle.dead_enemies();
                 recording.unit_ticks += (living * TICKS_PER_STEP) as u64;
                 recording.played += 1;
                 battle.step(&row, &mut scratch).expect("policies choose available actions");
@@ -207,7 +207,7 @@ mod tests {
                     resets += 1;
                 } else {
                     let dead = battle.dead_allies() + battle.dead_enemies();
-                    unit_ticks += ((arena.sizes().n_units - dead) * TICKS_PER_STEP) as u64;
+                    unit_ticks += ((arena.sizes().n_units() - dead) * TICKS_PER_STEP) as u64;
                     battle.step(actions, &mut scratch).expect("available actions");
                 }
             }

@@ -92,7 +92,7 @@ impl Envs {
 
     /// The number of environments in a request.
     fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
-        ids.map_or(self.description.num_envs, Int32Array::len)
+        ids.map_or(self.description.settings.num_envs, Int32Array::len)
     }
 
     /// Converts the arguments of `step` and `send`.
@@ -106,7 +106,7 @@ impl Envs {
             require_envs("env_id", ids.as_slice()?)?;
         }
         let n_envs = self.request_size(ids.as_ref());
-        let actions = convert::actions(actions, n_envs, self.description.n_agents)?;
+        let actions = convert::actions(actions, n_envs, self.description.sizes.n_agents)?;
         Ok((actions, ids))
     }
 }
@@ -149,7 +149,7 @@ impl Envs {
             (Some(_), Some(_)) => {
                 return Err(invalid_request("mask and env_id cannot be combined; pass only one of them"));
             }
-            (Some(mask), None) => Some(selected_envs(mask, self.description.num_envs)?),
+            (Some(mask), None) => Some(selected_envs(mask, self.description.settings.num_envs)?),
             (None, ids) => match env_ids(ids)? {
                 Some(ids) => Some(require_envs("env_id", ids.as_slice()?.to_vec())?),
                 None => None,
@@ -289,7 +289,7 @@ impl Envs {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let ids = env_ids(env_id)?;
-        let shape = [self.request_size(ids.as_ref()), self.description.n_agents];
+        let shape = [self.request_size(ids.as_ref()), self.description.sizes.n_agents];
         let out = match out {
             Some(out) => convert::output_array(out, shape)?,
             None => PyArray2::zeros(py, shape, false),
@@ -344,51 +344,51 @@ impl Envs {
         let kind = if self.embedded { "embedded" } else { "attached" };
         format!(
             "<smaclite_pool.Envs {} x {}, {kind}, pool '{}', lane '{}'>",
-            d.num_envs, d.scenario, d.pool, d.lane
+            d.settings.num_envs, d.scenario, d.pool, d.lane
         )
     }
 
     /// Number of environments (N).
     #[getter]
     fn num_envs(&self) -> usize {
-        self.description.num_envs
+        self.description.settings.num_envs
     }
 
     /// Number of environments per batch (M); equal to `num_envs` in synchronous mode.
     #[getter]
     fn batch_size(&self) -> usize {
-        self.description.batch_size
+        self.description.settings.batch_size
     }
 
     /// Number of agents per environment.
     #[getter]
     fn n_agents(&self) -> usize {
-        self.description.n_agents
+        self.description.sizes.n_agents
     }
 
     /// Number of enemies per environment.
     #[getter]
     fn n_enemies(&self) -> usize {
-        self.description.n_enemies
+        self.description.sizes.n_enemies
     }
 
     /// Number of actions per agent: no-op (dead agents only), stop, move north, south, east and west, then
     /// one per target.
     #[getter]
     fn n_actions(&self) -> usize {
-        self.description.n_actions
+        self.description.sizes.n_actions
     }
 
     /// Number of features in an agent's observation.
     #[getter]
     fn obs_size(&self) -> usize {
-        self.description.obs_size
+        self.description.sizes.obs_size
     }
 
     /// Number of features in the state.
     #[getter]
     fn state_size(&self) -> usize {
-        self.description.state_size
+        self.description.sizes.state_size
     }
 
     /// Number of steps after which an episode is truncated; None for no limit.
@@ -406,13 +406,13 @@ impl Envs {
     /// What happens at the end of an episode: "next_step", "same_step" or "disabled".
     #[getter]
     fn autoreset(&self) -> &'static str {
-        self.description.autoreset.name()
+        self.description.settings.autoreset.name()
     }
 
     /// The lane's seed: environment i starts with seed + i.
     #[getter]
     fn seed(&self) -> u64 {
-        self.description.seed
+        self.description.settings.seed
     }
 
     /// The pool's name.

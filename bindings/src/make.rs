@@ -13,8 +13,8 @@ use smaclite_engine::Rules;
 use smaclite_ipc::{
     Client, LaneConfig, LaneEnvs, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, check_name,
 };
-use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::FieldSet;
+use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -95,11 +95,12 @@ pub fn make(
         let scenario = Scenario::resolve(&scenario.to_string_lossy());
         let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
-        if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.game {
+        if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
             (*lane_rules, *episode_limit) = (rules, limit);
         }
         lane.spectators = 0; // other processes do not know the pool's name
-        let lane = LaneConfig { batch_size, seed, autoreset, fields, max_held_batches, ..lane };
+        let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
+        let lane = LaneConfig { settings, max_held_batches, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;

@@ -1,5 +1,5 @@
-//! Errors of iceoryx2. Its own say little ("InternalError"), so each is kept together with what was being
-//! done and, where it can be measured, the shortage that is its likely cause.
+//! Errors of iceoryx2. Its own texts say little ("InternalError"), so each is kept as the source of an error
+//! that says what was being done and, where it can be measured, which shortage is its likely cause.
 
 use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{StatVfsMountFlags, statvfs};
@@ -7,11 +7,11 @@ use rustix::process::{Resource, getrlimit};
 use std::error::Error;
 use std::fmt::Display;
 
-/// iceoryx2 closes what it had opened before it reports a failure; fewer free file descriptors than this were
-/// too few.
+/// Fewer free file descriptors than this were too few: iceoryx2 closes what it opened before it reports a
+/// failure.
 const FEW_DESCRIPTORS: u64 = 16;
 
-/// Less than one segment or file of iceoryx2 needs.
+/// Fewer bytes than one segment or file of iceoryx2 needs.
 const FEW_BYTES: u64 = 64 << 10;
 
 /// An error of iceoryx2, with what was being done and its likely cause.
@@ -23,25 +23,25 @@ pub struct IpcError {
     advice: String,
 }
 
-/// Says what was being done when iceoryx2 refused.
+/// Adds what was being done to an error of iceoryx2.
 pub(crate) fn doing<E: Error + Send + Sync + 'static>(
     doing: impl Into<String>,
 ) -> impl FnOnce(E) -> IpcError {
     move |source| {
         let shortage =
             few_descriptors().or_else(|| full("/dev/shm", "give it more (`mount -o remount,size=...`)"));
-        let advice = shortage.unwrap_or_else(|| "IOX2_LOG_LEVEL=debug makes iceoryx2 say more".to_owned());
-        IpcError { doing: doing.into(), source: Box::new(source), advice }
+        let otherwise = || "set IOX2_LOG_LEVEL=debug for the log of iceoryx2".to_owned();
+        IpcError { doing: doing.into(), source: Box::new(source), advice: shortage.unwrap_or_else(otherwise) }
     }
 }
 
 impl IpcError {
-    /// An error that iceoryx2 does not have.
+    /// An error that iceoryx2 does not name.
     pub(crate) fn new(doing: impl Into<String>, what: &str, advice: &str) -> IpcError {
         IpcError { doing: doing.into(), source: what.into(), advice: advice.to_owned() }
     }
 
-    /// The same where the disk of the pools' folder may be the cause.
+    /// The same error, for an operation that a full disk of the runtime folder can make fail.
     pub(crate) fn at(self, runtime_dir: &RuntimeDir) -> IpcError {
         let full =
             full(runtime_dir.root().display(), "make room there or set SMACLITE_POOL_ROOT to another folder");
@@ -51,7 +51,7 @@ impl IpcError {
 
 fn few_descriptors() -> Option<String> {
     let limit = getrlimit(Resource::Nofile).current?;
-    // Counting takes a file descriptor itself.
+    // The listing itself uses a file descriptor.
     let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |entries| entries.count() as u64);
     (open + FEW_DESCRIPTORS > limit).then(|| {
         format!("this process has {open} of {limit} file descriptors in use: raise the limit (`ulimit -n`)")

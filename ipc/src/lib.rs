@@ -5,7 +5,7 @@
 //! A learner in Rust:
 //!
 //! ```
-//! use smaclite_ipc::{Client, LaneConfig, WaitOptions, RuntimeDir, Supervisor, SupervisorConfig};
+//! use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions};
 //! use smaclite_scenarios::Scenario;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -13,12 +13,13 @@
 //! # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
 //! // Usually another process: `smaclite-pool serve 2s3z:4 --name train`.
 //! let lanes = vec![LaneConfig::new("2s3z", Scenario::resolve("2s3z")?, 4)];
-//! let config = SupervisorConfig { name: "train".into(), lanes, options: Default::default(), runtime_dir: runtime_dir.clone() };
+//! let (name, options) = ("train".to_owned(), Default::default());
+//! let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
 //!
 //! let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
 //! let batch = client.reset(Some(1), None, WaitOptions::forever())?;
-//! assert_eq!(batch.obs_matrix().nrows(), 4 * 5);
+//! assert_eq!(batch.obs().len(), 4 * 5 * client.description().sizes.obs_size);
 //! let mut actions = vec![0; 4 * 5];
 //! client.sample_actions(None, &mut actions)?;
 //! let batch = client.step(&actions, None, WaitOptions::forever())?;
@@ -31,12 +32,14 @@
 #![deny(unsafe_code)] // allowed where a module says why
 
 mod batch;
+mod capacity;
 mod clean;
 mod client;
 pub mod control;
 mod error;
 mod memory;
-mod request_validator;
+mod name;
+mod process_owned;
 mod runtime_dir;
 mod services;
 mod shm_dir;
@@ -44,30 +47,38 @@ mod spectator;
 mod supervisor;
 mod transport;
 mod variant;
+mod wait_options;
 pub mod wire;
 
 pub use batch::Batch;
+pub use capacity::Capacity;
 pub use clean::{CleanError, CleanReport, clean};
-pub use client::{Client, ClientError, ConnectError, WaitOptions};
+pub use client::{Client, ClientError, ConnectError};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
 pub use memory::TooLittleMemory;
-pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError, check_name};
-pub use services::{Capacity, IpcError};
+pub use name::{NameError, check_name};
+pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
+pub use services::IpcError;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
 pub use shm_dir::iceoryx;
 pub use smaclite_pool::WaitStrategy;
 pub use spectator::Spectator;
 pub use supervisor::{
-    LaneConfig, LaneEnvs, MAX_ENVS, PreparedPool, StartError, Supervisor, SupervisorConfig,
+    LaneConfig, LaneConfigError, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig,
 };
 #[doc(hidden)] // for the same tests
 pub use variant::PoolService;
+pub use wait_options::WaitOptions;
 
 use control::client::{ControlClient, RESPONSE_TIMEOUT};
 use control::protocol::{ControlRequest, ControlResponse};
+use std::time::Duration;
 
-/// What a pool is doing. It has 10 seconds to answer.
+/// How often a wait checks what cannot wake it: whether the peer lives, and whether the caller wants to stop.
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// The status of a pool, which has 10 seconds to answer.
 pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, ConnectError> {
     status_within(
         runtime_dir,
@@ -76,7 +87,7 @@ pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, Connec
     )
 }
 
-/// What a pool is doing, if it answers in time.
+/// The status of a pool, if it answers in time.
 pub fn status_within(
     runtime_dir: &RuntimeDir,
     pool: &str,
@@ -89,7 +100,7 @@ pub fn status_within(
     }
 }
 
-/// Names of the pools that run at a runtime_dir, sorted. A supervisor that is stopped runs.
+/// Names of the pools that run in a runtime folder, sorted; those of stopped supervisors too.
 pub fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
     control::client::running_pools(runtime_dir)
 }

@@ -1,4 +1,4 @@
-//! Shared memory is promised before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS
+//! Shared memory is reserved before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS
 //! later.
 
 use crate::runtime_dir::RuntimeDir;
@@ -13,8 +13,9 @@ const SHM: &str = "/dev/shm";
 /// Too little shared memory.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{SHM} has {available} bytes free, but {needed} are needed ({for_what}); give it more (`docker run --shm-size={suggested}m`, \
-     `mount -o remount,size=... {SHM}`), use fewer environments, or leave fields out"
+    "{SHM} has {available} bytes free, but {needed} are needed ({for_what}); give it more \
+     (`docker run --shm-size={suggested}m`, `mount -o remount,size=... {SHM}`), use fewer environments, or \
+     leave fields out"
 )]
 pub struct TooLittleMemory {
     needed: u64,
@@ -23,31 +24,32 @@ pub struct TooLittleMemory {
     suggested: u64,
 }
 
-/// What iceoryx2 needs beside frames and requests for the ports of one process at one lane: management
-/// segments and connections, a page or a few each; measured 30 to 60 kB. They cannot be reserved, since they
-/// come with the peers.
+/// Bytes that iceoryx2 needs beside frames and requests for the ports of one process at one lane:
+/// management segments and connections, one or a few pages each (measured: 30 to 60 kB). They cannot be
+/// reserved, because they are created when peers come.
 pub(crate) const PORTS: usize = 128 << 10;
 
-/// Is there room for `needed` bytes?
+/// Checks that `needed` bytes are free.
 pub(crate) fn check_room(needed: usize, for_what: &str) -> Result<(), TooLittleMemory> {
-    let Ok(stat) = rustix::fs::statvfs(SHM) else { return Ok(()) }; // no tmpfs there: creating files will say so
+    // Without a file system there, the creation of files will fail and say why.
+    let Ok(stat) = rustix::fs::statvfs(SHM) else { return Ok(()) };
     let available = stat.f_bavail * stat.f_frsize;
     let needed = needed as u64;
     if needed <= available { Ok(()) } else { Err(too_little(needed, available, for_what)) }
 }
 
 fn too_little(needed: u64, available: u64, for_what: &str) -> TooLittleMemory {
-    // What others use there counts too: the size is that of the whole.
+    // Memory that others use there counts too: `size` is that of the whole file system.
     let used = rustix::fs::statvfs(SHM).map_or(0, |stat| (stat.f_blocks - stat.f_bavail) * stat.f_frsize);
     let suggested = (used + needed * 5 / 4) / (1 << 20) + 64;
     TooLittleMemory { needed, available, for_what: for_what.to_owned(), suggested }
 }
 
-/// How much is set aside between two questions to the caller: milliseconds of work.
+/// Bytes reserved between two calls of `interrupted`: milliseconds of work.
 const CHUNK: u64 = 8 << 20;
 
-/// Has the kernel set aside every page of the data segments this process writes to; `false` if `interrupted`
-/// said so meanwhile.
+/// Has the kernel reserve every page of the data segments that this process writes to; `false` if
+/// `interrupted` returned `true` meanwhile.
 pub(crate) fn reserve_segments(
     runtime_dir: &RuntimeDir,
     for_what: &str,
@@ -76,7 +78,7 @@ pub(crate) fn reserve_segments(
     Ok(true)
 }
 
-/// The data segments of this place that are mapped for writing, which only their creator does.
+/// The data segments of this runtime folder that are mapped for writing, which only their creator does.
 fn own_segments(runtime_dir: &RuntimeDir) -> BTreeSet<PathBuf> {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
     let prefix = format!("{SHM}/{}", runtime_dir.shm_prefix());

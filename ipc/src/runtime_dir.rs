@@ -1,22 +1,22 @@
-//! Where pools of this user live: a private folder for sockets and locks. What iceoryx2 keeps in `/dev/shm`,
-//! and who uses the place at the moment, is `stay`'s concern. One user per pool: nothing here can be opened
-//! by another.
+//! The runtime folder of a user's pools: a private folder for sockets and locks, which no other user can
+//! open. The files of iceoryx2 in `/dev/shm`, and which processes use them, are `shm_dir`'s concern.
 
+use crate::name::check_name;
 use rustix::fs::OFlags;
+use smaclite_pool::fnv::Fnv1a;
 use std::fs::{File, Metadata};
 use std::io::Error;
 use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// Overrides the folder, for tests and for containers that share one. All processes of a pool must agree on
-/// it.
+/// The environment variable that overrides the folder, for tests and for containers that share one. It must
+/// be the same in all processes of a pool.
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
-/// The system limits paths of sockets to 108 bytes with the zero at their end; the longest is
-/// `ROOT/NAME.sock`.
+/// Linux limits paths of sockets to 108 bytes with the zero at their end; the longest is `ROOT/NAME.sock`.
 const MAX_ROOT_LEN: usize = 60;
 
-/// Of a file that belongs to this user alone.
+/// The mode of a file that only this user can open.
 pub(crate) const PRIVATE: u32 = 0o600;
 
 /// The folder of this user's pools.
@@ -26,27 +26,40 @@ pub struct RuntimeDir {
     prefix: String,
 }
 
-/// Why there is no place for pools.
+/// Why a folder cannot be the runtime folder.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum RuntimeDirError {
-    #[error("{ROOT_VARIABLE} is empty; set it to a folder of your own or unset it")]
+    #[error("{ROOT_VARIABLE} is empty; set it to a private folder or unset it")]
     Empty,
-    #[error("{root}: expected a folder; {found}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    #[error(
+        "{root}: expected a folder; {found}; set {ROOT_VARIABLE} to a private folder",
+        root = root.display()
+    )]
     NotAFolder { root: PathBuf, found: String },
     #[error("{root}: cannot be created: {source}", root = root.display())]
     Create { root: PathBuf, source: std::io::Error },
-    #[error("{root}: belongs to user {owner}, not to user {user}; set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    #[error(
+        "{root}: belongs to user {owner}, not to user {user}; set {ROOT_VARIABLE} to a private folder",
+        root = root.display()
+    )]
     NotOurs { root: PathBuf, owner: u32, user: u32 },
-    #[error("{root}: other users can write to it (mode {mode:o}); `chmod 700` it or set {ROOT_VARIABLE} to a folder of your own", root = root.display())]
+    #[error(
+        "{root}: other users can write to it (mode {mode:o}); `chmod 700` it or set {ROOT_VARIABLE} to a \
+         private folder",
+        root = root.display()
+    )]
     Open { root: PathBuf, mode: u32 },
-    #[error("{root}: is longer than {MAX_ROOT_LEN} bytes; set {ROOT_VARIABLE} to a shorter path", root = root.display())]
+    #[error(
+        "{root}: must be at most {MAX_ROOT_LEN} bytes long; set {ROOT_VARIABLE} to a shorter path",
+        root = root.display()
+    )]
     TooLong { root: PathBuf },
 }
 
 impl RuntimeDir {
-    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it is not
-    /// there.
+    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it does not
+    /// exist.
     pub fn for_current_user() -> Result<RuntimeDir, RuntimeDirError> {
         let uid = rustix::process::getuid().as_raw();
         let default = PathBuf::from(format!("/tmp/smaclite-pool-{uid}"));
@@ -54,7 +67,10 @@ impl RuntimeDir {
         RuntimeDir::at(root)
     }
 
-    /// Pools in a folder of the caller's choice.
+    /// The given folder; created, private to this user, if it does not exist.
+    ///
+    /// # Errors
+    /// If the path is empty or too long, is not a folder, or other users own it or can write to it.
     pub fn at(root: PathBuf) -> Result<RuntimeDir, RuntimeDirError> {
         if root.as_os_str().is_empty() {
             return Err(RuntimeDirError::Empty);
@@ -69,7 +85,7 @@ impl RuntimeDir {
         })?;
         let user = rustix::process::getuid().as_raw();
         let failed = |source| RuntimeDirError::Create { root: root.clone(), source };
-        // A link that another user put into /tmp would have us work in any folder of ours.
+        // A link that another user put into /tmp could lead to any folder of this user.
         let link = root.symlink_metadata().map_err(failed)?;
         let canonical = root.canonicalize().map_err(failed)?;
         let folder = canonical.metadata().map_err(failed)?;
@@ -80,11 +96,10 @@ impl RuntimeDir {
         if folder.mode() & 0o022 != 0 {
             return Err(RuntimeDirError::Open { root, mode: folder.mode() & 0o7777 });
         }
-        // Two folders must not share names in /dev/shm, where the folder does not show.
-        let hash = root.as_os_str().as_encoded_bytes().iter().fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
-            (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
-        });
-        Ok(RuntimeDir { prefix: format!("sp{:08x}", hash as u32), root })
+        // Names in /dev/shm do not contain the folder, so two folders need different prefixes.
+        let mut hash = Fnv1a::default();
+        hash.write(root.as_os_str().as_encoded_bytes());
+        Ok(RuntimeDir { prefix: format!("sp{:08x}", hash.finish() as u32), root })
     }
 
     /// The folder.
@@ -92,8 +107,7 @@ impl RuntimeDir {
         &self.root
     }
 
-    /// What the name of this place's folder in `/dev/shm` begins with; then comes a mark that cannot be
-    /// guessed.
+    /// The first part of the name of its folder in `/dev/shm`; a suffix that cannot be guessed follows.
     pub fn shm_prefix(&self) -> &str {
         &self.prefix
     }
@@ -103,7 +117,7 @@ impl RuntimeDir {
         self.root.join(format!("{pool}.sock"))
     }
 
-    /// The file a pool's supervisor holds locked.
+    /// The file that a pool's supervisor holds locked.
     pub fn lock(&self, pool: &str) -> PathBuf {
         self.root.join(format!("{pool}.lock"))
     }
@@ -113,8 +127,8 @@ impl RuntimeDir {
         self.names_of(&[".sock"], |_| true)
     }
 
-    /// Names of the pools that left a socket or a lock here, dead or alive. Files that only happen to be
-    /// named so are none of ours: a pool's files are private, and its lock is empty.
+    /// Names of the pools that left a socket or a lock here, dead or alive. A pool's files are private and
+    /// its lock is empty; other files with such names are not ours.
     pub(crate) fn stale_names(&self) -> Vec<String> {
         let user = rustix::process::getuid().as_raw();
         let is_pools = |file: &Metadata| {
@@ -139,13 +153,13 @@ impl RuntimeDir {
     }
 }
 
-/// Opens or makes a file to lock, private even where the folder is not: a lock is all another user needs to
-/// get in the way. What is there already must be ours alone and a plain file; a FIFO would be waited for.
+/// Opens or makes a file to lock. The file is private even where the folder is not: another user could
+/// block a pool by locking it. An existing file must be private and plain; to open a FIFO could block.
 pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
     let named = |error: Error| Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let careful = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
     let mut options = File::options();
-    options.create(true).truncate(false).read(true).write(true).mode(PRIVATE).custom_flags(careful);
+    options.create(true).truncate(false).read(true).write(true).mode(PRIVATE).custom_flags(flags);
     let file = options.open(path).map_err(named)?;
     let found = file.metadata().map_err(named)?;
     let user = rustix::process::getuid().as_raw();
@@ -155,7 +169,7 @@ pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
     Err(Error::other(format!("{}: expected a private file; {}", path.display(), owner_and_mode(&found))))
 }
 
-/// For messages about files that are not as they must be.
+/// Owner, mode and size of a file, for errors.
 pub(crate) fn owner_and_mode(file: &Metadata) -> String {
     let (user, mode, bytes) = (rustix::process::getuid().as_raw(), file.mode() & 0o7777, file.len());
     let kind = if file.is_file() { "it" } else { "it is not a plain file and" };
@@ -165,23 +179,11 @@ pub(crate) fn owner_and_mode(file: &Metadata) -> String {
     )
 }
 
-/// Is this still the file at `path`? Between opening a lock's file and locking it, its last learner_pid may have
-/// removed it.
+/// Is this still the file at `path`? Between the opening of a lock's file and its locking, its previous owner
+/// may have removed it.
 pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
     let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
     matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
-}
-
-/// May this be a pool's or lane's name? Names become parts of file names and of messages to people.
-pub fn check_name(name: &str) -> Result<(), String> {
-    let fine = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    if name.is_empty() || name.len() > 40 || !name.chars().all(fine) || name.starts_with('.') {
-        return Err(format!(
-            "`{}` cannot be a name: a name has 1 to 40 letters, digits, `-`, `_` or `.`, and no `.` at the start",
-            name.chars().take(60).collect::<String>().escape_debug()
-        ));
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -195,7 +197,7 @@ mod tests {
     #[test]
     fn what_cannot_be_a_root_folder_says_why() {
         let refused = |root: &Path| RuntimeDir::at(root.to_owned()).unwrap_err().to_string();
-        assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a folder"));
+        assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a"));
         let folder = tempfile::tempdir().unwrap();
         let user = rustix::process::getuid().as_raw();
         let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
@@ -205,7 +207,7 @@ mod tests {
             let text = refused(root);
             assert!(text.starts_with(&format!("{}: expected a folder; it", root.display())), "{text}");
             assert!(text.contains(&format!("belongs to user {user}")), "{text}");
-            assert!(text.ends_with("set SMACLITE_POOL_ROOT to a folder of your own"), "{text}");
+            assert!(text.ends_with("set SMACLITE_POOL_ROOT to a private folder"), "{text}");
         }
     }
 

@@ -1,10 +1,11 @@
 //! The iceoryx2 services of a pool: their names, settings and sizes, and how each side opens them.
 //!
-//! A pool has one event that wakes its workers (`work`), and every lane two data services: `frames` (one
-//! publisher, the supervisor; a learner and spectators subscribe; an event of the same name wakes the
-//! learner) and `requests` (the learner publishes, the supervisor subscribes). Names hold the supervisor's
-//! instance, so that a restarted pool never meets what a learner still holds of its predecessor.
+//! A pool has one event that wakes its workers (`work`). Every lane has two data services: `frames`, which
+//! the supervisor publishes to a learner and spectators, with an event of the same name that wakes the
+//! learner; and `requests`, which the learner publishes to the supervisor. Names contain the supervisor's
+//! instance, so that a restarted pool never finds services that a learner still holds of its predecessor.
 
+use crate::capacity::Capacity;
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::runtime_dir::RuntimeDir;
@@ -19,7 +20,6 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
-use serde::{Deserialize, Serialize};
 use smaclite_pool::layout::Layout;
 use std::mem::MaybeUninit;
 use std::sync::Arc;
@@ -36,34 +36,26 @@ pub(crate) type RequestSample = Sample<Ipc, [u8], RequestHeader>;
 pub(crate) type IpcListener = Listener<Ipc>;
 pub(crate) type IpcNotifier = Notifier<Ipc>;
 
-/// A supervisor and a learner that died may still be listed while their successors come.
+/// Extra entries for a supervisor and a learner that died and are still listed when their successors come.
 const SLACK: usize = 4;
 
-/// Subscriptions of earlier learners that may last: of one that was killed until it is taken back, or of one
-/// that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
-const DEPARTED_LEARNERS: usize = 1;
-
-/// How long a subscription waits for one of a dead process to be taken back.
+/// How long a subscription waits until one of a dead process is reclaimed.
 const RECLAIM_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// iceoryx2 keeps this much in front of every payload of a frame or request (its header and ours, on cache
-/// lines).
-const CHUNK_OVERHEAD: usize = 192;
-
-/// A subscription to frames. Every batch keeps the one it came by: iceoryx2 takes back the samples of a
-/// subscriber that is dropped, whoever still reads them. Dropped in this order.
+/// A subscription to frames. Every batch keeps the one that received it: iceoryx2 reclaims the samples of a
+/// dropped subscriber, also those that are still read. Dropped in this order.
 pub(crate) struct FramePort {
     pub(crate) subscriber: FrameSubscriber,
     _shm_dir: Arc<ShmDir>,
 }
 
-/// A node and the stay that outlives it. Dropped in this order.
+/// A node, and the folder of its files. Dropped in this order.
 pub(crate) struct IpcNode {
     pub(crate) node: Node<Ipc>,
     pub(crate) shm_dir: Arc<ShmDir>,
 }
 
-/// A node without signal handlers, under our own configuration.
+/// A node without signal handlers, with an explicit configuration.
 pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode, IpcError> {
     quiet();
     let entering = format!("entering the folder {}", runtime_dir.root().display());
@@ -79,75 +71,13 @@ pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode,
     Ok(IpcNode { node, shm_dir })
 }
 
-/// iceoryx2 reports to the terminal by itself; what matters to a user reaches them as our errors.
+/// Keeps iceoryx2 from writing to the terminal: users get what matters as errors of this crate.
 fn quiet() {
     set_log_level_from_env_or(LogLevel::Fatal);
 }
 
-/// How many frames and requests a lane's memory has room for. Travels in the lane's description.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Capacity {
-    /// Frames a learner may hold at once.
-    pub max_held_batches: usize,
-    /// Frames that can wait for the learner: all results of one request to every environment, and an error
-    /// report.
-    pub frames_waiting: usize,
-    /// Frames being filled at once.
-    pub frames_filling: usize,
-    /// Spectators at once.
-    pub spectators: usize,
-    /// Requests that can wait for the supervisor.
-    pub requests_waiting: usize,
-}
-
-impl Capacity {
-    /// What a lane of `num_envs` environments in batches of `batch_size` served by `threads` workers needs.
-    pub fn new(
-        num_envs: usize,
-        batch_size: usize,
-        threads: usize,
-        max_held_batches: usize,
-        spectators: usize,
-    ) -> Self {
-        let synchronous = num_envs == batch_size;
-        // A worker that opens a frame writes to no other; the rest may each be at one of an earlier round, or
-        // at the last slot of a full one. One more for a rejection, and one that is kept back to report a
-        // failure.
-        let writing = threads.min(num_envs);
-        Capacity {
-            max_held_batches,
-            frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
-            spectators,
-            requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
-        }
-    }
-
-    /// Subscriptions to a lane's frames at once.
-    fn subscriptions(&self) -> usize {
-        self.spectators + 1 + DEPARTED_LEARNERS
-    }
-
-    /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
-    /// one to fill.
-    fn frames(&self) -> usize {
-        self.subscriptions() * (self.frames_waiting + self.max_held_batches) + self.frames_filling
-    }
-
-    /// Bytes of shared memory that the supervisor needs for a lane.
-    pub fn frame_memory(&self, layout: &Layout) -> usize {
-        self.frames() * (layout.bytes() + CHUNK_OVERHEAD).next_multiple_of(64)
-    }
-
-    /// Bytes of shared memory that a learner needs for its requests.
-    pub fn request_memory(&self, layout: &Layout, num_envs: usize) -> usize {
-        let bytes = step_bytes(num_envs, layout.sizes().n_agents);
-        (self.requests_waiting + 2) * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
-    }
-}
-
 fn still_held() -> IpcError {
-    let what = "too many clients that are gone still have their frames held";
+    let what = "too many earlier clients still have batches that are held";
     IpcError::new("subscribing to a lane's frames", what, "drop those batches and every array over them")
 }
 
@@ -184,11 +114,54 @@ impl WorkEvent {
     }
 }
 
+type FrameService = publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>;
+type RequestService = publish_subscribe::PortFactory<Ipc, [u8], RequestHeader>;
+
+fn create_frames(
+    node: &Node<Ipc>,
+    name: &ServiceName,
+    nodes: usize,
+    capacity: Capacity,
+) -> Result<FrameService, IpcError> {
+    let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<FrameHeader>();
+    builder
+        .max_publishers(1)
+        .max_subscribers(capacity.subscriptions())
+        .max_nodes(nodes)
+        .subscriber_max_buffer_size(capacity.frames_waiting)
+        .subscriber_max_borrowed_samples(capacity.max_held_batches)
+        .history_size(0)
+        // A learner or spectator that stopped reading must not stop the workers.
+        .enable_safe_overflow(true)
+        .create()
+        .map_err(doing("creating a lane's frame service"))
+}
+
+fn create_requests(
+    node: &Node<Ipc>,
+    name: &ServiceName,
+    nodes: usize,
+    capacity: Capacity,
+) -> Result<RequestService, IpcError> {
+    let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<RequestHeader>();
+    builder
+        .max_publishers(1 + SLACK)
+        .max_subscribers(1)
+        .max_nodes(nodes)
+        .subscriber_max_buffer_size(capacity.requests_waiting)
+        .subscriber_max_borrowed_samples(2)
+        .history_size(0)
+        // A learner that sends faster than the workers accept must wait; a request is never dropped.
+        .enable_safe_overflow(false)
+        .create()
+        .map_err(doing("creating a lane's request service"))
+}
+
 /// The services of one lane.
 pub(crate) struct LaneServices {
-    frames: publish_subscribe::PortFactory<Ipc, [u8], FrameHeader>,
+    frames: FrameService,
     frames_event: event::PortFactory<Ipc>,
-    requests: publish_subscribe::PortFactory<Ipc, [u8], RequestHeader>,
+    requests: RequestService,
 }
 
 impl LaneServices {
@@ -200,41 +173,11 @@ impl LaneServices {
     ) -> Result<Self, IpcError> {
         let nodes = capacity.spectators + 2 + SLACK;
         let frames_name = service_name(instance, lane, "frames")?;
-        let frames = node.service_builder(&frames_name).publish_subscribe::<[u8]>();
-        let frames = frames
-            .user_header::<FrameHeader>()
-            .max_publishers(1)
-            .max_subscribers(capacity.subscriptions())
-            .max_nodes(nodes)
-            .subscriber_max_buffer_size(capacity.frames_waiting)
-            .subscriber_max_borrowed_samples(capacity.max_held_batches)
-            .history_size(0)
-            // A learner or spectator that stopped reading must not stop the workers.
-            .enable_safe_overflow(true)
-            .create()
-            .map_err(doing("creating a lane's frame service"))?;
-        let frames_event = node
-            .service_builder(&frames_name)
-            .event()
-            .max_listeners(1 + SLACK)
-            .max_notifiers(1)
-            .max_nodes(nodes)
-            .create()
-            .map_err(doing("creating a lane's frame event"))?;
-        let requests = node.service_builder(&service_name(instance, lane, "requests")?);
-        let requests = requests
-            .publish_subscribe::<[u8]>()
-            .user_header::<RequestHeader>()
-            .max_publishers(1 + SLACK)
-            .max_subscribers(1)
-            .max_nodes(nodes)
-            .subscriber_max_buffer_size(capacity.requests_waiting)
-            .subscriber_max_borrowed_samples(2)
-            .history_size(0)
-            // A learner that sends faster than the workers accept waits; a request is never dropped.
-            .enable_safe_overflow(false)
-            .create()
-            .map_err(doing("creating a lane's request service"))?;
+        let frames = create_frames(node, &frames_name, nodes, capacity)?;
+        let frames_event = node.service_builder(&frames_name).event().max_listeners(1 + SLACK);
+        let frames_event = frames_event.max_notifiers(1).max_nodes(nodes).create();
+        let frames_event = frames_event.map_err(doing("creating a lane's frame event"))?;
+        let requests = create_requests(node, &service_name(instance, lane, "requests")?, nodes, capacity)?;
         Ok(LaneServices { frames, frames_event, requests })
     }
 
@@ -277,7 +220,8 @@ impl LaneServices {
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers)
                     if begin.elapsed() < RECLAIM_TIMEOUT =>
                 {
-                    std::thread::sleep(Duration::from_millis(20)); // the supervisor looks for the dead every 100 ms
+                    // The supervisor looks for dead processes every 100 ms.
+                    std::thread::sleep(Duration::from_millis(20));
                 }
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => return Err(still_held()),
                 Err(error) => return Err(doing("subscribing to a lane's frames")(error)),
@@ -299,7 +243,7 @@ impl LaneServices {
         num_envs: usize,
         capacity: Capacity,
     ) -> Result<RequestPublisher, IpcError> {
-        let requests = capacity.requests_waiting + 2;
+        let requests = capacity.requests();
         self.requests
             .publisher_builder()
             .initial_max_slice_len(step_bytes(num_envs, layout.sizes().n_agents))

@@ -1,9 +1,10 @@
-//! Using a place: every process that has an iceoryx2 node here holds a shared lock, and the last one to leave
-//! removes the folder in `/dev/shm` that all of iceoryx2's files are in.
+//! The folder in `/dev/shm` that contains all files of iceoryx2. Every process with an iceoryx2 node holds a
+//! shared lock, and the last one to release it removes the folder.
 //!
-//! That folder has mode 0700, so other users neither see nor touch what is in it. Its name ends with a random
-//! *mark*, so that they cannot occupy it beforehand; the mark is the content of the locked file.
+//! The folder has mode 0700, so other users can neither list nor open its files. Its name ends with a random
+//! suffix, so that they cannot create it beforehand; the suffix is the content of the locked file.
 
+use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file, owner_and_mode};
 use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
@@ -15,34 +16,39 @@ use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Locked by every process that uses iceoryx2 here; its content is the mark.
+/// The file that every process locks that uses iceoryx2 here; its content is the suffix.
 const LOCK_NAME: &str = "in-use";
 
-/// Characters of a mark, of 32 different ones.
+/// Characters of a suffix, each of 32 different ones.
 const SUFFIX_LEN: usize = 16;
 const SUFFIX_LETTERS: &[u8; 32] = b"abcdefghijklmnopqrstuvwxyz234567";
 
-/// Shared memory.
+/// The file system of shared memory.
 const SHM: &str = "/dev/shm";
 
-/// How long to wait for another process that tidies the place up; it takes milliseconds.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long to wait for another process that cleans up, which takes milliseconds.
+const CLEAN_UP_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Held by every process of a place for as long as it uses iceoryx2.
+/// Held by every process for as long as it uses iceoryx2.
 pub(crate) struct ShmDir {
+    usage: ProcessOwned<Usage>,
+}
+
+/// The shared lock, and what the last process removes with it. A forked child shares its parent's lock, so it
+/// must not drop this.
+struct Usage {
     lock: File,
     lock_path: PathBuf,
     folder: PathBuf,
-    owner: u32,
 }
 
 impl RuntimeDir {
-    /// Enters the place; waits while another process tidies it up. The first to come removes what the killed
+    /// Opens the folder; waits while another process cleans up. The first process removes what killed ones
     /// left.
     pub(crate) fn open_shm_dir(&self) -> Result<ShmDir> {
         let path = self.shm_dir_lock();
         let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
+        while begin.elapsed() < CLEAN_UP_TIMEOUT {
             let lock = lock_file(&path)?;
             if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
                 if let Some(left) = self.folder_of(&lock) {
@@ -50,23 +56,25 @@ impl RuntimeDir {
                 }
                 self.make_folder(&lock).inspect_err(|_| drop(std::fs::remove_file(&path)))?;
             }
-            // To share the lock is to give it up first: another process may come in between and make another
-            // folder.
+            // The exclusive lock is released before the shared one is acquired: in between, another process
+            // may make another folder.
             if try_lock(&lock, FlockOperation::NonBlockingLockShared)?
                 && is_file_at(&lock, &path)
                 && let Some(folder) = self.folder_of(&lock)
             {
                 check_folder(&folder)?;
-                return Ok(ShmDir { lock, lock_path: path, folder, owner: std::process::id() });
+                let usage = Usage { lock, lock_path: path, folder };
+                return Ok(ShmDir { usage: ProcessOwned::new(usage) });
             }
             drop(lock);
             std::thread::sleep(Duration::from_millis(1));
         }
-        let locked = format!("{}: another process has held it locked for {PATIENCE:?}", path.display());
+        let path = path.display();
+        let locked = format!("{path}: another process has held it locked for {CLEAN_UP_TIMEOUT:?}");
         Err(Error::new(ErrorKind::TimedOut, locked))
     }
 
-    /// Removes what pools left here under this and earlier marks, unless a process uses the place.
+    /// Removes the folders that pools left under this and earlier suffixes, unless a process uses them.
     pub(crate) fn remove_stale(&self) -> Result<()> {
         let path = self.shm_dir_lock();
         let lock = lock_file(&path)?;
@@ -77,18 +85,18 @@ impl RuntimeDir {
         Ok(())
     }
 
-    /// The folder in shared memory of the pools that run here; `None` while no process uses the place.
+    /// The folder in shared memory of the running pools; `None` while no process uses one.
     pub fn shm_dir(&self) -> Option<PathBuf> {
         self.folder_of(&File::open(self.shm_dir_lock()).ok()?)
     }
 
-    /// This user's folders in shared memory that belong to this place by their names.
+    /// This user's folders in shared memory whose names begin with this runtime folder's prefix.
     pub(crate) fn shm_dirs(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
         let ours = entries.filter(|entry| {
             let name = entry.file_name();
-            let mark = name.to_str().and_then(|name| name.strip_prefix(self.shm_prefix()));
-            mark.is_some_and(|mark| is_suffix(mark.as_bytes())) && is_ours(&entry.path())
+            let suffix = name.to_str().and_then(|name| name.strip_prefix(self.shm_prefix()));
+            suffix.is_some_and(|suffix| is_suffix(suffix.as_bytes())) && is_ours(&entry.path())
         });
         ours.map(|entry| entry.path()).collect()
     }
@@ -97,35 +105,35 @@ impl RuntimeDir {
         self.root().join(LOCK_NAME)
     }
 
-    /// Makes a folder with a new mark; the mark is in the file before the folder is there, so that a process
-    /// that dies in between leaves nothing that is not found. For the learner_pid of the exclusive lock.
+    /// Makes a folder with a new suffix, under the exclusive lock. The suffix is written before the folder is
+    /// made, so that a process that dies in between leaves no folder that cannot be found.
     fn make_folder(&self, lock: &File) -> Result<()> {
         lock.set_len(0)?;
         lock.write_all_at(&new_suffix()?, 0)?;
-        let folder = self.folder_of(lock).expect("the mark was just written");
+        let folder = self.folder_of(lock).expect("the suffix was just written");
         let made = DirBuilder::new().mode(0o700).create(&folder);
         made.map_err(|error| Error::new(error.kind(), format!("{}: {error}", folder.display())))
     }
 
-    /// The folder by the mark in this file; `None` if there is none yet.
+    /// The folder by the suffix in the lock's file; `None` if it has none yet.
     fn folder_of(&self, lock: &File) -> Option<PathBuf> {
-        let mut mark = [0; SUFFIX_LEN];
-        lock.read_exact_at(&mut mark, 0).ok()?;
-        let name = format!("{}{}", self.shm_prefix(), String::from_utf8_lossy(&mark));
-        is_suffix(&mark).then(|| Path::new(SHM).join(name))
+        let mut suffix = [0; SUFFIX_LEN];
+        lock.read_exact_at(&mut suffix, 0).ok()?;
+        let name = format!("{}{}", self.shm_prefix(), String::from_utf8_lossy(&suffix));
+        is_suffix(&suffix).then(|| Path::new(SHM).join(name))
     }
 }
 
 impl ShmDir {
-    /// The configuration of every iceoryx2 node; explicit, so that no file of the machine changes it.
+    /// The configuration of every iceoryx2 node; explicit, so that no configuration file changes it.
     pub(crate) fn iceoryx(&self) -> Config {
-        iceoryx(&self.folder)
+        iceoryx(&self.usage.folder)
     }
 
-    /// An empty segment that is readable was truncated: iceoryx2 makes segments readable when they are
-    /// complete. It would say no more than that it could not open the service.
+    /// Finds truncated segments, for which iceoryx2 would only report that it could not open the service. An
+    /// empty segment that is readable was truncated: iceoryx2 makes segments readable when they are complete.
     pub(crate) fn check_segments(&self) -> Result<()> {
-        for entry in std::fs::read_dir(&self.folder)?.flatten() {
+        for entry in std::fs::read_dir(&self.usage.folder)?.flatten() {
             let Ok(file) = entry.metadata() else { continue }; // of a peer that left meanwhile
             if file.is_file() && file.len() == 0 && file.mode() & 0o400 != 0 {
                 let (path, found) = (entry.path(), owner_and_mode(&file));
@@ -138,12 +146,9 @@ impl ShmDir {
     }
 }
 
-impl Drop for ShmDir {
+impl Drop for Usage {
     fn drop(&mut self) {
-        if self.owner != std::process::id() {
-            return; // a forked child shares its parent's lock
-        }
-        // What cannot be removed is found by its mark later.
+        // A folder that cannot be removed now is found by its suffix later.
         if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok()
             && remove_folder(&self.folder).is_ok()
         {
@@ -178,8 +183,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     Err(named(Error::other(format!("expected a private folder; {}", owner_and_mode(&found)))))
 }
 
-/// Not being there is as good, and so is being another user's, who can take the name of a folder that is
-/// gone.
+/// Removes a folder of this user, if it exists. A folder of that name may belong to another user, who created
+/// it after ours was gone.
 fn remove_folder(folder: &Path) -> Result<()> {
     if !is_ours(folder) {
         return Ok(());
@@ -192,7 +197,7 @@ fn remove_folder(folder: &Path) -> Result<()> {
     }
 }
 
-/// `false` if another process has it.
+/// `false` if another process has the lock.
 fn try_lock(file: &File, operation: FlockOperation) -> Result<bool> {
     match flock(file, operation) {
         Ok(()) => Ok(true),
@@ -202,14 +207,14 @@ fn try_lock(file: &File, operation: FlockOperation) -> Result<bool> {
 }
 
 fn new_suffix() -> Result<[u8; SUFFIX_LEN]> {
-    let mut mark = [0; SUFFIX_LEN];
-    // At most 256 bytes come whole (getrandom(2)).
-    getrandom(&mut mark, GetRandomFlags::empty())?;
-    Ok(mark.map(|byte| SUFFIX_LETTERS[usize::from(byte % 32)]))
+    let mut random = [0; SUFFIX_LEN];
+    // A request of at most 256 bytes is always filled (getrandom(2)).
+    getrandom(&mut random, GetRandomFlags::empty())?;
+    Ok(random.map(|byte| SUFFIX_LETTERS[usize::from(byte % 32)]))
 }
 
-fn is_suffix(mark: &[u8]) -> bool {
-    mark.len() == SUFFIX_LEN && mark.iter().all(|letter| SUFFIX_LETTERS.contains(letter))
+fn is_suffix(bytes: &[u8]) -> bool {
+    bytes.len() == SUFFIX_LEN && bytes.iter().all(|letter| SUFFIX_LETTERS.contains(letter))
 }
 
 #[cfg(test)]
@@ -222,16 +227,16 @@ mod tests {
         (folder, runtime_dir)
     }
 
-    /// The clean-up once removed every file in every folder below the root: with the root set to one's home,
-    /// all of it.
+    /// The clean-up once removed every file in every folder below the root, so a root set to a home folder
+    /// lost everything.
     #[test]
-    fn the_last_to_leave_removes_nothing_but_what_iceoryx_keeps() {
+    fn the_last_process_removes_only_files_of_iceoryx() {
         let (folder, runtime_dir) = runtime_dir();
         std::fs::create_dir(folder.path().join("nodes")).unwrap();
         let mine = ["thesis.tex", "nodes/notes"].map(|name| folder.path().join(name));
         mine.iter().for_each(|path| std::fs::write(path, "kept").unwrap());
         let [first, second] = [runtime_dir.open_shm_dir().unwrap(), runtime_dir.open_shm_dir().unwrap()];
-        let shm = runtime_dir.shm_dir().expect("the place is in use");
+        let shm = runtime_dir.shm_dir().expect("the folder is in use");
         std::fs::create_dir(shm.join("nodes")).unwrap();
         std::fs::write(shm.join("nodes/1"), "left").unwrap();
         drop(first);
@@ -243,19 +248,19 @@ mod tests {
     }
 
     #[test]
-    fn every_use_of_a_place_has_a_private_folder_of_its_own() {
+    fn every_use_has_a_new_private_folder() {
         let (_root, runtime_dir) = runtime_dir();
         let [first, second] = [runtime_dir.open_shm_dir().unwrap(), runtime_dir.open_shm_dir().unwrap()];
-        assert_eq!(first.folder, second.folder);
-        assert_eq!(first.folder.metadata().unwrap().mode() & 0o7777, 0o700);
-        let seen = first.folder.clone();
+        assert_eq!(first.usage.folder, second.usage.folder);
+        assert_eq!(first.usage.folder.metadata().unwrap().mode() & 0o7777, 0o700);
+        let seen = first.usage.folder.clone();
         drop((first, second));
-        assert_ne!(runtime_dir.open_shm_dir().unwrap().folder, seen);
+        assert_ne!(runtime_dir.open_shm_dir().unwrap().usage.folder, seen);
     }
 
-    /// Killed between making the file and writing the mark, before the folder was made, and while pools ran.
+    /// Killed before the suffix was written, before the folder was made, and while pools ran.
     #[test]
-    fn a_mark_that_a_killed_process_left_is_replaced() {
+    fn a_suffix_that_a_killed_process_left_is_replaced() {
         let (_root, runtime_dir) = runtime_dir();
         for (left, has_folder) in
             [("", false), ("abc", false), ("abcdefghijklmnop", false), ("abcdefghijklmnop", true)]
@@ -267,22 +272,22 @@ mod tests {
                 std::fs::write(folder.join("1.data"), "left").unwrap();
             }
             let shm_dir = runtime_dir.open_shm_dir().unwrap();
-            assert_ne!(shm_dir.folder, folder);
+            assert_ne!(shm_dir.usage.folder, folder);
             assert!(!folder.exists());
             drop(shm_dir);
             assert!(!runtime_dir.shm_dir_lock().exists());
         }
     }
 
-    /// The root folder is gone, by a cleaner of /tmp, and with it the mark.
+    /// A cleaner of /tmp removed the root folder, and with it the suffix.
     #[test]
-    fn folders_without_a_mark_are_removed_when_no_process_uses_the_place() {
+    fn folders_without_a_lock_are_removed_when_no_process_uses_them() {
         let (_root, runtime_dir) = runtime_dir();
         let lost = PathBuf::from(format!("{SHM}/{}abcdefghijklmnop", runtime_dir.shm_prefix()));
         std::fs::create_dir(&lost).unwrap();
         let shm_dir = runtime_dir.open_shm_dir().unwrap();
         runtime_dir.remove_stale().unwrap();
-        assert!(lost.exists() && shm_dir.folder.exists());
+        assert!(lost.exists() && shm_dir.usage.folder.exists());
         drop(shm_dir);
         runtime_dir.remove_stale().unwrap();
         assert!(!lost.exists() && !runtime_dir.shm_dir_lock().exists());

@@ -1,25 +1,26 @@
-//! Watching a lane: read-only, as many frames as the watcher has time for, without anyone noticing.
+//! Watching a lane: read-only, as many frames as the spectator has time for, without slowing down the workers
+//! or the learner.
 
 use crate::batch::Batch;
-use crate::client::{ClientError, ConnectError, WaitOptions, checked_layout};
+use crate::client::{ClientError, ConnectError, checked_layout};
 use crate::control::client::{ControlClient, RESPONSE_TIMEOUT};
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room};
+use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{FramePort, IpcNode, LaneServices, doing, open_node};
-use crate::wire::{Content, read_frame};
+use crate::wait_options::WaitOptions;
+use crate::wire::{ReceivedFrame, read_frame};
 use smaclite_pool::layout::Layout;
-use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
-/// A watcher of a lane. It holds the newest batch that it fetched; older ones that it did not fetch are lost.
+/// A spectator of a lane. It holds the newest batch that it fetched and misses those that it did not fetch.
 pub struct Spectator {
-    parts: ManuallyDrop<Parts>,
-    owner: u32,
+    lane: ProcessOwned<WatchedLane>,
 }
 
 /// Dropped in this order: the frame before its port, that before its node, the control connection last.
-struct Parts {
+struct WatchedLane {
     current: Option<Batch>,
     frames: Arc<FramePort>,
     _services: LaneServices,
@@ -37,9 +38,9 @@ impl Spectator {
         lane: Option<&str>,
     ) -> Result<Spectator, ConnectError> {
         let wait = WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false };
-        let question = ControlRequest::Watch { lane: lane.map(str::to_owned) };
-        let (control, answer) = ControlClient::request(runtime_dir, pool, &question, wait)?;
-        let description = match answer {
+        let request = ControlRequest::Watch { lane: lane.map(str::to_owned) };
+        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let description = match response {
             ControlResponse::Lane(lane) => *lane,
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
             other => return Err(ControlError::unexpected(&other).into()),
@@ -48,7 +49,7 @@ impl Spectator {
         let ports = open_ports(runtime_dir, &description).map_err(|error| control.cause_of(error))?;
         let (frames, services, ipc_node) = ports;
         let frames = Arc::new(frames);
-        let parts = Parts {
+        let lane = WatchedLane {
             current: None,
             frames,
             _services: services,
@@ -57,36 +58,33 @@ impl Spectator {
             description,
             layout,
         };
-        Ok(Spectator { parts: ManuallyDrop::new(parts), owner: std::process::id() })
+        Ok(Spectator { lane: ProcessOwned::new(lane) })
     }
 
-    /// What is watched.
+    /// The lane that it watches.
     pub fn description(&self) -> &LaneDescription {
-        &self.parts.description
+        &self.lane.description
     }
 
     /// The newest batch of any session, `None` before the first. Never blocks.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
-        if self.owner != std::process::id() {
-            return Err(ClientError::Forked { owner: self.owner });
-        }
-        let parts = &mut *self.parts;
+        let lane = self.lane.get_mut()?;
         // The buffer holds one frame, so at most one is newer. It is read before the held batch is given
-        // back, which stays if the newer frame is an error report. A subscriber may hold two frames or more.
-        if let Some(sample) = parts.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-            let content = read_frame(sample.user_header(), sample.payload(), &parts.layout);
-            if content == Some(Content::Batch) {
-                parts.current =
-                    Some(Batch::new(sample, Arc::clone(&parts.layout), Arc::clone(&parts.frames)));
+        // back, because the held batch stays if the newer frame is an error report. A subscriber may hold
+        // two frames.
+        if let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+            let frame = read_frame(sample.user_header(), sample.payload(), &lane.layout);
+            if frame == Some(ReceivedFrame::Batch) {
+                lane.current = Some(Batch::new(sample, Arc::clone(&lane.layout), Arc::clone(&lane.frames)));
             }
-        } else if !parts.control.is_alive() {
-            return Err(ClientError::PoolDied { pool: parts.description.pool.clone() });
+        } else if !lane.control.is_alive() {
+            return Err(ClientError::PoolDied { pool: lane.description.pool.clone() });
         }
-        Ok(parts.current.as_ref())
+        Ok(lane.current.as_ref())
     }
 }
 
-/// What a spectator needs of iceoryx2.
+/// Opens what a spectator needs of iceoryx2.
 fn open_ports(
     runtime_dir: &RuntimeDir,
     lane: &LaneDescription,
@@ -95,15 +93,4 @@ fn open_ports(
     let ipc_node = open_node(runtime_dir, &format!("spectator of {}", lane.pool))?;
     let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
     Ok((services.frame_port(1, &ipc_node)?, services, ipc_node))
-}
-
-impl Drop for Spectator {
-    #[allow(unsafe_code)]
-    fn drop(&mut self) {
-        // A forked child must not take its parent's port down.
-        if self.owner == std::process::id() {
-            // SAFETY: dropped once, here, and not used after.
-            unsafe { ManuallyDrop::drop(&mut self.parts) }
-        }
-    }
 }

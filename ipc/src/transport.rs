@@ -1,7 +1,8 @@
-//! The pool's transport over iceoryx2: frames are loaned, filled in place and sent; requests are read in
-//! place.
+//! The pool's transport over iceoryx2: frames are loaned, filled in shared memory and sent; requests are read
+//! there.
 
-#![allow(unsafe_code)] // a loaned sample is shared memory the operating system zeroed, not uninitialised Rust memory
+// A loaned sample is shared memory that the operating system zeroed, not uninitialised Rust memory.
+#![allow(unsafe_code)]
 
 use crate::services::{
     FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSample, RequestSubscriber, doing,
@@ -65,7 +66,7 @@ pub(crate) struct FrameOutlet {
 }
 
 // SAFETY: a loan is a chunk of the publisher's data segment, which stays mapped for as long as the loan
-// lives; nobody else has its address before it is sent.
+// lives; nothing else has its address before it is sent.
 unsafe impl Outlet for FrameOutlet {
     type Loan = FrameLoan;
 
@@ -79,8 +80,8 @@ unsafe impl Outlet for FrameOutlet {
 
     fn payload(loan: &mut FrameLoan) -> &mut [u8] {
         let payload = loan.payload_mut();
-        // SAFETY: the bytes lie in a shared-memory mapping, which the kernel zeroes, so they are initialised
-        // whatever earlier frames wrote there; `u8` has no invalid values; the borrow is that of the loan.
+        // SAFETY: the bytes lie in a shared-memory mapping, which the kernel zeroes, so they are initialised,
+        // by the kernel or by earlier frames; `u8` has no invalid values; the borrow is that of the loan.
         unsafe { std::slice::from_raw_parts_mut(payload.as_mut_ptr().cast::<u8>(), payload.len()) }
     }
 
@@ -103,8 +104,8 @@ unsafe impl Outlet for FrameOutlet {
         };
         // SAFETY: as in `payload`: every byte is initialised.
         let sent = unsafe { loan.assume_init() }.send();
-        // Failing here means a reader whose connection broke; the others got the frame, and a dead reader's
-        // session ends.
+        // An error means that the connection of a reader broke. The others got the frame, and the session
+        // of a dead reader ends.
         if let Err(error) = sent {
             tracing::debug!(?error, "a frame did not reach every reader");
         }
@@ -126,7 +127,7 @@ pub(crate) struct WorkBell {
 
 impl Doorbell for WorkBell {
     fn wait(&self, timeout: Duration) {
-        // An interrupted wait is a short wait: the caller looks around and waits again.
+        // An interrupted wait is a short wait: the caller checks for work and waits again.
         let _ = self.listener.timed_wait(|_| {}, timeout);
     }
 

@@ -1,19 +1,19 @@
 //! The variant of iceoryx2's services that pools use: the thread-safe one, with every file in one folder.
 //!
-//! iceoryx2's own variants put segments directly into `/dev/shm`, where all users see their names and may put
-//! files beside them. That cannot be defended from outside (all of it in iceoryx2 0.10.0 and iceoryx2-cal
-//! 0.10.0):
+//! iceoryx2's own variants put segments directly into `/dev/shm`, where all users see their names and can put
+//! files beside them. A program cannot defend itself against that (iceoryx2 0.10.0 and iceoryx2-cal 0.10.0):
 //!
-//! - The counter of nodes (`node/global_management_segment.rs`) has a fixed name, is made with access for
-//!   everybody (`dynamic_storage/posix_shared_memory.rs`, `init_impl`), and is used whoever made it.
-//! - Names of connections consist of the ids of two ports, which other names show already; when a process has
-//!   died, its connections are looked for in all of `/dev/shm` and opened, whoever made them
-//!   (`service/stale_resource_cleanup.rs`).
+//! - The counter of nodes (`node/global_management_segment.rs`) has a fixed name, is created with access
+//!   for all users (`dynamic_storage/posix_shared_memory.rs`, `init_impl`), and is used also if another
+//!   user created it.
+//! - Names of connections consist of the ids of two ports, which other names show already. After the death of
+//!   a process its connections are searched in all of `/dev/shm` and opened, also those that another user
+//!   created (`service/stale_resource_cleanup.rs`).
 //! - An empty segment is waited for without a limit (`posix_shared_memory.rs`, `open_impl`,
 //!   `MappingSizeIsZero`).
 //!
 //! The storages used here map files below the root path of iceoryx2's configuration. That is a folder of mode
-//! 0700 in `/dev/shm` (see `stay`), so it is the same memory, and no other user can list, open or make
+//! 0700 in `/dev/shm` (see `shm_dir`), so it is the same memory, and no other user can list, open or make
 //! anything in it.
 
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};

@@ -1,5 +1,5 @@
-//! What lies in shared memory: the headers of frames and requests, and how a request's payload is laid out.
-//! Everything a peer wrote is checked here before anyone else sees it.
+//! The bytes in shared memory: headers of frames and requests, and the layout of a request's payload.
+//! Whatever a peer wrote is checked here before other code sees it.
 
 #![allow(unsafe_code)] // `as_atomics` says why; the derive of `ZeroCopySend` asserts plain data
 
@@ -13,7 +13,7 @@ use std::time::Duration;
 /// First word of every header: "SMAC" in ASCII.
 pub const MAGIC: u32 = 0x534d_4143;
 
-/// Goes before every frame. Aligned so that iceoryx2 places the payload behind it on a cache line.
+/// Precedes every frame. Aligned so that iceoryx2 places the payload behind it on a cache line.
 #[repr(C)]
 #[repr(align(64))]
 #[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
@@ -25,9 +25,10 @@ pub struct FrameHeader {
     pub version: u32,
     /// [`Layout::hash`] of the payload.
     pub layout_hash: u64,
-    /// The session the frame answers. A dead supervisor's queued frames are still delivered, hence the check.
+    /// The session that the frame answers. Frames that a dead supervisor queued are still delivered, so
+    /// readers check it.
     pub session: u64,
-    /// The request that began the round the frame belongs to.
+    /// The request that began the frame's epoch.
     pub epoch: u64,
     /// Counts frames of a lane, from 1.
     pub sequence: u64,
@@ -39,9 +40,9 @@ pub struct FrameHeader {
     pub request: u64,
 }
 
-/// What a frame that arrived means to its reader.
+/// What a received frame holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum ReceivedFrame {
     /// Every slot is filled.
     Batch,
     /// A request was refused.
@@ -53,33 +54,33 @@ pub enum Content {
     },
 }
 
-/// Reads a frame that another process wrote: `None` if it is not laid out as this lane's are. Whose session
-/// and round it belongs to is the caller's to ask.
-pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Option<Content> {
+/// Reads a frame that another process wrote: `None` if it does not have this lane's layout. Session and epoch
+/// are the caller's to check.
+pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Option<ReceivedFrame> {
     let given = (header.magic, header.version, header.layout_hash, header.slots as usize, payload.len());
     if given != (MAGIC, FORMAT_VERSION, layout.hash(), layout.slots(), layout.bytes()) {
         return None;
     }
     if header.rejection_len == 0 {
-        return Some(Content::Batch);
+        return Some(ReceivedFrame::Batch);
     }
     let text = payload.get(..header.rejection_len as usize).unwrap_or_default();
     let rejection = serde_json::from_slice(text)
         .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
-    Some(Content::Rejection { request: header.request, rejection })
+    Some(ReceivedFrame::Rejection { request: header.request, rejection })
 }
 
-/// The frames, first to last, that are missing between frame `last` (0: there was none) and frame `next`.
-pub fn frames_lost(last: u64, next: u64) -> Option<(u64, u64)> {
-    let expected = last.wrapping_add(1);
-    (last != 0 && next != expected).then(|| (expected, next.wrapping_sub(1)))
+/// The frames, first to last, that are missing between frame `last`, if there was one, and frame `next`.
+pub fn frames_lost(last: Option<u64>, next: u64) -> Option<(u64, u64)> {
+    let expected = last?.wrapping_add(1);
+    (next != expected).then(|| (expected, next.wrapping_sub(1)))
 }
 
 const STEP: u32 = 1;
 const RESET: u32 = 2;
 const RESET_WITH_SEED: u32 = 3;
 
-/// Goes before every request.
+/// Precedes every request.
 #[repr(C)]
 #[repr(align(64))]
 #[derive(Debug, Default, Clone, Copy, ZeroCopySend)]
@@ -97,11 +98,11 @@ pub struct RequestHeader {
     pub number: u64,
     /// 1 = step, 2 = reset, 3 = reset with a seed.
     pub kind: u32,
-    /// Environments the request is about.
+    /// Environments of the request.
     pub count: u32,
     /// Seed of environment 0 for kind 3; environment i gets this + i.
     pub seed: u64,
-    /// When it was sent, by [`now_ns`]. Only the figures of `status` depend on it.
+    /// When it was sent, by [`now_ns`]. Only the statistics of `status` depend on it.
     pub sent_ns: u64,
 }
 
@@ -128,20 +129,20 @@ impl RequestHeader {
         }
     }
 
-    /// How long ago it was sent; a sender that lies gets a nonsensical figure, at most a minute.
+    /// How long ago it was sent, at most a minute. Wrong if the sender lies.
     pub(crate) fn waited(&self) -> Duration {
         Duration::from_nanos(now_ns().saturating_sub(self.sent_ns)).min(Duration::from_secs(60))
     }
 }
 
-/// Nanoseconds on the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
+/// Nanoseconds by the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
 pub fn now_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// First byte of the actions in a request about `count` environments: `env_id` i32 `[count]` comes first,
-/// then the next cache line.
+/// Offset of the actions in a step of `count` environments: `env_id` i32 `[count]` comes first, and the
+/// actions begin on the next cache line.
 pub fn actions_offset(count: usize) -> usize {
     (count * size_of::<i32>()).next_multiple_of(BLOCK_ALIGN)
 }
@@ -151,37 +152,45 @@ pub fn step_bytes(count: usize, n_agents: usize) -> usize {
     actions_offset(count) + count * n_agents * size_of::<i32>()
 }
 
+fn malformed(what: String) -> Rejection {
+    Rejection::Malformed { what }
+}
+
+/// Was the request written for this lane, by a compatible release?
+fn check_origin(header: &RequestHeader, layout: &Layout) -> Result<(), Rejection> {
+    let RequestHeader { magic, version, layout_hash, .. } = *header;
+    if (magic, version) != (MAGIC, FORMAT_VERSION) {
+        return Err(malformed(format!(
+            "expected format {MAGIC:#x} version {FORMAT_VERSION}, got format {magic:#x} version {version}"
+        )));
+    }
+    if layout_hash != layout.hash() {
+        let expected = layout.hash();
+        return Err(malformed(format!("expected layout {expected:#018x}, got {layout_hash:#018x}")));
+    }
+    Ok(())
+}
+
 /// Reads a request that another process wrote and may still be writing.
 pub fn read_request<'a>(
     header: RequestHeader,
     payload: &'a [u8],
     layout: &Layout,
 ) -> Result<Request<'a>, Rejection> {
-    let malformed = |what: String| Rejection::Malformed { what };
-    if (header.magic, header.version) != (MAGIC, FORMAT_VERSION) {
-        return Err(malformed(format!(
-            "format {:#x} version {}, not {MAGIC:#x} version {FORMAT_VERSION}",
-            header.magic, header.version
-        )));
-    }
-    if header.layout_hash != layout.hash() {
-        return Err(malformed(format!(
-            "layout {:#018x}, but this lane's is {:#018x}",
-            header.layout_hash,
-            layout.hash()
-        )));
-    }
+    check_origin(&header, layout)?;
     let count = header.count as usize;
     let (kind, bytes) = match header.kind {
         // `count` is a u32 and sizes are small, so nothing overflows a 64-bit usize.
         STEP => (RequestKind::Step, step_bytes(count, layout.sizes().n_agents)),
         RESET => (RequestKind::Reset { seed: None }, count * size_of::<i32>()),
         RESET_WITH_SEED => (RequestKind::Reset { seed: Some(header.seed) }, count * size_of::<i32>()),
-        other => return Err(malformed(format!("request kind {other}; there are 1 (step), 2 and 3 (reset)"))),
+        other => {
+            return Err(malformed(format!("request kind must be 1 (step), 2 or 3 (reset), got {other}")));
+        }
     };
     if count == 0 || payload.len() != bytes || !payload.as_ptr().cast::<i32>().is_aligned() {
         let given = payload.len();
-        return Err(malformed(format!("{given} bytes for {count} environments; {bytes} are right")));
+        return Err(malformed(format!("expected {bytes} bytes for {count} environments, got {given}")));
     }
     let (env_ids, rest) = payload.split_at(count * size_of::<i32>());
     let actions = match kind {
@@ -196,9 +205,9 @@ pub fn read_request<'a>(
 /// Views bytes as integers that another process may change at any time.
 fn as_atomics(bytes: &[u8]) -> &[AtomicI32] {
     // SAFETY: every bit pattern is an `i32`, `AtomicI32` has its size and alignment, and `align_to` gives
-    // only the part that is aligned (all of it, `read_request` checked). Loads are all that is done with it,
-    // so that the mapping may be read-only. The slice is iceoryx2's view of memory that its sender can still
-    // write to; nothing but these loads reads the values in it.
+    // only the part that is aligned (all of it, as `read_request` checked). Only loads are made, so the
+    // mapping may be read-only. The slice is iceoryx2's view of memory that its sender can still write to;
+    // nothing but these loads reads the values in it.
     let (before, integers, after) = unsafe { bytes.align_to::<AtomicI32>() };
     debug_assert!(before.is_empty() && after.is_empty());
     integers
@@ -211,7 +220,7 @@ mod tests {
     use smaclite_pool::fields::FieldSet;
 
     fn layout() -> Layout {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
         Layout::new(sizes, 4, FieldSet::without_final())
     }
 
@@ -221,7 +230,7 @@ mod tests {
         let (version, layout_hash) = (FORMAT_VERSION, layout.hash());
         let good = FrameHeader { magic: MAGIC, version, layout_hash, slots: 4, ..FrameHeader::default() };
         let mut payload = vec![b'x'; layout.bytes()];
-        assert_eq!(read_frame(&good, &payload, &layout), Some(Content::Batch));
+        assert_eq!(read_frame(&good, &payload, &layout), Some(ReceivedFrame::Batch));
         let lies = [
             FrameHeader { magic: 1, ..good },
             FrameHeader { version: 9, ..good },
@@ -236,7 +245,7 @@ mod tests {
         };
         let text = serde_json::to_vec(&Rejection::NotReset).unwrap();
         payload[..text.len()].copy_from_slice(&text);
-        let refused = |rejection| Some(Content::Rejection { request: 7, rejection });
+        let refused = |rejection| Some(ReceivedFrame::Rejection { request: 7, rejection });
         assert_eq!(read(text.len(), &payload), refused(Rejection::NotReset));
         let unreadable = |what: &str| refused(Rejection::Malformed { what: what.to_owned() });
         assert_eq!(read(2, &payload), unreadable("{\""));
@@ -245,11 +254,11 @@ mod tests {
 
     #[test]
     fn gaps_between_frames_are_noticed() {
-        assert_eq!(frames_lost(0, 5), None);
-        assert_eq!(frames_lost(5, 6), None);
-        assert_eq!(frames_lost(5, 9), Some((6, 8)));
-        assert_eq!(frames_lost(u64::MAX, 5), Some((0, 4)));
-        assert_eq!(frames_lost(5, 0), Some((6, u64::MAX)));
+        assert_eq!(frames_lost(None, 5), None);
+        assert_eq!(frames_lost(Some(5), 6), None);
+        assert_eq!(frames_lost(Some(5), 9), Some((6, 8)));
+        assert_eq!(frames_lost(Some(u64::MAX), 5), Some((0, 4)));
+        assert_eq!(frames_lost(Some(5), 0), Some((6, u64::MAX)));
     }
 
     #[test]
@@ -264,13 +273,13 @@ mod tests {
             let error = read_request(header, payload, &layout).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
-        check(RequestHeader { magic: 1, ..good }, payload, "format 0x1");
+        check(RequestHeader { magic: 1, ..good }, payload, "got format 0x1");
         check(RequestHeader { version: 9, ..good }, payload, "version 9");
-        check(RequestHeader { layout_hash: 3, ..good }, payload, "layout 0x0000000000000003");
-        check(RequestHeader { kind: 8, ..good }, payload, "kind 8");
+        check(RequestHeader { layout_hash: 3, ..good }, payload, "got 0x0000000000000003");
+        check(RequestHeader { kind: 8, ..good }, payload, "got 8");
         check(RequestHeader { count: u32::MAX, ..good }, payload, "4294967295 environments");
         check(RequestHeader { count: 0, ..good }, &[], "0 environments");
-        check(good, &payload[1..], "95 bytes for 4 environments; 96 are right");
-        check(good, &bytes[1..97], "96 are right");
+        check(good, &payload[1..], "expected 96 bytes for 4 environments, got 95");
+        check(good, &bytes[1..97], "expected 96 bytes for 4 environments, got 96");
     }
 }

@@ -1,6 +1,7 @@
 //! The fields of a frame, declared once. Offsets, views, spaces, documentation and the layout hash derive
 //! from [`FIELDS`]; no other place in the project states a field's type or shape.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// The element type of a field.
@@ -185,8 +186,9 @@ impl Field {
     }
 }
 
-/// A set of fields.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// A set of fields; serialised as the list of their names.
+#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "Vec<&'static str>", try_from = "Vec<String>")]
 pub struct FieldSet(u32);
 
 impl FieldSet {
@@ -241,6 +243,20 @@ impl FromIterator<Field> for FieldSet {
 impl fmt::Debug for FieldSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_set().entries(self.iter().map(|f| f.spec().name)).finish()
+    }
+}
+
+impl From<FieldSet> for Vec<&'static str> {
+    fn from(set: FieldSet) -> Self {
+        set.iter().map(|f| f.spec().name).collect()
+    }
+}
+
+impl TryFrom<Vec<String>> for FieldSet {
+    type Error = UnknownField;
+
+    fn try_from(names: Vec<String>) -> Result<Self, UnknownField> {
+        FieldSet::from_names(names)
     }
 }
 

@@ -3,6 +3,7 @@
 //! compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
+use crate::fnv::Fnv1a;
 use smaclite_engine::Sizes;
 
 /// Increases when the frame header, the request header or the meaning of a field changes.
@@ -30,20 +31,20 @@ impl Layout {
     pub fn new(sizes: Sizes, slots: usize, fields: FieldSet) -> Layout {
         let mut offsets = [usize::MAX; FIELD_COUNT];
         let mut end = 0usize;
-        let mut hash = Fnv::new();
-        hash.word(u64::from(FORMAT_VERSION));
-        hash.word(slots as u64);
+        let mut hash = Fnv1a::default();
+        hash.write_u64(u64::from(FORMAT_VERSION));
+        hash.write_u64(slots as u64);
         for field in fields.iter() {
             let spec = field.spec();
             offsets[field as usize] = end;
             let row: usize = spec.axes.iter().map(|a| extent(sizes, *a)).product();
-            hash.bytes(spec.name.as_bytes());
-            hash.bytes(spec.dtype.name().as_bytes());
-            spec.axes.iter().for_each(|a| hash.word(extent(sizes, *a) as u64));
-            hash.word(end as u64);
+            hash.write(spec.name.as_bytes());
+            hash.write(spec.dtype.name().as_bytes());
+            spec.axes.iter().for_each(|a| hash.write_u64(extent(sizes, *a) as u64));
+            hash.write_u64(end as u64);
             end = (end + slots * row * spec.dtype.size()).next_multiple_of(BLOCK_ALIGN);
         }
-        Layout { sizes, slots, fields, offsets, bytes: end.max(MIN_FRAME_BYTES), hash: hash.0 }
+        Layout { sizes, slots, fields, offsets, bytes: end.max(MIN_FRAME_BYTES), hash: hash.finish() }
     }
 
     /// The scenario's sizes.
@@ -123,25 +124,6 @@ impl Element for u8 {
     const DTYPE: Dtype = Dtype::Bool;
 }
 
-/// FNV-1a: small, stable across versions and machines, which `std`'s hashers are not.
-struct Fnv(u64);
-
-impl Fnv {
-    fn new() -> Fnv {
-        Fnv(0xcbf2_9ce4_8422_2325)
-    }
-
-    fn bytes(&mut self, bytes: &[u8]) {
-        for b in bytes {
-            self.0 = (self.0 ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-
-    fn word(&mut self, word: u64) {
-        self.bytes(&word.to_le_bytes());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,7 +134,6 @@ mod tests {
             |(n_agents, n_enemies, n_actions, obs_size, state_size)| Sizes {
                 n_agents,
                 n_enemies,
-                n_units: n_agents + n_enemies,
                 n_actions,
                 obs_size,
                 state_size,

@@ -7,8 +7,10 @@
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 
+pub mod env_ids;
 pub mod environment;
 pub mod fields;
+pub mod fnv;
 pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]
@@ -20,6 +22,7 @@ mod frame_assembler;
 mod hosted_env;
 #[allow(unsafe_code)]
 mod lane;
+mod lane_settings;
 mod leader_followers;
 mod sync;
 mod wait_strategy;
@@ -27,6 +30,7 @@ mod workers;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
 pub use lane::{LaneSpec, LaneStats};
+pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS};
 pub use rejection::Rejection;
 pub use wait_strategy::{UnknownWaitStrategy, WaitStrategy};
 pub use workers::{Pool, PoolOptions, PoolStartError};

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn slots_of_several_threads_land_in_their_rows() {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
         let layout = Layout::new(sizes, 8, FieldSet::without_final());
         let mut memory = Box::new(Aligned([0; 8192]));
         let frame = FrameMemory::new(&mut memory.0);

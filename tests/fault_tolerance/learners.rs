@@ -122,7 +122,7 @@ fn holding_too_many_frames_is_an_error_until_some_are_dropped() {
     learner.must("hold 3");
     learner.must("send");
     let error = learner.ask("recv 5000").expect_err("no frame is free");
-    assert_contains(&error, &["all 3 frames", "drop", "max_held_batches"]);
+    assert_contains(&error, &["all 3 batches", "drop", "max_held_batches"]);
     learner.must("check");
     learner.must("drop");
     learner.must("recv 5000"); // the result of the step was not lost

@@ -30,7 +30,7 @@ fn assert_rejected(dir: &TestDir, publisher: &Requests, header: RequestHeader, p
 
 /// The payload of a step with these environments and the same action for every agent.
 fn step_payload(lane: &LaneDescription, envs: &[i32], action: i32) -> Vec<u8> {
-    let mut bytes = vec![0; step_bytes(envs.len(), lane.n_agents)];
+    let mut bytes = vec![0; step_bytes(envs.len(), lane.sizes.n_agents)];
     for (at, env) in bytes.chunks_exact_mut(4).zip(envs) {
         at.copy_from_slice(&env.to_ne_bytes());
     }
@@ -104,9 +104,9 @@ fn invalid_requests_of_a_learner_are_rejected_and_have_no_effect() {
             assert_rejected(&mut raw, reset, &reset_payload(&envs));
         }
         raw.send(reset, &reset_payload(&[3, 2, 1, 0]), 4);
-        let expected = if lane.is_synchronous() { 1 } else { 2 };
+        let expected = if lane.settings.is_synchronous() { 1 } else { 2 };
         assert!(eventually(|| frames() == expected), "the reset was not answered");
-        for action in [-1, 6, lane.n_actions as i32, i32::MAX, i32::MIN] {
+        for action in [-1, 6, lane.sizes.n_actions as i32, i32::MAX, i32::MIN] {
             assert_rejected(&mut raw, RequestKind::Step, &step_payload(&lane, &all, action));
         }
         for envs in [[0, 1, 2, 2], [0, 1, 2, 4], [0, 1, 2, i32::MIN], [i32::MAX; 4]] {
@@ -124,7 +124,7 @@ fn invalid_requests_of_a_learner_are_rejected_and_have_no_effect() {
         let mut next = Child::learner(&dir, plan);
         assert!(eventually(|| next.ask("connect train").is_ok()), "the lane was not freed");
         next.must("reset");
-        if lane.is_synchronous() {
+        if lane.settings.is_synchronous() {
             next.must("step 20");
         }
     }

@@ -160,7 +160,7 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     learner.send_to(&[0]).expect("sent");
     learner.recv(TIMEOUT).expect("the result of another step");
     exchange(&mut other, |_| Ok(())); // the frame of the last reset that was sent
-    let mut actions = vec![0; 4 * other.description().n_agents];
+    let mut actions = vec![0; 4 * other.description().sizes.n_agents];
     other.sample_actions(None, &mut actions).expect("legal actions");
     exchange(&mut other, |client| client.send(&actions, None, WaitOptions::forever()));
 }

@@ -45,7 +45,7 @@ impl Learner {
         wait: WaitStrategy,
     ) -> Result<Learner, ConnectError> {
         let client = Client::connect(runtime_dir, pool, Some(&plan.name), wait)?;
-        let synchronous = client.description().is_synchronous();
+        let synchronous = client.description().settings.is_synchronous();
         let ready = (0..plan.num_envs as i32).collect();
         Ok(Learner { client, reference: Reference::new(plan), synchronous, ready, sequence: 0 })
     }
@@ -74,7 +74,8 @@ impl Learner {
         self.reference.reset_all(seed);
         self.ready.clear();
         self.sequence = 0; // the client drops frames of earlier requests
-        let batches = self.client.description().num_envs / self.client.description().batch_size;
+        let batches =
+            self.client.description().settings.num_envs / self.client.description().settings.batch_size;
         (0..batches).try_for_each(|_| self.recv(timeout).map(drop))
     }
 

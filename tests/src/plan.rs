@@ -7,7 +7,7 @@ use smaclite_engine::{Arena, Battle, Rules, Sizes};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::MakeEnvironment;
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, LaneSpec, PoolOptions};
+use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
 
@@ -131,24 +131,22 @@ impl LanePlan {
         LaneSpec {
             name: self.name.clone(),
             sizes: self.sizes(),
-            num_envs: self.num_envs,
-            batch_size: self.batch_size,
-            seed: self.seed,
-            autoreset: self.autoreset,
-            fields: self.field_set(),
+            settings: self.settings(),
             make: self.make(),
         }
     }
 
+    fn settings(&self) -> LaneSettings {
+        let LanePlan { num_envs, batch_size, seed, autoreset, .. } = *self;
+        LaneSettings { num_envs, batch_size, seed, autoreset, fields: self.field_set() }
+    }
+
     fn config(&self) -> LaneConfig {
         let mut lane = LaneConfig::new(self.name.clone(), self.resolve(), self.num_envs);
-        lane.game = self.envs(lane.game);
-        lane.batch_size = self.batch_size;
-        lane.seed = self.seed;
-        lane.autoreset = self.autoreset;
+        lane.envs = self.envs(lane.envs);
+        lane.settings = self.settings();
         lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
-        lane.fields = self.field_set();
         lane
     }
 

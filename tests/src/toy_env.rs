@@ -9,8 +9,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 pub const TOY: &str = "toy";
 
 /// The sizes of every toy environment.
-pub const SIZES: Sizes =
-    Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 5, obs_size: 3, state_size: 4 };
+pub const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
 
 /// Episodes that reach this length are truncated.
 const EPISODE_LIMIT: u32 = 9;

@@ -74,7 +74,7 @@ impl Workload {
     /// As [`Supervisor::start`].
     pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
         let mut lane = LaneConfig::new("bench", self.scenario.clone(), self.num_envs);
-        lane.batch_size = self.batch_size;
+        lane.settings.batch_size = self.batch_size;
         Supervisor::start(SupervisorConfig {
             name: name.to_owned(),
             lanes: vec![lane],
@@ -160,7 +160,9 @@ fn sample(
 /// Living units in all environments of a batch.
 fn living_units(batch: &Batch) -> usize {
     let dead = |field| batch.field::<i32>(field).unwrap_or(&[]).iter().sum::<i32>() as usize;
-    batch.env_id().len() * batch.layout().sizes().n_units - dead(Field::DeadAllies) - dead(Field::DeadEnemies)
+    batch.env_id().len() * batch.layout().sizes().n_units()
+        - dead(Field::DeadAllies)
+        - dead(Field::DeadEnemies)
 }
 
 fn wait_options(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {

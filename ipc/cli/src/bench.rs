@@ -94,7 +94,7 @@ impl Bench {
         let num_envs = self.num_envs;
         let batch_size = self.batch_size.unwrap_or(num_envs);
         check_range("--threads", THREADS, threads)?;
-        check_range("--num-envs", 1..=smaclite_ipc::MAX_ENVS, num_envs)?;
+        check_range("--num-envs", 1..=smaclite_pool::MAX_ENVS, num_envs)?;
         check_range("--batch-size", 1..=num_envs, batch_size)?;
         let time = Duration::try_from_secs_f64(self.seconds).map_err(|error| {
             format!("--seconds must be a number of at least 0, got {} ({error})", self.seconds)

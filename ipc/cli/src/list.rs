@@ -115,7 +115,7 @@ fn print_lanes(lanes: &[LaneStatus]) -> std::io::Result<()> {
 }
 
 fn environments(lane: &LaneStatus) -> String {
-    format!("{} x {}", lane.description.num_envs, lane.description.scenario)
+    format!("{} x {}", lane.description.settings.num_envs, lane.description.scenario)
 }
 
 fn learner(lane: &LaneStatus) -> String {

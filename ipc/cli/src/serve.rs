@@ -124,15 +124,15 @@ impl Serve {
         let name = name.unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let mut lane = LaneConfig::new(name, scenario, num_envs);
-        if let LaneEnvs::Battle { rules, episode_limit, .. } = &mut lane.game {
+        if let LaneEnvs::Battle { rules, episode_limit, .. } = &mut lane.envs {
             *rules = self.rules;
             *episode_limit = self.episode_limit.map(|limit| limit.0);
         }
-        lane.batch_size = self.batch_size.unwrap_or(num_envs);
-        lane.seed = self.seed;
-        lane.autoreset = self.autoreset;
+        lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
+        lane.settings.seed = self.seed;
+        lane.settings.autoreset = self.autoreset;
         if let Some(names) = &self.fields {
-            lane.fields = FieldSet::from_names(names)?;
+            lane.settings.fields = FieldSet::from_names(names)?;
         }
         lane.max_held_batches = self.max_held_batches;
         lane.spectators = self.spectators;
@@ -151,12 +151,12 @@ fn print_start(supervisor: &Supervisor) {
         megabytes(supervisor.shared_memory())
     );
     for lane in supervisor.lanes() {
-        let mode = if lane.is_synchronous() {
+        let mode = if lane.settings.is_synchronous() {
             "synchronous".to_owned()
         } else {
-            format!("asynchronous in batches of {}", lane.batch_size)
+            format!("asynchronous in batches of {}", lane.settings.batch_size)
         };
-        let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.num_envs, lane.scenario);
+        let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.settings.num_envs, lane.scenario);
     }
     let _ = out!("connect with smaclite_pool.connect({:?}); stop with Ctrl-C", supervisor.name());
 }

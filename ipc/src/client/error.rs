@@ -3,6 +3,7 @@
 use crate::control::client::{ControlSocketError, in_seconds};
 use crate::control::protocol::ControlError;
 use crate::memory::TooLittleMemory;
+use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
 use smaclite_pool::Rejection;
@@ -20,7 +21,8 @@ pub enum ConnectError {
     Memory(#[from] TooLittleMemory),
     Ipc(#[from] IpcError),
     #[error(
-        "frames of lane `{lane}` are laid out differently ({theirs:#x}) than this release does ({ours:#x})"
+        "frames of lane `{lane}` have layout {theirs:#x}, but this release computes {ours:#x}; run the same \
+         release"
     )]
     Layout {
         lane: String,
@@ -35,34 +37,45 @@ pub enum ConnectError {
 pub enum ClientError {
     #[error("{0}")]
     Rejected(#[from] Rejection),
-    #[error("{given} actions were given; {envs} environments of {n_agents} agents take {expected}")]
+    #[error("got {given} actions; {envs} environments of {n_agents} agents take {expected}")]
     WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
-    #[error("no batch arrived within {} s; it is still under way: receive it later, or reset", in_seconds(*.0))]
+    #[error(
+        "no batch arrived within {} s; it is still under way: receive it later, or reset",
+        in_seconds(*.0)
+    )]
     Timeout(Duration),
     #[error(
-        "the pool took no request for {} s: its supervisor is stopped or overloaded; nothing was sent, try again",
+        "the pool accepted no request for {} s: its supervisor is stopped or overloaded; nothing was sent, \
+         try again",
         in_seconds(*time)
     )]
     NotAccepted { time: Duration },
     #[error("the wait was interrupted")]
     Interrupted,
-    #[error("the supervisor of pool `{pool}` is gone; start it again and connect anew")]
+    #[error("the supervisor of pool `{pool}` is gone; start it and connect again")]
     PoolDied { pool: String },
     #[error(
-        "all {limit} frames that this lane lets a learner hold are in use; drop a batch and every array over it, copy what must \
-         shm_dir, or start the lane with more (max_held_batches)"
+        "all {limit} batches that this lane lets a learner hold are in use; drop a batch and every array \
+         over it, copy what you need longer, or start the lane with more (max_held_batches)"
     )]
     TooManyHeld { limit: usize },
     #[error(
-        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send actions first"
+        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send \
+         actions first"
     )]
     NothingToReceive { outstanding: usize, batch_size: usize },
     #[error(
         "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
     )]
     FramesLost { first: u64, last: u64 },
-    #[error("this client belongs to process {owner}; after a fork each process connects by itself")]
+    #[error("this client belongs to process {owner}; a forked process must open its own connection")]
     Forked { owner: u32 },
     #[error(transparent)]
     Ipc(#[from] IpcError),
+}
+
+impl From<NotOwner> for ClientError {
+    fn from(NotOwner { owner }: NotOwner) -> ClientError {
+        ClientError::Forked { owner }
+    }
 }

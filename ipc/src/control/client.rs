@@ -1,9 +1,11 @@
-//! The asking end of the control socket. Its waits are cut into slices, after each of which the caller may
-//! stop: a supervisor that is stopped must not stop those who ask it.
+//! The client's end of the control socket. Waits are cut into slices, between which the caller can interrupt
+//! them: a stopped supervisor must not block its clients.
 
 use super::protocol::{ControlRequest, ControlResponse, MAX_RESPONSE};
-use crate::client::{ConnectError, WaitOptions};
-use crate::runtime_dir::{RuntimeDir, check_name};
+use crate::client::ConnectError;
+use crate::name::{NameError, check_name};
+use crate::runtime_dir::RuntimeDir;
+use crate::wait_options::WaitOptions;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -13,18 +15,17 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// How long a supervisor may take to answer a caller that sets no time: it answers at once, or is stopped or
-/// overloaded.
+/// How long a supervisor may take to answer if the caller sets no timeout. It answers at once, unless it is
+/// stopped or overloaded.
 pub(crate) const RESPONSE_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// How often a wait asks whether its caller wants to stop.
+/// How often a wait checks whether its caller interrupts it.
 const SLICE: Duration = Duration::from_millis(50);
 
-/// How long after the end of a connection the end of its process may show.
-const LAST_MOMENTS: Duration = Duration::from_millis(200);
+/// How long after the end of a connection the end of its process may become visible.
+const EXIT_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// A connection to a supervisor. While it is open the supervisor knows that its owner lives, and the other
-/// way round.
+/// A connection to a supervisor. While it is open, each end knows that the other lives.
 pub(crate) struct ControlClient {
     /// Non-blocking.
     stream: UnixStream,
@@ -35,12 +36,12 @@ pub(crate) struct ControlClient {
     pool: String,
 }
 
-/// Why a supervisor could not be asked.
+/// Why a request to a supervisor failed.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlSocketError {
     #[error("pool name: {0}")]
-    Name(String),
+    Name(#[from] NameError),
     #[error("no pool named `{pool}` runs here{}", hint(running))]
     NoSuchPool { pool: String, running: Vec<String> },
     #[error(
@@ -52,10 +53,10 @@ pub enum ControlSocketError {
     Gone { pool: String },
     #[error("pool `{pool}` closed the connection without an answer: too many idle ones are open; try again")]
     Closed { pool: String },
-    #[error("pool `{pool}` cannot be asked through {}: {source}", socket.display())]
+    #[error("pool `{pool}` cannot be reached through {}: {source}", socket.display())]
     Unreachable { pool: String, socket: PathBuf, source: std::io::Error },
-    #[error("pool `{pool}` gave an answer that this release does not know ({source}); run the same release")]
-    ControlResponse { pool: String, source: serde_json::Error },
+    #[error("pool `{pool}` sent a response that this release does not know ({source}); run the same release")]
+    UnknownResponse { pool: String, source: serde_json::Error },
     #[error("the wait for an answer of pool `{pool}` was interrupted")]
     Interrupted { pool: String },
 }
@@ -87,7 +88,7 @@ fn try_connect(runtime_dir: &RuntimeDir, pool: &str) -> std::io::Result<UnixStre
     Ok(UnixStream::from(socket))
 }
 
-/// Is there no process behind the pool's socket?
+/// Does the error mean that no process listens at the pool's socket?
 fn is_absent(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused)
 }
@@ -99,7 +100,7 @@ pub(crate) fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
     names
 }
 
-/// The process of a pool's supervisor, as the kernel knows it: no answer is needed.
+/// The process of a pool's supervisor, by the kernel: the supervisor need not answer.
 pub(crate) fn process_of(runtime_dir: &RuntimeDir, pool: &str) -> Option<u32> {
     peer_of(&try_connect(runtime_dir, pool).ok()?).ok()?.pid
 }
@@ -123,18 +124,18 @@ pub(crate) fn watch_process(pid: u32) -> Option<OwnedFd> {
     pidfd_open(pid, PidfdFlags::empty()).ok()
 }
 
-/// Is this process over? Never blocks.
+/// Has this process ended? Never blocks.
 pub(crate) fn has_ended(process: &OwnedFd) -> bool {
     is_ready(process, PollFlags::IN, Duration::ZERO)
 }
 
 fn is_ready(fd: &impl AsFd, flags: PollFlags, within: Duration) -> bool {
     let timeout = Timespec { tv_sec: within.as_secs() as _, tv_nsec: within.subsec_nanos().into() };
-    // An interrupted wait found nothing; its caller looks again.
+    // An interrupted wait found nothing; its caller checks again.
     poll(&mut [PollFd::new(fd, flags)], Some(&timeout)).is_ok_and(|ready| ready > 0)
 }
 
-/// A caller's patience from now on.
+/// What is left of a caller's [`WaitOptions`].
 struct Waiting<'a> {
     begin: Instant,
     wait: WaitOptions<'a>,
@@ -143,7 +144,7 @@ struct Waiting<'a> {
 }
 
 impl Waiting<'_> {
-    /// How long the next slice may last, if there is to be one.
+    /// The length of the next slice, unless the wait is over.
     fn slice(&mut self) -> Result<Duration, ControlSocketError> {
         let pool = self.pool.clone();
         if (self.wait.interrupted)() {
@@ -158,24 +159,24 @@ impl Waiting<'_> {
 }
 
 impl ControlClient {
-    /// Connects to a pool and asks it a question.
+    /// Connects to a pool and sends it a request; returns the connection and the response.
     pub(crate) fn request(
         runtime_dir: &RuntimeDir,
         pool: &str,
-        question: &ControlRequest,
+        request: &ControlRequest,
         wait: WaitOptions<'_>,
     ) -> Result<(ControlClient, ControlResponse), ControlSocketError> {
-        check_name(pool).map_err(ControlSocketError::Name)?;
+        check_name(pool)?;
         let mut waiting = Waiting { begin: Instant::now(), wait, pool: pool.to_owned(), pid: None };
         let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
         waiting.pid = client.pid;
-        let mut line = serde_json::to_vec(question).expect("questions are plain data");
+        let mut line = serde_json::to_vec(request).expect("requests are plain data");
         line.push(b'\n');
         client.write(&line, &mut waiting)?;
         let answer = client.read_line(&mut waiting)?;
         let answer = serde_json::from_slice(&answer);
         let answer =
-            answer.map_err(|source| ControlSocketError::ControlResponse { pool: pool.to_owned(), source })?;
+            answer.map_err(|source| ControlSocketError::UnknownResponse { pool: pool.to_owned(), source })?;
         Ok((client, answer))
     }
 
@@ -231,14 +232,14 @@ impl ControlClient {
                 Err(error) => self.wait_after(error, PollFlags::IN, waiting)?,
             }
             if line.len() > MAX_RESPONSE {
-                let source = std::io::Error::other(format!("it answers with more than {MAX_RESPONSE} bytes"));
-                return Err(self.unreachable(source));
+                let what = format!("its response has more than {MAX_RESPONSE} bytes");
+                return Err(self.unreachable(std::io::Error::other(what)));
             }
         }
         Ok(line)
     }
 
-    /// After a read or write that could do nothing: waits for a slice, if waiting helps.
+    /// After a read or write that could not proceed: waits for a slice, if waiting helps.
     fn wait_after(
         &self,
         error: std::io::Error,
@@ -266,16 +267,16 @@ impl ControlClient {
         ControlSocketError::Gone { pool: self.pool.clone() }
     }
 
-    /// What went wrong after it answered: if it has ended since, that is the cause.
+    /// The cause of an error after the supervisor answered: its end, if it has ended since.
     pub(crate) fn cause_of(&self, error: ConnectError) -> ConnectError {
         if self.is_alive() { error } else { self.gone().into() }
     }
 
-    /// The supervisor closed the connection: because it ended, or although it lives on. A process closes its
-    /// files shortly before its end is visible.
+    /// The supervisor closed the connection, because it ended or although it continues. The end of a
+    /// process is visible shortly after its files are closed.
     fn hung_up(&self) -> ControlSocketError {
         let begin = Instant::now();
-        while begin.elapsed() < LAST_MOMENTS {
+        while begin.elapsed() < EXIT_TIMEOUT {
             let ended = self.process.as_ref().is_some_and(has_ended);
             if ended || try_connect(&self.runtime_dir, &self.pool).is_err_and(|error| is_absent(&error)) {
                 return self.gone();
@@ -285,7 +286,7 @@ impl ControlClient {
         ControlSocketError::Closed { pool: self.pool.clone() }
     }
 
-    /// Is the supervisor still there? Never blocks.
+    /// Does the supervisor still run? Never blocks.
     pub(crate) fn is_alive(&self) -> bool {
         if self.process.as_ref().is_some_and(has_ended) {
             return false;
@@ -300,7 +301,7 @@ impl ControlClient {
 }
 
 impl Drop for ControlClient {
-    /// Says good-bye at once, even if a forked child still holds a copy of the socket.
+    /// Ends the connection at once, even if a forked child still holds a copy of the socket.
     fn drop(&mut self) {
         let _ = self.stream.shutdown(std::net::Shutdown::Both);
     }

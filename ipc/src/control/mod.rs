@@ -1,6 +1,6 @@
-//! The control plane: who may attach, what a lane is, how it goes. JSON lines over a Unix socket, because the
-//! kernel tells both ends at once when the other dies, however it died, and says which process it is. Batches
-//! never come this way.
+//! The control plane: attaching, descriptions of lanes, status. JSON lines over a Unix socket, because the
+//! kernel notifies either end at once when the other dies, and says which process it was. Batches do not
+//! use it.
 
 pub(crate) mod client;
 pub mod protocol;

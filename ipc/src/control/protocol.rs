@@ -1,43 +1,44 @@
-//! What is said on the control socket: one JSON object a line, a question from the client, an answer from the
-//! supervisor.
+//! The messages of the control socket: one JSON object per line, requests from the client and responses from
+//! the supervisor.
 
-use crate::services::Capacity;
+use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::Sizes;
-use smaclite_pool::fields::{FIELDS, FieldSet};
+use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::{Autoreset, LaneStats};
+use smaclite_pool::{LaneSettings, LaneStats};
 
-/// Counts up when a question or answer changes.
+/// Increased whenever a request or response changes.
 pub const PROTOCOL_VERSION: u32 = 1;
 
-/// The longest question that a supervisor reads; the longest real one names a lane.
+/// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
 
-/// The longest answer that a client reads: the status of more lanes than a process has file descriptors for.
+/// Bytes of the longest response that a client reads: the status of more lanes than a process has file
+/// descriptors for.
 pub(crate) const MAX_RESPONSE: usize = 1 << 30;
 
-/// A question to a supervisor.
+/// A request to a supervisor.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "request", rename_all = "snake_case")]
 pub enum ControlRequest {
     /// Everything about the pool.
     Status,
-    /// Become the learner of a lane; the only lane if none is named. Ends when the connection does.
+    /// Become the learner of a lane, or of the only lane if none is named, until the connection ends.
     Attach {
-        /// The asker's [`PROTOCOL_VERSION`].
+        /// The client's [`PROTOCOL_VERSION`].
         version: u32,
         /// The lane's name.
         lane: Option<String>,
     },
-    /// Become a spectator of a lane. Ends when the connection does.
+    /// Become a spectator of a lane, or of the only lane if none is named, until the connection ends.
     Watch {
         /// The lane's name.
         lane: Option<String>,
     },
 }
 
-/// A supervisor's answer.
+/// A supervisor's response.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "snake_case")]
 pub enum ControlResponse {
@@ -45,25 +46,25 @@ pub enum ControlResponse {
     Status(PoolStatus),
     /// To [`ControlRequest::Attach`].
     Attached {
-        /// Goes into every request.
+        /// The session; part of every request of the learner.
         session: u64,
-        /// What was attached to.
+        /// The lane.
         lane: Box<LaneDescription>,
     },
     /// To [`ControlRequest::Watch`].
     Lane(Box<LaneDescription>),
-    /// No.
+    /// To any request that was refused.
     Refused(ControlError),
 }
 
-/// Why a question was refused.
+/// Why a control request was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[serde(tag = "error", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlError {
     #[error("lane `{lane}` already has a learner: process {learner_pid}")]
     LaneTaken { lane: String, learner_pid: u32 },
-    #[error("lane `{lane}` has its {limit} spectators already; serve it with more (--spectators)")]
+    #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
@@ -73,11 +74,11 @@ pub enum ControlError {
         "the pool speaks version {supervisor} of the protocol, this program {client}; run the same release"
     )]
     Version { supervisor: u32, client: u32 },
-    #[error("lane `{lane}` failed and serves no more: {text}")]
+    #[error("lane `{lane}` failed and no longer serves: {text}")]
     LaneFailed { lane: String, text: String },
     #[error(
-        "this process runs in another process namespace than pool `{pool}`, which could not notice its end; run both \
-         in the same one (`docker run --pid=container:NAME`)"
+        "this process runs in another process namespace than pool `{pool}`, which could not notice its end; \
+         run both in the same one (`docker run --pid=container:NAME`)"
     )]
     OtherNamespace { pool: String },
     #[error("not understood: {what}")]
@@ -85,7 +86,7 @@ pub enum ControlError {
 }
 
 impl ControlError {
-    /// An answer that does not belong to the question.
+    /// A response that does not fit the request.
     pub(crate) fn unexpected(answer: &ControlResponse) -> ControlError {
         ControlError::Malformed { what: format!("unexpected answer {answer:?}") }
     }
@@ -112,12 +113,12 @@ pub struct PoolStatus {
     pub lanes: Vec<LaneStatus>,
 }
 
-/// A lane now.
+/// The current state of a lane.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LaneStatus {
-    /// What it is.
+    /// Its constant part.
     pub description: LaneDescription,
-    /// The process of the learner that has it.
+    /// The process of its learner, if it has one.
     pub learner_pid: Option<u32>,
     /// Spectators that watch it.
     pub spectators: usize,
@@ -127,11 +128,11 @@ pub struct LaneStatus {
     pub steps_per_s: f64,
     /// Microseconds that a request waited for a worker, on average over the last second.
     pub queue_wait_us: f64,
-    /// Why it is out of service, if it is.
+    /// Why it failed, if it did.
     pub failure: Option<String>,
 }
 
-/// What a lane is: enough to find its services and read its frames.
+/// The description of a lane: enough to find its services and read its frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaneDescription {
     /// The pool's name.
@@ -144,119 +145,100 @@ pub struct LaneDescription {
     pub lane: String,
     /// The scenario's name.
     pub scenario: String,
-    /// Agents of an environment.
-    pub n_agents: usize,
-    /// Enemies of an environment.
-    pub n_enemies: usize,
-    /// Actions of an agent.
-    pub n_actions: usize,
-    /// Features of an observation.
-    pub obs_size: usize,
-    /// Features of a state.
-    pub state_size: usize,
-    /// Environments (N).
-    pub num_envs: usize,
-    /// Slots of a frame (M); equal to `num_envs` for synchronous stepping.
-    pub batch_size: usize,
-    /// Environment `i` begins with seed `seed + i`.
-    pub seed: u64,
-    /// What happens at an episode's end.
-    pub autoreset: Autoreset,
+    /// Sizes of an environment.
+    #[serde(flatten)]
+    pub sizes: Sizes,
+    /// How many environments there are, and how they are stepped.
+    #[serde(flatten)]
+    pub settings: LaneSettings,
     /// Steps after which an episode is truncated.
     pub episode_limit: Option<u32>,
-    /// The rules that are played: `smaclite` or `paper`.
+    /// The rules of its battles: `smaclite` or `paper`.
     pub rules: String,
-    /// Names of the fields of a frame.
-    pub fields: Vec<String>,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
-    /// How many frames may be held and wait.
+    /// How many frames and requests its memory has room for.
     pub capacity: Capacity,
     /// Worker threads of the pool, which all lanes share.
     pub threads: usize,
 }
 
 impl LaneDescription {
-    /// The sizes of an environment.
-    pub fn sizes(&self) -> Sizes {
-        Sizes {
-            n_agents: self.n_agents,
-            n_enemies: self.n_enemies,
-            n_units: self.n_agents.saturating_add(self.n_enemies),
-            n_actions: self.n_actions,
-            obs_size: self.obs_size,
-            state_size: self.state_size,
-        }
-    }
-
-    /// Where each field of a frame lies. Computed here from the sizes, not taken from the supervisor; the
-    /// hash tells whether both computed the same.
+    /// Where each field of a frame lies. Computed from the sizes, not received from the supervisor; the hash
+    /// says whether both computed the same.
     ///
     /// # Errors
-    /// [`ControlError::Malformed`] for sizes that no lane has and fields that no frame has.
+    /// [`ControlError::Malformed`] for sizes and settings that no lane has.
     pub fn layout(&self) -> Result<Layout, ControlError> {
         let malformed = |what: String| ControlError::Malformed { what };
-        let fields = FieldSet::from_names(&self.fields).map_err(|error| malformed(error.to_string()))?;
-        let rows = [self.n_agents, self.n_actions, self.batch_size, self.num_envs];
-        let widest = self.obs_size.max(self.state_size).max(self.n_actions);
+        self.settings.check().map_err(|error| malformed(error.to_string()))?;
+        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = self.sizes;
+        let widest = obs_size.max(state_size).max(n_actions);
         // No field is larger than this, so no sum of them overflows.
-        let field = [self.num_envs, self.n_agents, widest, size_of::<f32>()];
+        let field = [self.settings.num_envs, n_agents, widest, size_of::<f32>()];
         let field = field.iter().fold(1u128, |product, size| product.saturating_mul(*size as u128));
         let most = u128::from(u64::MAX) / FIELDS.len() as u128 / 2;
-        if rows.contains(&0) || self.batch_size > self.num_envs || field > most {
-            return Err(malformed(format!(
-                "no lane has {:?}",
-                (self.sizes(), self.num_envs, self.batch_size)
-            )));
+        if n_agents == 0 || n_actions == 0 || field > most {
+            return Err(malformed(format!("no lane has {:?}", self.sizes)));
         }
-        Ok(Layout::new(self.sizes(), self.batch_size, fields))
-    }
-
-    /// Is every environment stepped in every batch?
-    pub fn is_synchronous(&self) -> bool {
-        self.batch_size == self.num_envs
+        Ok(self.settings.layout(self.sizes))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_pool::MAX_ENVS;
+    use smaclite_pool::fields::FieldSet;
 
-    #[test]
-    fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
-        let lane = LaneDescription {
+    /// A lane of 2s3z with as many environments as there can be.
+    fn lane() -> LaneDescription {
+        let settings = LaneSettings::new(MAX_ENVS);
+        LaneDescription {
             pool: "train".to_owned(),
             pid: 1,
             instance: "train.1.0".to_owned(),
             lane: "2s3z".to_owned(),
             scenario: "2s3z".to_owned(),
-            n_agents: 5,
-            n_enemies: 5,
-            n_actions: 11,
-            obs_size: 80,
-            state_size: 120,
-            num_envs: 1_000_000,
-            batch_size: 1_000_000,
-            seed: 0,
-            autoreset: Autoreset::NextStep,
+            sizes: Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 },
+            settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
-            fields: vec!["obs".to_owned()],
             layout_hash: 0,
-            capacity: Capacity::new(1, 1, 1, 2, 0),
+            capacity: Capacity::new(&settings, 1, 2, 0),
             threads: 2,
-        };
+        }
+    }
+
+    #[test]
+    fn sizes_that_no_lane_has_are_refused_and_not_multiplied() {
+        let lane = lane();
+        let (sizes, settings) = (lane.sizes, lane.settings);
         assert!(lane.layout().is_ok());
+        let of_sizes = |sizes| LaneDescription { sizes, ..lane.clone() };
+        let of_settings = |settings| LaneDescription { settings, ..lane.clone() };
         let lies = [
-            LaneDescription { n_agents: 0, ..lane.clone() },
-            LaneDescription { n_actions: 0, ..lane.clone() },
-            LaneDescription { batch_size: 0, ..lane.clone() },
-            LaneDescription { batch_size: 1_000_001, ..lane.clone() },
-            LaneDescription { obs_size: usize::MAX, ..lane.clone() },
-            LaneDescription { state_size: usize::MAX / 4, ..lane.clone() },
-            LaneDescription { num_envs: usize::MAX, ..lane.clone() },
-            LaneDescription { fields: vec!["obz".to_owned()], ..lane },
+            of_sizes(Sizes { n_agents: 0, ..sizes }),
+            of_sizes(Sizes { n_actions: 0, ..sizes }),
+            of_sizes(Sizes { obs_size: usize::MAX, ..sizes }),
+            of_sizes(Sizes { state_size: usize::MAX / 4, ..sizes }),
+            of_settings(LaneSettings { batch_size: 0, ..settings }),
+            of_settings(LaneSettings { batch_size: MAX_ENVS + 1, ..settings }),
+            of_settings(LaneSettings { num_envs: usize::MAX, ..settings }),
         ];
         lies.iter().for_each(|lie| assert!(lie.layout().is_err(), "{lie:?}"));
+    }
+
+    #[test]
+    fn sizes_and_settings_are_keys_of_the_description() {
+        let keys = serde_json::to_value(lane()).unwrap();
+        assert_eq!((&keys["n_agents"], &keys["batch_size"]), (&5.into(), &MAX_ENVS.into()), "{keys}");
+        let with_fields = |names: &[&str]| {
+            let mut keys = keys.clone();
+            keys["fields"] = names.into();
+            serde_json::from_value::<LaneDescription>(keys)
+        };
+        assert_eq!(with_fields(&["obs"]).unwrap().settings.fields, FieldSet::from_names(["obs"]).unwrap());
+        assert!(with_fields(&["obz"]).unwrap_err().to_string().contains("no field is named `obz`"));
     }
 }

@@ -1,11 +1,12 @@
-//! The answering end of the control socket: one thread that owns the pool, accepts connections, notices when
-//! a learner's process ends, and has iceoryx2 take back what dead processes left.
+//! The supervisor's end of the control socket: one thread that owns the pool, accepts connections, detects
+//! the end of a learner's process, and has iceoryx2 reclaim what dead processes left.
 
 use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
     ControlError, ControlRequest, ControlResponse, LaneDescription, LaneStatus, MAX_REQUEST,
     PROTOCOL_VERSION, PoolStatus,
 };
+use crate::CHECK_INTERVAL;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -17,18 +18,16 @@ use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
 
-/// How often dead processes are looked for; nothing else does it for us.
-const CHECK_INTERVAL: Duration = Duration::from_millis(100);
+/// The most connections at once that are neither a learner's nor a spectator's: enough for all status
+/// requests, too few to use up the process's file descriptors. Learners and spectators have separate
+/// limits.
+const MAX_UNATTACHED: usize = 128;
 
-/// Connections at once that are neither a learner's nor a spectator's: enough for all who ask something, too
-/// few to use up the process's file descriptors. Learners and spectators have limits of their own.
-const MAX_VISITORS: usize = 128;
+/// The most of these that one process may have, so that it cannot displace the others.
+const MAX_UNATTACHED_PER_PROCESS: usize = 32;
 
-/// Of these, how many one process may have, so that it cannot drive out the others.
-const MAX_VISITORS_OF_A_PROCESS: usize = 32;
-
-/// What the control thread owns. Fields are dropped in this order: the workers stop before the ports they use
-/// go, and the node goes last.
+/// What the control thread owns. Fields are dropped in this order: the workers stop before their ports are
+/// closed, and the node is closed last.
 pub(crate) struct ControlServer {
     pub(crate) pool: Pool<Iceoryx>,
     pub(crate) lanes: Vec<ServedLane>,
@@ -36,7 +35,7 @@ pub(crate) struct ControlServer {
     pub(crate) threads: usize,
     pub(crate) shared_memory: usize,
     pub(crate) started: Instant,
-    /// Kept open so that learners find them.
+    /// Kept open so that learners can open them.
     pub(crate) _services: (WorkEvent, Vec<LaneServices>),
     pub(crate) ipc_node: IpcNode,
 }
@@ -46,7 +45,7 @@ pub(crate) struct ServedLane {
     pub(crate) description: LaneDescription,
     learner_pid: Option<u32>,
     spectators: usize,
-    /// Figures and time at the last look, for the rates.
+    /// Statistics and time of the last measurement, for the rates.
     seen: (LaneStats, Instant),
     steps_per_s: f64,
     queue_wait_us: f64,
@@ -74,14 +73,14 @@ struct Connection {
     /// open.
     process: Option<OwnedFd>,
     received: Vec<u8>,
-    /// What is still to be written of the last answer. Until then no other question is read.
+    /// The unwritten rest of the last response. Until it is written no other request is read.
     unwritten: VecDeque<u8>,
-    /// When it last did something.
+    /// When it was last active.
     active: Instant,
     role: Role,
 }
 
-/// What a connection is besides a questioner; lanes by number.
+/// What a connection holds; lanes by index.
 #[derive(Clone, Copy, PartialEq)]
 enum Role {
     None,
@@ -93,7 +92,7 @@ enum Role {
 pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
-    let mut last_look = Instant::now();
+    let mut last_check = Instant::now();
     loop {
         let ready = wait(&listener, &stop, &connections);
         if ready.stop {
@@ -108,35 +107,35 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
             match listener.accept() {
                 Ok((stream, _)) => admit(&mut connections, stream),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                // Out of file descriptors; it would be ready again at once.
+                // Out of file descriptors: the listener stays ready, so make room and pause.
                 Err(_) => {
                     close_idlest(&mut connections, 0, |_| true);
                     std::thread::sleep(Duration::from_millis(10));
                 }
             }
         }
-        if last_look.elapsed() >= CHECK_INTERVAL {
-            last_look = Instant::now();
+        if last_check.elapsed() >= CHECK_INTERVAL {
+            last_check = Instant::now();
             server.ipc_node.node.try_cleanup_dead_nodes();
             server.measure();
         }
     }
 }
 
-/// Takes a new connection in, in the place of an idle one if there are too many.
+/// Accepts a new connection; closes an idle one if there are too many.
 fn admit(connections: &mut Vec<Connection>, stream: UnixStream) {
     let Some(connection) = Connection::new(stream) else { return };
     let pid = connection.pid;
-    close_idlest(connections, MAX_VISITORS_OF_A_PROCESS - 1, |other| other.pid == pid);
-    close_idlest(connections, MAX_VISITORS - 1, |_| true);
+    close_idlest(connections, MAX_UNATTACHED_PER_PROCESS - 1, |other| other.pid == pid);
+    close_idlest(connections, MAX_UNATTACHED - 1, |_| true);
     connections.push(connection);
 }
 
-/// If more than `limit` visitors are of that kind, closes the one that has been idle for longest.
+/// If more than `limit` connections without a role are of that kind, closes the one that was idle longest.
 fn close_idlest(connections: &mut Vec<Connection>, limit: usize, kind: impl Fn(&Connection) -> bool) {
-    let visitors = connections.iter().enumerate().filter(|(_, c)| c.role == Role::None && kind(c));
-    if visitors.clone().count() > limit
-        && let Some((index, _)) = visitors.min_by_key(|(_, c)| c.active)
+    let unattached = connections.iter().enumerate().filter(|(_, c)| c.role == Role::None && kind(c));
+    if unattached.clone().count() > limit
+        && let Some((index, _)) = unattached.min_by_key(|(_, c)| c.active)
     {
         tracing::debug!(pid = connections[index].pid, "idle connection closed in favour of another");
         connections.swap_remove(index);
@@ -153,8 +152,8 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
     let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
     let mut owner = Vec::new();
     for (index, connection) in connections.iter().enumerate() {
-        let wanted = if connection.unwritten.is_empty() { PollFlags::IN } else { PollFlags::OUT };
-        fds.push(PollFd::new(&connection.stream, wanted));
+        let events = if connection.unwritten.is_empty() { PollFlags::IN } else { PollFlags::OUT };
+        fds.push(PollFd::new(&connection.stream, events));
         owner.push(index);
         if let Some(process) = &connection.process {
             fds.push(PollFd::new(process, PollFlags::IN));
@@ -171,14 +170,14 @@ fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) 
 }
 
 impl Drop for Connection {
-    /// Hangs up at once, even if a forked child of this process holds a copy of the socket.
+    /// Ends the connection at once, even if a forked child of this process holds a copy of the socket.
     fn drop(&mut self) {
         let _ = self.stream.shutdown(std::net::Shutdown::Both);
     }
 }
 
 impl Connection {
-    /// `None` for a process of another user, should one get past the folder's permissions.
+    /// `None` for a process of another user, which the folder's permissions should prevent.
     fn new(stream: UnixStream) -> Option<Connection> {
         let peer = peer_of(&stream).ok()?;
         if peer.uid != rustix::process::getuid().as_raw() {
@@ -195,7 +194,7 @@ impl Connection {
         self.process.as_ref().is_some_and(has_ended)
     }
 
-    /// Reads some of what is there; `false` when the peer hung up or asks too long a question.
+    /// Reads some of what was received; `false` if the peer hung up or its request is too long.
     fn read(&mut self) -> bool {
         let mut chunk = [0u8; 4096];
         match self.stream.read(&mut chunk) {
@@ -208,7 +207,7 @@ impl Connection {
         }
     }
 
-    /// Writes as much of the last answer as the peer has room for; `false` when it hung up.
+    /// Writes as much of the last response as the peer has room for; `false` if it hung up.
     fn write(&mut self) -> bool {
         while !self.unwritten.is_empty() {
             match self.stream.write(self.unwritten.as_slices().0) {
@@ -220,7 +219,7 @@ impl Connection {
         true
     }
 
-    /// The peer becomes the learner or spectator of a lane: from now on the end of its process counts.
+    /// The peer becomes the learner or spectator of a lane: from now on the end of its process is detected.
     fn take_role(&mut self, role: Role) {
         self.process = self.pid.and_then(watch_process);
         self.role = role;
@@ -233,8 +232,8 @@ impl Connection {
 }
 
 impl ControlServer {
-    /// Answers what a connection asked, one question after the other has been answered in full; `false` when
-    /// it is over.
+    /// Answers the requests of a connection, each after the previous response is written in full; `false`
+    /// if the connection is over.
     fn handle(&mut self, connection: &mut Connection, sessions: &mut u64) -> bool {
         connection.active = Instant::now();
         let reads = connection.unwritten.is_empty();
@@ -244,11 +243,11 @@ impl ControlServer {
                 return false;
             }
             if !connection.unwritten.is_empty() {
-                // A visitor may be done with asking, and still read.
+                // A peer without a role may have sent its last request, and still read.
                 return open || connection.role == Role::None;
             }
             let Some(line) = connection.next_line() else { return open };
-            let answer = match serde_json::from_slice::<ControlRequest>(&line) {
+            let response = match serde_json::from_slice::<ControlRequest>(&line) {
                 Ok(ControlRequest::Status) => ControlResponse::Status(self.status()),
                 Ok(ControlRequest::Watch { lane }) => {
                     self.watch(connection, lane).unwrap_or_else(ControlResponse::Refused)
@@ -258,7 +257,7 @@ impl ControlServer {
                 }
                 Err(error) => ControlResponse::Refused(ControlError::Malformed { what: error.to_string() }),
             };
-            let mut line = serde_json::to_vec(&answer).expect("answers are plain data");
+            let mut line = serde_json::to_vec(&response).expect("responses are plain data");
             line.push(b'\n');
             connection.unwritten = line.into();
         }
@@ -312,7 +311,7 @@ impl ControlServer {
     /// The process of a connection that may become a learner or spectator.
     fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
         if connection.role != Role::None {
-            return Err(ControlError::Malformed { what: "this connection has a lane already".to_owned() });
+            return Err(ControlError::Malformed { what: "this connection already has a lane".to_owned() });
         }
         connection.pid.ok_or_else(|| ControlError::OtherNamespace { pool: self.name.clone() })
     }
@@ -329,13 +328,13 @@ impl ControlServer {
         }
     }
 
-    /// Frees what a connection held.
+    /// Releases what a connection held.
     fn release(&mut self, connection: Connection) {
         match connection.role {
             Role::None => {}
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
             Role::Learner(index) => {
-                // If it died, its successor shall find the frames that it held.
+                // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
                 self.pool.set_session(index, None);
                 self.lanes[index].learner_pid = None;

@@ -103,7 +103,7 @@ impl Snapshot {
 
     fn check_lengths(&self, arena: &Arena) -> Result<(), SnapshotError> {
         let units = &self.units;
-        let (n_units, n_agents) = (arena.sizes().n_units, arena.sizes().n_agents);
+        let (n_units, n_agents) = (arena.sizes().n_units(), arena.sizes().n_agents);
         let columns = [
             ("pos", units.pos.len(), n_units),
             ("vel", units.vel.len(), n_units),
@@ -161,7 +161,7 @@ impl Snapshot {
     }
 
     fn check_references(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        let (n_units, n_actions) = (arena.sizes().n_units, arena.sizes().n_actions);
+        let (n_units, n_actions) = (arena.sizes().n_units(), arena.sizes().n_actions);
         for (unit, &target) in self.units.target.iter().enumerate() {
             if let Some(target) = target.filter(|&target| target as usize >= n_units) {
                 return Err(SnapshotError::NoSuchTarget { unit, target, n_units });

@@ -3,6 +3,7 @@
 
 use super::Lane;
 use crate::autoreset::Autoreset;
+use crate::env_ids::{check_distinct, env_index};
 use crate::hosted_env::{HostedEnv, Task};
 use crate::rejection::Rejection;
 use crate::sync::{MutexGuard, lock};
@@ -151,7 +152,7 @@ impl<T: Transport> Lane<T> {
         prefetch(env_ids);
         prefetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
             let mut hosted = self.reserve(intake, epoch, env, Task::Step)?;
             let hosted = &mut *hosted;
             hosted
@@ -183,7 +184,9 @@ impl<T: Transport> Lane<T> {
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
         if is_full {
-            self.check_all_named(request.env_ids)?;
+            // Checked before the new epoch begins: after that, environments that still step count as free, and
+            // a refusal could not make them busy again.
+            check_distinct(request.env_ids.iter().map(|id| id.load(Ordering::Relaxed)), self.num_envs)?;
             let epoch = Epoch { reset: Some(request.number), ..epoch };
             intake.epoch = Some(epoch);
             self.begin_epoch(Some(epoch));
@@ -191,7 +194,7 @@ impl<T: Transport> Lane<T> {
                 .try_for_each(|env| self.reserve(intake, epoch, env, reset(env)).map(drop));
         }
         for id in request.env_ids {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
+            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
             drop(self.reserve(intake, epoch, env, reset(env))?);
         }
         if self.is_synchronous() {
@@ -205,20 +208,6 @@ impl<T: Transport> Lane<T> {
             }
         }
         Ok(())
-    }
-
-    /// Checks that a full reset names every environment once. This comes before the new epoch begins: after
-    /// that, environments that still step count as free, and a refusal could not make them busy again.
-    fn check_all_named(&self, env_ids: &[AtomicI32]) -> Result<(), Rejection> {
-        let mut named = vec![false; self.num_envs];
-        env_ids.iter().try_for_each(|id| {
-            let env = self.env_of(id.load(Ordering::Relaxed))?;
-            if std::mem::replace(&mut named[env], true) {
-                Err(Rejection::DuplicateEnv { env })
-            } else {
-                Ok(())
-            }
-        })
     }
 
     /// Marks an environment busy with a task of the request being accepted.
@@ -239,13 +228,6 @@ impl<T: Transport> Lane<T> {
                 Ok(hosted)
             }
         }
-    }
-
-    fn env_of(&self, id: i32) -> Result<usize, Rejection> {
-        usize::try_from(id)
-            .ok()
-            .filter(|env| *env < self.num_envs)
-            .ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs: self.num_envs })
     }
 
     /// Frees the environments that a refused request had reserved.

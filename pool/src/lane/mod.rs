@@ -10,9 +10,9 @@ pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
-use crate::fields::FieldSet;
 use crate::frame_assembler::{FrameAssembler, SlotClaim};
 use crate::hosted_env::HostedEnv;
+use crate::lane_settings::LaneSettings;
 use crate::layout::Layout;
 use crate::rejection::Rejection;
 use crate::slot::FrameMemory;
@@ -35,16 +35,8 @@ pub struct LaneSpec {
     pub name: String,
     /// Sizes of every environment.
     pub sizes: Sizes,
-    /// Environments (N).
-    pub num_envs: usize,
-    /// Slots of a frame (M): N for synchronous stepping, fewer for asynchronous.
-    pub batch_size: usize,
-    /// Environment `i` starts with seed `seed + i` in every session.
-    pub seed: u64,
-    /// What happens at an episode's end.
-    pub autoreset: Autoreset,
-    /// The fields of a frame. `final_*` fields exist only under same-step autoreset.
-    pub fields: FieldSet,
+    /// Number of environments, batches, seed, autoreset and fields.
+    pub settings: LaneSettings,
     /// Makes environment `i`.
     pub make: MakeEnvironment,
 }
@@ -52,11 +44,7 @@ pub struct LaneSpec {
 impl LaneSpec {
     /// The layout of this lane's frames.
     pub fn layout(&self) -> Layout {
-        let mut fields = self.fields;
-        if self.autoreset != Autoreset::SameStep {
-            fields.iter().filter(|f| f.is_final()).for_each(|f| fields.remove(f));
-        }
-        Layout::new(self.sizes, self.batch_size, fields)
+        self.settings.layout(self.sizes)
     }
 }
 
@@ -76,15 +64,16 @@ pub(crate) struct Lane<T: Transport> {
 impl<T: Transport> Lane<T> {
     /// Builds the environments and reserves the lane's first frame.
     pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Result<Self, TransportError> {
+        let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
         Ok(Lane {
             name: spec.name.clone(),
-            num_envs: spec.num_envs,
-            seed: spec.seed,
-            autoreset: spec.autoreset,
+            num_envs,
+            seed,
+            autoreset,
             layout: spec.layout(),
-            envs: (0..spec.num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i)))).collect(),
+            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i)))).collect(),
             intake: Mutex::new(Intake::new(inlet)),
-            assembler: Mutex::new(FrameAssembler::new(outlet, spec.batch_size)?),
+            assembler: Mutex::new(FrameAssembler::new(outlet, batch_size)?),
             failure: OnceLock::new(),
             counters: Counters::default(),
         })

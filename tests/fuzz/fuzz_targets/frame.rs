@@ -9,7 +9,7 @@
 use libfuzzer_sys::fuzz_target;
 use smaclite_engine::Sizes;
 use smaclite_ipc::control::protocol::{ControlResponse, ControlRequest};
-use smaclite_ipc::wire::{Content, FrameHeader, MAGIC, frames_lost, read_frame};
+use smaclite_ipc::wire::{FrameHeader, MAGIC, ReceivedFrame, frames_lost, read_frame};
 use smaclite_pool::fields::{Dtype, FieldSet};
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
 
@@ -18,7 +18,7 @@ fuzz_target!(|bytes: &[u8]| {
     if *keep == 255 {
         return read_response(rest);
     }
-    let sizes = Sizes { n_agents: 2, n_enemies: 1, n_units: 3, n_actions: 5, obs_size: 3, state_size: 4 };
+    let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
     let layout = Layout::new(sizes, 4, FieldSet::ALL);
     // The fields that are not kept come first, then the payload.
     let (changed, rest) = rest.split_at((8 * (keep & 0x7f).count_ones() as usize).min(rest.len()));
@@ -38,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
     let length = if keep >> 7 & 1 == 0 { layout.bytes() } else { rest.len() };
     let mut payload = rest.to_vec();
     payload.resize(length, 0);
-    frames_lost(7, header.sequence);
+    frames_lost(Some(7), header.sequence);
     match read_frame(&header, &payload, &layout) {
         None => assert!(*keep != 0, "a valid frame was ignored"),
         Some(Content::Rejection { rejection, .. }) => drop(rejection.to_string()),

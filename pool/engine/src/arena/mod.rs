@@ -10,6 +10,7 @@ mod partition;
 mod unit_stats;
 
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
 pub(crate) use edges::{Edge, left_of};
@@ -48,20 +49,25 @@ pub struct Arena {
 }
 
 /// The numbers of units and actions of a battle, and the sizes of its outputs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sizes {
     /// Agents, which are the allied units.
     pub n_agents: usize,
     /// Enemies.
     pub n_enemies: usize,
-    /// Agents and enemies.
-    pub n_units: usize,
     /// Actions of an agent: no-op, stop, four moves, and one for each unit that can be targeted.
     pub n_actions: usize,
     /// Floats in the observation of one agent.
     pub obs_size: usize,
     /// Floats in the state.
     pub state_size: usize,
+}
+
+impl Sizes {
+    /// Agents and enemies.
+    pub fn n_units(&self) -> usize {
+        self.n_agents + self.n_enemies
+    }
 }
 
 /// Which optional features observations and state have, and the values that scale positions.
@@ -224,7 +230,6 @@ fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
     Sizes {
         n_agents,
         n_enemies,
-        n_units: n_agents + n_enemies,
         n_actions,
         // The terms are those of `Battle::write_obs` and `Battle::write_state`, in their order.
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,

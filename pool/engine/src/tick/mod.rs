@@ -64,7 +64,7 @@ pub(crate) struct TickScratch {
 impl TickScratch {
     /// Reserves memory for any battle in this arena, so that its ticks allocate nothing.
     pub fn reserve(&mut self, arena: &Arena) {
-        let n_units = arena.sizes().n_units;
+        let n_units = arena.sizes().n_units();
         clear_and_reserve(&mut self.previous_target, n_units);
         clear_and_reserve(&mut self.start, n_units);
         clear_and_reserve(&mut self.unmoved, n_units);

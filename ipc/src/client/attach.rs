@@ -1,0 +1,146 @@
+//! Attaching to a lane: the request to the supervisor, and the ports of iceoryx2.
+
+use super::error::ConnectError;
+use super::request_validator::RequestValidator;
+use super::sampler::Sampler;
+use super::{AttachedLane, Client};
+use crate::CHECK_INTERVAL;
+use crate::control::client::{ControlClient, ControlSocketError, RESPONSE_TIMEOUT};
+use crate::control::protocol::{
+    ControlError, ControlRequest, ControlResponse, LaneDescription, PROTOCOL_VERSION,
+};
+use crate::memory::{PORTS, check_room, reserve_segments};
+use crate::process_owned::ProcessOwned;
+use crate::runtime_dir::RuntimeDir;
+use crate::services::{
+    FramePort, IpcListener, IpcNode, IpcNotifier, LaneServices, RequestPublisher, WorkEvent, open_node,
+};
+use crate::wait_options::WaitOptions;
+use smaclite_pool::WaitStrategy;
+use smaclite_pool::layout::Layout;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How often a learner looks for a pool that does not run yet.
+const RETRY_INTERVAL: Duration = Duration::from_millis(20);
+
+/// What a learner needs of iceoryx2. Dropped in this order: the ports before their node.
+pub(super) struct Ports {
+    pub(super) requests: RequestPublisher,
+    pub(super) frames: Arc<FramePort>,
+    /// Blocks until a frame was sent.
+    pub(super) frame_sent: IpcListener,
+    /// Wakes the supervisor's workers.
+    pub(super) work: IpcNotifier,
+    _services: (LaneServices, WorkEvent),
+    _ipc_node: IpcNode,
+}
+
+impl Client {
+    /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to
+    /// answer.
+    pub fn connect(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        strategy: WaitStrategy,
+    ) -> Result<Client, ConnectError> {
+        let wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
+        Client::connect_within(runtime_dir, pool, lane, strategy, wait)
+    }
+
+    /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it
+    /// must run already, and has 10 seconds to answer.
+    pub fn connect_within(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
+    ) -> Result<Client, ConnectError> {
+        let WaitOptions { timeout, interrupted } = wait;
+        let begin = Instant::now();
+        loop {
+            let left = timeout.map(|time| time.saturating_sub(begin.elapsed()));
+            let for_answer = match timeout {
+                Some(Duration::ZERO) => Some(RESPONSE_TIMEOUT),
+                _ => left.map(|left| left.max(CHECK_INTERVAL)),
+            };
+            let wait = WaitOptions { timeout: for_answer, interrupted: &mut *interrupted };
+            match Client::attach(runtime_dir, pool, lane, strategy, wait) {
+                Err(ConnectError::Control(
+                    ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
+                )) if left != Some(Duration::ZERO) => {
+                    if interrupted() {
+                        return Err(ControlSocketError::Interrupted { pool: pool.to_owned() }.into());
+                    }
+                    std::thread::sleep(left.map_or(RETRY_INTERVAL, |left| left.min(RETRY_INTERVAL)));
+                }
+                outcome => return outcome,
+            }
+        }
+    }
+
+    fn attach(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
+    ) -> Result<Client, ConnectError> {
+        let request = ControlRequest::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
+        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let (session, description) = match response {
+            ControlResponse::Attached { session, lane } => (session, *lane),
+            ControlResponse::Refused(refusal) => return Err(refusal.into()),
+            other => return Err(ControlError::unexpected(&other).into()),
+        };
+        let layout = Arc::new(checked_layout(&description)?);
+        let ports = Ports::open(runtime_dir, &description, &layout);
+        let lane = AttachedLane {
+            ports: ports.map_err(|error| control.cause_of(error))?,
+            control,
+            validator: RequestValidator::new(&layout, &description.settings),
+            sampler: Sampler::new(0),
+            spin: strategy.spin_time(description.threads),
+            description,
+            layout,
+            session,
+            epoch: 0,
+            requests: 0,
+            sequence: None,
+            failure: None,
+        };
+        Ok(Client { lane: ProcessOwned::new(lane) })
+    }
+}
+
+impl Ports {
+    fn open(
+        runtime_dir: &RuntimeDir,
+        lane: &LaneDescription,
+        layout: &Layout,
+    ) -> Result<Ports, ConnectError> {
+        let (capacity, num_envs) = (lane.capacity, lane.settings.num_envs);
+        check_room(capacity.request_memory(layout, num_envs) + PORTS, "requests of a learner")?;
+        let ipc_node = open_node(runtime_dir, &format!("learner of {}", lane.pool))?;
+        let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
+        let work_event = WorkEvent::open(&ipc_node.node, &lane.instance)?;
+        let requests = services.request_publisher(layout, num_envs, capacity)?;
+        reserve_segments(runtime_dir, "requests of a learner", &mut || false)?;
+        let frames = Arc::new(services.frame_port(capacity.frames_waiting, &ipc_node)?);
+        let (frame_sent, work) = (services.frame_listener()?, work_event.notifier()?);
+        let _services = (services, work_event);
+        Ok(Ports { requests, frames, frame_sent, work, _services, _ipc_node: ipc_node })
+    }
+}
+
+/// The layout of a lane's frames, if the supervisor computed the same one.
+pub(crate) fn checked_layout(description: &LaneDescription) -> Result<Layout, ConnectError> {
+    let layout = description.layout()?;
+    if layout.hash() != description.layout_hash {
+        let lane = description.lane.clone();
+        return Err(ConnectError::Layout { lane, theirs: description.layout_hash, ours: layout.hash() });
+    }
+    Ok(layout)
+}

@@ -1,0 +1,106 @@
+//! From the lane to the learner: waiting for a frame, and telling batches from rejections.
+
+use super::AttachedLane;
+use super::error::ClientError;
+use crate::CHECK_INTERVAL;
+use crate::batch::Batch;
+use crate::services::{FrameSample, doing};
+use crate::wait_options::WaitOptions;
+use crate::wire::{ReceivedFrame, frames_lost, read_frame};
+use iceoryx2::port::ReceiveError;
+use smaclite_pool::Rejection;
+use std::sync::Arc;
+use std::time::Instant;
+
+impl AttachedLane {
+    /// Waits for the next batch. The timeout counts from `begin`.
+    pub(super) fn recv(&mut self, begin: Instant, wait: &mut WaitOptions<'_>) -> Result<Batch, ClientError> {
+        let (outstanding, batch_size) = (self.validator.outstanding(), self.description.settings.batch_size);
+        if outstanding < batch_size {
+            return Err(ClientError::NothingToReceive { outstanding, batch_size });
+        }
+        let sample = self.wait_for_batch(begin, wait)?;
+        self.validator.observe_batch(&self.layout, sample.payload());
+        Ok(Batch::new(sample, Arc::clone(&self.layout), Arc::clone(&self.ports.frames)))
+    }
+
+    fn wait_for_batch(
+        &mut self,
+        begin: Instant,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<FrameSample, ClientError> {
+        let spin_until = self.spin.map(|time| begin + time);
+        // A timeout beyond what an `Instant` can hold is no limit.
+        let end = wait.timeout.and_then(|timeout| begin.checked_add(timeout));
+        let mut next_check = begin + CHECK_INTERVAL;
+        loop {
+            if let Some(sample) = self.receive()? {
+                return Ok(sample);
+            }
+            let now = Instant::now();
+            if end.is_some_and(|end| now >= end) {
+                return Err(ClientError::Timeout(wait.timeout.unwrap_or_default()));
+            }
+            if now >= next_check {
+                next_check = now + CHECK_INTERVAL;
+                if !self.control.is_alive() {
+                    // It may have answered before it died.
+                    return self.receive()?.ok_or_else(|| self.pool_died());
+                }
+                if (wait.interrupted)() {
+                    return Err(ClientError::Interrupted);
+                }
+            }
+            if spin_until.is_none_or(|spin_until| now < spin_until) {
+                std::thread::yield_now();
+                continue;
+            }
+            let wake = end.map_or(next_check, |end| next_check.min(end));
+            // Whatever ends this wait, the loop polls again.
+            let _ = self.ports.frame_sent.timed_wait(|_| {}, wake - now);
+        }
+    }
+
+    /// The next batch of this session and epoch, if one has arrived.
+    fn receive(&mut self) -> Result<Option<FrameSample>, ClientError> {
+        loop {
+            let sample = match self.ports.frames.subscriber.receive() {
+                Ok(Some(sample)) => sample,
+                Ok(None) => return Ok(None),
+                Err(ReceiveError::ExceedsMaxBorrows) => {
+                    let limit = self.description.capacity.max_held_batches;
+                    return Err(ClientError::TooManyHeld { limit });
+                }
+                Err(error) => return Err(doing("receiving a frame")(error).into()),
+            };
+            let header = *sample.user_header();
+            let frame = match read_frame(&header, sample.payload(), &self.layout) {
+                Some(frame) if header.session == self.session => frame,
+                _ => continue,
+            };
+            let is_current = header.epoch == self.epoch;
+            // The frames left over from an earlier epoch may overflow: they are dropped in any case.
+            if is_current
+                && let Some((first, last)) =
+                    frames_lost(self.sequence.replace(header.sequence), header.sequence)
+            {
+                return Err(ClientError::FramesLost { first, last });
+            }
+            match frame {
+                ReceivedFrame::Rejection { request, rejection } => self.reject(request, rejection)?,
+                ReceivedFrame::Batch if is_current => return Ok(Some(sample)),
+                ReceivedFrame::Batch => {}
+            }
+        }
+    }
+
+    /// Reports the rejection of a request whose results are outstanding.
+    fn reject(&mut self, request: u64, rejection: Rejection) -> Result<(), ClientError> {
+        if matches!(rejection, Rejection::LaneFailed { .. }) {
+            self.failure = Some(rejection.clone());
+        } else if !self.validator.release(request) {
+            return Ok(());
+        }
+        Err(rejection.into())
+    }
+}

@@ -1,0 +1,130 @@
+//! From the learner to the lane: a request is checked, written into shared memory, and sent.
+
+use super::AttachedLane;
+use super::error::ClientError;
+use crate::CHECK_INTERVAL;
+use crate::services::doing;
+use crate::wait_options::WaitOptions;
+use crate::wire::{RequestHeader, actions_offset, step_bytes};
+use smaclite_pool::transport::RequestKind;
+use std::time::{Duration, Instant};
+
+/// How long a supervisor may leave its queue of requests full. Its workers accept requests between any two
+/// runs of environments; one that does not is stopped.
+const SEND_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How often to try again while the queue is full.
+const RETRY_INTERVAL: Duration = Duration::from_micros(50);
+
+impl AttachedLane {
+    /// Sends actions, `[count, n_agents]`.
+    pub(super) fn send_step(
+        &mut self,
+        actions: &[i32],
+        env_ids: Option<&[i32]>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        self.check_length(actions.len(), env_ids)?;
+        self.validator.reserve_step(self.requests + 1, actions, env_ids)?;
+        self.send(RequestKind::Step, env_ids, actions, wait)
+    }
+
+    pub(super) fn send_reset(
+        &mut self,
+        seed: Option<u64>,
+        env_ids: Option<&[i32]>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let number = self.requests + 1;
+        let kind = RequestKind::Reset { seed };
+        if let Some(ids) = env_ids
+            && !self.validator.names_all(ids)
+        {
+            self.validator.reserve_reset(number, ids)?;
+            return self.send(kind, env_ids, &[], wait);
+        }
+        // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
+        self.send(kind, env_ids, &[], wait)?;
+        self.validator.reserve_full_reset(number);
+        self.epoch = number;
+        self.sequence = None;
+        Ok(())
+    }
+
+    /// Sends a request whose environments are reserved; waits while the supervisor has too many unread ones.
+    fn send(
+        &mut self,
+        kind: RequestKind,
+        env_ids: Option<&[i32]>,
+        actions: &[i32],
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        self.requests += 1;
+        let count = self.count(env_ids);
+        let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
+        let sent = self.send_until_accepted(&header, env_ids, actions, wait);
+        if sent.is_err() {
+            self.validator.release(self.requests);
+        }
+        sent
+    }
+
+    fn send_until_accepted(
+        &self,
+        header: &RequestHeader,
+        env_ids: Option<&[i32]>,
+        actions: &[i32],
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let time = wait.timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
+        let begin = Instant::now();
+        let mut next_check = begin + CHECK_INTERVAL;
+        while !self.try_send(header, env_ids, actions)? {
+            if !self.control.is_alive() {
+                return Err(self.pool_died());
+            }
+            let now = Instant::now();
+            if now - begin > time {
+                return Err(ClientError::NotAccepted { time });
+            }
+            if now >= next_check {
+                next_check = now + CHECK_INTERVAL;
+                if (wait.interrupted)() {
+                    return Err(ClientError::Interrupted);
+                }
+            }
+            std::thread::sleep(RETRY_INTERVAL);
+        }
+        Ok(())
+    }
+
+    /// Writes the request into shared memory and sends it; `false` if the supervisor's queue is full.
+    fn try_send(
+        &self,
+        header: &RequestHeader,
+        env_ids: Option<&[i32]>,
+        actions: &[i32],
+    ) -> Result<bool, ClientError> {
+        let count = self.count(env_ids);
+        let bytes = match actions {
+            [] => count * size_of::<i32>(),
+            _ => step_bytes(count, self.description.sizes.n_agents),
+        };
+        let loan = self.ports.requests.loan_slice(bytes);
+        let mut sample = loan.map_err(doing("loaning memory for a request"))?;
+        *sample.user_header_mut() = *header;
+        let payload = sample.payload_mut();
+        let ids: &mut [i32] = bytemuck::cast_slice_mut(&mut payload[..count * size_of::<i32>()]);
+        match env_ids {
+            Some(given) => ids.copy_from_slice(given),
+            None => ids.iter_mut().zip(0..).for_each(|(id, env)| *id = env),
+        }
+        if !actions.is_empty() {
+            payload[actions_offset(count)..].copy_from_slice(bytemuck::cast_slice(actions));
+        }
+        let delivered = sample.send();
+        // Fails only if the supervisor's event is gone, and then so is the supervisor.
+        let _ = self.ports.work.notify();
+        Ok(matches!(delivered, Ok(receivers) if receivers > 0))
+    }
+}

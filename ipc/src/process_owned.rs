@@ -1,0 +1,56 @@
+//! The fork guard: only the process that made a value changes or drops it.
+//!
+//! A forked child has a copy of all its parent's memory, and of its open files. If it dropped a port, a
+//! sample or a lock of its parent, the parent would lose them.
+
+#![allow(unsafe_code)] // the drop that a forked child must leave out
+
+use std::mem::ManuallyDrop;
+use std::ops::Deref;
+
+/// A value of the process that made it. A forked child can read its copy, and never drops it.
+pub(crate) struct ProcessOwned<T> {
+    value: ManuallyDrop<T>,
+    owner: u32,
+}
+
+/// This process is a forked child of the owner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NotOwner {
+    /// The process that owns the value.
+    pub(crate) owner: u32,
+}
+
+impl<T> ProcessOwned<T> {
+    /// A value of this process.
+    pub(crate) fn new(value: T) -> Self {
+        ProcessOwned { value: ManuallyDrop::new(value), owner: std::process::id() }
+    }
+
+    /// The value, for a change, if this process owns it.
+    pub(crate) fn get_mut(&mut self) -> Result<&mut T, NotOwner> {
+        if self.is_owned() { Ok(&mut self.value) } else { Err(NotOwner { owner: self.owner }) }
+    }
+
+    fn is_owned(&self) -> bool {
+        self.owner == std::process::id()
+    }
+}
+
+impl<T> Deref for ProcessOwned<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T> Drop for ProcessOwned<T> {
+    fn drop(&mut self) {
+        if self.is_owned() {
+            // SAFETY: this is the only place that drops the value. `drop` runs once, and afterwards nothing
+            // uses the value: the guard is gone.
+            unsafe { ManuallyDrop::drop(&mut self.value) }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The configuration of a pool: its checks, and all preparations that need no file, process or shared memory.
+
+use super::error::{LaneConfigError, StartError};
+use crate::capacity::Capacity;
+use crate::control::protocol::LaneDescription;
+use crate::memory::{PORTS, check_room};
+use crate::name::check_name;
+use crate::runtime_dir::RuntimeDir;
+use smaclite_engine::{Arena, Battle, Rules, Sizes};
+use smaclite_pool::environment::{Environment, MakeEnvironment};
+use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
+use smaclite_scenarios::Scenario;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// The environments of a lane.
+pub enum LaneEnvs {
+    /// Battles of a scenario.
+    Battle {
+        /// The scenario.
+        scenario: Box<Scenario>,
+        /// The rules of the battles.
+        rules: Rules,
+        /// `Some` replaces the scenario's own limit; `Some(None)` is no limit.
+        episode_limit: Option<Option<u32>>,
+    },
+    /// Any other environment, for tests and benches.
+    Other {
+        /// Shown as the scenario's name.
+        name: String,
+        /// Sizes of every environment.
+        sizes: Sizes,
+        /// Makes environment `i`.
+        make: MakeEnvironment,
+    },
+}
+
+/// One lane of a pool.
+pub struct LaneConfig {
+    /// The name learners attach by.
+    pub name: String,
+    /// Its environments.
+    pub envs: LaneEnvs,
+    /// How many there are, and how they are stepped.
+    pub settings: LaneSettings,
+    /// Batches that a learner may hold at once, 2 to 1024.
+    pub max_held_batches: usize,
+    /// Spectators at once, 0 to 64.
+    pub spectators: usize,
+}
+
+/// A whole pool.
+pub struct SupervisorConfig {
+    /// The name learners connect by.
+    pub name: String,
+    /// Its lanes, with different names.
+    pub lanes: Vec<LaneConfig>,
+    /// Threads and waiting.
+    pub options: PoolOptions,
+    /// The folder of its socket and locks.
+    pub runtime_dir: RuntimeDir,
+}
+
+/// A pool whose settings are checked and whose maps are computed, which may take a second. It has no file,
+/// thread or shared memory yet.
+pub struct PreparedPool {
+    pub(super) name: String,
+    pub(super) runtime_dir: RuntimeDir,
+    pub(super) options: PoolOptions,
+    pub(super) instance: String,
+    pub(super) lanes: Vec<(LaneSpec, LaneDescription)>,
+    pub(super) shared_memory: usize,
+}
+
+/// What the descriptions of all lanes of a pool share.
+struct PoolInfo<'a> {
+    name: &'a str,
+    instance: &'a str,
+    threads: usize,
+}
+
+/// Environments that are ready to be made, and how they are described.
+struct PreparedEnvs {
+    scenario: String,
+    rules: String,
+    episode_limit: Option<u32>,
+    sizes: Sizes,
+    make: MakeEnvironment,
+}
+
+impl LaneConfig {
+    /// A synchronous lane of a scenario with every other setting at its default.
+    pub fn new(name: impl Into<String>, scenario: Scenario, num_envs: usize) -> LaneConfig {
+        let (scenario, rules) = (Box::new(scenario), Rules::default());
+        LaneConfig {
+            name: name.into(),
+            envs: LaneEnvs::Battle { scenario, rules, episode_limit: None },
+            settings: LaneSettings::new(num_envs),
+            max_held_batches: 4,
+            spectators: 1,
+        }
+    }
+
+    fn check(&self) -> Result<(), LaneConfigError> {
+        check_name(&self.name)?;
+        self.settings.check()?;
+        if !(2..=1024).contains(&self.max_held_batches) {
+            return Err(LaneConfigError::MaxHeldBatches(self.max_held_batches));
+        }
+        if self.spectators > 64 {
+            return Err(LaneConfigError::Spectators(self.spectators));
+        }
+        Ok(())
+    }
+
+    /// Splits the configuration into what the pool builds and what learners receive.
+    fn prepare(self, pool: &PoolInfo<'_>) -> (LaneSpec, LaneDescription) {
+        let settings = LaneSettings { fields: self.settings.frame_fields(), ..self.settings };
+        let PreparedEnvs { scenario, rules, episode_limit, sizes, make } = self.envs.prepare(settings.seed);
+        let description = LaneDescription {
+            pool: pool.name.to_owned(),
+            pid: std::process::id(),
+            instance: pool.instance.to_owned(),
+            lane: self.name.clone(),
+            scenario,
+            sizes,
+            settings,
+            episode_limit,
+            rules,
+            layout_hash: settings.layout(sizes).hash(),
+            capacity: Capacity::new(&settings, pool.threads, self.max_held_batches, self.spectators),
+            threads: pool.threads,
+        };
+        (LaneSpec { name: self.name, sizes, settings, make }, description)
+    }
+}
+
+impl LaneEnvs {
+    fn prepare(self, seed: u64) -> PreparedEnvs {
+        match self {
+            LaneEnvs::Battle { scenario, rules, episode_limit } => {
+                let mut arena = Arena::new(&scenario, rules);
+                if let Some(limit) = episode_limit {
+                    arena = arena.with_episode_limit(limit);
+                }
+                let (scenario, rules) = (scenario.name.clone(), rules.to_string());
+                let (sizes, episode_limit) = (arena.sizes(), arena.episode_limit());
+                let arena = Arc::new(arena);
+                let make = move |i: usize| -> Box<dyn Environment> {
+                    Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
+                };
+                PreparedEnvs { scenario, rules, episode_limit, sizes, make: Box::new(make) }
+            }
+            LaneEnvs::Other { name, sizes, make } => {
+                PreparedEnvs { scenario: name, rules: String::new(), episode_limit: None, sizes, make }
+            }
+        }
+    }
+}
+
+impl SupervisorConfig {
+    /// Does everything that needs no file, process or shared memory.
+    ///
+    /// # Errors
+    /// For settings out of range, and if `/dev/shm` is too small for the pool.
+    pub fn prepare(self) -> Result<PreparedPool, StartError> {
+        let SupervisorConfig { name, lanes, options, runtime_dir } = self;
+        check_name(&name)?;
+        check_lanes(&lanes)?;
+        let options = PoolOptions { threads: options.threads.max(1), ..options };
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+        let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
+        let pool = PoolInfo { name: &name, instance: &instance, threads: options.threads };
+        let lanes: Vec<_> = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect();
+        let frames = lanes.iter().map(|(spec, lane)| lane.capacity.frame_memory(&spec.layout()));
+        let shared_memory = frames.sum();
+        let clients = lanes.iter().map(|(spec, lane)| {
+            let requests = lane.capacity.request_memory(&spec.layout(), spec.settings.num_envs);
+            requests + (2 + lane.capacity.spectators) * PORTS
+        });
+        check_room(
+            shared_memory + clients.sum::<usize>(),
+            "frames of all lanes and their learners' requests",
+        )?;
+        Ok(PreparedPool { name, runtime_dir, options, instance, lanes, shared_memory })
+    }
+}
+
+fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
+    if lanes.is_empty() {
+        return Err(StartError::NoLanes);
+    }
+    for (index, lane) in lanes.iter().enumerate() {
+        let is_duplicate = lanes[..index].iter().any(|other| other.name == lane.name);
+        let checked = lane.check().and(if is_duplicate { Err(LaneConfigError::SameName) } else { Ok(()) });
+        checked.map_err(|source| StartError::Lane { lane: lane.name.clone(), source })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! Why a pool could not start.
+
+use crate::control::client::of_process;
+use crate::memory::TooLittleMemory;
+use crate::name::NameError;
+use crate::runtime_dir::RuntimeDirError;
+use crate::services::IpcError;
+use smaclite_pool::{LaneSettingsError, PoolStartError};
+
+/// Why a supervisor did not start. Nothing of it is left.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum StartError {
+    #[error("pool name: {0}")]
+    Name(#[from] NameError),
+    #[error("a pool named `{pool}` runs already{}; choose another name or stop it", of_process(*pid))]
+    NameTaken { pool: String, pid: Option<u32> },
+    #[error("a pool needs at least one lane")]
+    NoLanes,
+    #[error("lane `{lane}`: {source}")]
+    Lane { lane: String, source: LaneConfigError },
+    #[error(transparent)]
+    RuntimeDir(#[from] RuntimeDirError),
+    #[error(transparent)]
+    Memory(#[from] TooLittleMemory),
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    #[error(transparent)]
+    Pool(#[from] PoolStartError),
+    #[error("the start was interrupted")]
+    Interrupted,
+    #[error("{doing}: {source}")]
+    System { doing: String, source: std::io::Error },
+}
+
+/// What is wrong with the configuration of a lane.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum LaneConfigError {
+    #[error(transparent)]
+    Name(#[from] NameError),
+    #[error("two lanes have this name; name one differently (NAME=SCENARIO:N)")]
+    SameName,
+    #[error(transparent)]
+    Settings(#[from] LaneSettingsError),
+    #[error("max_held_batches must be between 2 and 1024, got {0}")]
+    MaxHeldBatches(usize),
+    #[error("spectators must be between 0 and 64, got {0}")]
+    Spectators(usize),
+}
+
+/// Adds what was being done to an error of the operating system.
+pub(super) fn system(doing: impl Into<String>) -> impl FnOnce(std::io::Error) -> StartError {
+    move |source| StartError::System { doing: doing.into(), source }
+}

@@ -1,0 +1,139 @@
+//! Starting and stopping a supervisor. Everything is checked and set aside first; then services and threads
+//! begin.
+
+mod config;
+mod control_thread;
+mod error;
+mod name_lock;
+
+pub use config::{LaneConfig, LaneEnvs, PreparedPool, SupervisorConfig};
+pub use error::{LaneConfigError, StartError};
+pub(crate) use name_lock::NameLock;
+
+use crate::control::protocol::LaneDescription;
+use crate::control::server::{ControlServer, ServedLane};
+use crate::memory::reserve_segments;
+use crate::process_owned::ProcessOwned;
+use crate::runtime_dir::RuntimeDir;
+use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
+use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
+use control_thread::ControlThread;
+use iceoryx2::prelude::Node;
+use smaclite_pool::{LaneSpec, Pool, PoolOptions};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// A running supervisor. Dropping it stops it and removes all its files in `/dev/shm` and the runtime folder.
+pub struct Supervisor {
+    /// Stops first; the name is given up last.
+    _control: ProcessOwned<ControlThread>,
+    name: String,
+    lanes: Vec<LaneDescription>,
+    shared_memory: usize,
+    threads: usize,
+    runtime_dir: RuntimeDir,
+    _name_lock: NameLock,
+}
+
+impl Supervisor {
+    /// Starts a pool.
+    ///
+    /// # Errors
+    /// Whatever [`SupervisorConfig::prepare`] and [`start_prepared`](Supervisor::start_prepared) report.
+    pub fn start(config: SupervisorConfig) -> Result<Supervisor, StartError> {
+        Supervisor::start_prepared(config.prepare()?, &mut || false)
+    }
+
+    /// Starts a prepared pool. While its memory is set aside, which takes a second for some gigabytes,
+    /// `interrupted` is called every few milliseconds; `true` ends the start.
+    ///
+    /// # Errors
+    /// If the name is in use, memory is short, or iceoryx2 or the operating system refuses something.
+    pub fn start_prepared(
+        prepared: PreparedPool,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Supervisor, StartError> {
+        if interrupted() {
+            return Err(StartError::Interrupted);
+        }
+        let PreparedPool { name, runtime_dir, options, instance, lanes, shared_memory } = prepared;
+        let threads = options.threads;
+        let _name_lock = NameLock::acquire(&runtime_dir, &name)?;
+        let ipc_node = open_node(&runtime_dir, &name)?;
+        let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
+        let started = start_pool(&ipc_node.node, &instance, lanes, options);
+        let (pool, services) = started.map_err(|error| match error {
+            StartError::Ipc(error) => StartError::Ipc(error.at(&runtime_dir)),
+            other => other,
+        })?;
+        if !reserve_segments(&runtime_dir, "frames of all lanes", interrupted)? {
+            return Err(StartError::Interrupted);
+        }
+        let server = ControlServer {
+            pool,
+            lanes: descriptions.iter().cloned().map(ServedLane::new).collect(),
+            name: name.clone(),
+            threads,
+            shared_memory,
+            started: Instant::now(),
+            _services: services,
+            ipc_node,
+        };
+        let _control = ProcessOwned::new(ControlThread::start(server, &runtime_dir.socket(&name))?);
+        tracing::info!(pool = name, shared_memory, threads, "serving");
+        let lanes = descriptions;
+        Ok(Supervisor { _control, name, lanes, shared_memory, threads, runtime_dir, _name_lock })
+    }
+
+    /// The pool's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Descriptions of its lanes.
+    pub fn lanes(&self) -> &[LaneDescription] {
+        &self.lanes
+    }
+
+    /// Bytes of shared memory set aside for frames.
+    pub fn shared_memory(&self) -> usize {
+        self.shared_memory
+    }
+
+    /// Worker threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// The folder of its socket and locks.
+    pub fn runtime_dir(&self) -> &RuntimeDir {
+        &self.runtime_dir
+    }
+}
+
+type Services = (WorkEvent, Vec<LaneServices>);
+
+/// Creates the services of all lanes and starts the workers.
+fn start_pool(
+    node: &Node<Ipc>,
+    instance: &str,
+    lanes: Vec<(LaneSpec, LaneDescription)>,
+    options: PoolOptions,
+) -> Result<(Pool<Iceoryx>, Services), StartError> {
+    let work = WorkEvent::create(node, instance, lanes.len())?;
+    let bell = WorkBell { listener: work.listener()?, notifier: work.notifier()? };
+    let mut services = Vec::new();
+    let mut parts = Vec::new();
+    for (spec, description) in lanes {
+        let capacity = description.capacity;
+        let layout = Arc::new(spec.layout());
+        let lane = LaneServices::create(node, instance, &spec.name, capacity)?;
+        let inlet = RequestInlet { subscriber: lane.request_subscriber()?, layout: Arc::clone(&layout) };
+        let publisher = lane.frame_publisher(&layout, capacity)?;
+        let outlet = FrameOutlet { publisher, notifier: lane.frame_notifier()?, layout, sequence: 0 };
+        parts.push((spec, inlet, outlet));
+        services.push(lane);
+    }
+    let pool = Pool::start(parts, bell, options)?;
+    Ok((pool, (work, services)))
+}

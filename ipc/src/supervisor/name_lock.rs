@@ -1,0 +1,49 @@
+//! The lock by which one process at a time has a pool's name.
+
+use super::error::{StartError, system};
+use crate::control::client::process_of;
+use crate::process_owned::ProcessOwned;
+use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file};
+use rustix::fs::{FlockOperation, flock};
+use std::fs::File;
+use std::path::PathBuf;
+
+/// The right to a pool's name. Dropping it removes the files of the pool, then unlocks the name.
+pub(crate) struct NameLock {
+    _files: ProcessOwned<PoolFiles>,
+    _lock: File,
+}
+
+/// The socket and the lock of a pool; removed when dropped.
+struct PoolFiles([PathBuf; 2]);
+
+impl NameLock {
+    pub(super) fn acquire(runtime_dir: &RuntimeDir, name: &str) -> Result<NameLock, StartError> {
+        let lock = NameLock::try_take(runtime_dir, name).map_err(system("opening the pool's lock"))?;
+        lock.ok_or_else(|| StartError::NameTaken {
+            pool: name.to_owned(),
+            pid: process_of(runtime_dir, name),
+        })
+    }
+
+    /// `None` if another process has it.
+    pub(crate) fn try_take(runtime_dir: &RuntimeDir, name: &str) -> std::io::Result<Option<NameLock>> {
+        let path = runtime_dir.lock(name);
+        loop {
+            let lock = lock_file(&path)?;
+            if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+                return Ok(None);
+            }
+            if is_file_at(&lock, &path) {
+                let files = PoolFiles([runtime_dir.socket(name), path]);
+                return Ok(Some(NameLock { _files: ProcessOwned::new(files), _lock: lock }));
+            }
+        }
+    }
+}
+
+impl Drop for PoolFiles {
+    fn drop(&mut self) {
+        self.0.iter().for_each(|file| drop(std::fs::remove_file(file)));
+    }
+}

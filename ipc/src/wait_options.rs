@@ -1,0 +1,19 @@
+//! How long a call may wait, and what may interrupt it.
+
+use std::time::Duration;
+
+/// How to wait.
+pub struct WaitOptions<'a> {
+    /// Give up after this long; `None` is no limit.
+    pub timeout: Option<Duration>,
+    /// Called at least every 100 ms while the caller waits; `true` ends the wait.
+    pub interrupted: &'a mut dyn FnMut() -> bool,
+}
+
+impl WaitOptions<'static> {
+    /// No timeout and no interruption.
+    pub fn forever() -> Self {
+        // A closure that captures nothing takes no memory, so nothing leaks.
+        WaitOptions { timeout: None, interrupted: Box::leak(Box::new(|| false)) }
+    }
+}

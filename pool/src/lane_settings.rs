@@ -1,0 +1,74 @@
+//! The settings of a lane that its pool, its transport and its learner share.
+
+use crate::autoreset::Autoreset;
+use crate::fields::FieldSet;
+use crate::layout::Layout;
+use serde::{Deserialize, Serialize};
+use smaclite_engine::Sizes;
+
+/// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
+pub const MAX_ENVS: usize = 1_000_000;
+
+/// How many environments a lane has, and how they are stepped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LaneSettings {
+    /// Environments (N), 1 to [`MAX_ENVS`].
+    pub num_envs: usize,
+    /// Slots of a frame (M), 1 to N: N for synchronous stepping, fewer for asynchronous.
+    pub batch_size: usize,
+    /// Environment `i` starts with seed `seed + i` in every session.
+    pub seed: u64,
+    /// What happens at the end of an episode.
+    pub autoreset: Autoreset,
+    /// The fields of a frame; the `final_*` ones are kept only under same-step autoreset.
+    pub fields: FieldSet,
+}
+
+/// A setting of a lane that is out of range.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum LaneSettingsError {
+    #[error("the number of environments must be between 1 and {MAX_ENVS}, got {0}")]
+    NumEnvs(usize),
+    #[error("the batch size must be between 1 and {num_envs} (the number of environments), got {batch_size}")]
+    BatchSize { batch_size: usize, num_envs: usize },
+}
+
+impl LaneSettings {
+    /// `num_envs` synchronous environments; every other setting has its default.
+    pub fn new(num_envs: usize) -> LaneSettings {
+        let (autoreset, fields) = (Autoreset::default(), FieldSet::ALL);
+        LaneSettings { num_envs, batch_size: num_envs, seed: 0, autoreset, fields }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the first setting that is out of its range.
+    pub fn check(&self) -> Result<(), LaneSettingsError> {
+        let LaneSettings { num_envs, batch_size, .. } = *self;
+        if num_envs == 0 || num_envs > MAX_ENVS {
+            return Err(LaneSettingsError::NumEnvs(num_envs));
+        }
+        if batch_size == 0 || batch_size > num_envs {
+            return Err(LaneSettingsError::BatchSize { batch_size, num_envs });
+        }
+        Ok(())
+    }
+
+    /// Is every environment stepped in every batch?
+    pub fn is_synchronous(&self) -> bool {
+        self.batch_size == self.num_envs
+    }
+
+    /// The fields that a frame has under this autoreset mode.
+    pub fn frame_fields(&self) -> FieldSet {
+        let same_step = self.autoreset == Autoreset::SameStep;
+        self.fields.iter().filter(|field| same_step || !field.is_final()).collect()
+    }
+
+    /// The layout of the lane's frames, for environments of these sizes.
+    pub fn layout(&self, sizes: Sizes) -> Layout {
+        Layout::new(sizes, self.batch_size, self.frame_fields())
+    }
+}
