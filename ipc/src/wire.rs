@@ -6,7 +6,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SessionId};
 use std::sync::atomic::AtomicI32;
 use std::time::Duration;
 
@@ -28,7 +28,7 @@ pub struct FrameHeader {
     /// The session that the frame answers. Frames that a dead supervisor queued are still delivered, so
     /// readers check it.
     pub session: u64,
-    /// The request that began the frame's epoch.
+    /// The request that began the frame's epoch; 0 before a session's first reset.
     pub epoch: u64,
     /// Counts frames of a lane, from 1.
     pub sequence: u64,
@@ -36,7 +36,7 @@ pub struct FrameHeader {
     pub slots: u32,
     /// 0 = a batch; otherwise the length of a JSON rejection at the payload's start.
     pub rejection_len: u32,
-    /// The refused request, if this is a rejection.
+    /// The refused request, if this is a rejection; 0 reports that the lane failed.
     pub request: u64,
 }
 
@@ -47,11 +47,23 @@ pub enum ReceivedFrame {
     Batch,
     /// A request was refused.
     Rejection {
-        /// Its number.
-        request: u64,
+        /// Its number; `None` reports that the lane failed.
+        request: Option<RequestNumber>,
         /// Why.
         rejection: Rejection,
     },
+}
+
+impl FrameHeader {
+    /// What the frame belongs to.
+    pub fn epoch(&self) -> Epoch {
+        Epoch { session: SessionId(self.session), reset: number(self.epoch) }
+    }
+}
+
+/// In headers, 0 stands for no request.
+fn number(number: u64) -> Option<RequestNumber> {
+    (number != 0).then_some(RequestNumber(number))
 }
 
 /// Reads a frame that another process wrote: `None` if it does not have this lane's layout. Session and epoch
@@ -67,7 +79,7 @@ pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Opti
     let text = payload.get(..header.rejection_len as usize).unwrap_or_default();
     let rejection = serde_json::from_slice(text)
         .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
-    Some(ReceivedFrame::Rejection { request: header.request, rejection })
+    Some(ReceivedFrame::Rejection { request: number(header.request), rejection })
 }
 
 /// The frames, first to last, that are missing between frame `last`, if there was one, and frame `next`.
@@ -108,7 +120,13 @@ pub struct RequestHeader {
 
 impl RequestHeader {
     /// The header of a request.
-    pub fn new(layout: &Layout, session: u64, number: u64, kind: RequestKind, count: usize) -> RequestHeader {
+    pub fn new(
+        layout: &Layout,
+        session: SessionId,
+        number: RequestNumber,
+        kind: RequestKind,
+        count: usize,
+    ) -> RequestHeader {
         let (kind, seed) = match kind {
             RequestKind::Step => (STEP, 0),
             RequestKind::Reset { seed: None } => (RESET, 0),
@@ -120,8 +138,8 @@ impl RequestHeader {
             magic,
             version,
             layout_hash,
-            session,
-            number,
+            session: session.0,
+            number: number.0,
             kind,
             count: count as u32,
             seed,
@@ -245,7 +263,8 @@ mod tests {
         };
         let text = serde_json::to_vec(&Rejection::NotReset).unwrap();
         payload[..text.len()].copy_from_slice(&text);
-        let refused = |rejection| Some(ReceivedFrame::Rejection { request: 7, rejection });
+        let refused =
+            |rejection| Some(ReceivedFrame::Rejection { request: Some(RequestNumber(7)), rejection });
         assert_eq!(read(text.len(), &payload), refused(Rejection::NotReset));
         let unreadable = |what: &str| refused(Rejection::Malformed { what: what.to_owned() });
         assert_eq!(read(2, &payload), unreadable("{\""));
@@ -264,7 +283,7 @@ mod tests {
     #[test]
     fn lies_in_a_request_are_named() {
         let layout = layout();
-        let good = RequestHeader::new(&layout, 7, 1, RequestKind::Step, 4);
+        let good = RequestHeader::new(&layout, SessionId(7), RequestNumber(1), RequestKind::Step, 4);
         let aligned = [0u64; 64];
         let bytes: &[u8] = bytemuck::cast_slice(&aligned);
         let payload = &bytes[..step_bytes(4, 2)];

@@ -47,6 +47,13 @@ pub struct SessionId(pub u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestNumber(pub u64);
 
+impl RequestNumber {
+    /// The number of the next request.
+    pub fn next(self) -> RequestNumber {
+        RequestNumber(self.0 + 1)
+    }
+}
+
 /// What a result belongs to. A reset of all environments begins a new epoch; results of an older one are
 /// dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_ipc::LaneDescription;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, step_bytes};
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use smaclite_tests::process::eventually;
 use smaclite_tests::raw_client::{Control, RawLearner, Requests, node, requests};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
@@ -56,7 +56,7 @@ fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_
     let node = node(dir.runtime_dir());
     let publisher = requests(&node, &lane, MAX_PAYLOAD);
     let layout = lane.layout().expect("a layout");
-    let good = RequestHeader::new(&layout, 77, 1, RequestKind::Step, 4);
+    let good = RequestHeader::new(&layout, SessionId(77), RequestNumber(1), RequestKind::Step, 4);
     let payload = step_payload(&lane, &[0, 1, 2, 3], 1);
     // A session that does not exist, though the learner's is easy to guess: it is 1.
     assert_rejected(&dir, &publisher, good, &payload);

@@ -7,7 +7,7 @@ use iceoryx2::prelude::*;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
 use smaclite_ipc::{LaneDescription, PoolService, RuntimeDir};
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 
@@ -150,7 +150,8 @@ impl RawLearner {
 
     /// Sends a request with any number.
     pub fn send_numbered(&self, number: u64, kind: RequestKind, payload: &[u8], count: usize) -> *mut u8 {
-        let header = RequestHeader::new(&self.layout, self.session, number, kind, count);
+        let header =
+            RequestHeader::new(&self.layout, SessionId(self.session), RequestNumber(number), kind, count);
         self.requests.send(header, payload)
     }
 }

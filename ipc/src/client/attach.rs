@@ -18,6 +18,7 @@ use crate::services::{
 use crate::wait_options::WaitOptions;
 use smaclite_pool::WaitStrategy;
 use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -105,9 +106,8 @@ impl Client {
             spin: strategy.spin_time(description.threads),
             description,
             layout,
-            session,
-            epoch: 0,
-            requests: 0,
+            epoch: Epoch { session: SessionId(session), reset: None },
+            last_request: RequestNumber(0),
             sequence: None,
             failure: None,
         };

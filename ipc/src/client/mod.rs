@@ -24,6 +24,7 @@ use request_validator::RequestValidator;
 use sampler::Sampler;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::{Epoch, RequestNumber};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -41,11 +42,8 @@ struct AttachedLane {
     layout: Arc<Layout>,
     validator: RequestValidator,
     sampler: Sampler,
-    session: u64,
-    /// The number of the request that began the epoch; 0 before the first reset.
-    epoch: u64,
-    /// Counts the requests of this session; the number of the last one.
-    requests: u64,
+    epoch: Epoch,
+    last_request: RequestNumber,
     /// The sequence number of the last frame; `None` before the first of this epoch.
     sequence: Option<u64>,
     /// Why the lane failed. Reported once by the lane, and by every later call.

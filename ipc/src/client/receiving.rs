@@ -9,6 +9,7 @@ use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, frames_lost, read_frame};
 use iceoryx2::port::ReceiveError;
 use smaclite_pool::Rejection;
+use smaclite_pool::transport::RequestNumber;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -75,10 +76,10 @@ impl AttachedLane {
             };
             let header = *sample.user_header();
             let frame = match read_frame(&header, sample.payload(), &self.layout) {
-                Some(frame) if header.session == self.session => frame,
+                Some(frame) if header.epoch().session == self.epoch.session => frame,
                 _ => continue,
             };
-            let is_current = header.epoch == self.epoch;
+            let is_current = header.epoch() == self.epoch;
             // The frames left over from an earlier epoch may overflow: they are dropped in any case.
             if is_current
                 && let Some((first, last)) =
@@ -95,10 +96,10 @@ impl AttachedLane {
     }
 
     /// Reports the rejection of a request whose results are outstanding.
-    fn reject(&mut self, request: u64, rejection: Rejection) -> Result<(), ClientError> {
+    fn reject(&mut self, request: Option<RequestNumber>, rejection: Rejection) -> Result<(), ClientError> {
         if matches!(rejection, Rejection::LaneFailed { .. }) {
             self.failure = Some(rejection.clone());
-        } else if !self.validator.release(request) {
+        } else if !request.is_some_and(|request| self.validator.release(request)) {
             return Ok(());
         }
         Err(rejection.into())

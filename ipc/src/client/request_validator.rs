@@ -5,6 +5,7 @@
 use smaclite_pool::env_ids::{check_distinct, env_index};
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::RequestNumber;
 use smaclite_pool::{Autoreset, LaneSettings, Rejection};
 
 /// What the client knows of a lane's environments.
@@ -26,7 +27,7 @@ pub(super) struct RequestValidator {
 #[derive(Clone, Copy, Default)]
 struct EnvState {
     /// The number of the request that it works on.
-    busy: Option<u64>,
+    busy: Option<RequestNumber>,
     /// Its episode ended and it was not reset since.
     over: bool,
 }
@@ -72,7 +73,7 @@ impl RequestValidator {
     /// `number`.
     pub(super) fn reserve_step(
         &mut self,
-        number: u64,
+        number: RequestNumber,
         actions: &[i32],
         env_ids: Option<&[i32]>,
     ) -> Result<(), Rejection> {
@@ -113,7 +114,7 @@ impl RequestValidator {
         Ok(())
     }
 
-    fn reserve_env(&mut self, number: u64, env: usize) -> Result<(), Rejection> {
+    fn reserve_env(&mut self, number: RequestNumber, env: usize) -> Result<(), Rejection> {
         match self.envs[env].busy {
             Some(other) if other == number => Err(Rejection::DuplicateEnv { env }),
             Some(_) => Err(Rejection::BusyEnv { env }),
@@ -125,14 +126,14 @@ impl RequestValidator {
     }
 
     /// Marks all environments busy with a reset, whether or not they work on an earlier request.
-    pub(super) fn reserve_full_reset(&mut self, number: u64) {
+    pub(super) fn reserve_full_reset(&mut self, number: RequestNumber) {
         self.was_reset = true;
         self.envs.fill(EnvState { busy: Some(number), over: false });
         self.outstanding = self.envs.len();
     }
 
     /// Marks the environments of `ids` busy with a reset.
-    pub(super) fn reserve_reset(&mut self, number: u64, ids: &[i32]) -> Result<(), Rejection> {
+    pub(super) fn reserve_reset(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         self.check_was_reset()?;
         check_not_empty(ids.len())?;
         let reserved = ids.iter().try_for_each(|id| self.reserve_env(number, self.env_index(*id)?));
@@ -156,13 +157,13 @@ impl RequestValidator {
     }
 
     /// Frees the environments of a request that was refused as a whole; `false` if it had none.
-    pub(super) fn release(&mut self, number: u64) -> bool {
+    pub(super) fn release(&mut self, number: RequestNumber) -> bool {
         let freed = self.clear(number);
         self.outstanding = self.outstanding.saturating_sub(freed); // a frame may have lied
         freed > 0
     }
 
-    fn clear(&mut self, number: u64) -> usize {
+    fn clear(&mut self, number: RequestNumber) -> usize {
         let mut freed = 0;
         for env in self.envs.iter_mut().filter(|env| env.busy == Some(number)) {
             env.busy = None;
@@ -211,7 +212,7 @@ mod tests {
     #[test]
     fn without_masks_every_action_and_no_other_counts_as_available() {
         let mut validator = validator();
-        validator.reserve_full_reset(1);
+        validator.reserve_full_reset(RequestNumber(1));
         for (action, is_available) in [(-1, false), (0, true), (6, true), (7, false), (i32::MAX, false)] {
             assert_eq!(validator.check_actions(0, &[action]).is_ok(), is_available, "{action}");
         }
@@ -221,10 +222,13 @@ mod tests {
     #[test]
     fn a_request_to_no_environment_says_what_is_expected() {
         let mut validator = validator();
-        validator.reserve_full_reset(1);
-        for refused in [validator.reserve_reset(2, &[]), validator.reserve_step(3, &[], Some(&[]))] {
+        validator.reserve_full_reset(RequestNumber(1));
+        for refused in [
+            validator.reserve_reset(RequestNumber(2), &[]),
+            validator.reserve_step(RequestNumber(3), &[], Some(&[])),
+        ] {
             let said = refused.unwrap_err().to_string();
-            assert_eq!(said, "no environment was chosen; expected at least one");
+            assert_eq!(said, "a request must name at least one environment, got none");
         }
     }
 
@@ -234,9 +238,12 @@ mod tests {
         let mut validator = validator();
         assert!(validator.names_all(&[2, 0, 1]));
         assert!(!validator.names_all(&[0, 1]) && !validator.names_all(&[0, 1, 1]));
-        validator.reserve_full_reset(1);
-        assert!(matches!(validator.reserve_reset(2, &[0, 1]), Err(Rejection::BusyEnv { env: 0 })));
-        validator.reserve_full_reset(3);
+        validator.reserve_full_reset(RequestNumber(1));
+        assert!(matches!(
+            validator.reserve_reset(RequestNumber(2), &[0, 1]),
+            Err(Rejection::BusyEnv { env: 0 })
+        ));
+        validator.reserve_full_reset(RequestNumber(3));
         assert_eq!(validator.outstanding(), 3);
     }
 }

@@ -25,7 +25,7 @@ impl AttachedLane {
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.check_length(actions.len(), env_ids)?;
-        self.validator.reserve_step(self.requests + 1, actions, env_ids)?;
+        self.validator.reserve_step(self.last_request.next(), actions, env_ids)?;
         self.send(RequestKind::Step, env_ids, actions, wait)
     }
 
@@ -35,7 +35,7 @@ impl AttachedLane {
         env_ids: Option<&[i32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let number = self.requests + 1;
+        let number = self.last_request.next();
         let kind = RequestKind::Reset { seed };
         if let Some(ids) = env_ids
             && !self.validator.names_all(ids)
@@ -46,7 +46,7 @@ impl AttachedLane {
         // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
         self.send(kind, env_ids, &[], wait)?;
         self.validator.reserve_full_reset(number);
-        self.epoch = number;
+        self.epoch.reset = Some(number);
         self.sequence = None;
         Ok(())
     }
@@ -59,12 +59,12 @@ impl AttachedLane {
         actions: &[i32],
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.requests += 1;
+        self.last_request = self.last_request.next();
         let count = self.count(env_ids);
-        let header = RequestHeader::new(&self.layout, self.session, self.requests, kind, count);
+        let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
         let sent = self.send_until_accepted(&header, env_ids, actions, wait);
         if sent.is_err() {
-            self.validator.release(self.requests);
+            self.validator.release(self.last_request);
         }
         sent
     }

@@ -41,8 +41,8 @@ fuzz_target!(|bytes: &[u8]| {
     frames_lost(Some(7), header.sequence);
     match read_frame(&header, &payload, &layout) {
         None => assert!(*keep != 0, "a valid frame was ignored"),
-        Some(Content::Rejection { rejection, .. }) => drop(rejection.to_string()),
-        Some(Content::Batch) => read_all_fields(&layout, &payload),
+        Some(ReceivedFrame::Rejection { rejection, .. }) => drop(rejection.to_string()),
+        Some(ReceivedFrame::Batch) => read_all_fields(&layout, &payload),
     }
 });
 

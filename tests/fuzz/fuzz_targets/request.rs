@@ -113,7 +113,7 @@ impl Input<'_> {
             [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Reset { seed: Some(4) }];
         let kind = kinds[self.u64(1) as usize % 3];
         let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
-        let mut header = RequestHeader::new(&lane.layout, session, number, kind, count);
+        let mut header = RequestHeader::new(&lane.layout, SessionId(session), RequestNumber(number), kind, count);
         let parts = [&mut header.layout_hash, &mut header.session, &mut header.number, &mut header.seed];
         for (bit, part) in parts.into_iter().enumerate().filter(|(bit, _)| keep >> (bit + 1) & 1 == 1) {
             *part = self.u64(if bit == 0 { 8 } else { 2 });
@@ -178,8 +178,8 @@ fuzz_target!(|bytes: &[u8]| {
     let lane = &bench.lanes[index];
     let header = RequestHeader::new(
         &lane.layout,
-        bench.session,
-        1,
+        SessionId(bench.session),
+        RequestNumber(1),
         RequestKind::Reset { seed: Some(2) },
         lane.num_envs,
     );
@@ -194,7 +194,7 @@ fuzz_target!(|bytes: &[u8]| {
     for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[actions_offset(ids.len()) / 4..]) {
         *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
-    let header = RequestHeader::new(&lane.layout, bench.session, 2, RequestKind::Step, ids.len());
+    let header = RequestHeader::new(&lane.layout, SessionId(bench.session), RequestNumber(2), RequestKind::Step, ids.len());
     let len = words.len() * 4;
     let _ = lane.messages.send((header, words, len));
     bench.bell.ring();

@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_ipc::wire::RequestHeader;
 use smaclite_ipc::{Batch, ClientError, LaneDescription, RuntimeDir, Spectator, status};
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -255,7 +255,13 @@ impl Client {
             // Sessions are counted from 1, so these do not exist.
             let session = (1 << 40) + rng.random_range(0..100);
             let count = rng.random_range(0..9);
-            let mut header = RequestHeader::new(&layout, session, number, RequestKind::Step, count);
+            let mut header = RequestHeader::new(
+                &layout,
+                SessionId(session),
+                RequestNumber(number),
+                RequestKind::Step,
+                count,
+            );
             if rng.random_ratio(1, 2) {
                 header.layout_hash ^= 1 << rng.random_range(0..64);
             }
