@@ -6,7 +6,8 @@ python := venv / "bin/python"
 # The Python interpreter used to lint the extension module.
 export PYO3_PYTHON := python
 
-memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite --errors-for-leak-kinds=definite --fair-sched=yes"
+memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite " + \
+    "--errors-for-leak-kinds=definite --fair-sched=yes"
 
 # List the commands
 _list:
@@ -64,7 +65,7 @@ chaos minutes seed:
 # Run the chaos test for 15 minutes, long enough to detect slow growth
 soak seed="1": (chaos "15" seed)
 
-# Check every interleaving of the hand-off between threads with loom
+# Check every interleaving of leader and followers with loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --release -p smaclite-pool --target-dir target/loom leader_followers
 

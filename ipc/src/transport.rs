@@ -5,15 +5,12 @@
 #![allow(unsafe_code)]
 
 use crate::services::{
-    FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSample, RequestSubscriber, doing,
+    FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSubscriber, doing,
 };
-use crate::wire::{FrameHeader, MAGIC, read_request};
+use crate::wire::{FrameHeader, MAGIC, RequestMessage};
 use iceoryx2::port::update_connections::UpdateConnections;
-use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{
-    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, Transport, TransportError,
-};
+use smaclite_pool::transport::{Doorbell, Epoch, FrameContent, Inlet, Outlet, Transport, TransportError};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -38,22 +35,6 @@ impl Inlet for RequestInlet {
     fn receive(&mut self) -> Result<Option<RequestMessage>, TransportError> {
         let sample = self.subscriber.receive().map_err(doing("receiving a request")).map_err(boxed)?;
         Ok(sample.map(|sample| RequestMessage { sample, layout: Arc::clone(&self.layout) }))
-    }
-}
-
-/// A received request.
-pub(crate) struct RequestMessage {
-    sample: RequestSample,
-    layout: Arc<Layout>,
-}
-
-impl Message for RequestMessage {
-    fn request(&self) -> Result<Request<'_>, Rejection> {
-        read_request(*self.sample.user_header(), self.sample.payload(), &self.layout)
-    }
-
-    fn waited(&self) -> Duration {
-        self.sample.user_header().waited()
     }
 }
 

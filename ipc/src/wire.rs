@@ -3,10 +3,12 @@
 
 #![allow(unsafe_code)] // `as_atomics` says why; the derive of `ZeroCopySend` asserts plain data
 
+use crate::services::RequestSample;
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{Epoch, Message, Request, RequestKind, RequestNumber, SessionId};
+use std::sync::Arc;
 use std::sync::atomic::AtomicI32;
 use std::time::Duration;
 
@@ -187,6 +189,22 @@ fn check_origin(header: &RequestHeader, layout: &Layout) -> Result<(), Rejection
         return Err(malformed(format!("expected layout {expected:#018x}, got {layout_hash:#018x}")));
     }
     Ok(())
+}
+
+/// A received request in shared memory.
+pub(crate) struct RequestMessage {
+    pub(crate) sample: RequestSample,
+    pub(crate) layout: Arc<Layout>,
+}
+
+impl Message for RequestMessage {
+    fn request(&self) -> Result<Request<'_>, Rejection> {
+        read_request(*self.sample.user_header(), self.sample.payload(), &self.layout)
+    }
+
+    fn waited(&self) -> Duration {
+        self.sample.user_header().waited()
+    }
 }
 
 /// Reads a request that another process wrote and may still be writing.

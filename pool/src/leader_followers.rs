@@ -3,7 +3,7 @@
 //!
 //! Every worker has an inbox. At any time at most one idle worker is the *leader*: it polls the lanes for
 //! requests and shares them out. The other idle workers are *followers*: they wait at their inboxes. A leader
-//! that receives work of its own releases the leadership and wakes a sleeping follower to take it, so that
+//! that receives work releases the leadership and wakes a sleeping follower to take it, so that
 //! requests never wait while a worker is idle. With one worker a request is received, stepped and answered on
 //! the same thread.
 //!

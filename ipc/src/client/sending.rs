@@ -51,7 +51,7 @@ impl AttachedLane {
         Ok(())
     }
 
-    /// Sends a request whose environments are reserved; waits while the supervisor has too many unread ones.
+    /// Sends a request whose environments are reserved, and frees them if it cannot be sent.
     fn send(
         &mut self,
         kind: RequestKind,
@@ -62,40 +62,20 @@ impl AttachedLane {
         self.last_request = self.last_request.next();
         let count = self.count(env_ids);
         let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
-        let sent = self.send_until_accepted(&header, env_ids, actions, wait);
-        if sent.is_err() {
-            self.validator.release(self.last_request);
+        let mut full_queue = FullQueue::new(wait);
+        loop {
+            let sent = self.try_send(&header, env_ids, actions);
+            let ended = match sent {
+                Ok(true) => return Ok(()),
+                Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
+                Ok(false) => full_queue.wait(),
+                Err(error) => Err(error),
+            };
+            if ended.is_err() {
+                self.validator.release(self.last_request);
+                return ended;
+            }
         }
-        sent
-    }
-
-    fn send_until_accepted(
-        &self,
-        header: &RequestHeader,
-        env_ids: Option<&[i32]>,
-        actions: &[i32],
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let time = wait.timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
-        let begin = Instant::now();
-        let mut next_check = begin + CHECK_INTERVAL;
-        while !self.try_send(header, env_ids, actions)? {
-            if !self.control.is_alive() {
-                return Err(self.pool_died());
-            }
-            let now = Instant::now();
-            if now - begin > time {
-                return Err(ClientError::NotAccepted { time });
-            }
-            if now >= next_check {
-                next_check = now + CHECK_INTERVAL;
-                if (wait.interrupted)() {
-                    return Err(ClientError::Interrupted);
-                }
-            }
-            std::thread::sleep(RETRY_INTERVAL);
-        }
-        Ok(())
     }
 
     /// Writes the request into shared memory and sends it; `false` if the supervisor's queue is full.
@@ -126,5 +106,37 @@ impl AttachedLane {
         // Fails only if the supervisor's event is gone, and then so is the supervisor.
         let _ = self.ports.work.notify();
         Ok(matches!(delivered, Ok(receivers) if receivers > 0))
+    }
+}
+
+/// The wait for room in the supervisor's queue of requests.
+struct FullQueue<'a, 'w> {
+    wait: &'a mut WaitOptions<'w>,
+    timeout: Duration,
+    begin: Instant,
+    next_check: Instant,
+}
+
+impl<'a, 'w> FullQueue<'a, 'w> {
+    fn new(wait: &'a mut WaitOptions<'w>) -> Self {
+        let timeout = wait.timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
+        let begin = Instant::now();
+        FullQueue { wait, timeout, begin, next_check: begin + CHECK_INTERVAL }
+    }
+
+    /// Sleeps until the next attempt, unless the time is over or the caller interrupts the wait.
+    fn wait(&mut self) -> Result<(), ClientError> {
+        let now = Instant::now();
+        if now - self.begin > self.timeout {
+            return Err(ClientError::NotAccepted { time: self.timeout });
+        }
+        if now >= self.next_check {
+            self.next_check = now + CHECK_INTERVAL;
+            if (self.wait.interrupted)() {
+                return Err(ClientError::Interrupted);
+            }
+        }
+        std::thread::sleep(RETRY_INTERVAL);
+        Ok(())
     }
 }

@@ -239,6 +239,6 @@ mod tests {
             serde_json::from_value::<LaneDescription>(keys)
         };
         assert_eq!(with_fields(&["obs"]).unwrap().settings.fields, FieldSet::from_names(["obs"]).unwrap());
-        assert!(with_fields(&["obz"]).unwrap_err().to_string().contains("no field is named `obz`"));
+        assert!(with_fields(&["obz"]).unwrap_err().to_string().contains("unknown field `obz`"));
     }
 }

@@ -113,7 +113,8 @@ impl Input<'_> {
             [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Reset { seed: Some(4) }];
         let kind = kinds[self.u64(1) as usize % 3];
         let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
-        let mut header = RequestHeader::new(&lane.layout, SessionId(session), RequestNumber(number), kind, count);
+        let (session, number) = (SessionId(session), RequestNumber(number));
+        let mut header = RequestHeader::new(&lane.layout, session, number, kind, count);
         let parts = [&mut header.layout_hash, &mut header.session, &mut header.number, &mut header.seed];
         for (bit, part) in parts.into_iter().enumerate().filter(|(bit, _)| keep >> (bit + 1) & 1 == 1) {
             *part = self.u64(if bit == 0 { 8 } else { 2 });
@@ -149,7 +150,8 @@ impl Bench {
         loop {
             let frame =
                 lane.frames.recv_timeout(Duration::from_secs(20)).expect("a valid learner gets an answer");
-            let ours = frame.epoch == Some(Epoch { session: SessionId(self.session), reset: Some(RequestNumber(epoch)) });
+            let epoch = Epoch { session: SessionId(self.session), reset: Some(RequestNumber(epoch)) };
+            let ours = frame.epoch == Some(epoch);
             assert!(!ours || frame.content == FrameContent::Batch, "{:?}", frame.rejection());
             if ours {
                 return frame;
@@ -194,7 +196,8 @@ fuzz_target!(|bytes: &[u8]| {
     for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[actions_offset(ids.len()) / 4..]) {
         *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
-    let header = RequestHeader::new(&lane.layout, SessionId(bench.session), RequestNumber(2), RequestKind::Step, ids.len());
+    let (session, number) = (SessionId(bench.session), RequestNumber(2));
+    let header = RequestHeader::new(&lane.layout, session, number, RequestKind::Step, ids.len());
     let len = words.len() * 4;
     let _ = lane.messages.send((header, words, len));
     bench.bell.ring();
