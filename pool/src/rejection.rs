@@ -10,7 +10,10 @@ use serde::{Deserialize, Serialize};
 pub enum Rejection {
     #[error("environment {env}, agent {agent}: action {action} is not available; available: {available:?}")]
     UnavailableAction { env: usize, agent: usize, action: i32, available: Vec<usize> },
-    #[error("environment {env} does not exist; this lane has {num_envs}, numbered from 0")]
+    #[error(
+        "environment {env} does not exist; this lane has environments 0 to {last}",
+        last = num_envs.saturating_sub(1)
+    )]
     UnknownEnv { env: i64, num_envs: usize },
     #[error("a request must name at least one environment, got none")]
     NoEnv,

@@ -42,7 +42,7 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         refused(&actions[..19], None, &["19 actions", "take 20"]);
         refused(&actions, Some(&[0, 1, 2]), &["20 actions", "take 15"]);
         if batch_size == 4 {
-            refused(&actions[..5], Some(&[0]), &["1 environments", "all 4"]);
+            refused(&actions[..5], Some(&[0]), &["got 1", "all 4"]);
         }
         refused(&actions, Some(&[0, 1, 2, 4]), &["environment 4", "0 to 3"]);
         refused(&actions, Some(&[0, 1, 2, -1]), &["environment -1", "0 to 3"]);

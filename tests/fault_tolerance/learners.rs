@@ -178,7 +178,7 @@ fn requests_that_cannot_be_read_are_logged() {
     prlimit(Some(pid), Resource::Nofile, Rlimit { current: first_free, ..before }).expect("a limit");
     let _requests = requests(&node, &lane, 1 << 12);
     let log_contains = |part: &str| std::fs::read_to_string(log.path()).is_ok_and(|text| text.contains(part));
-    let logged = eventually(|| log_contains("requests could not be received"));
+    let logged = eventually(|| log_contains("requests cannot be received"));
     prlimit(Some(pid), Resource::Nofile, before).expect("the limit from before");
     assert!(logged, "{}", std::fs::read_to_string(log.path()).unwrap_or_default());
     program.signal(Signal::TERM);
