@@ -38,6 +38,11 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
+# Test the page of replays in a browser (Debian: apt install chromium)
+test-page *args: _venv
+    {{ python }} -m pip install --quiet pytest playwright
+    {{ python }} -m pytest tests/python/test_page.py {{ args }}
+
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
@@ -72,7 +77,7 @@ loom $RUSTFLAGS="--cfg loom":
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
     @command -v cargo-fuzz >/dev/null || RUSTC_BOOTSTRAP=0 cargo install --locked cargo-fuzz
-    for target in scenario_file unit_file request frame; do \
+    for target in scenario_file unit_file replay_file request frame; do \
         mkdir -p tests/fuzz/corpus/$target || exit; \
         cargo fuzz run --fuzz-dir tests/fuzz --release --debug-assertions $target \
             tests/fuzz/corpus/$target tests/fuzz/seeds/$target -- \

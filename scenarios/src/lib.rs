@@ -18,6 +18,7 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod files;
 mod formation;
 mod groups;
 mod obstacles;
@@ -29,6 +30,7 @@ mod terrain;
 mod unit_files;
 
 pub use error::ScenarioError;
+pub use files::{ScenarioFiles, UnitFile};
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 pub use terrain::{MAX_SIDE, Rect, Terrain};

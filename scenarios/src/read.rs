@@ -1,9 +1,9 @@
 //! The reader of scenario files: the keys, their defaults, and the dependencies between them.
 
 use crate::groups::Roster;
-use crate::unit_files::{UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Scenario, ScenarioError, Terrain};
-use smaclite_units::file::{FileError, Json, MAX_SCENARIO_BYTES, Node, Object, Range, read_text, shown_path};
+use crate::unit_files::{Origin, UnitFiles, UnitSource};
+use crate::{Faction, MAX_UNITS, Scenario, ScenarioError, ScenarioFiles, Terrain, UnitFile};
+use smaclite_units::file::{FileError, Json, Node, Object, Range};
 use std::path::Path;
 
 /// Every key of a scenario file.
@@ -38,16 +38,21 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] for the first mistake in the file or in a unit file that it names.
     pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
-        Scenario::read(text, source, Some(base_dir))
+        Scenario::read(text, source, Origin::Folder(base_dir)).map(|(scenario, _)| scenario)
     }
 
-    /// As [`from_json`](Self::from_json); without `base_dir` all unit types are standard ones.
-    pub(crate) fn read(text: &str, source: &str, base_dir: Option<&Path>) -> Result<Scenario, ScenarioError> {
+    /// As [`from_json`](Self::from_json), with unit files from `origin`; also gives the unit files that were
+    /// found in folders.
+    pub(crate) fn read(
+        text: &str,
+        source: &str,
+        origin: Origin<'_>,
+    ) -> Result<(Scenario, Vec<UnitFile>), ScenarioError> {
         let json = Json::parse(text, source)?;
         let file = Node::root(source, &json).object(&KEYS)?;
         let name = file.require("name", "the scenario's name")?.text(MAX_NAME)?;
         let custom_unit_path = file.get("custom_unit_path").map(|node| node.text(MAX_PATH)).transpose()?;
-        let files = UnitFiles::new(source, base_dir, custom_unit_path);
+        let files = UnitFiles::new(source, origin, custom_unit_path);
         let terrain = Terrain::read(&file)?;
         let groups = file.require("groups", "a list of groups with `x`, `y`, `faction` and `units`")?;
         let roster = Roster::read(&groups, &files, &terrain)?;
@@ -55,7 +60,7 @@ impl Scenario {
             roster.check_count(&file.require(key, "the number of units of that faction")?, faction)?;
         }
         let (num_unit_types, type_ids) = read_type_ids(&file, &files, &roster)?;
-        Ok(Scenario {
+        let scenario = Scenario {
             name: name.into(),
             attack_point: attack_point(&file, &terrain)?,
             num_unit_types,
@@ -66,7 +71,8 @@ impl Scenario {
             terrain,
             unit_types: roster.unit_types,
             units: roster.units,
-        })
+        };
+        Ok((scenario, files.into_found()))
     }
 
     /// Reads a scenario file, and the unit files it names relative to its own folder.
@@ -74,8 +80,7 @@ impl Scenario {
     /// # Errors
     /// As [`from_json`](Self::from_json), and for a file that cannot be read.
     pub fn load(path: &Path) -> Result<Scenario, ScenarioError> {
-        let base_dir = path.parent().unwrap_or(Path::new(""));
-        Scenario::from_json(&read_text(path, MAX_SCENARIO_BYTES)?, &shown_path(path), base_dir)
+        ScenarioFiles::load(path).map(|(scenario, _)| scenario)
     }
 }
 

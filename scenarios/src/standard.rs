@@ -4,7 +4,7 @@
 //! scenarios. In SMAC's 2m_vs_1z the enemies march to a random point between the marines; here it is the
 //! point midway between them.
 
-use crate::{Scenario, ScenarioError};
+use crate::{Scenario, ScenarioError, ScenarioFiles};
 use smaclite_units::file::{did_you_mean, shortened};
 use std::path::Path;
 
@@ -38,9 +38,8 @@ const STANDARD: [(&str, &str); 23] = [
 impl Scenario {
     /// The standard scenario of that name (`"2s3z"`), if there is one.
     pub fn standard(name: &str) -> Option<Scenario> {
-        let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
         // A test reads all of them, so an embedded file never fails here.
-        Scenario::read(text, &format!("scenarios/data/{name}.json"), None).ok()
+        ScenarioFiles::standard(name)?.scenario().ok()
     }
 
     /// The names of the standard scenarios.
@@ -54,13 +53,30 @@ impl Scenario {
     /// [`ScenarioError::Unknown`] with the closest standard name if it is neither; otherwise as
     /// [`load`](Scenario::load).
     pub fn resolve(name_or_path: &str) -> Result<Scenario, ScenarioError> {
-        if let Some(scenario) = Scenario::standard(name_or_path) {
-            return Ok(scenario);
+        ScenarioFiles::resolve(name_or_path).map(|(scenario, _)| scenario)
+    }
+}
+
+impl ScenarioFiles {
+    /// The file of the standard scenario of that name, if there is one.
+    fn standard(name: &str) -> Option<ScenarioFiles> {
+        let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
+        let source = format!("scenarios/data/{name}.json");
+        Some(ScenarioFiles { source, text: (*text).into(), unit_files: Vec::new() })
+    }
+
+    /// As [`Scenario::resolve`], with the texts that the scenario was read from.
+    ///
+    /// # Errors
+    /// As [`Scenario::resolve`].
+    pub fn resolve(name_or_path: &str) -> Result<(Scenario, ScenarioFiles), ScenarioError> {
+        if let Some(files) = ScenarioFiles::standard(name_or_path) {
+            return Ok((files.scenario()?, files));
         }
         let path = Path::new(name_or_path);
         // A text that looks like a path gets the error of a file that cannot be read.
         if path.components().count() > 1 || name_or_path.ends_with(".json") || path.exists() {
-            return Scenario::load(path);
+            return ScenarioFiles::load(path);
         }
         let hint = did_you_mean(name_or_path, Scenario::standard_names());
         Err(ScenarioError::Unknown { name: shortened(name_or_path), hint })

@@ -1,9 +1,10 @@
 //! The search for the unit type that a scenario file names: a standard type, or a file in one of a few
 //! folders.
 
-use crate::ScenarioError;
+use crate::{ScenarioError, UnitFile};
 use smaclite_units::UnitType;
-use smaclite_units::file::{FileError, Node, did_you_mean, shown_path};
+use smaclite_units::file::{FileError, MAX_UNIT_BYTES, Node, did_you_mean, read_text, shown_path};
+use std::cell::RefCell;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -16,6 +17,11 @@ const ADDED: &str = "HYDRALISK";
 pub(crate) enum UnitSource {
     Standard(String),
     File(PathBuf),
+    /// Of [`Origin::Texts`].
+    Text {
+        index: usize,
+        name: String,
+    },
 }
 
 impl fmt::Display for UnitSource {
@@ -23,22 +29,39 @@ impl fmt::Display for UnitSource {
         match self {
             UnitSource::Standard(name) => f.write_str(name),
             UnitSource::File(path) => f.write_str(&shown_path(path)),
+            UnitSource::Text { name, .. } => write!(f, "{name}.json"),
         }
     }
+}
+
+/// Where the unit files of a scenario come from.
+#[derive(Clone, Copy)]
+pub(crate) enum Origin<'a> {
+    /// The folder that contains the scenario file, and those that [`UnitFiles::candidates`] adds.
+    Folder(&'a Path),
+    /// Texts in memory.
+    Texts(&'a [UnitFile]),
 }
 
 /// Where a scenario's unit files are searched.
 pub(crate) struct UnitFiles<'a> {
     scenario: &'a str,
-    /// None for an embedded scenario, which uses no unit files.
-    base_dir: Option<&'a Path>,
+    origin: Origin<'a>,
     custom_unit_path: Option<PathBuf>,
+    /// What was found in folders so far, by path.
+    found: RefCell<Vec<(PathBuf, UnitFile)>>,
 }
 
 impl<'a> UnitFiles<'a> {
-    /// For the scenario file called `scenario` in the folder `base_dir`.
-    pub(crate) fn new(scenario: &'a str, base_dir: Option<&'a Path>, custom_unit_path: Option<&str>) -> Self {
-        UnitFiles { scenario, base_dir, custom_unit_path: custom_unit_path.map(PathBuf::from) }
+    /// For the scenario file called `scenario`.
+    pub(crate) fn new(scenario: &'a str, origin: Origin<'a>, custom_unit_path: Option<&str>) -> Self {
+        let custom_unit_path = custom_unit_path.map(PathBuf::from);
+        UnitFiles { scenario, origin, custom_unit_path, found: RefCell::default() }
+    }
+
+    /// The unit files that were found in folders.
+    pub(crate) fn into_found(self) -> Vec<UnitFile> {
+        self.found.into_inner().into_iter().map(|(_, file)| file).collect()
     }
 
     /// The unit type that `name`, the key of entry `node`, refers to. Standard names have priority, except
@@ -48,15 +71,25 @@ impl<'a> UnitFiles<'a> {
         if is_standard && name != ADDED {
             return Ok(UnitSource::Standard(name.into()));
         }
+        if let Origin::Texts(files) = self.origin
+            && let Some(index) = files.iter().position(|file| file.keys.iter().any(|key| key == name))
+        {
+            return Ok(UnitSource::Text { index, name: files[index].name.clone() });
+        }
         let candidates = self.candidates(name);
         if let Some(path) = candidates.iter().find(|path| path.is_file()) {
             // Canonical, so that two names of one file are equal.
-            return Ok(UnitSource::File(path.canonicalize().unwrap_or_else(|_| path.clone())));
+            let path = path.canonicalize().unwrap_or_else(|_| path.clone());
+            self.note_key(&path, name);
+            return Ok(UnitSource::File(path));
         }
         if is_standard {
             return Ok(UnitSource::Standard(name.into()));
         }
-        let tried: Vec<_> = candidates.iter().map(|path| shown_path(path)).collect();
+        let tried: Vec<_> = match self.origin {
+            Origin::Texts(files) => vec![format!("{} unit files in memory", files.len())],
+            Origin::Folder(_) => candidates.iter().map(|path| shown_path(path)).collect(),
+        };
         Err(ScenarioError::UnknownUnit {
             file: self.scenario.into(),
             key: node.key().into(),
@@ -71,9 +104,43 @@ impl<'a> UnitFiles<'a> {
             UnitSource::Standard(name) => {
                 return UnitType::standard(name).ok_or_else(|| node.invalid("a standard type").into());
             }
-            UnitSource::File(path) => UnitType::load(path),
+            UnitSource::File(path) => self.load_file(path),
+            UnitSource::Text { index, .. } => {
+                let Origin::Texts(files) = self.origin else {
+                    return Err(node.invalid("a standard type").into());
+                };
+                let UnitFile { name, text, .. } = &files[*index];
+                UnitType::from_json(text, name, &source.to_string())
+            }
         };
         loaded.map_err(|error| self.invalid_unit(node.key(), error))
+    }
+
+    fn note_key(&self, path: &Path, key: &str) {
+        let mut found = self.found.borrow_mut();
+        let known = found.iter().position(|(known, _)| known == path);
+        let index = known.unwrap_or_else(|| {
+            let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+            found.push((path.into(), UnitFile { name, keys: Vec::new(), text: String::new() }));
+            found.len() - 1
+        });
+        let keys = &mut found[index].1.keys;
+        if !keys.iter().any(|known| known == key) {
+            keys.push(key.into());
+        }
+    }
+
+    /// Reads a file that [`find`](Self::find) found.
+    fn load_file(&self, path: &Path) -> Result<UnitType, FileError> {
+        let text = read_text(path, MAX_UNIT_BYTES)?;
+        let mut found = self.found.borrow_mut();
+        let file = found.iter_mut().find(|(known, _)| known == path).map(|(_, file)| file);
+        let name = file.as_ref().map_or_else(String::new, |file| file.name.clone());
+        let unit_type = UnitType::from_json(&text, &name, &shown_path(path))?;
+        if let Some(file) = file {
+            file.text = text;
+        }
+        Ok(unit_type)
     }
 
     /// The error that the unit type named at `key` is invalid.
@@ -87,7 +154,7 @@ impl<'a> UnitFiles<'a> {
     fn candidates(&self, name: &str) -> Vec<PathBuf> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();
-        let Some(base_dir) = self.base_dir else {
+        let Origin::Folder(base_dir) = self.origin else {
             return candidates;
         };
         if let Some(custom) = &self.custom_unit_path {

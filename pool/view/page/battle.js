@@ -1,0 +1,320 @@
+// BattleView: draws a battle on a canvas at any time between two ticks, and finds units under the pointer.
+
+/** Space around the units when the view is fitted to the battle, in squares. */
+const FIT_MARGIN = 2.2;
+/** The largest scale that fitting chooses, in pixels per square. */
+const LARGEST_FIT = 62;
+/** Corner radius of the hexagon that looks as large as a disc of radius 1. */
+const HEXAGON = 1.1;
+
+class BattleView {
+  constructor(canvas, info) {
+    this.canvas = canvas;
+    this.info = info;
+    this.track = new Track(info);
+    this.wholeMap = false;
+    this.camera = null;
+    this.selected = -1;
+    this.hovered = -1;
+    this.terrain = new TerrainLayer(this);
+  }
+
+  type(unit) {
+    return this.info.types[this.info.units[unit].type];
+  }
+
+  /** The radius of a unit in pixels. */
+  radius(unit) {
+    return this.type(unit).radius * this.scale;
+  }
+
+  /** Where a unit is on the canvas. */
+  place(unit, time) {
+    const { x, y } = this.track.unitAt(unit, time);
+    return this.toCanvas(x, y);
+  }
+
+  toCanvas(x, y) {
+    return { x: this.left + x * this.scale, y: this.top + (this.info.height - y) * this.scale };
+  }
+
+  toSquares(x, y) {
+    return { x: (x - this.left) / this.scale, y: this.info.height - (y - this.top) / this.scale };
+  }
+
+  /** Shows the rectangle in which units are at any time of the track, or the whole map. */
+  fit() {
+    const box = this.wholeMap || !this.track.length ? this.mapBox() : this.battleBox();
+    const [w, h] = [box.x1 - box.x0, box.y1 - box.y0];
+    const scale = Math.min(
+      (this.width - 16) / w,
+      (this.height - 16) / h,
+      this.wholeMap ? Infinity : LARGEST_FIT,
+    );
+    this.camera = { x: (box.x0 + box.x1) / 2, y: (box.y0 + box.y1) / 2, scale };
+  }
+
+  mapBox() {
+    return { x0: 0, y0: 0, x1: this.info.width, y1: this.info.height };
+  }
+
+  battleBox() {
+    const { track, info } = this,
+      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+    for (let at = 0; at < track.length * track.units; at++) {
+      const radius = this.type(at % track.units).radius + FIT_MARGIN;
+      box.x0 = Math.min(box.x0, track.x[at] - radius);
+      box.x1 = Math.max(box.x1, track.x[at] + radius);
+      box.y0 = Math.min(box.y0, track.y[at] - radius);
+      box.y1 = Math.max(box.y1, track.y[at] + radius);
+    }
+    return {
+      x0: Math.max(0, box.x0),
+      y0: Math.max(0, box.y0),
+      x1: Math.min(info.width, box.x1),
+      y1: Math.min(info.height, box.y1),
+    };
+  }
+
+  zoom(factor, x, y) {
+    const fixed = this.toSquares(x, y),
+      { camera } = this;
+    camera.scale = clamp(camera.scale * factor, 4, 200);
+    this.aim();
+    const now = this.toSquares(x, y);
+    camera.x += fixed.x - now.x;
+    camera.y += fixed.y - now.y;
+  }
+
+  move(dx, dy) {
+    this.camera.x -= dx / this.scale;
+    this.camera.y += dy / this.scale;
+  }
+
+  aim() {
+    this.scale = this.camera.scale;
+    this.left = this.width / 2 - this.camera.x * this.scale;
+    this.top = this.height / 2 - (this.info.height - this.camera.y) * this.scale;
+  }
+
+  draw(time) {
+    const { context, width, height, ratio } = fitCanvas(this.canvas);
+    Object.assign(this, { context, width, height, ratio });
+    if (!this.camera) this.fit();
+    this.aim();
+    this.terrain.draw();
+    drawDeaths(this, time);
+    drawEffects(this, time, false);
+    this.states = this.info.units.map((_, unit) => this.track.unitAt(unit, time));
+    if (this.selected >= 0) this.drawRanges(this.states[this.selected]);
+    const flashes = hitFlashes(this.track, time);
+    const height_of = { GROUND: 0, COLOSSUS: 1, AIR: 2 };
+    const living = this.states.filter((state) => state.alive);
+    living.sort((a, b) => height_of[this.type(a.unit).plane] - height_of[this.type(b.unit).plane]);
+    for (const state of living) this.drawUnit(state, flashes.get(state.unit) ?? 0);
+    drawEffects(this, time, true);
+    for (const unit of [this.hovered, this.selected]) if (unit >= 0) this.drawName(this.states[unit]);
+  }
+
+  drawUnit(state, flash) {
+    const { context, scale } = this,
+      { colours } = theme,
+      type = this.type(state.unit);
+    const faction = this.info.units[state.unit].faction,
+      tone = FACTION_COLOURS[faction];
+    const at = this.toCanvas(state.x, state.y),
+      r = Math.max(3, type.radius * scale),
+      flies = type.plane === "AIR";
+    const ring = clamp(r * 0.17, 1.6, 5),
+      body = r - ring - 0.5;
+    if (flies) {
+      context.beginPath();
+      context.ellipse(at.x + scale * 0.12, at.y + scale * 0.35, r * 0.95, r * 0.8, 0, 0, 2 * Math.PI);
+      context.fillStyle = theme.dark ? "rgba(0, 0, 0, 0.45)" : "rgba(20, 30, 45, 0.16)";
+      context.fill();
+    }
+    this.drawPointer(at, r, state.facing, tone);
+    // The backing keeps units apart in a crowd.
+    this.outline(at, r, faction);
+    context.fillStyle = theme.dark ? "#0b1016" : "#ffffff";
+    context.fill();
+    this.outline(at, body, faction);
+    context.fillStyle = colours[`${tone}-deep`];
+    context.fill();
+    if (flash > 0) {
+      context.fillStyle = `rgba(255, 255, 255, ${0.55 * flash})`;
+      context.fill();
+    }
+    const cooldown = type.cooldown > 0 ? clamp(state.cooldown / type.cooldown) : 0;
+    if (cooldown > 0.01) {
+      context.beginPath();
+      context.moveTo(at.x, at.y);
+      context.arc(at.x, at.y, body * 0.86, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * cooldown);
+      context.closePath();
+      context.fillStyle = "rgba(4, 8, 14, 0.42)";
+      context.fill();
+    }
+    this.drawGauge(
+      at,
+      r - ring / 2,
+      ring,
+      1,
+      theme.dark ? "rgba(255, 255, 255, 0.13)" : "rgba(20, 30, 45, 0.14)",
+      faction,
+    );
+    this.drawGauge(at, r - ring / 2, ring, state.hp / type.hp, colours[tone], faction);
+    const outside = [r + ring * 0.55, ring * 0.6];
+    if (type.shield > 0) this.drawGauge(at, ...outside, state.shield / type.shield, colours.shield, faction);
+    if (type.energy > 0) this.drawGauge(at, ...outside, state.energy / type.energy, colours.energy, faction);
+    if (r >= 7) this.drawLabel(at, body, type.label);
+    if (state.unit === this.selected || state.unit === this.hovered) {
+      context.beginPath();
+      context.arc(at.x, at.y, r + ring * 1.6, 0, 2 * Math.PI);
+      context.lineWidth = state.unit === this.selected ? 2.2 : 1.2;
+      context.strokeStyle = state.unit === this.selected ? colours.focus : theme.faint("text", 0.6);
+      context.stroke();
+    }
+  }
+
+  /** Makes the outline of a unit, from its top, clockwise: a disc for allies, a hexagon for enemies.
+   *  Gives its length. */
+  outline(at, r, faction) {
+    const { context } = this;
+    context.beginPath();
+    if (faction === 0) {
+      context.arc(at.x, at.y, r, -Math.PI / 2, 1.5 * Math.PI);
+      return 2 * Math.PI * r;
+    }
+    const side = r * HEXAGON;
+    for (let corner = 0; corner < 6; corner++) {
+      const angle = -Math.PI / 2 + (corner * Math.PI) / 3;
+      context.lineTo(at.x + Math.cos(angle) * side, at.y + Math.sin(angle) * side);
+    }
+    context.closePath();
+    return 6 * side;
+  }
+
+  /** A wedge at the rim that shows where the unit faces. */
+  drawPointer(at, r, facing, tone) {
+    const { context } = this,
+      tip = r + Math.max(3, r * 0.34),
+      width = 0.36;
+    context.beginPath();
+    context.moveTo(at.x + Math.cos(facing) * tip, at.y - Math.sin(facing) * tip);
+    for (const side of [width, -width]) {
+      context.lineTo(at.x + Math.cos(facing + side) * r * 0.96, at.y - Math.sin(facing + side) * r * 0.96);
+    }
+    context.closePath();
+    context.fillStyle = theme.colours[tone];
+    context.fill();
+  }
+
+  /** A part of the outline, from the top, as long as the share. */
+  drawGauge(at, r, width, share, colour, faction) {
+    if (!(share > 0)) return;
+    const { context } = this,
+      length = this.outline(at, r, faction);
+    context.lineCap = "butt";
+    context.lineJoin = "miter";
+    context.lineWidth = width;
+    context.strokeStyle = colour;
+    if (share < 1) context.setLineDash([length * share, length]);
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  drawLabel(at, r, label) {
+    const { context } = this;
+    const size = Math.round(r * (label.length > 1 ? 9.5 : 12)) / 10;
+    context.font = `700 ${size}px system-ui, "DejaVu Sans", sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "alphabetic";
+    const { actualBoundingBoxAscent: up, actualBoundingBoxDescent: down } = context.measureText(label[0]);
+    context.fillStyle = "#ffffff";
+    context.fillText(label, at.x, at.y + (up - down) / 2);
+  }
+
+  /** Sight and attack range of the selected unit, and its target. */
+  drawRanges(state) {
+    if (!state.alive) return;
+    const { context, scale } = this,
+      type = this.type(state.unit),
+      at = this.toCanvas(state.x, state.y);
+    const tone = FACTION_COLOURS[this.info.units[state.unit].faction];
+    const circle = (radius, dash, opacity, fill) => {
+      context.beginPath();
+      context.arc(at.x, at.y, radius * scale, 0, 2 * Math.PI);
+      context.setLineDash(dash);
+      context.lineWidth = 1.2;
+      context.strokeStyle = theme.faint("focus", opacity);
+      context.stroke();
+      context.fillStyle = theme.faint("focus", fill);
+      context.fill();
+      context.setLineDash([]);
+    };
+    circle(this.info.sight_range, [6, 5], 0.75, 0.04);
+    circle(type.radius + type.attack_range, [], 0.5, 0.05);
+    if (state.target < 0 || !this.states[state.target].alive) return;
+    const target = this.states[state.target],
+      on = this.toCanvas(target.x, target.y);
+    context.beginPath();
+    context.moveTo(at.x, at.y);
+    context.lineTo(on.x, on.y);
+    context.setLineDash([4, 4]);
+    context.lineWidth = 1.6;
+    context.strokeStyle = theme.colours[tone];
+    context.stroke();
+    context.setLineDash([]);
+    context.beginPath();
+    context.arc(on.x, on.y, this.radius(state.target) + 5, 0, 2 * Math.PI);
+    context.stroke();
+  }
+
+  drawName(state) {
+    if (!state.alive) return;
+    const { context } = this,
+      at = this.toCanvas(state.x, state.y),
+      r = this.radius(state.unit);
+    const text = unitName(this.info, state.unit);
+    context.font = '600 12px system-ui, "DejaVu Sans", sans-serif';
+    const width = context.measureText(text).width + 14,
+      y = at.y - r - 30 < 4 ? at.y + r + 10 : at.y - r - 32;
+    context.beginPath();
+    context.roundRect(at.x - width / 2, y, width, 21, 6);
+    context.fillStyle = theme.faint("panel", 0.94);
+    context.fill();
+    context.strokeStyle = theme.colours.line;
+    context.lineWidth = 1;
+    context.stroke();
+    context.fillStyle = theme.colours.text;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(text, at.x, y + 11);
+  }
+
+  /** The living unit at a point of the canvas, or -1. */
+  unitAt(x, y) {
+    let best = -1,
+      nearest = Infinity;
+    for (const state of this.states ?? []) {
+      if (!state.alive) continue;
+      const at = this.toCanvas(state.x, state.y),
+        away = Math.hypot(at.x - x, at.y - y);
+      if (away < Math.max(9, this.radius(state.unit) + 3) && away < nearest)
+        [best, nearest] = [state.unit, away];
+    }
+    return best;
+  }
+}
+
+const titleCase = (name) =>
+  name
+    .toLowerCase()
+    .replaceAll("_", " ")
+    .replace(/^./, (letter) => letter.toUpperCase());
+
+/** A unit as text: its type, faction and number in it. */
+function unitName(info, unit) {
+  const { type, faction, id } = info.units[unit];
+  return `${titleCase(info.types[type].name)}, ${faction ? "enemy" : "agent"} ${id}`;
+}

@@ -1,0 +1,192 @@
+// Inspector: the rosters of both teams, and the card of the selected unit.
+
+const ACTIONS = ["no-op", "stop", "north", "south", "east", "west"];
+/** Rosters of more units than this would only be noise. */
+const LARGEST_ROSTER = 160;
+/** Rosters of more units than these have smaller chips. */
+const DENSE_ROSTER = 20,
+  TINY_ROSTER = 36;
+
+/** Makes an element; properties that are no properties of elements become attributes. */
+function make(tag, properties = {}, children = []) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(properties)) {
+    if (key in element) element[key] = value;
+    else element.setAttribute(key, value);
+  }
+  element.append(...[].concat(children));
+  return element;
+}
+
+/** The name of an action of an agent. */
+function actionName(info, agent, action) {
+  if (action < 0) return "none";
+  if (action < ACTIONS.length) return ACTIONS[action];
+  const heals =
+    info.types[info.units.find((unit) => !unit.faction && unit.id === agent).type].attack === "heal";
+  return `${heals ? "heal agent" : "attack enemy"} ${action - ACTIONS.length}`;
+}
+
+class Inspector {
+  constructor(info, select) {
+    this.info = info;
+    this.select = select;
+    this.chips = [];
+    this.shown = "";
+    for (const faction of [0, 1]) {
+      const units = info.units.flatMap((unit, id) => (unit.faction === faction ? [id] : []));
+      const roster = document.getElementById(`roster${faction}`);
+      roster.hidden = units.length > LARGEST_ROSTER;
+      roster.classList.toggle("dense", units.length > DENSE_ROSTER);
+      roster.classList.toggle("tiny", units.length > TINY_ROSTER);
+      roster.replaceChildren(...(roster.hidden ? [] : units.map((id) => this.makeChip(id))));
+    }
+  }
+
+  makeChip(unit) {
+    const type = this.info.types[this.info.units[unit].type];
+    const health = make("i"),
+      shield = make("i");
+    const button = make(
+      "button",
+      { type: "button", className: "chip", title: unitName(this.info, unit), "aria-pressed": "false" },
+      [type.label, health, ...(type.shield ? [shield] : [])],
+    );
+    button.addEventListener("click", () => this.select(unit));
+    this.chips[unit] = { button, health, shield, last: "" };
+    return button;
+  }
+
+  update(track, tick, selected) {
+    for (const faction of [0, 1]) {
+      const share = track.health[faction][tick],
+        all = this.info.units.filter((unit) => unit.faction === faction).length;
+      document.getElementById(`bar${faction}`).style.transform = `scaleX(${share})`;
+      const living = document.getElementById(`alive${faction}`);
+      living.replaceChildren(String(track.living[faction][tick]), make("small", {}, ` of ${all}`));
+    }
+    this.chips.forEach((chip, unit) => this.updateChip(chip, track, tick, unit, unit === selected));
+    this.updateCard(track, tick, selected);
+  }
+
+  updateChip(chip, track, tick, unit, isSelected) {
+    const at = tick * track.units + unit,
+      type = this.info.types[this.info.units[unit].type],
+      alive = track.alive[at] > 0;
+    const key = [track.hp[at], track.shield[at], alive, isSelected].join();
+    if (key === chip.last) return;
+    chip.last = key;
+    chip.health.style.transform = `scaleX(${alive ? track.hp[at] / type.hp : 0})`;
+    if (type.shield) chip.shield.style.transform = `scaleX(${alive ? track.shield[at] / type.shield : 0})`;
+    chip.button.classList.toggle("dead", !alive);
+    chip.button.setAttribute("aria-pressed", String(isSelected));
+    const health = alive ? `${Math.round(track.hp[at])} of ${type.hp} health` : "dead";
+    chip.button.setAttribute("aria-label", `${unitName(this.info, unit)}, ${health}`);
+  }
+
+  updateCard(track, tick, unit) {
+    const card = document.getElementById("unit"),
+      key = [track.serial, tick, unit].join();
+    if (key === this.shown) return;
+    this.shown = key;
+    if (unit < 0) {
+      if (!card.querySelector(".hint")) {
+        card.className = "card";
+        card.replaceChildren(
+          make("p", { className: "hint" }, "Click a unit, or press [ or ], to see its numbers."),
+        );
+      }
+      return;
+    }
+    const { faction, type: typeId, id } = this.info.units[unit],
+      type = this.info.types[typeId];
+    const focused = card.contains(document.activeElement) ? document.activeElement.dataset.name : null;
+    card.className = `card ${faction ? "enemy" : "ally"}`;
+    const close = make(
+      "button",
+      { type: "button", className: "close", "aria-label": "Close", "data-name": "close" },
+      "\u00d7",
+    );
+    close.addEventListener("click", () => this.select(-1));
+    card.replaceChildren(
+      make("header", {}, [
+        make("h2", {}, titleCase(type.name)),
+        make("span", { className: "who" }, `${faction ? "enemy" : "agent"} ${id}`),
+        close,
+      ]),
+      ...this.meters(track, tick, unit, type),
+      this.pairs(track, tick, unit, type),
+      ...(faction ? [] : this.decision(track, tick, id)),
+    );
+    if (focused) card.querySelector(`[data-name="${focused}"]`)?.focus();
+  }
+
+  meters(track, tick, unit, type) {
+    const at = tick * track.units + unit,
+      alive = track.alive[at] > 0;
+    const rows = [
+      ["Health", track.hp[at], type.hp, "", 0],
+      ["Shield", track.shield[at], type.shield, "--shield", 0],
+      ["Energy", track.energy[at], type.energy, "--energy", 0],
+      ["Cooldown", track.cooldown[at], type.cooldown, "--dim", 2],
+    ];
+    return rows
+      .filter(([, , most]) => most > 0)
+      .map(([name, raw, most, tone, digits]) => {
+        const value = alive ? raw : 0,
+          bar = make("i");
+        bar.style.transform = `scaleX(${clamp(value / most)})`;
+        if (tone) bar.style.setProperty("--tone", `var(${tone})`);
+        const text = digits ? `${value.toFixed(digits)} s` : `${Math.ceil(value)} / ${most}`;
+        return make("div", { className: "meter" }, [
+          make("span", {}, name),
+          make("div", { className: "bar" }, bar),
+          make("span", {}, text),
+        ]);
+      });
+  }
+
+  pairs(track, tick, unit, type) {
+    const at = tick * track.units + unit,
+      target = track.target[at],
+      alive = track.alive[at] > 0;
+    const dead = track.deathTick[unit];
+    let aim = "none";
+    if (alive && target >= 0) {
+      aim = make(
+        "button",
+        { type: "button", className: "link", "data-name": "target" },
+        unitName(this.info, target),
+      );
+      aim.addEventListener("click", () => this.select(target));
+    }
+    const rows = [
+      ["Position", `${track.x[at].toFixed(2)}, ${track.y[at].toFixed(2)}`],
+      ["Target", aim],
+      ["Range", `${type.attack_range} squares, sight ${this.info.sight_range}`],
+    ];
+    if (!alive) rows.unshift(["State", `died at ${(dead / TICKS_PER_SECOND).toFixed(1)} s`]);
+    return make(
+      "dl",
+      { className: "pairs" },
+      rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, [value])]),
+    );
+  }
+
+  /** The action that the agent carries out, and those that it could choose from. */
+  decision(track, tick, agent) {
+    // Tick 8k + 1 is the first of step k; the moment 8k shows the end of step k - 1.
+    const step = clamp(Math.ceil(tick / TICKS_PER_STEP) - 1, 0, Math.max(0, track.decisions.length - 1));
+    const decision = track.decisions[step]?.[agent];
+    if (!decision) return [];
+    const chosen = tick > 0 ? decision.action : -1;
+    const options = decision.available.map((action) =>
+      make("span", { className: action === chosen ? "chosen" : "" }, actionName(this.info, agent, action)),
+    );
+    const title =
+      chosen < 0
+        ? "Available at the start"
+        : `Action of step ${step}: ${actionName(this.info, agent, chosen)}`;
+    return [make("h3", {}, title), make("div", { className: "actions" }, options)];
+  }
+}

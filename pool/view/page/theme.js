@@ -1,0 +1,83 @@
+// Theme: the colours of the style sheet for canvases, and the choice between light and dark.
+
+const theme = {
+  colours: {},
+  listeners: [],
+
+  start() {
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    let chosen = new URLSearchParams(location.hash.slice(1)).get("theme") ?? stored("theme");
+    const apply = () => {
+      const name = chosen ?? (dark.matches ? "dark" : "light");
+      document.documentElement.dataset.theme = name;
+      this.read();
+      this.listeners.forEach((listener) => listener());
+    };
+    dark.addEventListener("change", apply);
+    this.toggle = () => {
+      chosen = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+      try {
+        localStorage.setItem("theme", chosen);
+      } catch {
+        // A browser may refuse storage to files; then the choice lasts as long as the page.
+      }
+      apply();
+    };
+    apply();
+  },
+
+  read() {
+    const style = getComputedStyle(document.documentElement);
+    const names = [
+      "bg",
+      "panel",
+      "raised",
+      "line",
+      "text",
+      "dim",
+      "ally",
+      "ally-deep",
+      "enemy",
+      "enemy-deep",
+      "shield",
+      "energy",
+      "heal",
+      "focus",
+      "floor",
+      "grid",
+      "wall",
+      "wall-edge",
+      "outside",
+    ];
+    for (const name of names) this.colours[name] = style.getPropertyValue(`--${name}`).trim();
+    this.dark = document.documentElement.dataset.theme === "dark";
+  },
+
+  /** A colour of the style sheet with an opacity. */
+  faint(name, opacity) {
+    const hex = this.colours[name].slice(1);
+    const [r, g, b] = [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16));
+    return `rgba(${r}, ${g}, ${b}, ${opacity})`;
+  },
+};
+
+function stored(key) {
+  try {
+    return localStorage.getItem(key);
+  } catch {
+    return null;
+  }
+}
+
+const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
+
+/** Fits the pixels of a canvas to its size on the screen; its context then measures in CSS pixels. */
+function fitCanvas(canvas) {
+  const ratio = devicePixelRatio || 1,
+    { width, height } = canvas.getBoundingClientRect();
+  const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
+  if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  return { context, width, height, ratio };
+}

@@ -1,0 +1,99 @@
+// Clock: the time that is shown, and how fast it runs. Timeline: the scrub bar with its marks.
+
+const TICKS_PER_SECOND = 16,
+  TICKS_PER_STEP = 8;
+const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
+/** The longest time between two pictures that counts, in seconds: a hidden tab does not jump ahead. */
+const LONGEST_FRAME = 0.1;
+
+class Clock {
+  constructor() {
+    this.time = 0;
+    this.end = 0;
+    this.playing = false;
+    this.speed = 1;
+    this.before = 0;
+  }
+
+  /** Moves on to now, in milliseconds. */
+  advance(now) {
+    const elapsed = Math.min(LONGEST_FRAME, (now - this.before) / 1000);
+    this.before = now;
+    if (!this.playing) return;
+    this.time = Math.min(this.end, this.time + elapsed * TICKS_PER_SECOND * this.speed);
+    if (this.time >= this.end) this.playing = false;
+  }
+
+  toggle() {
+    if (!this.playing && this.time >= this.end) this.time = 0;
+    this.playing = !this.playing;
+  }
+
+  seek(time) {
+    this.time = clamp(time, 0, this.end);
+  }
+
+  /** Goes by whole ticks, from a time between two to the next one. */
+  stepTicks(ticks) {
+    this.playing = false;
+    const from = ticks > 0 ? Math.floor(this.time) : Math.ceil(this.time);
+    this.seek(Math.abs(ticks) === 1 ? from + ticks : this.stepTime(Math.sign(ticks)));
+  }
+
+  stepTime(direction) {
+    const step = this.time / TICKS_PER_STEP;
+    return (direction > 0 ? Math.floor(step) + 1 : Math.ceil(step) - 1) * TICKS_PER_STEP;
+  }
+
+  changeSpeed(direction) {
+    this.speed = SPEEDS[clamp(SPEEDS.indexOf(this.speed) + direction, 0, SPEEDS.length - 1)];
+  }
+}
+
+class Timeline {
+  constructor(canvas, input, seek) {
+    this.canvas = canvas;
+    this.input = input;
+    input.addEventListener("input", () => seek(Number(input.value)));
+  }
+
+  draw(track, time) {
+    const { context, width, height } = fitCanvas(this.canvas),
+      { colours } = theme,
+      middle = height / 2;
+    // The thumb of the input moves within the track by half its width.
+    const x = (tick) => 7 + (track.last ? tick / track.last : 0) * (width - 14);
+    context.clearRect(0, 0, width, height);
+    const bar = (to, colour) => {
+      context.beginPath();
+      context.roundRect(5, middle - 2.5, Math.max(4, to - 5), 5, 2.5);
+      context.fillStyle = colour;
+      context.fill();
+    };
+    bar(width - 5, colours.line);
+    bar(x(time), colours.dim);
+    for (const { tick, unit } of track.deaths) {
+      const enemy = track.info.units[unit].faction === 1,
+        y = enemy ? middle + 12 : middle - 12;
+      context.fillStyle = theme.faint(enemy ? "enemy" : "ally", tick <= time ? 1 : 0.45);
+      context.beginPath();
+      if (enemy) {
+        for (const [dx, dy] of [
+          [0, -4],
+          [4, 0],
+          [0, 4],
+          [-4, 0],
+        ])
+          context.lineTo(x(tick) + dx, y + dy);
+      } else {
+        context.arc(x(tick), y, 3.3, 0, 2 * Math.PI);
+      }
+      context.fill();
+    }
+    this.input.max = String(track.last);
+    const value = String(Math.round(time));
+    if (this.input.value !== value) this.input.value = value;
+    const text = `step ${Math.floor(time / TICKS_PER_STEP)}, tick ${Math.floor(time)} of ${track.last}`;
+    if (this.input.getAttribute("aria-valuetext") !== text) this.input.setAttribute("aria-valuetext", text);
+  }
+}

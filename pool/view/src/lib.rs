@@ -1,0 +1,22 @@
+//! Seeing battles: what happens in each tick ([`Moment`]), pictures of it ([`Renderer`]), recorded battles
+//! ([`Replay`]), and the page that plays them ([`export_html`]).
+//!
+//! A battle is drawn from its [`Scenario`](smaclite_scenarios::Scenario), which no tick changes, and one
+//! moment per tick. Nothing here knows of pools, processes, windows or sockets.
+
+#![forbid(unsafe_code)]
+
+mod moment;
+pub mod page;
+mod picture;
+mod render;
+mod replay;
+
+pub use moment::{Attack, AttackKind, Moment, Observer, UnitMoment};
+pub use page::export_html;
+pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, write_gif};
+pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};
+pub use replay::{
+    Episode, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay, ReplayError,
+    SUFFIX, Setup, Start,
+};

@@ -1,0 +1,326 @@
+//! The file of a replay: one JSON object, compressed by gzip (`zcat FILE | jq` shows it).
+//!
+//! gzip's checksum and length detect damage. Everything else is checked after reading, except for what only
+//! play
+//! can tell: whether actions are legal, and whether the checksums of the episodes are reproduced.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::str::FromStr;
+
+use flate2::Compression;
+use flate2::bufread::GzDecoder;
+use flate2::write::GzEncoder;
+use serde::{Deserialize, Serialize};
+use smaclite_engine::Rules;
+use smaclite_scenarios::{ScenarioFiles, UnitFile};
+
+use super::{Episode, Outcome, Replay, ReplayError, Setup, Start};
+
+/// The suffix of replay files.
+pub const SUFFIX: &str = "smreplay";
+
+/// The largest replay file, in bytes.
+pub const MAX_FILE_BYTES: u64 = 64 << 20;
+
+/// The largest replay, in bytes of JSON: some 5,000 episodes of 27 agents. A small file can be compressed
+/// from
+/// much more.
+pub const MAX_JSON_BYTES: u64 = 64 << 20;
+
+/// The `format` of every replay.
+const FORMAT: &str = "smaclite-replay";
+
+/// The version of the format; it rises whenever the meaning of a file changes.
+const VERSION: u64 = 1;
+
+/// What is read first; other versions may differ in everything else.
+#[derive(Deserialize)]
+struct Head {
+    format: String,
+    version: u64,
+    program: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    format: String,
+    version: u64,
+    program: String,
+    scenario: ScenarioText,
+    rules: String,
+    episode_limit: Option<u32>,
+    episodes: Vec<EpisodeText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScenarioText {
+    file: String,
+    text: String,
+    unit_files: Vec<UnitText>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct UnitText {
+    name: String,
+    keys: Vec<String>,
+    text: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EpisodeText {
+    seed: u64,
+    draws: u64,
+    steps: u32,
+    episode_return: f64,
+    terminated: bool,
+    truncated: bool,
+    battle_won: bool,
+    dead_allies: u32,
+    dead_enemies: u32,
+    /// 16 hexadecimal digits: programs that read JSON numbers as f64 would change a number of 64 bits.
+    checksum: String,
+    step_checksums: Vec<u16>,
+    actions: Vec<u16>,
+}
+
+impl Replay {
+    /// Reads a replay file.
+    ///
+    /// # Errors
+    /// [`ReplayError`] says what is wrong with the file. Whether this version reproduces its episodes is
+    /// checked
+    /// by [`verify`](Self::verify).
+    pub fn read(path: &Path) -> Result<Replay, ReplayError> {
+        let file = path.display().to_string();
+        let bytes = read_bytes(path).map_err(|error| ReplayError::Io { file: file.clone(), error })?;
+        Replay::from_bytes(&bytes, &file)
+    }
+
+    /// Writes a replay file.
+    ///
+    /// # Errors
+    /// [`ReplayError::TooLarge`], or [`ReplayError::Io`].
+    pub fn write(&self, path: &Path) -> Result<(), ReplayError> {
+        let file = || path.display().to_string();
+        let bytes = self.to_bytes().map_err(|error| match error {
+            ReplayError::TooLarge { max, unit, .. } => ReplayError::TooLarge { file: file(), max, unit },
+            other => other,
+        })?;
+        std::fs::write(path, bytes).map_err(|error| ReplayError::Io { file: file(), error })
+    }
+
+    /// Reads the bytes of a replay file; `source` is what error messages call it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Replay, ReplayError> {
+        let json = inflate(bytes, source)?;
+        let not_a_replay = |error: serde_json::Error| ReplayError::NotAReplay {
+            file: source.into(),
+            reason: error.to_string(),
+        };
+        let head: Head = serde_json::from_slice(&json).map_err(not_a_replay)?;
+        if head.format != FORMAT {
+            let reason = format!("`format` must be {FORMAT:?}, got {:?}", shortened(&head.format));
+            return Err(ReplayError::NotAReplay { file: source.into(), reason });
+        }
+        if head.version != VERSION {
+            return Err(ReplayError::Version {
+                file: source.into(),
+                given: head.version,
+                supported: VERSION,
+                program: shortened(&head.program),
+            });
+        }
+        let document: Document = serde_json::from_slice(&json).map_err(not_a_replay)?;
+        document.replay(source)
+    }
+
+    /// The bytes of the replay's file.
+    ///
+    /// # Errors
+    /// [`ReplayError::TooLarge`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>, ReplayError> {
+        let io = |error| ReplayError::Io { file: "replay".into(), error };
+        let json = serde_json::to_vec(&Document::of(self)).map_err(|error| io(error.into()))?;
+        let too_large = |max, unit| Err(ReplayError::TooLarge { file: "replay".into(), max, unit });
+        if json.len() as u64 > MAX_JSON_BYTES {
+            return too_large(MAX_JSON_BYTES, "of JSON");
+        }
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(&json).map_err(io)?;
+        let bytes = encoder.finish().map_err(io)?;
+        if bytes.len() as u64 > MAX_FILE_BYTES { too_large(MAX_FILE_BYTES, "in its file") } else { Ok(bytes) }
+    }
+}
+
+impl Document {
+    fn of(replay: &Replay) -> Document {
+        let ScenarioFiles { source, text, unit_files } = &replay.setup.files;
+        let unit_files = unit_files.iter().cloned();
+        let unit_texts = unit_files.map(|UnitFile { name, keys, text }| UnitText { name, keys, text });
+        Document {
+            format: FORMAT.into(),
+            version: VERSION,
+            program: replay.program.clone(),
+            scenario: ScenarioText {
+                file: source.clone(),
+                text: text.clone(),
+                unit_files: unit_texts.collect(),
+            },
+            rules: replay.setup.rules.to_string(),
+            episode_limit: replay.setup.episode_limit,
+            episodes: replay.episodes.iter().map(EpisodeText::of).collect(),
+        }
+    }
+
+    fn replay(self, source: &str) -> Result<Replay, ReplayError> {
+        let ScenarioText { file, text, unit_files } = self.scenario;
+        let unit_files = unit_files.into_iter();
+        let unit_files =
+            unit_files.map(|UnitText { name, keys, text }| UnitFile { name, keys, text }).collect();
+        let check = Check { file: source, key: String::new() };
+        let rules = Rules::from_str(&self.rules)
+            .map_err(|_| check.invalid("rules", "\"smaclite\" or \"paper\"", &self.rules))?;
+        check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
+        let files = ScenarioFiles { source: file, text, unit_files };
+        let mut replay =
+            Replay::new(Setup { files, rules, episode_limit: self.episode_limit }, shortened(&self.program))?;
+        let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
+        for (i, episode) in self.episodes.into_iter().enumerate() {
+            let check = Check { file: source, key: format!("episodes[{i}].") };
+            replay.episodes.push(episode.episode(&check, n_agents, n_actions)?);
+        }
+        Ok(replay)
+    }
+}
+
+impl EpisodeText {
+    fn of(episode: &Episode) -> EpisodeText {
+        let Episode { start, outcome, .. } = episode;
+        EpisodeText {
+            seed: start.seed,
+            draws: start.draws,
+            steps: outcome.steps,
+            episode_return: outcome.episode_return,
+            terminated: outcome.terminated,
+            truncated: outcome.truncated,
+            battle_won: outcome.battle_won,
+            dead_allies: outcome.dead_allies,
+            dead_enemies: outcome.dead_enemies,
+            checksum: format!("{:016x}", episode.checksum),
+            step_checksums: episode.step_checksums.clone(),
+            actions: episode.actions.clone(),
+        }
+    }
+
+    fn episode(self, check: &Check, n_agents: usize, n_actions: usize) -> Result<Episode, ReplayError> {
+        let most_draws = format!("at most {}", Start::MAX_DRAWS);
+        check.that(self.draws <= Start::MAX_DRAWS, "draws", &most_draws, self.draws)?;
+        check.that(self.steps > 0, "steps", "at least 1", self.steps)?;
+        let n_checksums = self.step_checksums.len();
+        let expected = format!("a list of length {}, the value of `steps`", self.steps);
+        check.that(n_checksums == self.steps as usize, "step_checksums", &expected, n_checksums)?;
+        let given = self.actions.len();
+        let expected =
+            format!("a list of length {}, `steps` times the number of agents", n_checksums * n_agents);
+        check.that(given == n_checksums * n_agents, "actions", &expected, given)?;
+        if let Some(i) = self.actions.iter().position(|&action| usize::from(action) >= n_actions) {
+            let key = format!("actions[{i}]");
+            return Err(check.invalid(&key, &format!("between 0 and {}", n_actions - 1), self.actions[i]));
+        }
+        let is_hex =
+            self.checksum.len() == 16 && self.checksum.bytes().all(|digit| digit.is_ascii_hexdigit());
+        let checksum = u64::from_str_radix(&self.checksum, 16).ok().filter(|_| is_hex);
+        Ok(Episode {
+            start: Start { seed: self.seed, draws: self.draws },
+            actions: self.actions,
+            outcome: Outcome {
+                steps: self.steps,
+                episode_return: self.episode_return,
+                terminated: self.terminated,
+                truncated: self.truncated,
+                battle_won: self.battle_won,
+                dead_allies: self.dead_allies,
+                dead_enemies: self.dead_enemies,
+            },
+            step_checksums: self.step_checksums,
+            checksum: checksum
+                .ok_or_else(|| check.invalid("checksum", "16 hexadecimal digits", &self.checksum))?,
+        })
+    }
+}
+
+/// Checks of values of a file; `key` is the key of the object that has them.
+struct Check<'a> {
+    file: &'a str,
+    key: String,
+}
+
+impl Check<'_> {
+    fn that(
+        &self,
+        is_valid: bool,
+        key: &str,
+        expected: &str,
+        given: impl ToString,
+    ) -> Result<(), ReplayError> {
+        if is_valid { Ok(()) } else { Err(self.invalid(key, expected, given)) }
+    }
+
+    fn invalid(&self, key: &str, expected: &str, given: impl ToString) -> ReplayError {
+        ReplayError::Invalid {
+            file: self.file.into(),
+            key: format!("{}{key}", self.key),
+            expected: expected.into(),
+            given: shortened(&given.to_string()),
+        }
+    }
+}
+
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    if !file.metadata()?.is_file() {
+        return Err(io::Error::other("it is not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    // One byte over the limit detects a file that is larger.
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The JSON of a file.
+fn inflate(bytes: &[u8], source: &str) -> Result<Vec<u8>, ReplayError> {
+    let too_large = |max, unit| Err(ReplayError::TooLarge { file: source.into(), max, unit });
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return too_large(MAX_FILE_BYTES, "in its file");
+    }
+    let mut json = Vec::new();
+    let mut decoder = GzDecoder::new(bytes);
+    let not_a_replay = |reason: String| ReplayError::NotAReplay { file: source.into(), reason };
+    let read = decoder.by_ref().take(MAX_JSON_BYTES + 1).read_to_end(&mut json);
+    read.map_err(|error| match error.kind() {
+        io::ErrorKind::UnexpectedEof => {
+            not_a_replay(format!("the file ends after {} bytes, too early", bytes.len()))
+        }
+        _ => not_a_replay(error.to_string()),
+    })?;
+    if json.len() as u64 > MAX_JSON_BYTES {
+        return too_large(MAX_JSON_BYTES, "of JSON");
+    }
+    match decoder.into_inner().len() {
+        0 => Ok(json),
+        surplus => Err(not_a_replay(format!("{surplus} bytes follow the compressed data"))),
+    }
+}
+
+/// The beginning of a text from a file, for messages.
+fn shortened(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(100).collect()
+}

@@ -1,0 +1,213 @@
+//! Replays: a scenario, and the seed and actions of its episodes, from which the engine plays every tick
+//! again.
+//!
+//! ```
+//! use smaclite_engine::{Rules, policy};
+//! use smaclite_scenarios::ScenarioFiles;
+//! use smaclite_view::{Recorder, Replay, Setup};
+//!
+//! let (scenario, files) = ScenarioFiles::resolve("3m")?;
+//! let setup = Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit };
+//! let mut recorder = Recorder::new(setup, 1)?;
+//! let mut actions = [0; 3];
+//! while !recorder.battle().is_over() {
+//!     policy::nearest(recorder.battle(), &mut actions);
+//!     recorder.step(&actions)?;
+//! }
+//! let bytes = recorder.finish().to_bytes()?;
+//!
+//! let replay = Replay::from_bytes(&bytes, "3m.smreplay")?;
+//! replay.verify()?; // this version plays every tick as it was recorded
+//! for moment in replay.play(0)? {
+//!     assert_eq!(moment?.units.len(), 6);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod checksum;
+mod error;
+mod file;
+mod player;
+mod recorder;
+
+use std::sync::Arc;
+
+use smaclite_engine::{Arena, Generator, Rules};
+use smaclite_scenarios::{Scenario, ScenarioFiles};
+
+pub use error::ReplayError;
+pub use file::{MAX_FILE_BYTES, MAX_JSON_BYTES, SUFFIX};
+pub use player::{PlayedStep, Player};
+pub use recorder::Recorder;
+
+/// What all episodes of a replay have in common.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Setup {
+    /// The scenario file and its unit files.
+    pub files: ScenarioFiles,
+    /// The rule set.
+    pub rules: Rules,
+    /// Steps after which an episode is truncated; it may differ from that of the scenario file.
+    pub episode_limit: Option<u32>,
+}
+
+/// The beginning of an episode: every unit is at its start, and the generator of execution orders is that of
+/// `seed` after `draws` draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Start {
+    /// The seed of the battle.
+    pub seed: u64,
+    /// Number of 32-bit words that were drawn from the generator before the episode, at most
+    /// [`Start::MAX_DRAWS`];
+    /// 0 in the first episode after seeding.
+    pub draws: u64,
+}
+
+impl Start {
+    /// The largest number of draws, about 40 million steps of ten units: they are made one by one.
+    pub const MAX_DRAWS: u64 = 1 << 32;
+
+    /// The first episode after seeding.
+    pub fn seeded(seed: u64) -> Start {
+        Start { seed, draws: 0 }
+    }
+
+    /// The generator at the start.
+    pub fn generator(self) -> Generator {
+        let mut generator = Generator::new(self.seed);
+        (0..self.draws).for_each(|_| draw(&mut generator));
+        generator
+    }
+
+    /// This start moved on to where its generator equals `generator`, if that is at most `MAX_DRAWS` draws
+    /// after
+    /// the seed.
+    pub fn moved_to(self, generator: &Generator) -> Option<Start> {
+        self.moved_on(&mut self.generator(), generator)
+    }
+
+    /// As [`moved_to`](Self::moved_to); `own` is the generator of this start, and moves on with it.
+    fn moved_on(self, own: &mut Generator, generator: &Generator) -> Option<Start> {
+        let found = (self.draws..=Start::MAX_DRAWS).find(|_| {
+            let found = own == generator;
+            if !found {
+                draw(own);
+            }
+            found
+        });
+        found.map(|draws| Start { draws, ..self })
+    }
+}
+
+/// Draws one word: a shuffle of two items needs one bit, and so never rejects a word.
+fn draw(generator: &mut Generator) {
+    generator.shuffle(&mut [(); 2]);
+}
+
+/// A recorded episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// How it begins.
+    pub start: Start,
+    /// The action of every agent in every step: `[steps, n_agents]`, row by row.
+    pub actions: Vec<u16>,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The low 16 bits of the checksum after each step, which tell where a reproduction fails.
+    pub step_checksums: Vec<u16>,
+    /// XXH3 over the bits of all units after every tick and of every reward.
+    pub checksum: u64,
+}
+
+/// How an episode ended, or where its recording ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Number of steps.
+    pub steps: u32,
+    /// Sum of the rewards.
+    pub episode_return: f64,
+    /// No unit of a faction was alive.
+    pub terminated: bool,
+    /// The episode limit was reached.
+    pub truncated: bool,
+    /// No enemy was alive.
+    pub battle_won: bool,
+    /// Number of agents that died.
+    pub dead_allies: u32,
+    /// Number of enemies that died.
+    pub dead_enemies: u32,
+}
+
+/// A recording that this program can play.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    setup: Setup,
+    program: String,
+    episodes: Vec<Episode>,
+    scenario: Scenario,
+    arena: Arc<Arena>,
+}
+
+impl Replay {
+    /// A replay without episodes.
+    fn new(setup: Setup, program: String) -> Result<Replay, ReplayError> {
+        let scenario = setup.files.scenario()?;
+        let arena = Arena::new(&scenario, setup.rules).with_episode_limit(setup.episode_limit);
+        Ok(Replay { setup, program, episodes: Vec::new(), scenario, arena: Arc::new(arena) })
+    }
+
+    /// What all episodes have in common.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// The program that recorded it, with its version.
+    pub fn program(&self) -> &str {
+        &self.program
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// The scenario prepared for play.
+    pub fn arena(&self) -> &Arc<Arena> {
+        &self.arena
+    }
+
+    /// The episodes, in the order in which they were played.
+    pub fn episodes(&self) -> &[Episode] {
+        &self.episodes
+    }
+
+    /// Plays an episode: an iterator over its moments from the start, and step by step.
+    ///
+    /// # Errors
+    /// [`ReplayError::NoSuchEpisode`]. A moment that this version cannot reproduce is an error of the
+    /// iterator.
+    pub fn play(&self, episode: usize) -> Result<Player<'_>, ReplayError> {
+        if episode >= self.episodes.len() {
+            return Err(ReplayError::NoSuchEpisode { episode, n_episodes: self.episodes.len() });
+        }
+        Ok(Player::new(self, episode))
+    }
+
+    /// Plays all episodes and compares the bits of every tick with the recorded checksums.
+    ///
+    /// # Errors
+    /// The first step that this version plays otherwise: [`ReplayError::Diverged`], or
+    /// [`ReplayError::IllegalAction`].
+    pub fn verify(&self) -> Result<(), ReplayError> {
+        for episode in 0..self.episodes.len() {
+            let mut player = Player::new(self, episode);
+            while player.play_step()?.is_some() {}
+        }
+        Ok(())
+    }
+}
+
+/// The name and version of this program, as replays store it.
+fn this_program() -> String {
+    format!("smaclite-pool {}", env!("CARGO_PKG_VERSION"))
+}

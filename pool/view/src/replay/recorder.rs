@@ -1,0 +1,153 @@
+//! Recording: a battle that notes its seed and actions.
+
+use smaclite_engine::{Battle, ExecutionOrder, Generator, IllegalAction, Scratch, Step, Units};
+use smaclite_scenarios::Scenario;
+
+use super::checksum::Checksum;
+use super::{Episode, Outcome, Replay, ReplayError, Setup, Start, this_program};
+
+/// A battle that is recorded: it is stepped and reset like a [`Battle`].
+///
+/// To record a battle that runs elsewhere, step the recorder with the same actions; what it
+/// [plays](Self::battle)
+/// is the same to the bit if it began with the same [`Start`].
+pub struct Recorder {
+    replay: Replay,
+    battle: Battle,
+    scratch: Scratch,
+    /// The start of this episode.
+    start: Start,
+    /// The generator at that start.
+    generator: Generator,
+    actions: Vec<u16>,
+    checksum: Checksum,
+    step_checksums: Vec<u16>,
+    outcome: Outcome,
+}
+
+impl Recorder {
+    /// Begins with the first episode of a battle of that seed.
+    ///
+    /// # Errors
+    /// [`ReplayError::Scenario`] if the texts of the setup are no scenario.
+    pub fn new(setup: Setup, seed: u64) -> Result<Recorder, ReplayError> {
+        let replay = Replay::new(setup, this_program())?;
+        Ok(Recorder {
+            battle: Battle::new(replay.arena.clone(), seed),
+            replay,
+            scratch: Scratch::new(),
+            start: Start::seeded(seed),
+            generator: Generator::new(seed),
+            actions: Vec::new(),
+            checksum: Checksum::default(),
+            step_checksums: Vec::new(),
+            outcome: Outcome::default(),
+        })
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.replay.scenario
+    }
+
+    /// The battle that is recorded.
+    pub fn battle(&self) -> &Battle {
+        &self.battle
+    }
+
+    /// Plays and records a step, as [`Battle::step`].
+    ///
+    /// # Errors
+    /// As [`Battle::step`]; then nothing is recorded.
+    pub fn step(&mut self, actions: &[i32]) -> Result<Step, IllegalAction> {
+        self.step_observed(actions, |_| {})
+    }
+
+    /// As [`step`](Self::step); `observe` is called with the units after each tick.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_observed(
+        &mut self,
+        actions: &[i32],
+        mut observe: impl FnMut(&Units),
+    ) -> Result<Step, IllegalAction> {
+        let checksum = &mut self.checksum;
+        let step = self.battle.step_observed(actions, ExecutionOrder::Drawn, &mut self.scratch, |tick| {
+            checksum.tick(tick.units);
+            observe(tick.units);
+        })?;
+        checksum.step(step.reward);
+        self.step_checksums.push(checksum.value() as u16);
+        // Legal actions are below the 6 + 1000 actions of the largest scenario.
+        self.actions.extend(actions.iter().map(|&action| action as u16));
+        self.outcome = Outcome::of(&self.battle, &step);
+        Ok(step)
+    }
+
+    /// Ends the episode and begins the next one, with the generator as it is. An episode without a step is
+    /// not
+    /// recorded.
+    ///
+    /// # Errors
+    /// [`ReplayError::TooManyDraws`] after more steps with one seed than a [`Start`] can express; then
+    /// nothing is
+    /// changed, and [`begin`](Self::begin) with another seed continues.
+    pub fn reset(&mut self) -> Result<(), ReplayError> {
+        let seed = self.start.seed;
+        let mut generator = self.generator.clone();
+        let start = self.start.moved_on(&mut generator, &self.battle.save().generator);
+        let start = start.ok_or(ReplayError::TooManyDraws { seed })?;
+        self.end_episode();
+        self.battle.reset();
+        (self.start, self.generator) = (start, generator);
+        Ok(())
+    }
+
+    /// Ends the episode and begins one with that start.
+    pub fn begin(&mut self, start: Start) {
+        self.end_episode();
+        self.battle.reset();
+        let mut snapshot = self.battle.save();
+        snapshot.generator = start.generator();
+        // A battle's own state with another generator fits.
+        let restored = self.battle.restore(&snapshot);
+        debug_assert_eq!(restored, Ok(()));
+        (self.start, self.generator) = (start, snapshot.generator);
+    }
+
+    /// The recording, including the episode that is not over.
+    pub fn finish(mut self) -> Replay {
+        self.end_episode();
+        self.replay
+    }
+
+    fn end_episode(&mut self) {
+        let checksum = std::mem::take(&mut self.checksum).value();
+        let outcome = std::mem::take(&mut self.outcome);
+        if outcome.steps > 0 {
+            self.replay.episodes.push(Episode {
+                start: self.start,
+                actions: std::mem::take(&mut self.actions),
+                outcome,
+                step_checksums: std::mem::take(&mut self.step_checksums),
+                checksum,
+            });
+        }
+    }
+}
+
+impl Outcome {
+    /// The outcome after a step.
+    pub(super) fn of(battle: &Battle, step: &Step) -> Outcome {
+        Outcome {
+            steps: battle.episode_length(),
+            episode_return: battle.episode_return(),
+            terminated: step.terminated,
+            truncated: step.truncated,
+            battle_won: step.battle_won,
+            dead_allies: battle.dead_allies() as u32,
+            dead_enemies: battle.dead_enemies() as u32,
+        }
+    }
+}

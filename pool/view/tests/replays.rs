@@ -1,0 +1,273 @@
+//! Replays: files give back what was recorded, every map is reproduced, and damaged or hostile files are
+//! errors.
+
+use std::io::{Read, Write};
+
+use flate2::{Compression, bufread::GzDecoder, write::GzEncoder};
+use serde_json::{Value, json};
+use smaclite_engine::policy::Random;
+use smaclite_engine::{Generator, Rules};
+use smaclite_scenarios::{Scenario, ScenarioFiles};
+use smaclite_view::{MAX_JSON_BYTES, Moment, Observer, Recorder, Replay, ReplayError, Setup, Start};
+
+fn setup(name_or_path: &str) -> Setup {
+    let (scenario, files) = ScenarioFiles::resolve(name_or_path).unwrap();
+    Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit }
+}
+
+/// Episodes of the random policy, and the moments of the last one.
+fn record(setup: Setup, seed: u64, episodes: usize) -> (Replay, Vec<Moment>) {
+    let mut recorder = Recorder::new(setup, seed).unwrap();
+    let mut policy = Random::new(seed);
+    let mut actions = vec![0; recorder.battle().arena().sizes().n_agents];
+    let scenario = recorder.scenario().clone();
+    let mut moments = Vec::new();
+    for episode in 0..episodes {
+        if episode > 0 {
+            recorder.reset().unwrap();
+        }
+        let mut observer = Observer::new(&scenario, recorder.battle().units());
+        moments = vec![observer.moment().clone()];
+        while !recorder.battle().is_over() {
+            policy.act(recorder.battle(), &mut actions);
+            recorder.step_observed(&actions, |units| moments.push(observer.observe(units).clone())).unwrap();
+        }
+    }
+    (recorder.finish(), moments)
+}
+
+/// Compares all but the last digit of the returns, which are decimal numbers in files.
+fn assert_same_episodes(a: &Replay, b: &Replay) {
+    assert_eq!(a.episodes().len(), b.episodes().len());
+    for (a, b) in a.episodes().iter().zip(b.episodes()) {
+        assert!((a.outcome.episode_return - b.outcome.episode_return).abs() < 1e-9);
+        let mut b = b.clone();
+        b.outcome.episode_return = a.outcome.episode_return;
+        assert!(*a == b, "{a:?}, expected {b:?}");
+    }
+}
+
+fn json_of(bytes: &[u8]) -> Value {
+    let mut json = String::new();
+    GzDecoder::new(bytes).read_to_string(&mut json).unwrap();
+    serde_json::from_str(&json).unwrap()
+}
+
+fn gzip(text: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(text).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn every_map_is_reproduced_and_small() {
+    for name in Scenario::standard_names() {
+        let (replay, moments) = record(setup(name), 7, 3);
+        let bytes = replay.to_bytes().unwrap();
+        let copy = Replay::from_bytes(&bytes, name).unwrap();
+        assert!(copy.setup() == replay.setup(), "{name}");
+        assert_same_episodes(&copy, &replay);
+        copy.verify().unwrap_or_else(|error| panic!("{name}: {error}"));
+        let played = copy.play(2).unwrap().collect::<Result<Vec<_>, _>>().unwrap();
+        assert!(played == moments, "{name}");
+
+        let actions: usize = replay.episodes().iter().map(|episode| episode.actions.len()).sum();
+        let per_episode = bytes.len() / 3;
+        println!("{name}: {per_episode} bytes per episode of {} actions", actions / 3);
+        // Random actions need most; the constant part is mainly the scenario's text.
+        assert!(bytes.len() < 2500 + actions, "{name}: {} bytes for {actions} actions", bytes.len());
+    }
+}
+
+#[test]
+fn a_file_is_written_and_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("battle.smreplay");
+    let (replay, _) = record(setup("MMM"), 1, 1);
+    replay.write(&path).unwrap();
+    let copy = Replay::read(&path).unwrap();
+    assert_same_episodes(&copy, &replay);
+    assert_eq!(copy.scenario(), &Scenario::standard("MMM").unwrap());
+
+    let error = Replay::read(&folder.path().join("none.smreplay")).unwrap_err().to_string();
+    assert!(error.contains("none.smreplay: No such file"), "{error}");
+    let error = Replay::read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("not a regular file"), "{error}");
+}
+
+#[test]
+fn unit_files_are_in_the_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let zealot = json!({
+        "hp": 40, "armor": 0, "attacks": 1, "damage": 8, "cooldown": 0.8,
+        "speed": 3.0, "attack_range": 0.1, "size": 1,
+        "valid_targets": ["GROUND"], "attributes": ["LIGHT"], "targeter": "STANDARD"
+    });
+    std::fs::write(folder.path().join("brawler.json"), zealot.to_string()).unwrap();
+    // No group has this type, so its file is found and not read.
+    std::fs::write(folder.path().join("absent.json"), "no unit").unwrap();
+    let scenario = json!({
+        "name": "brawl", "num_allied_units": 3, "num_enemy_units": 2,
+        "groups": [
+            {"x": 12, "y": 16, "faction": "ALLY", "units": {"brawler": 2, "MARINE": 1}},
+            {"x": 20, "y": 16, "faction": "ENEMY", "units": {"brawler.json": 2}}
+        ],
+        "attack_point": [12, 16], "terrain_preset": "SIMPLE", "num_unit_types": 3,
+        "unit_type_ids": {"brawler": 0, "MARINE": 1, "absent": 2},
+        "ally_has_shields": false, "enemy_has_shields": false, "episode_limit": 60
+    });
+    let path = folder.path().join("brawl.json");
+    std::fs::write(&path, scenario.to_string()).unwrap();
+    let setup = Setup { rules: Rules::Paper, episode_limit: None, ..setup(path.to_str().unwrap()) };
+    let files = &setup.files.unit_files;
+    let names: Vec<(&str, usize)> = files.iter().map(|file| (file.name.as_str(), file.keys.len())).collect();
+    assert_eq!(names, [("brawler", 2), ("absent", 1)], "two names of a file are one file");
+    let expected = Scenario::load(&path).unwrap();
+    let (replay, _) = record(setup, 3, 1);
+    let bytes = replay.to_bytes().unwrap();
+
+    drop(folder);
+    let copy = Replay::from_bytes(&bytes, "brawl.smreplay").unwrap();
+    assert_eq!(copy.scenario(), &expected);
+    assert_eq!((copy.arena().rules(), copy.arena().episode_limit()), (Rules::Paper, None));
+    copy.verify().unwrap();
+}
+
+#[test]
+fn episodes_start_anywhere_in_the_stream_of_a_seed() {
+    let (replay, _) = record(setup("3m"), 5, 3);
+    let starts: Vec<Start> = replay.episodes().iter().map(|episode| episode.start).collect();
+    assert!(starts.iter().all(|start| start.seed == 5));
+    assert!(starts[0].draws == 0 && starts[0].draws < starts[1].draws && starts[1].draws < starts[2].draws);
+    assert_eq!(Start::seeded(5).moved_to(&starts[2].generator()), Some(starts[2]));
+
+    // The second episode alone, as by a spectator who begins there.
+    let mut recorder = Recorder::new(setup("3m"), 99).unwrap();
+    recorder.begin(starts[1]);
+    let second = &replay.episodes()[1];
+    for actions in second.actions.chunks(3) {
+        recorder.step(&actions.iter().map(|&action| action.into()).collect::<Vec<i32>>()).unwrap();
+    }
+    assert_eq!(recorder.finish().episodes(), std::slice::from_ref(second));
+    assert_eq!(Start { seed: 5, draws: 0 }.generator(), Generator::new(5));
+}
+
+#[test]
+fn seeking_gives_the_moments_of_playing_through() {
+    let (replay, moments) = record(setup("2s3z"), 2, 1);
+    let steps = replay.episodes()[0].step_checksums.len();
+    let mut player = replay.play(0).unwrap();
+    for step in [0, 33, 3, steps, 17, 16, 15, 0] {
+        player.seek(step).unwrap();
+        assert_eq!(player.next().unwrap().unwrap(), moments[step * 8], "step {step}");
+        assert_eq!(player.step(), step);
+    }
+    player.seek(20).unwrap();
+    let rest = player.by_ref().collect::<Result<Vec<_>, _>>().unwrap();
+    assert_eq!(rest, moments[160..]);
+    let error = player.seek(steps + 1).unwrap_err();
+    assert!(matches!(error, ReplayError::NoSuchStep { .. }), "{error}");
+    assert!(matches!(replay.play(1), Err(ReplayError::NoSuchEpisode { episode: 1, n_episodes: 1 })));
+}
+
+#[test]
+fn what_cannot_be_reproduced_is_named_by_episode_and_step() {
+    let (replay, _) = record(setup("3m"), 4, 2);
+    let original = json_of(&replay.to_bytes().unwrap());
+    let check = |change: &dyn Fn(&mut Value), expected: &str| {
+        let mut changed = original.clone();
+        change(&mut changed["episodes"][1]);
+        let replay = Replay::from_bytes(&gzip(changed.to_string().as_bytes()), "test").unwrap();
+        let error = replay.verify().unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}, expected {expected}");
+        let mut player = replay.play(1).unwrap();
+        assert_eq!(player.by_ref().filter(Result::is_err).count(), 1, "an iterator ends after its error");
+    };
+    check(
+        &|episode| episode["step_checksums"][5] = (episode["step_checksums"][5].as_u64().unwrap() ^ 1).into(),
+        "episode 1, step 5: the checksum of the step must be",
+    );
+    check(&|episode| episode["checksum"] = "0123456789abcdef".into(), "the checksum of the episode must be");
+    check(&|episode| episode["seed"] = 8.into(), ": the checksum of the step must be");
+    check(&|episode| episode["draws"] = 0.into(), ": the checksum of the step must be");
+    check(&|episode| episode["dead_enemies"] = 77.into(), "the outcome must be");
+    check(
+        &|episode| episode["actions"][9] = 0.into(),
+        "episode 1, step 3: agent 0: action 0 is not available",
+    );
+    check(
+        &|episode| episode["actions"][9] = if episode["actions"][9] == 2 { 3.into() } else { 2.into() },
+        "episode 1, step 3: the checksum of the step",
+    );
+}
+
+#[test]
+fn wrong_values_are_named() {
+    let (replay, _) = record(setup("3m"), 4, 1);
+    let original = json_of(&replay.to_bytes().unwrap());
+    let check = |key: &str, value: Value, expected: &str| {
+        let mut changed = original.clone();
+        *changed.pointer_mut(key).unwrap_or_else(|| panic!("{key}")) = value;
+        let error = Replay::from_bytes(&gzip(changed.to_string().as_bytes()), "f").unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}, expected {expected}");
+    };
+    check(
+        "/format",
+        "zip".into(),
+        "f: expected a replay, which is JSON compressed by gzip: `format` must be",
+    );
+    check("/version", 2.into(), "f: `version` must be 1, got 2; it was written by smaclite-pool");
+    check("/rules", "house".into(), "f: `rules` must be \"smaclite\" or \"paper\", got house");
+    check("/episode_limit", 0.into(), "`episode_limit` must be at least 1");
+    check("/episodes/0/draws", u64::MAX.into(), "f: `episodes[0].draws` must be at most 4294967296");
+    check("/episodes/0/steps", 0.into(), "`episodes[0].steps` must be at least 1, got 0");
+    check(
+        "/episodes/0/steps",
+        u32::MAX.into(),
+        "`episodes[0].step_checksums` must be a list of length 4294967295",
+    );
+    check("/episodes/0/actions", json!([1, 2]), "`episodes[0].actions` must be a list of length");
+    check("/episodes/0/actions/4", 9.into(), "`episodes[0].actions[4]` must be between 0 and 8, got 9");
+    check("/episodes/0/actions/4", (-1).into(), "invalid value: integer `-1`");
+    check("/episodes/0/checksum", "+123456789abcdef".into(), "must be 16 hexadecimal digits");
+    check("/episodes/0/seed", json!({"more": 1}), "invalid type");
+    check("/scenario/text", "{}".into(), "scenario of the replay: scenarios/data/3m.json: `name` is missing");
+    let unknown = original["scenario"]["text"].as_str().unwrap().replace("MARINE", "GHOST");
+    let expected = "GHOST` is neither a standard unit type nor a unit file (tried 0 unit files in memory)";
+    check("/scenario/text", unknown.into(), expected);
+}
+
+#[test]
+fn damaged_files_are_errors() {
+    let (replay, _) = record(setup("2m_vs_1z"), 4, 1);
+    let bytes = replay.to_bytes().unwrap();
+    for length in 0..bytes.len() {
+        let error = Replay::from_bytes(&bytes[..length], "f").unwrap_err();
+        assert!(matches!(error, ReplayError::NotAReplay { .. }), "{length}: {error}");
+    }
+    // A changed bit is an error, or has no meaning: some are in gzip's header (time, level, system), and
+    // some make
+    // the compressed data refer to another copy of the same text.
+    let mut accepted = 0;
+    for (at, bit) in (0..bytes.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << bit;
+        if let Ok(copy) = Replay::from_bytes(&changed, "f") {
+            assert_same_episodes(&copy, &replay);
+            accepted += 1;
+        }
+    }
+    assert!(accepted < 80, "{accepted} of {} bits", bytes.len() * 8);
+    let error = Replay::from_bytes(&[&bytes[..], b"more"].concat(), "f").unwrap_err().to_string();
+    assert!(error.contains("4 bytes follow the compressed data"), "{error}");
+}
+
+#[test]
+fn a_file_that_inflates_without_end_is_refused() {
+    let bomb = gzip(&vec![b' '; MAX_JSON_BYTES as usize + 1]);
+    assert!(bomb.len() < 100_000);
+    let error = Replay::from_bytes(&bomb, "bomb").unwrap_err().to_string();
+    assert_eq!(error, "bomb: a replay must have at most 67108864 bytes of JSON");
+    let nested = gzip("[".repeat(1 << 20).as_bytes());
+    assert!(matches!(Replay::from_bytes(&nested, "nested"), Err(ReplayError::NotAReplay { .. })));
+}

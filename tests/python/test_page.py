@@ -1,0 +1,284 @@
+"""The page of a replay in a real browser: what it draws, and what clicks and keys do."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed; see `just test-page`"
+)
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+TICKS_PER_STEP = 8
+
+pytestmark = [
+    pytest.mark.skipif(BROWSER is None, reason=f"no browser: none of {', '.join(BROWSERS)} is in PATH"),
+    pytest.mark.skipif(shutil.which("cargo") is None, reason="no cargo: an example in Rust makes the pages"),
+]
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with 2s3z.html, of three episodes, and others."""
+    folder = tmp_path_factory.mktemp("pages")
+    example = ["cargo", "run", "--release", "--quiet", "-p", "smaclite-view", "--example", "export"]
+    export = [*example, "--", str(folder)]
+    for arguments in (["2s3z", "3"], ["27m_vs_30m"], ["MMM"], ["bane_vs_bane"], ["2c_vs_64zg"]):
+        subprocess.run([*export, *arguments], cwd=REPOSITORY, check=True, timeout=600)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        # The pages are our own, and a container's root has no other way to start it.
+        browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+class Page:
+    """A replay page, which must neither report an error nor ask for another file."""
+
+    def __init__(self, browser: Any, file: Path, state: str = "", **options: Any) -> None:
+        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
+        self.page = browser.new_page(**options)
+        self.problems: list[str] = []
+        self.page.on("console", lambda message: self.problems.append(message.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.requests: list[str] = []
+        self.page.goto(f"{file.as_uri()}#{state}")
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+        self.settle()
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.page.close()
+        assert self.problems == []
+        others = [url for url in self.requests if not url.startswith(("file:", "data:"))]
+        assert len(self.requests) >= 1 and others == []
+
+    def settle(self) -> None:
+        """Waits until two more pictures are drawn."""
+        self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def wait(self, is_done: Callable[[], bool]) -> None:
+        """Waits for a condition; the browser's own way needs `eval`, which the page forbids."""
+        end = time.monotonic() + 20
+        while not is_done():
+            assert time.monotonic() < end
+            self.settle()
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.page.keyboard.press(key)
+        self.settle()
+
+    def scrub(self, tick: int) -> None:
+        script = "(e, tick) => { e.value = tick; e.dispatchEvent(new Event('input')); }"
+        self.page.eval_on_selector("#scrub", script, tick)
+        self.settle()
+
+    def text(self, selector: str) -> str:
+        return str(self.page.inner_text(selector))
+
+    @property
+    def tick(self) -> int:
+        return int(self.page.inner_text("#time b >> nth=1"))
+
+    @property
+    def last(self) -> int:
+        return int(self.page.get_attribute("#scrub", "max"))
+
+    def colours(self) -> int:
+        """Number of different colours on the canvas of the battle."""
+        script = """() => {
+            const canvas = document.getElementById("battle");
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return new Set(new Uint32Array(data.buffer)).size;
+        }"""
+        return int(self.page.evaluate(script))
+
+
+@pytest.mark.parametrize("name", ["2s3z", "27m_vs_30m", "MMM", "bane_vs_bane", "2c_vs_64zg"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_moment_is_drawn_without_an_error(browser: Any, pages: Path, name: str, scheme: str) -> None:
+    with Page(browser, pages / f"{name}.html", "unit=0", color_scheme=scheme, device_scale_factor=2) as page:
+        assert page.text("h1") == name
+        assert page.page.get_attribute("html", "data-theme") == scheme
+        # One unit is one element of the rosters.
+        assert page.page.locator(".chip").count() == sum(
+            int(page.text(f"#alive{faction}").split()[0]) for faction in (0, 1)
+        )
+        for tick in range(0, page.last, 11):
+            page.scrub(tick)
+        assert page.tick == tick
+        assert page.colours() > 50
+        width = page.page.evaluate("document.getElementById('battle').getBoundingClientRect().width")
+        assert page.page.evaluate("document.getElementById('battle').width") == round(2 * width)
+
+
+def test_keys_move_through_time(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html") as page:
+        assert (page.tick, page.page.is_visible("#start")) == (0, True)
+        page.press("ArrowRight", "ArrowRight", "ArrowRight", "ArrowLeft")
+        assert (page.tick, page.page.is_visible("#start")) == (2, False)
+        page.press("Shift+ArrowRight")
+        assert page.tick == TICKS_PER_STEP
+        page.press("Shift+ArrowRight", "Shift+ArrowLeft", "Shift+ArrowLeft")
+        assert page.tick == 0
+        page.press("End")
+        assert page.tick == page.last and page.last % TICKS_PER_STEP == 0
+        assert page.text("#alive1").startswith("0 of 5"), "the battle is won"
+        page.press("ArrowRight")
+        assert page.tick == page.last
+        page.press("Home")
+        assert page.tick == 0
+
+
+def test_playing_pausing_and_speed(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html") as page:
+        page.press("Space")
+        assert page.page.get_attribute("#play", "aria-label") == "Pause"
+        page.wait(lambda: page.tick > TICKS_PER_STEP)
+        page.press("Space")
+        paused = page.tick
+        page.page.wait_for_timeout(200)
+        assert page.tick == paused and page.page.get_attribute("#play", "aria-label") == "Play"
+        page.press("-")
+        assert page.text("#speed") == "0.5\u00d7"
+        page.press(*"-" * 5)
+        assert page.text("#speed") == "0.25\u00d7"
+        page.press(*"+" * 9)
+        assert page.text("#speed") == "16\u00d7"
+        page.page.click("#play")
+        page.settle()
+        page.wait(lambda: page.page.get_attribute("#play", "aria-label") == "Play")
+        assert page.tick == page.last, "it stops at the end"
+        page.press("Space")
+        assert page.tick < page.last, "and starts again from there"
+        page.press("Space")
+        page.page.click(".chip >> nth=0")
+        page.press("Space")
+        assert page.page.get_attribute("#play", "aria-label") == "Pause", "a click leaves the space bar free"
+
+
+def test_a_click_selects_the_unit_under_it(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html", "fit=map") as page:
+        page.page.click(".enemy .chip >> nth=3")
+        page.settle()
+        assert page.text("#unit h2") == "Zealot" and page.text("#unit .who") == "enemy 3"
+        assert "Shield" in page.text("#unit") and page.page.locator("#unit .actions").count() == 0
+        x, y = map(float, page.text("#unit .pairs dd >> nth=0").split(", "))
+        page.press("Escape")
+        assert "Click a unit" in page.text("#unit")
+
+        # The map of 32 x 32 squares is in the middle of the canvas, with 8 pixels around it.
+        box = page.page.locator("#battle").bounding_box()
+        scale = (min(box["width"], box["height"]) - 16) / 32
+        at = (box["width"] / 2 + (x - 16) * scale, box["height"] / 2 - (y - 16) * scale)
+        page.page.click("#battle", position={"x": at[0], "y": at[1]})
+        page.settle()
+        assert page.text("#unit .who") == "enemy 3"
+        page.page.click("#battle", position={"x": 20, "y": box["height"] - 80})
+        page.settle()
+        assert "Click a unit" in page.text("#unit")
+
+
+def test_an_agent_shows_its_action_and_what_it_could_choose(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html", "tick=60&unit=0") as page:
+        assert page.text("#unit .who") == "agent 0"
+        available = page.page.locator("#unit .actions span").all_inner_texts()
+        chosen = page.page.locator("#unit .actions .chosen").all_inner_texts()
+        assert len(chosen) == 1 and chosen[0] in available and "stop" in available
+        assert page.text("#unit h3") == f"Action of step 7: {chosen[0]}"
+        page.press("]")
+        assert page.text("#unit .who") == "agent 1"
+        page.press("[", "[")
+        assert page.text("#unit .who") == "enemy 4", "from the first unit to the last"
+        page.page.click("#unit .link")
+        page.settle()
+        assert page.text("#unit .who").startswith("agent"), "its target"
+
+
+def test_episodes_theme_map_and_help(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html") as page:
+        first = page.text("#facts")
+        page.press("ArrowRight", "2")
+        page.page.wait_for_selector("#episodes li:nth-child(2) [aria-current=true]")
+        page.settle()
+        assert page.tick == 0 and page.text("#facts") != first
+        page.press("9")
+        assert page.page.get_attribute("#episodes li:nth-child(2) button", "aria-current") == "true"
+        page.page.click("#episodes li:nth-child(1) button")
+        page.settle()
+        assert page.text("#facts") == first
+
+        page.press("t")
+        assert page.page.get_attribute("html", "data-theme") == "light"
+        page.press("m")
+        assert page.page.get_attribute("#fit", "aria-pressed") == "true"
+        page.press("?")
+        assert page.page.is_visible("#keys") and "one step" in page.text("#keys")
+        page.press("Escape")
+        assert not page.page.is_visible("#keys")
+
+
+def test_zoom_and_drag(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html") as page:
+        box = page.page.locator("#battle").bounding_box()
+        middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 3)  # beside the large button
+        pictures = [page.page.locator("#battle").screenshot()]
+        page.page.mouse.move(*middle)
+        page.page.mouse.wheel(0, -400)
+        page.settle()
+        pictures.append(page.page.locator("#battle").screenshot())
+        page.page.mouse.down()
+        page.page.mouse.move(middle[0] + 120, middle[1] + 40, steps=4)
+        page.page.mouse.up()
+        page.settle()
+        pictures.append(page.page.locator("#battle").screenshot())
+        assert len(set(pictures)) == 3
+        assert "Click a unit" in page.text("#unit"), "a drag selects nothing"
+
+
+def test_every_control_has_a_name(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "MMM.html", "unit=0&tick=30") as page:
+        nameless = """() => [...document.querySelectorAll("button, input, canvas:not([aria-hidden]), dialog")]
+            .filter((e) => !e.getAttribute("aria-label") && !e.textContent.trim())
+            .map((e) => e.outerHTML.slice(0, 80))"""
+        assert page.page.evaluate(nameless) == []
+        focused = set()
+        for _ in range(40):
+            page.page.keyboard.press("Tab")
+            focused.add(page.page.evaluate("document.activeElement.id || document.activeElement.className"))
+        assert {"play", "scrub", "fit", "theme", "battle", "chip"} <= focused
+
+
+def test_reduced_motion_is_drawn(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "bane_vs_bane.html", "tick=50", reduced_motion="reduce") as page:
+        assert page.colours() > 50
+
+
+def test_a_page_without_its_data_says_so(browser: Any, pages: Path, tmp_path: Path) -> None:
+    text = (pages / "2s3z.html").read_text()
+    start = text.index('"moments":"') + len('"moments":"')
+    broken = tmp_path / "broken.html"
+    broken.write_text(text[: start + 40] + "!!" + text[start + 42 :])
+    page = browser.new_page()
+    page.goto(broken.as_uri())
+    page.wait_for_selector("#message:visible")
+    assert "The replay cannot be shown" in page.inner_text("#message")
+    page.close()
