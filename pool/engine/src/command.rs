@@ -22,7 +22,7 @@ pub mod action {
 }
 
 /// Length of a move, in squares.
-const MOVE: f64 = 2.0;
+pub(crate) const MOVE: f64 = 2.0;
 
 /// The directions of the four moves, in the order of their actions.
 pub(crate) const DIRECTIONS: [[f64; 2]; 4] = [[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]];
