@@ -205,21 +205,26 @@ mod loom_tests {
         }
     }
 
+    fn spawn(
+        queues: &Arc<WorkQueues<u32>>,
+        work: impl FnOnce(&WorkQueues<u32>) + Send + 'static,
+    ) -> thread::JoinHandle<()> {
+        let queues = Arc::clone(queues);
+        thread::spawn(move || work(&queues))
+    }
+
     #[test]
     fn work_for_a_follower_that_goes_to_sleep_reaches_it() {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let follower = {
-                let queues = Arc::clone(&queues);
-                thread::spawn(move || {
-                    let mut run = Vec::new();
-                    while queues.take(1, 8, &mut run).is_none() {
-                        assert!(try_lead(&queues, 1).is_none(), "worker 0 still leads");
-                    }
-                    assert_eq!(run, [7]);
-                })
-            };
+            let follower = spawn(&queues, |queues| {
+                let mut run = Vec::new();
+                while queues.take(1, 8, &mut run).is_none() {
+                    assert!(try_lead(queues, 1).is_none(), "worker 0 still leads");
+                }
+                assert_eq!(run, [7]);
+            });
             queues.push(1, 0, &[7]);
             follower.join().unwrap();
             assert_all_awake(&queues);
@@ -232,17 +237,14 @@ mod loom_tests {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let follower = {
-                let queues = Arc::clone(&queues);
-                thread::spawn(move || {
-                    let leadership = loop {
-                        if let Some(leadership) = try_lead(&queues, 1) {
-                            break leadership;
-                        }
-                    };
-                    queues.release(leadership);
-                })
-            };
+            let follower = spawn(&queues, |queues| {
+                let leadership = loop {
+                    if let Some(leadership) = try_lead(queues, 1) {
+                        break leadership;
+                    }
+                };
+                queues.release(leadership);
+            });
             queues.release(leading);
             follower.join().unwrap(); // worker 0 works elsewhere and never leads again
             assert_all_awake(&queues);
@@ -256,21 +258,15 @@ mod loom_tests {
         model.check(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(3, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let busy = {
-                let queues = Arc::clone(&queues);
-                thread::spawn(move || {
-                    let mut run = Vec::new();
-                    while queues.take(1, 8, &mut run).is_none() {
-                        if let Some(leadership) = try_lead(&queues, 1) {
-                            queues.release(leadership);
-                        }
-                    } // and works for the rest of the test
-                })
-            };
-            let idle = {
-                let queues = Arc::clone(&queues);
-                thread::spawn(move || while try_lead(&queues, 2).is_none() {})
-            };
+            let busy = spawn(&queues, |queues| {
+                let mut run = Vec::new();
+                while queues.take(1, 8, &mut run).is_none() {
+                    if let Some(leadership) = try_lead(queues, 1) {
+                        queues.release(leadership);
+                    }
+                } // and works for the rest of the test
+            });
+            let idle = spawn(&queues, |queues| while try_lead(queues, 2).is_none() {});
             queues.push(1, 0, &[7]);
             queues.release(leading);
             busy.join().unwrap();
@@ -283,14 +279,11 @@ mod loom_tests {
         loom::model(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let follower = {
-                let queues = Arc::clone(&queues);
-                thread::spawn(move || {
-                    while !queues.is_stopped() {
-                        drop(try_lead(&queues, 1));
-                    }
-                })
-            };
+            let follower = spawn(&queues, |queues| {
+                while !queues.is_stopped() {
+                    drop(try_lead(queues, 1));
+                }
+            });
             queues.stop();
             follower.join().unwrap();
             queues.release(leading);

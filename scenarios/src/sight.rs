@@ -65,28 +65,24 @@ impl Outlines {
 mod tests {
     use super::*;
 
-    fn map(side: u32, is_walkable: impl Fn(u32, u32) -> bool) -> Terrain {
-        let squares = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
-        Terrain::new(side, side, squares.map(|(x, y)| is_walkable(x, y)).collect()).unwrap()
-    }
-
     #[test]
     fn outlines_are_counted_where_they_are_in_sight() {
-        let one = Outlines::of(&map(9, |x, y| (x, y) != (0, 0)));
+        let one = Outlines::of(&Terrain::from_fn(9, 9, |x, y| (x, y) != (0, 0)).unwrap());
         assert_eq!((one.most_in_sight(0.0), one.most_in_sight(1e9)), (4, 4));
         // The middle sees all of two squares in opposite corners from 4 squares away.
-        let two = Outlines::of(&map(9, |x, y| x != y || x % 8 != 0));
+        let two = Outlines::of(&Terrain::from_fn(9, 9, |x, y| x != y || x % 8 != 0).unwrap());
         assert_eq!((two.most_in_sight(1.0), two.most_in_sight(4.0)), (4, 8));
     }
 
     #[test]
     fn every_speed_is_accepted_on_a_small_map_and_every_usual_one_on_a_large_one() {
-        let checkerboard = |side| Outlines::of(&map(side, |x, y| (x + y) % 2 == 0));
+        let checkerboard =
+            |side| Outlines::of(&Terrain::from_fn(side, side, |x, y| (x + y) % 2 == 0).unwrap());
         assert!(checkerboard(64).most_in_sight(1e9) <= MAX_OUTLINE_IN_SIGHT);
         let large = checkerboard(1024);
         assert!((80..90).contains(&large.largest_range()), "{}", large.largest_range());
         // Rows that get wider northwards make rectangles of which every one reaches to the north edge.
-        let triangle = Outlines::of(&map(1024, |x, y| x < 1023 - y));
+        let triangle = Outlines::of(&Terrain::from_fn(1024, 1024, |x, y| x < 1023 - y).unwrap());
         assert!(triangle.largest_range() >= 10, "{}", triangle.largest_range());
     }
 }

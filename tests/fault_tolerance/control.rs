@@ -126,9 +126,7 @@ fn idle_connections_do_not_block_other_clients() {
     raise_file_limit();
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2), LanePlan::new("3s5z", 2)]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut before = Child::attached(&dir, &plan.lanes[0]);
-    before.must("reset");
+    let (_supervisor, mut before) = Child::supervisor_and_learner(&dir, &plan);
     let socket = dir.runtime_dir().socket("train");
     let idle: Vec<_> = (0..600).map(|_| UnixStream::connect(&socket).expect("the pool's socket")).collect();
     let mut after = Child::attached(&dir, &plan.lanes[1]);

@@ -93,9 +93,7 @@ fn a_second_learner_is_refused_with_the_process_id_of_the_first() {
 fn a_stopped_learner_keeps_its_lane_and_continues_later() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4), LanePlan::new("3s5z", 4)]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut stopped = Child::attached(&dir, &plan.lanes[0]);
-    stopped.must("reset");
+    let (_supervisor, mut stopped) = Child::supervisor_and_learner(&dir, &plan);
     stopped.must("hold 3");
     stopped.must("send");
     stopped.signal(Signal::STOP);
@@ -116,9 +114,7 @@ fn holding_too_many_frames_is_an_error_until_some_are_dropped() {
     let dir = TestDir::new();
     let lane = LanePlan { max_held_batches: 3, spectators: 0, ..LanePlan::new("2s3z", 4) };
     let plan = PoolPlan::new([lane]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (_supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("hold 3");
     learner.must("send");
     let error = learner.ask("recv 5000").expect_err("no frame is free");
@@ -134,9 +130,7 @@ fn frames_of_a_client_that_is_gone_do_not_change() {
     // iceoryx2 reclaims the samples of a dropped subscriber, so a batch must keep its subscriber.
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan { spectators: 0, ..LanePlan::new("2s3z", 4) }]);
-    let mut supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (mut supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("hold 2");
     learner.must("disconnect");
     learner.must("connect train");

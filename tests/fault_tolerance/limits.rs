@@ -71,9 +71,7 @@ fn an_error_names_too_few_file_descriptors_as_its_cause() {
 fn another_user_cannot_attach_or_read() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (_supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     for file in dir.files() {
         let Ok(metadata) = file.metadata() else { continue };
         let open = metadata.permissions().mode() & 0o077;

@@ -48,9 +48,7 @@ fn reset_payload(envs: &[i32]) -> Vec<u8> {
 fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_continues() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (_supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("run");
     let lane = dir.status().lanes.remove(0).description;
     let node = node(dir.runtime_dir());

@@ -12,9 +12,7 @@ use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 fn a_spectator_that_never_reads_disturbs_no_other_process() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
-    let _supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (_supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     let status = dir.status();
     let node = node(dir.runtime_dir());
     let lane = &status.lanes[0].description;
@@ -36,9 +34,7 @@ fn a_spectator_that_never_reads_disturbs_no_other_process() {
 fn spectators_that_stop_or_die_disturb_no_other_process() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
-    let mut supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (mut supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     for repetition in 0..8 {
         let spectator = || {
             let child = Child::start(&dir, "spectator 2s3z");

@@ -25,9 +25,7 @@ fn learners_of_a_killed_supervisor_get_an_error_and_keep_the_batches_they_hold()
     let dir = TestDir::new();
     let plan = two_lanes();
     for repetition in 0..6 {
-        let mut supervisor = Child::supervisor(&dir, &plan);
-        let mut running = Child::attached(&dir, &plan.lanes[0]);
-        running.must("reset");
+        let (mut supervisor, mut running) = Child::supervisor_and_learner(&dir, &plan);
         running.must("hold 3");
         running.must("run"); // so that the kill comes during stepping and publishing
         let mut waiting = Child::attached(&dir, &plan.lanes[1]);
@@ -44,9 +42,7 @@ fn learners_of_a_killed_supervisor_get_an_error_and_keep_the_batches_they_hold()
 
         // A pool of the same name can start at once and serves learners that still hold frames of the dead
         // one.
-        let _restarted = Child::supervisor(&dir, &plan);
-        let mut fresh = Child::attached(&dir, &plan.lanes[0]);
-        fresh.must("reset");
+        let (_restarted, mut fresh) = Child::supervisor_and_learner(&dir, &plan);
         fresh.must("step 5");
         waiting.must("connect train");
         waiting.must("reset");
@@ -76,9 +72,7 @@ fn a_start_can_be_interrupted_while_memory_is_reserved() {
 fn a_restart_with_learners_of_the_dead_pool_leaves_nothing_behind() {
     let dir = TestDir::new();
     let plan = two_lanes();
-    let mut old = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (mut old, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("hold 2");
     old.kill();
     let mut new = Child::supervisor(&dir, &plan);
@@ -118,9 +112,7 @@ fn a_waiting_learner_gets_an_error_when_its_supervisor_dies() {
 fn a_learner_waits_for_a_stopped_supervisor_until_its_timeout() {
     let dir = TestDir::new();
     let plan = two_lanes();
-    let supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("step 3");
     supervisor.signal(Signal::STOP);
     learner.must("send");
@@ -252,9 +244,7 @@ fn an_interrupted_measurement_leaves_nothing_behind() {
 fn clean_removes_the_files_of_killed_processes() {
     let dir = TestDir::new();
     let plan = two_lanes();
-    let mut supervisor = Child::supervisor(&dir, &plan);
-    let mut learner = Child::attached(&dir, &plan.lanes[0]);
-    learner.must("reset");
+    let (mut supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
     learner.must("hold 2");
     supervisor.kill();
     learner.kill();

@@ -121,6 +121,17 @@ impl Child {
         child
     }
 
+    /// Starts a supervisor, and a learner that is attached to its first lane and has reset it.
+    ///
+    /// # Panics
+    /// If it cannot be started.
+    pub fn supervisor_and_learner(dir: &TestDir, plan: &PoolPlan) -> (Child, Child) {
+        let supervisor = Child::supervisor(dir, plan);
+        let mut learner = Child::attached(dir, &plan.lanes[0]);
+        learner.must("reset");
+        (supervisor, learner)
+    }
+
     /// Starts a prepared command; the first word of `name` is its name in messages.
     ///
     /// # Panics

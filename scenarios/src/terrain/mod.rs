@@ -60,6 +60,12 @@ impl Terrain {
         Some(terrain)
     }
 
+    /// A map whose square `(x, y)` is walkable if `is_walkable(x, y)`. `None` as in [`new`](Self::new).
+    pub fn from_fn(width: u32, height: u32, is_walkable: impl Fn(u32, u32) -> bool) -> Option<Terrain> {
+        let squares = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        Terrain::new(width, height, squares.map(|(x, y)| is_walkable(x, y)).collect())
+    }
+
     /// Number of squares from west to east.
     pub fn width(&self) -> u32 {
         self.width

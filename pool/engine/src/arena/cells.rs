@@ -112,15 +112,10 @@ mod tests {
 
     use super::*;
 
-    fn map(side: u32, is_walkable: impl Fn(u32, u32) -> bool) -> Terrain {
-        let squares = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
-        Terrain::new(side, side, squares.map(|(x, y)| is_walkable(x, y)).collect()).unwrap()
-    }
-
     #[test]
     fn a_search_finds_what_is_in_the_list() {
         let mut terrains: Vec<Terrain> = Terrain::preset_names().filter_map(Terrain::preset).collect();
-        terrains.push(map(48, |x, y| (x * 7 + y * y * 3) % 5 > 1));
+        terrains.push(Terrain::from_fn(48, 48, |x, y| (x * 7 + y * y * 3) % 5 > 1).unwrap());
         for terrain in &terrains {
             let listed = EdgesByCell::new(terrain, 3.75);
             let searched = EdgesByCell { lists: None, ..EdgesByCell::new(terrain, 3.75) };
@@ -141,7 +136,9 @@ mod tests {
     #[test]
     fn large_maps_are_prepared_at_once() {
         let begin = Instant::now();
-        for terrain in [map(1024, |x, y| (x + y) % 2 == 0), map(1024, |x, y| x + y < 1024)] {
+        let checkerboard = Terrain::from_fn(1024, 1024, |x, y| (x + y) % 2 == 0).unwrap();
+        let triangle = Terrain::from_fn(1024, 1024, |x, y| x + y < 1024).unwrap();
+        for terrain in [checkerboard, triangle] {
             let cells = EdgesByCell::new(&terrain, 4.0);
             assert!(cells.lists.is_none() && cells.longest_list() < 100_000);
             let mut found = Vec::new();
