@@ -39,7 +39,7 @@ fn focus_fire_aims_every_agent_that_can_at_the_weakest_target() {
     let mut n_focused = 0;
     play("8m", "focus_fire", 5, |battle, actions| {
         let sizes = battle.arena().sizes();
-        let enemies = sizes.n_agents as u32..sizes.n_units as u32; // 8m lists the allies first
+        let enemies = sizes.n_agents as u32..sizes.n_units() as u32; // 8m lists the allies first
         let can_target =
             |agent: usize, enemy: usize| Situation::is_available(battle, agent, action::FIRST_TARGET + enemy);
         let targets = (0..sizes.n_enemies).filter(|&enemy| (0..sizes.n_agents).any(|a| can_target(a, enemy)));
