@@ -59,6 +59,7 @@ pub fn hold(situation: &impl Situation, actions: &mut [i32]) {
 /// Index among the enemies of the weakest one that any agent can target.
 fn weakest_target(situation: &impl Situation, n_agents: usize) -> Option<usize> {
     let arena = situation.arena();
+    // Healers have allies as targets, whose numbers must not count as enemies.
     let attackers = || (0..n_agents).filter(|&agent| !arena.stats(arena.agents[agent]).is_healer);
     let is_target =
         |i: usize| attackers().any(|agent| situation.is_available(agent, action::FIRST_TARGET + i));
@@ -110,6 +111,8 @@ impl<'a, S: Situation> Choice<'a, S> {
         if self.is_available(action::NO_OP) {
             return action::NO_OP;
         }
+        // A target action makes a unit walk to a target beyond its attack range, so a unit that holds its position
+        // must not choose one.
         let in_reach = |other: u32| {
             let reach_squared = self.situation.arena().matchup(self.id, other).reach_squared;
             self.distance_squared(other) <= reach_squared
@@ -120,6 +123,7 @@ impl<'a, S: Situation> Choice<'a, S> {
     /// The available target that comes first: for healers the one with the smallest share of health, then the
     /// nearest.
     fn target(&self, is_candidate: impl Fn(u32) -> bool) -> Option<usize> {
+        // The first of equal ranks wins, so decisions do not depend on the order of a search.
         let rank = |other: u32| {
             let share = if self.is_healer { self.situation.health_share(other) } else { 0.0 };
             (share, self.distance_squared(other))
@@ -136,6 +140,7 @@ impl<'a, S: Situation> Choice<'a, S> {
     /// The unit to walk to: the nearest living enemy; for healers the nearest ally that is not a healer.
     fn goal(&self) -> Option<u32> {
         let arena = self.situation.arena();
+        // Healers cannot heal each other. If they followed each other, they would stay behind the team.
         let is_goal = |other: u32| {
             self.situation.is_alive(other)
                 && other != self.id
@@ -149,6 +154,7 @@ impl<'a, S: Situation> Choice<'a, S> {
     fn approach(&self, goal: u32) -> usize {
         let goal = self.situation.position(goal);
         let here = distance_squared(self.situation.position(self.id), goal);
+        // Only the direction matters here, so a step of one square does for the comparison.
         let steps = self.moves(1.0).map(|(action, end)| (action, distance_squared(end, goal)));
         let nearer = steps.filter(|step| step.1 < here);
         nearer.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(action::STOP, |step| step.0)
@@ -161,6 +167,8 @@ impl<'a, S: Situation> Choice<'a, S> {
             return None;
         }
         let enemy = self.goal()?;
+        // Stepping back pays only for a unit that outranges its pursuer: it shoots again before it can be hit.
+        // The enemy moves too, so the threat begins one step beyond its reach.
         let own_reach = arena.matchup(self.id, enemy).reach_squared;
         let enemy_reach = arena.matchup(enemy, self.id).reach_squared;
         let is_threat = self.distance_squared(enemy).sqrt() <= enemy_reach.sqrt() + MOVE;
