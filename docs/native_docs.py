@@ -1,4 +1,4 @@
-"""Docstrings of the native module for the site: its stub has the types, the built module has the docstrings."""
+"""Docstrings of the native module for the site: the stub has its types, the built module its docstrings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def describe(parent: griffe.Module | griffe.Class, path: str) -> None:
         if name.startswith("_") or member.is_alias:
             continue
         text = inspect.getdoc(attrgetter(member.path.removeprefix(path + "."))(smaclite_pool._native))
-        if text and (not member.is_attribute or member.has_labels("property")):  # a constant only has that of its type
+        # A constant has only the docstring of its type.
+        if text and (not member.is_attribute or member.has_labels("property")):
             member.docstring = griffe.Docstring(text, parent=member, parser="google")
         if isinstance(member, griffe.Class):
             describe(member, path)

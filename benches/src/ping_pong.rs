@@ -30,7 +30,8 @@ impl Endpoint {
         back: &str,
     ) -> Result<Endpoint, Box<dyn Error>> {
         set_log_level(LogLevel::Fatal);
-        // iceoryx2 never removes some of its files. Other programs must not find them under the default prefix.
+        // iceoryx2 never removes some of its files. Other programs must not find them under the default
+        // prefix.
         let mut config = Config::default();
         config.global.prefix = FileName::new(b"smaclite_ping_")?;
         let node = NodeBuilder::new().config(&config);

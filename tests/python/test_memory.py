@@ -42,8 +42,8 @@ def mapping_of(array: Any) -> Mapping:
 
 @pytest.mark.parametrize("attached", [False, True])
 def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
-    """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped read-only.
-    A later write to that file shows in the array, so there is no copy in between."""
+    """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped
+    read-only. A later write to that file shows in the array, so there is no copy in between."""
     if attached:
         serve("2s3z:8", "--name", "train")
     with sp.connect("train", timeout=10) if attached else sp.make("2s3z", num_envs=8) as envs:

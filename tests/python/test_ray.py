@@ -36,7 +36,7 @@ def runtime_dir() -> None:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """Two nodes of two cores; their pools use a separate runtime directory, which must be empty in the end."""
+    """Two nodes of two cores. Their pools use a separate runtime directory, which must end empty."""
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SMACLITE_POOL_ROOT", str(root))

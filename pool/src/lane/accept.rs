@@ -184,8 +184,8 @@ impl<T: Transport> Lane<T> {
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
         if is_full {
-            // Checked before the new epoch begins: after that, environments that still step count as free, and
-            // a refusal could not make them busy again.
+            // Checked before the new epoch begins: after that, environments that still step count as free,
+            // and a refusal could not make them busy again.
             check_distinct(request.env_ids.iter().map(|id| id.load(Ordering::Relaxed)), self.num_envs)?;
             let epoch = Epoch { reset: Some(request.number), ..epoch };
             intake.epoch = Some(epoch);

@@ -1,5 +1,5 @@
-//! The policies that follow fixed tactics. All of them let healers heal the available ally with the smallest share of
-//! its health, and differ in how the other agents move and choose their targets.
+//! The policies that follow fixed tactics. All of them let healers heal the available ally with the smallest
+//! share of its health, and differ in how the other agents move and choose their targets.
 
 use std::cmp::Ordering;
 
@@ -20,8 +20,8 @@ pub fn nearest(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-/// All agents that can target the weakest enemy target it: of the enemies that any agent can target, the one with
-/// the least health and shield. The others play [`nearest`].
+/// All agents that can target the weakest enemy target it: of the enemies that any agent can target, the one
+/// with the least health and shield. The others play [`nearest`].
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
@@ -32,8 +32,8 @@ pub fn focus_fire(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-/// Plays [`focus_fire`], but an agent with a longer attack range than its nearest enemy steps away from that enemy
-/// while its own cooldown lasts and the enemy could attack it after its next step.
+/// Plays [`focus_fire`], but an agent with a longer attack range than its nearest enemy steps away from that
+/// enemy while its own cooldown lasts and the enemy could attack it after its next step.
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
@@ -45,8 +45,8 @@ pub fn kite(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-/// Waits for the enemies: targets the nearest enemy within attack range, otherwise stops. Healers heal whom they can
-/// reach and do not move either.
+/// Waits for the enemies: targets the nearest enemy within attack range, otherwise stops. Healers heal whom
+/// they can reach and do not move either.
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
@@ -111,8 +111,8 @@ impl<'a, S: Situation> Choice<'a, S> {
         if self.is_available(action::NO_OP) {
             return action::NO_OP;
         }
-        // A target action makes a unit walk to a target beyond its attack range, so a unit that holds its position
-        // must not choose one.
+        // A target action makes a unit walk to a target beyond its attack range, so a unit that holds its
+        // position must not choose one.
         let in_reach = |other: u32| {
             let reach_squared = self.situation.arena().matchup(self.id, other).reach_squared;
             self.distance_squared(other) <= reach_squared
@@ -167,8 +167,8 @@ impl<'a, S: Situation> Choice<'a, S> {
             return None;
         }
         let enemy = self.goal()?;
-        // Stepping back pays only for a unit that outranges its pursuer: it shoots again before it can be hit.
-        // The enemy moves too, so the threat begins one step beyond its reach.
+        // Stepping back pays only for a unit that outranges its pursuer: it shoots again before it can be
+        // hit. The enemy moves too, so the threat begins one step beyond its reach.
         let own_reach = arena.matchup(self.id, enemy).reach_squared;
         let enemy_reach = arena.matchup(enemy, self.id).reach_squared;
         let is_threat = self.distance_squared(enemy).sqrt() <= enemy_reach.sqrt() + MOVE;
