@@ -40,8 +40,7 @@ def write_duel(folder: Path, name: str = "duel") -> Path:
 
 
 def is_picture(picture: Picture, width: int, height: int) -> bool:
-    shape_and_type = (picture.shape, picture.dtype) == ((height, width, 3), np.uint8)
-    return shape_and_type and len(np.unique(picture)) > 8
+    return picture.shape == (height, width, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 8
 
 
 def contains(sheet: Picture, picture: Picture) -> bool:
@@ -76,9 +75,8 @@ def test_options_change_the_picture() -> None:
         state = envs.reset(seed=1).state[0].copy()
     plain = sp.Renderer("MMM").render(state)
     assert is_picture(plain, 512, 512)
-    options: list[dict[str, Any]] = [
-        {"theme": "light"}, {"show_sight": True}, {"show_range": True}, {"show_ids": True}
-    ]  # fmt: skip
+    options: list[dict[str, Any]] = [{"theme": "light"}]
+    options += [{name: True} for name in ("show_sight", "show_range", "show_ids")]
     pictures = [sp.Renderer("MMM", **option).render(state) for option in options]
     assert len({picture.tobytes() for picture in [plain, *pictures]}) == 5
 
@@ -118,7 +116,7 @@ def test_errors_say_what_is_accepted() -> None:
         sp.Renderer("no_such")
     renderer = sp.Renderer("2s3z", 64, 64)
     n = renderer.state_size
-    with pytest.raises(sp.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got \(3,\)"):
+    with pytest.raises(sp.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got"):
         renderer.render(np.zeros(3, np.float32))
     with pytest.raises(TypeError, match="state must be a float32 array, got int64"):
         renderer.render(np.zeros(n, np.int64))
@@ -213,14 +211,20 @@ class FakePygame(types.ModuleType):
         self.quits: list[Any] = []
         self.display = types.SimpleNamespace(
             init=lambda: self.calls.append("init"),
-            set_mode=lambda size: self.calls.append(size) or "screen",
+            set_mode=self._set_mode,
             set_caption=self.calls.append,
             flip=lambda: None,
             quit=lambda: self.calls.append("quit"),
         )
         self.event = types.SimpleNamespace(get=lambda _: self.quits)
-        blit = lambda _, columns: self.shown.append(columns.swapaxes(0, 1))  # noqa: E731
-        self.surfarray = types.SimpleNamespace(blit_array=blit)
+        self.surfarray = types.SimpleNamespace(blit_array=self._blit)
+
+    def _set_mode(self, size: tuple[int, int]) -> object:
+        self.calls.append(size)
+        return object()
+
+    def _blit(self, _: object, columns: Picture) -> None:
+        self.shown.append(columns.swapaxes(0, 1))
 
 
 def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
