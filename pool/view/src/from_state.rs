@@ -9,10 +9,11 @@ use crate::{Moment, UnitMoment};
 impl Moment {
     /// The moment that a state describes: f32 `[state_size]`, laid out as in [`state_features`].
     ///
-    /// A state has neither targets nor attacks, and nothing of dead units: they are at their start position.
-    /// What it does not contain is 0: the tick, shields that the scenario hides, the energy and cooldown of
-    /// enemies, the cooldown of healers and the energy of other agents. Units face their nearest living
-    /// opponent. Values may differ from those of the battle by rounding: a position by 1e-5 squares.
+    /// A state has neither targets nor attacks, and nothing of dead units: their position is NaN, so that no
+    /// picture has a mark of them. What else it does not contain is 0: the tick, shields that the scenario
+    /// hides, the energy and cooldown of enemies, the cooldown of healers and the energy of other agents.
+    /// Units face their nearest living opponent. Values may differ from those of the battle by rounding: a
+    /// position by 1e-5 squares.
     ///
     /// # Panics
     /// If `state` does not have `state_size` values.
@@ -58,7 +59,7 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
     let map = DVec2::new(f64::from(scenario.terrain.width()), f64::from(scenario.terrain.height()));
     let alive = features.get("health") > 0.0;
     let relative = DVec2::new(features.get("rel_x"), features.get("rel_y"));
-    let pos = if alive { relative * map + map / 2.0 } else { DVec2::from(unit.position) };
+    let pos = if alive { relative * map + map / 2.0 } else { DVec2::NAN };
     let energy_or_cooldown = features.get("energy/cooldown");
     let (energy, cooldown) =
         if unit_type.is_healer() { (energy_or_cooldown, 0.0) } else { (0.0, energy_or_cooldown) };
@@ -81,5 +82,5 @@ fn facing(scenario: &Scenario, units: &[UnitMoment], id: usize) -> f32 {
     let offsets = opponents.filter(|(_, state)| state.alive).map(|(_, state)| state.pos - pos);
     let nearest = offsets.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
     let default = if faction == Faction::Ally { Vec2::X } else { Vec2::NEG_X };
-    nearest.filter(|offset| *offset != Vec2::ZERO).unwrap_or(default).to_angle()
+    nearest.filter(|offset| offset.is_finite() && *offset != Vec2::ZERO).unwrap_or(default).to_angle()
 }

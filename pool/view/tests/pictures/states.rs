@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, policy};
 use smaclite_scenarios::{Faction, Scenario};
-use smaclite_view::{Moment, Observer, UnitMoment};
+use smaclite_view::{Moment, Observer, Options, UnitMoment};
 
 use crate::kit::*;
 
@@ -73,7 +73,8 @@ fn a_state_gives_the_moment_of_its_battle() {
                 assert_near("shield", got.shield, expected.shield, &context);
                 assert_near("energy", got.energy, expected.energy, &context);
                 assert_near("cooldown", got.cooldown, expected.cooldown, &context);
-                assert!(!unit.alive || got.pos.distance(expected.pos) < 1e-5, "{context}");
+                let is_there = got.pos.distance(expected.pos) < 1e-5;
+                assert!(if unit.alive { is_there } else { got.pos.is_nan() }, "{context}");
                 n_dead += usize::from(!unit.alive);
             }
         }
@@ -87,13 +88,23 @@ fn units_face_their_nearest_living_opponent() {
         let scenario = standard(name);
         for (_, moment) in play_states(&scenario) {
             for (id, unit) in moment.units.iter().enumerate() {
-                let Some(distance) = nearest_opponent(&scenario, &moment, id) else { continue };
+                let distance = nearest_opponent(&scenario, &moment, id).filter(|_| unit.alive);
+                let Some(distance) = distance else { continue };
                 let faced = unit.pos + distance * glam::Vec2::from_angle(unit.facing);
                 let is_there = |other: &UnitMoment| other.alive && other.pos.distance(faced) < 1e-3;
                 assert!(moment.units.iter().any(is_there), "{name}: unit {id} of {moment:?}");
             }
         }
     }
+}
+
+#[test]
+fn dead_units_leave_no_marks() {
+    let scenario = standard("MMM2");
+    let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
+    let all_dead = Moment::from_state(&scenario, &vec![0.0; sizes.state_size]);
+    let options = Options { show_sight: true, show_range: true, show_ids: true, ..Options::default() };
+    assert_eq!(render(&scenario, options, &[all_dead]), render(&scenario, options, &[]));
 }
 
 #[test]
