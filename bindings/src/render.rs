@@ -212,36 +212,37 @@ pub fn render_batch<'py>(
     lane: (&LaneDescription, Option<&Scenario>),
 ) -> PyResult<Pixels<'py>> {
     let py = batch.py();
-    let num_envs = lane.0.settings.num_envs;
     let selection = Selection::new(env_id)?;
-    let in_batch = batch.get().view(py, Field::EnvId)?;
-    let in_batch = env_ids(Some(&in_batch))?.expect("an argument was given").as_slice()?.to_vec();
     let states = batch.get().view(py, Field::State)?;
-    let own;
+    let own; // lives as long as `renderer`
     let renderer = match renderer {
         Some(renderer) => renderer.get(),
         None => {
-            let is_sheet = !matches!(selection, Selection::One(_));
-            own = default_renderer(py, lane, is_sheet)?;
+            own = default_renderer(py, lane, !matches!(selection, Selection::One(_)))?;
             &own
         }
     };
     let size = renderer.state_size;
     let states = convert::float32_array("state of the batch", &states, &[None, Some(size)])?.to_vec()?;
+    let in_batch = env_ids_of(batch)?;
     let state_of = |env: i64| {
-        let slot = slot_of(env, &in_batch, num_envs)?;
+        let slot = slot_of(env, &in_batch, lane.0.settings.num_envs)?;
         Ok::<_, PyErr>(&states[slot * size..(slot + 1) * size])
     };
     let ids = match &selection {
         Selection::One(env) => return renderer.draw(py, state_of(i64::from(*env))?),
         Selection::Some(ids) => ids.as_slice()?,
-        Selection::All => &in_batch,
+        Selection::All => return renderer.draw_sheet(py, &states, &in_batch, columns),
     };
-    let mut selected = Vec::with_capacity(ids.len() * size);
-    for &env in ids {
-        selected.extend_from_slice(state_of(i64::from(env))?);
-    }
-    renderer.draw_sheet(py, &selected, ids, columns)
+    let selected: Vec<&[f32]> = ids.iter().map(|env| state_of(i64::from(*env))).collect::<PyResult<_>>()?;
+    renderer.draw_sheet(py, &selected.concat(), ids, columns)
+}
+
+/// Which environment each slot of a batch is.
+fn env_ids_of(batch: &Bound<'_, Batch>) -> PyResult<Vec<i32>> {
+    let ids = batch.get().view(batch.py(), Field::EnvId)?;
+    let ids = env_ids(Some(&ids))?.expect("an argument was given");
+    Ok(ids.as_slice()?.to_vec())
 }
 
 /// The slot of an environment in a batch.

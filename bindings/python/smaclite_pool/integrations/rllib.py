@@ -62,13 +62,13 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     """
 
     picture_size = (640, 640)
-    metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}
     render_mode = "rgb_array"
 
     def __init__(self, config: Mapping[str, Any] | None = None) -> None:
         settings = {"scenario": "2s3z", "seed": 0, **(config or {})}
         runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
         settings["seed"] += SEEDS_PER_RUNNER * runner + battle
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}  # RLlib adds to it
         scenario = settings.pop("scenario")
         self._battle = SingleBattle(scenario, settings)
         self._viewer = BattleViewer(scenario, *self.picture_size)
