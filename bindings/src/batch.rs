@@ -52,7 +52,8 @@ impl Batch {
         Ok(Batch { frame: Py::new(py, Frame(batch))?, views: [const { PyOnceLock::new() }; FIELD_COUNT] })
     }
 
-    fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
+    /// A field as an array; AttributeError if the lane does not include it.
+    pub fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         let view = self.views[field as usize].get_or_try_init(py, || {
             let array = views::array(self.frame.bind(py), field)?;
             array.map(Bound::unbind).ok_or_else(|| missing_field_error(field))

@@ -129,6 +129,36 @@ impl Int32Array<'_> {
     }
 }
 
+/// A float32 array: the one that was passed if it is one, otherwise a converted copy.
+pub struct Float32Array<'py>(PyReadonlyArrayDyn<'py, f32>);
+
+impl Float32Array<'_> {
+    /// A copy of all elements, in row-major order, which no other thread changes.
+    pub fn to_vec(&self) -> PyResult<Vec<f32>> {
+        Ok(self.0.as_array().iter().copied().collect())
+    }
+
+    /// The length of the first axis.
+    pub fn len(&self) -> usize {
+        self.0.shape()[0]
+    }
+}
+
+/// Converts an array-like of floats. `None` in `shape` accepts any length.
+pub fn float32_array<'py>(
+    name: &str,
+    arg: &Bound<'py, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<Float32Array<'py>> {
+    let array = to_array(name, arg)?;
+    check_shape(name, "a float32", arg, &array, shape)?;
+    if array.dtype().kind() != b'f' {
+        return Err(PyTypeError::new_err(format!("{name} must be a float32 array, got {}", array.dtype())));
+    }
+    let array = array.call_method1("astype", ("float32", "C", "same_kind", true, false))?;
+    Ok(Float32Array(array.cast::<PyArrayDyn<f32>>()?.try_readonly()?))
+}
+
 /// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_agents]`.
 pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -> PyResult<Int32Array<'py>> {
     int32_array("actions", arg, &[Some(num_envs), Some(n_agents)])
@@ -185,17 +215,7 @@ fn int32_array<'py>(
     shape: &[Option<usize>],
 ) -> PyResult<Int32Array<'py>> {
     let array = to_array(name, arg)?;
-    let has_shape = array.ndim() == shape.len()
-        && array.shape().iter().zip(shape).all(|(n, expected)| expected.is_none_or(|e| *n == e));
-    if !has_shape {
-        let got = match array.dtype().kind() {
-            b'O' => type_name(arg), // not array-like: None, a dict, ...
-            _ => format_shape(array.shape()),
-        };
-        let expected = format_expected_shape(shape);
-        let text = format!("{name} must be an integer array of shape {expected}, got {got}");
-        return Err(invalid_request(text));
-    }
+    check_shape(name, "an integer", arg, &array, shape)?;
     if let Ok(array) = array.cast::<PyArrayDyn<i32>>()
         && array.is_c_contiguous()
     {
@@ -213,6 +233,26 @@ fn int32_array<'py>(
             Err(PyTypeError::new_err(text))
         }
     }
+}
+
+fn check_shape(
+    name: &str,
+    elements: &str,
+    arg: &Bound<'_, PyAny>,
+    array: &Bound<'_, PyUntypedArray>,
+    shape: &[Option<usize>],
+) -> PyResult<()> {
+    let has_shape = array.ndim() == shape.len()
+        && array.shape().iter().zip(shape).all(|(n, expected)| expected.is_none_or(|e| *n == e));
+    if has_shape {
+        return Ok(());
+    }
+    let got = match array.dtype().kind() {
+        b'O' => type_name(arg), // not array-like: None, a dict, ...
+        _ => format_shape(array.shape()),
+    };
+    let expected = format_expected_shape(shape);
+    Err(invalid_request(format!("{name} must be {elements} array of shape {expected}, got {got}")))
 }
 
 fn to_array<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {

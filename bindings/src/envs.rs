@@ -7,12 +7,14 @@ use crate::convert::{
 };
 use crate::errors::{class, client_error, invalid_request};
 use crate::exit;
+use crate::render::{Renderer, render_batch};
 use crate::wait::wait_detached;
-use numpy::{PyArray2, PyArrayDescr, PyArrayMethods};
+use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_ipc::{Client, LaneDescription, Supervisor};
 use smaclite_pool::layout::Layout;
+use smaclite_scenarios::Scenario;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 /// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
@@ -54,6 +56,12 @@ impl SharedClient {
     }
 }
 
+/// A pool within this process, and the scenario of its lane.
+pub struct Embedded {
+    pub supervisor: Supervisor,
+    pub scenario: Scenario,
+}
+
 struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
 
 impl ClientGuard<'_> {
@@ -78,16 +86,17 @@ pub struct Envs {
     shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
-    embedded: bool,
+    /// Of an embedded pool; another process sends only its name.
+    scenario: Option<Scenario>,
 }
 
 impl Envs {
-    pub fn new(client: Client, supervisor: Option<Supervisor>) -> Envs {
+    pub fn new(client: Client, embedded: Option<Embedded>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
-        let embedded = supervisor.is_some();
+        let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let shared = Arc::new(SharedClient(Mutex::new(Some(Attached { client, _embedded: supervisor }))));
         exit::close_at_exit(&shared);
-        Envs { shared, description, layout, embedded }
+        Envs { shared, description, layout, scenario }
     }
 
     /// The number of environments in a request.
@@ -315,6 +324,38 @@ impl Envs {
         Ok(())
     }
 
+    /// Draw environments of a batch from above, with north at the top.
+    ///
+    /// A lane does not keep batches, so the batch is an argument. Pictures of other sizes and looks need a
+    /// `Renderer`; use one also for many pictures, as without it each call draws the map again.
+    ///
+    /// Args:
+    ///     batch: a batch of this lane, with the field `state`.
+    ///     env_id: the id of one environment; or integers [K], whose pictures are put into one sheet, each
+    ///         with its id above it. None: a sheet of all environments of the batch.
+    ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet. A process
+    ///         that attached to a pool with a custom scenario must pass one, as a pool sends only the name.
+    ///     columns: pictures per row of a sheet; None for about as many as there are rows.
+    ///
+    /// Returns:
+    ///     uint8 [height, width, 3].
+    ///
+    /// Raises:
+    ///     AttributeError: the lane omits the field `state`.
+    ///     InvalidRequest: an environment is not in the batch, the renderer is of a scenario with another
+    ///         `state_size`, or the sheet would be wider or higher than 16384 pixels.
+    ///     TypeError: `env_id` or `columns` are not integers.
+    #[pyo3(signature = (batch, env_id=None, renderer=None, columns=None))]
+    fn render<'py>(
+        &self,
+        batch: &Bound<'py, Batch>,
+        env_id: Option<&Bound<'py, PyAny>>,
+        renderer: Option<&Bound<'py, Renderer>>,
+        columns: Option<IntArg>,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        render_batch(batch, env_id, renderer, columns, (&self.description, self.scenario.as_ref()))
+    }
+
     /// Detach from the lane and stop an embedded pool. Batches and their arrays stay valid. Closing twice has
     /// no effect.
     ///
@@ -341,7 +382,7 @@ impl Envs {
 
     fn __repr__(&self) -> String {
         let d = &self.description;
-        let kind = if self.embedded { "embedded" } else { "attached" };
+        let kind = if self.scenario.is_some() { "embedded" } else { "attached" };
         format!(
             "<smaclite_pool.Envs {} x {}, {kind}, pool '{}', lane '{}'>",
             d.settings.num_envs, d.scenario, d.pool, d.lane

@@ -2,7 +2,7 @@
 //! pool.
 
 use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_duration, to_unsigned};
-use crate::envs::Envs;
+use crate::envs::{Embedded, Envs};
 use crate::errors::{self, invalid_request};
 use crate::exit::PendingCall;
 use crate::query::runtime_dir;
@@ -94,7 +94,7 @@ pub fn make(
     let start = move |is_cancelled: IsCancelled<'_>| {
         let scenario = Scenario::resolve(&scenario.to_string_lossy());
         let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
-        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario, num_envs);
+        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario.clone(), num_envs);
         if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
             (*lane_rules, *episode_limit) = (rules, limit);
         }
@@ -105,9 +105,9 @@ pub fn make(
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
         let client = Client::connect(supervisor.runtime_dir(), &name, None, wait);
-        Ok((client.map_err(errors::connect_error)?, supervisor))
+        Ok((client.map_err(errors::connect_error)?, Embedded { supervisor, scenario }))
     };
-    run_on_thread(py, start)?.map(|(client, supervisor)| Envs::new(client, Some(supervisor)))
+    run_on_thread(py, start)?.map(|(client, embedded)| Envs::new(client, Some(embedded)))
 }
 
 fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {

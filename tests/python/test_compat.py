@@ -20,6 +20,7 @@ import gymnasium
 from conftest import run_script
 from gymnasium.wrappers import TimeLimit
 from smaclite_pool import compat
+from smaclite_pool._render import Window
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "steps"
 
@@ -214,6 +215,24 @@ def test_the_command_passes_the_arguments_of_the_script_on(tmp_path: Path) -> No
     assert run(*COMMAND, "--help").stdout.startswith("usage: ")
     wrong = run(*COMMAND, "--smc", str(script))
     assert wrong.returncode == 2 and "unknown option --smc" in wrong.stderr
+
+
+def test_pictures_and_a_window_on_demand(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    env: Any = gymnasium.make("smaclite/2s3z-v0", seed=1, render_mode="rgb_array")
+    env.reset()
+    picture = env.render()
+    assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8
+    env.close()
+    env = gymnasium.make("smaclite/2s3z-v0", seed=1)  # "human", the default of the published environment
+    env.reset()
+    env.step([1] * 5)
+    assert shown == []
+    env.unwrapped.seed(1)
+    env.reset()
+    assert env.render() is None and np.array_equal(shown, [picture])
+    env.close()
 
 
 def test_the_limit_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from smaclite_pool._render import Window
 from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
 
 MODULE = "smaclite_pool.integrations.gymnasium"
@@ -76,6 +77,37 @@ def test_gymnasium_makes_a_vector(mode: str | None) -> None:
     assert [array.shape for array in (rewards, terminated, truncated)] == [(3,)] * 3
     assert [array.dtype for array in (rewards, terminated, truncated)] == [np.float64, np.bool_, np.bool_]
     envs.close()
+
+
+def test_a_vector_draws_every_environment() -> None:
+    envs: Any = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=3, render_mode="rgb_array")
+    assert envs.metadata["render_modes"] == ["human", "rgb_array"] and envs.metadata["render_fps"] == 2
+    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+        envs.render()
+    first_state = envs.reset(seed=1)[0]["state"]
+    first = envs.render()
+    assert isinstance(first, tuple) and [picture.shape for picture in first] == [(256, 256, 3)] * 3
+    assert np.array_equal(first[1], sp.Renderer("2s3z", 256, 256).render(first_state[1]))
+    envs.step(np.ones((3, 5), np.int64))
+    for before, after in zip(first, envs.render(), strict=True):
+        assert not np.array_equal(before, after)
+    envs.close()
+    with closing(make_vector("2s3z", 1)) as plain:
+        plain.reset()
+        assert plain.render() is None
+    with pytest.raises(sp.InvalidRequest, match="render_mode must be None"):
+        make_vector("2s3z", 1, render_mode="ansi")
+    with pytest.raises(sp.InvalidRequest, match="field `state`, which this lane omits"):
+        make_vector("2s3z", 1, render_mode="rgb_array", fields=["obs"])
+
+
+def test_a_window_shows_every_step_of_a_vector(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    with closing(make_vector("2s3z", 4, render_mode="human")) as envs:
+        states = [envs.reset(seed=1)[0]["state"], envs.step(np.ones((4, 5), np.int64))[0]["state"]]
+    expected = [sp.Renderer("2s3z", 256, 256).sheet(state) for state in states]
+    assert len(shown) == 2 and all(map(np.array_equal, shown, expected))
 
 
 def test_spaces_are_those_learners_expect() -> None:

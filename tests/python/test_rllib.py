@@ -49,6 +49,16 @@ def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
         assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
 
 
+def test_pictures(env: BattleMultiAgentEnv) -> None:
+    with pytest.raises(sp.InvalidRequest, match="reset"):
+        env.render()
+    env.reset(seed=5)
+    picture = env.render()
+    assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8
+    env.step(dict.fromkeys(env.agents, 1))
+    assert not np.array_equal(picture, env.render())
+
+
 def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:
     with pytest.raises(sp.InvalidRequest, match="reset"):
         env.step({})

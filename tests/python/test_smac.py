@@ -385,11 +385,16 @@ def test_a_picture_shows_units_where_they_stand() -> None:
     picture = env.render(mode="rgb_array")
     assert isinstance(picture, np.ndarray) and picture.shape == (320, 640, 3) and picture.dtype == np.uint8
 
-    def at(x: float, y: float) -> list[int]:
-        colour: list[int] = picture[int(320 - 10 * y), int(160 + 10 * x)].tolist()
-        return colour
-
-    green, red = env.agents[0].pos, env.enemies[0].pos
-    assert at(*green)[1] == max(at(*green)) and at(*red)[0] == max(at(*red))
-    assert picture[:, :160].max() == 0  # beside the map
+    red, _, blue = picture.astype(int).transpose(2, 0, 1)
+    allies, enemies = np.argwhere(blue - red > 45), np.argwhere(red - blue > 45)
+    assert len(allies) > 20 and len(enemies) > 20
+    (y, x), (enemy_y, enemy_x) = allies.mean(0), enemies.mean(0)
+    ally, enemy = np.mean([unit.pos for unit in env.agents.values()], axis=0), env.enemies[0].pos
+    to_enemy = np.array([enemy_x - x, y - enemy_y])  # in pixels, y north
+    offset = np.array(enemy) - ally
+    assert to_enemy @ offset > 0.98 * np.linalg.norm(to_enemy) * np.linalg.norm(offset)
+    env.step([4, 4])
+    assert not np.array_equal(picture, env.render(mode="rgb_array"))
+    with pytest.raises(sp.InvalidRequest, match="mode must be"):
+        env.render(mode="ansi")  # type: ignore[arg-type]
     env.close()

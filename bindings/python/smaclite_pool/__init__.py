@@ -26,7 +26,19 @@ the agents. A lane is a set of environments with one learner. A batch holds the 
 per slot.
 """
 
-from ._native import Batch, Envs, Frame, __version__, connect, make, pools, scenario, scenarios, status
+from ._native import (
+    Batch,
+    Envs,
+    Frame,
+    Renderer,
+    __version__,
+    connect,
+    make,
+    pools,
+    scenario,
+    scenarios,
+    status,
+)
 from .errors import (
     Busy,
     Closed,
@@ -61,6 +73,7 @@ __all__ = [
     "NoSuchPool",
     "PoolDied",
     "PoolError",
+    "Renderer",
     "ScenarioError",
     "StartError",
     "Timeout",

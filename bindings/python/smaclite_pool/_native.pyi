@@ -18,6 +18,7 @@ __all__ = [
     "NORTH",
     "NO_OP",
     "REWARD_SCALE",
+    "Renderer",
     "SIGHT_RANGE",
     "SOUTH",
     "STOP",
@@ -147,6 +148,14 @@ class Envs:
         self, env_id: ArrayLike | None = None, out: NDArray[np.int32] | None = None
     ) -> NDArray[np.int32]: ...
     def seed_sampler(self, seed: int) -> None: ...
+    def render(
+        self,
+        batch: Batch,
+        env_id: ArrayLike | None = None,
+        renderer: Renderer | None = None,
+        columns: int | None = None,
+    ) -> NDArray[np.uint8]:
+        """A picture of one environment, or a sheet of many: uint8 [height, width, 3]."""
     def close(self) -> None: ...
     def __enter__(self) -> Envs: ...
     def __exit__(
@@ -190,6 +199,30 @@ class Envs:
     def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
     @property
     def description(self) -> dict[str, Any]: ...
+
+@final
+class Renderer:
+    """Draws the battles of one scenario."""
+
+    def __new__(
+        cls,
+        scenario: str | PathLike[str],
+        width: int = 512,
+        height: int = 512,
+        *,
+        theme: Literal["dark", "light"] = "dark",
+        show_sight: bool = False,
+        show_range: bool = False,
+        show_ids: bool = False,
+    ) -> Renderer: ...
+    def render(self, state: ArrayLike) -> NDArray[np.uint8]:
+        """A picture of a state, float32 [state_size]: uint8 [height, width, 3]."""
+    def sheet(
+        self, states: ArrayLike, env_id: ArrayLike | None = None, columns: int | None = None
+    ) -> NDArray[np.uint8]:
+        """A sheet of states, float32 [M, state_size], with numbers: uint8 [height, width, 3]."""
+    @property
+    def state_size(self) -> int: ...
 
 def make(
     scenario: str | PathLike[str],

@@ -1,94 +1,91 @@
-"""Pictures of a battle from above, drawn with NumPy."""
+"""Render modes of single battles: pictures from the native renderer, and a window that shows them."""
 
 from __future__ import annotations
 
 import importlib
+from functools import cached_property
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._layout import ScenarioLayout
-from ._units import UnitsView
-from .errors import PoolError
+from ._native import Renderer
+from .errors import InvalidRequest, PoolError
 
 Picture = NDArray[np.uint8]
 
-GROUND, ROCK = (222, 214, 196), (112, 100, 88)
-ALLY, ENEMY = np.array([38, 110, 84]), np.array([186, 62, 48])
-SHIELD = (92, 140, 214)
+RENDER_MODES = ("human", "rgb_array")
+RENDER_FPS = 2
+"""Pictures per second at the speed of the battle: a step is half a second."""
 
 
-def draw(layout: ScenarioLayout, units: UnitsView, width: int, height: int) -> Picture:
-    """A picture, uint8 [height, width, 3], with north at the top.
-
-    Allies are green, enemies red, and paler the less health they have. Units with a shield left have a blue
-    rim. The dead are not drawn.
-    """
-    squares_wide, squares_high = layout.map_size.tolist()
-    scale = min(width / squares_wide, height / squares_high)
-    x = (np.arange(width) + 0.5 - width / 2) / scale + squares_wide / 2
-    y = (height / 2 - np.arange(height) - 0.5) / scale + squares_high / 2
-    picture = np.zeros((height, width, 3), np.uint8)
-    _draw_ground(picture, layout, x, y)
-    stats = layout.allies + layout.enemies
-    for index in np.flatnonzero(units.health > 0):
-        colour = ALLY if index < layout.n_agents else ENEMY
-        health = units.health[index] / units.health_max[index]
-        paled = colour * health + 235 * (1 - health)
-        rim = SHIELD if units.shield[index] > 0 else colour
-        _draw_disc(picture, units.positions[index], stats[index]["radius"], paled, rim, x, y)
-    return picture
-
-
-def _draw_ground(
-    picture: Picture, layout: ScenarioLayout, x: NDArray[np.float64], y: NDArray[np.float64]
-) -> None:
-    rows, columns = np.floor(y).astype(int), np.floor(x).astype(int)
-    on_rows = np.flatnonzero((rows >= 0) & (rows < layout.walkable.shape[0]))
-    on_columns = np.flatnonzero((columns >= 0) & (columns < layout.walkable.shape[1]))
-    walkable = layout.walkable[rows[on_rows]][:, columns[on_columns]]
-    colours = np.array([ROCK, GROUND], np.uint8)
-    picture[np.ix_(on_rows, on_columns)] = colours[walkable.astype(int)]
-
-
-def _draw_disc(
-    picture: Picture,
-    centre: NDArray[np.float32],
-    radius: float,
-    fill: Any,
-    rim: Any,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-) -> None:
-    columns, rows = np.flatnonzero(abs(x - centre[0]) <= radius), np.flatnonzero(abs(y - centre[1]) <= radius)
-    away = np.hypot(x[columns] - centre[0], (y[rows] - centre[1])[:, None])
-    part = picture[np.ix_(rows, columns)]
-    part[away <= radius] = rim
-    part[away <= radius * 0.8] = np.asarray(fill, np.uint8)
-    picture[np.ix_(rows, columns)] = part
+def check_render_mode(mode: str | None) -> None:
+    """Raise InvalidRequest unless the mode is None or one of `RENDER_MODES`."""
+    if mode is not None and mode not in RENDER_MODES:
+        raise InvalidRequest(f'render_mode must be None, "human" or "rgb_array", got {mode!r}')
 
 
 class Window:
-    """A window that shows pictures. Raises PoolError if pygame is not installed."""
+    """A window of the size of its first picture, opened with it. Needs pygame."""
 
-    def __init__(self, title: str, width: int, height: int) -> None:
-        try:
-            pygame: Any = importlib.import_module("pygame")
-        except ImportError as error:
-            raise PoolError('a window needs pygame (pip install pygame); "rgb_array" does not') from error
-        self._pygame = pygame
-        pygame.display.init()
-        self._screen: Any = pygame.display.set_mode((width, height))
-        pygame.display.set_caption(title)
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._pygame: Any = None
+        self._screen: Any = None
 
     def show(self, picture: Picture) -> bool:
-        """Show a picture, and return whether the window is still open."""
+        """Show a picture, and return whether the window is still open.
+
+        Raises PoolError if pygame is not installed.
+        """
+        if self._screen is None:
+            self._open(picture.shape[1], picture.shape[0])
         quits = self._pygame.event.get(self._pygame.QUIT)
         self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
         self._pygame.display.flip()
         return not quits
 
+    def _open(self, width: int, height: int) -> None:
+        try:
+            self._pygame = importlib.import_module("pygame")
+        except ImportError as error:
+            raise PoolError('a window needs pygame (pip install pygame); "rgb_array" does not') from error
+        self._pygame.display.init()
+        self._screen = self._pygame.display.set_mode((width, height))
+        self._pygame.display.set_caption(self._title)
+
     def close(self) -> None:
-        """Close the window."""
-        self._pygame.display.quit()
+        """Close the window, if it is open."""
+        if self._screen is not None:
+            self._pygame.display.quit()
+            self._screen = None
+
+
+class BattleViewer:
+    """Pictures of one battle, and a window. The renderer and the window are made when first used.
+
+    Args:
+        scenario: name of a standard scenario, or path of a scenario file.
+        width, height: size of pictures and of the window in pixels, each from 16 to 4096.
+    """
+
+    def __init__(self, scenario: str | PathLike[str], width: int, height: int) -> None:
+        self._scenario, self._size = scenario, (width, height)
+        self._window = Window(f"smaclite_pool: {scenario}")
+
+    @cached_property
+    def _renderer(self) -> Renderer:
+        return Renderer(self._scenario, *self._size)
+
+    def picture(self, state: NDArray[np.float32]) -> Picture:
+        """A picture, uint8 [height, width, 3], of a state, float32 [state_size]."""
+        return self._renderer.render(state)
+
+    def show(self, state: NDArray[np.float32]) -> bool:
+        """Show a state in the window, and return whether the window is still open."""
+        return self._window.show(self.picture(state))
+
+    def close(self) -> None:
+        """Close the window, if it is open."""
+        self._window.close()

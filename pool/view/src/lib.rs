@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+mod from_state;
 mod moment;
 pub mod page;
 mod picture;

@@ -41,8 +41,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from .._layout import ScenarioLayout
-from .._native import FIRST_TARGET, NO_OP, STOP, Batch, Envs, make, scenarios
-from .._render import draw
+from .._native import FIRST_TARGET, NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, Picture, Window, check_render_mode
 from .._units import Unit, UnitsView
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle
@@ -86,8 +86,13 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             an unavailable action stop instead; use it with algorithms that ignore action masks.
         copy: True: arrays are copies that you can keep and change. False: observations are read-only views of
             shared memory; at most the lane's `max_held_batches` can be held.
+        render_mode: None; "rgb_array": `render()` returns a picture per environment; "human": a window shows
+            every step of all environments (needs pygame). With a render mode, this object holds one batch.
+        renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if
+            the lane belongs to another process and has a custom scenario.
 
-    Raises InvalidRequest for an asynchronous lane or another value of `illegal_actions`.
+    Raises InvalidRequest for an asynchronous lane, another value of `illegal_actions` or `render_mode`, or
+    a render mode if the lane omits the field `state`; and ScenarioError if a renderer is required.
     """
 
     observation_space: spaces.Dict
@@ -95,7 +100,17 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     single_observation_space: spaces.Dict
     single_action_space: spaces.MultiDiscrete
 
-    def __init__(self, envs: Envs, *, illegal_actions: IllegalActions = "error", copy: bool = True) -> None:
+    picture_size = (256, 256)
+
+    def __init__(
+        self,
+        envs: Envs,
+        *,
+        illegal_actions: IllegalActions = "error",
+        copy: bool = True,
+        render_mode: str | None = None,
+        renderer: Renderer | None = None,
+    ) -> None:
         self.closed = True  # if this fails, the caller still owns the lane
         if envs.batch_size != envs.num_envs:
             raise InvalidRequest(
@@ -104,9 +119,14 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             )
         self._envs, self._copy = envs, copy
         self._stops = _stops(illegal_actions)
-        self._last: Batch | None = None  # only with "stop"
+        self._last: Batch | None = None  # only with "stop" or a render mode
         self.num_envs = envs.num_envs
-        self.metadata = {"render_modes": [], "autoreset_mode": AUTORESET_MODES[envs.autoreset]}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": RENDER_FPS,
+            "autoreset_mode": AUTORESET_MODES[envs.autoreset],
+        }
+        self._set_render_mode(render_mode, renderer)
         self.single_observation_space = single_observation_space(envs)
         self.single_action_space = single_action_space(envs)
         self.observation_space = batched_observation_space(envs)
@@ -115,6 +135,16 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in fields}
         self._info_fields = [name for name in INFO_FIELDS if name in fields]
         self.closed = False
+
+    def _set_render_mode(self, mode: str | None, renderer: Renderer | None) -> None:
+        check_render_mode(mode)
+        self.render_mode, self._renderer = mode, renderer
+        if mode is None:
+            return
+        if "state" not in self._envs.fields:
+            raise InvalidRequest("pictures are drawn from the field `state`, which this lane omits")
+        self._renderer = renderer or Renderer(self._envs.scenario, *self.picture_size)
+        self._window = Window(f"smaclite_pool: {self._envs.scenario}")
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -129,7 +159,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         if mask is not None and not np.any(mask):
             raise InvalidRequest("options['reset_mask'] must be True for at least one environment")
         batch = self._envs.reset(seed, mask=mask)
-        self._last = batch if self._stops else None
+        self._keep(batch)
         present = np.ones(self.num_envs, np.bool_) if mask is None else mask
         return self._observations(batch, ""), self._infos(batch, present)
 
@@ -141,15 +171,34 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         Raises IllegalAction for an unavailable action; nothing is stepped then. With next-step autoreset the
         actions of an environment whose episode has just ended are ignored.
         """
-        if self._last is not None:
+        if self._stops and self._last is not None:
             actions = stop_unavailable(actions, self._last.avail_actions)
         batch = self._envs.step(actions)
-        self._last = batch if self._stops else None
+        self._keep(batch)
         infos = self._infos(batch, np.ones(self.num_envs, np.bool_))
         if self._envs.autoreset == "same_step":
             self._add_final(infos, batch)
         terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
         return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
+
+    def _keep(self, batch: Batch) -> None:
+        self._last = batch if self._stops or self.render_mode is not None else None
+        if self.render_mode == "human":
+            self.render()
+
+    def render(self) -> tuple[Picture, ...] | None:
+        """A picture per environment, uint8 [256, 256, 3] each, or all of them in a window with "human".
+
+        Raises InvalidRequest before the first reset, and PoolError if pygame is needed and not installed.
+        """
+        if self.render_mode is None or self._renderer is None:
+            return None
+        if self._last is None:
+            raise InvalidRequest("no battle has begun; call reset first")
+        if self.render_mode == "rgb_array":
+            return tuple(self._renderer.render(state) for state in self._last.state)
+        self._window.show(self._renderer.sheet(self._last.state))
+        return None
 
     def _observations(self, batch: Batch, prefix: Literal["", "final_"]) -> Arrays:
         observations: Arrays = {}
@@ -179,7 +228,10 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         infos["final_info"], infos["_final_info"] = self._infos(batch, ended), ended.copy()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close the environments."""
+        """Close the environments and the window."""
+        self._last = None
+        if self.render_mode is not None:
+            self._window.close()
         self._envs.close()
 
 
@@ -193,6 +245,7 @@ def make_vector(
     seed: int | None = None,
     illegal_actions: IllegalActions = "error",
     copy: bool = True,
+    render_mode: str | None = None,
     **settings: Any,
 ) -> BattleVectorEnv:
     """Start a pool within this process; `gymnasium.make_vec` calls this.
@@ -203,7 +256,7 @@ def make_vector(
         autoreset_mode: an `AutoresetMode`, its value ("NextStep") or the pool's name for it ("next_step").
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         seed: environment i is seeded with seed + i until a reset with another seed; None for a random seed.
-        illegal_actions, copy: as in `BattleVectorEnv`.
+        illegal_actions, copy, render_mode: as in `BattleVectorEnv`.
         settings: `threads`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
@@ -213,8 +266,13 @@ def make_vector(
     if max_episode_steps is not None:
         settings["episode_limit"] = max_episode_steps
     settings.update(seed=_seed_or_random(seed), autoreset=pool_names.get(mode, mode))
-    envs = make(_one_of(scenario, map_file), num_envs, **settings)
-    return BattleVectorEnv(envs, illegal_actions=illegal_actions, copy=copy)
+    check_render_mode(render_mode)
+    name = _one_of(scenario, map_file)
+    renderer = None if render_mode is None else Renderer(name, *BattleVectorEnv.picture_size)
+    envs = make(name, num_envs, **settings)
+    return BattleVectorEnv(
+        envs, illegal_actions=illegal_actions, copy=copy, render_mode=render_mode, renderer=renderer
+    )
 
 
 class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
@@ -231,13 +289,13 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         episode_limit: steps after which an episode is truncated; None for no limit, "default" for the limit
             of the scenario.
         illegal_actions: "error" or "stop", as in `BattleVectorEnv`.
-        render_mode: None or "rgb_array"; Gymnasium adds "human" (needs pygame).
+        render_mode: None or "rgb_array"; `gymnasium.make` adds "human" (needs pygame).
         settings: `rules`, `wait` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # a step is half a second
+    metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}
     picture_size = (640, 640)
     observation_space: spaces.Tuple  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
     action_space: LegalTuple
@@ -253,6 +311,7 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
+        check_render_mode(render_mode)
         self._stops = _stops(illegal_actions)
         name = _one_of(scenario, map_file)
         self._layout = ScenarioLayout(name)
@@ -261,6 +320,7 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
         envs = self._battle.envs
         self.render_mode = render_mode
+        self._viewer = BattleViewer(name, *self.picture_size)
         self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
         self.obs_size, self.state_size = envs.obs_size, envs.state_size
         self.observation_space = spaces.Tuple(
@@ -319,17 +379,13 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
     def _living(self, first: int, count: int) -> dict[int, Unit]:
         if not self._battle.has_begun:
             return {}
-        units = self._units()
-        return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
-
-    def _units(self) -> UnitsView:
         units = UnitsView(self._layout)
         units.update(self._battle.last.state)
-        return units
+        return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
 
     def render(self) -> Any:
-        """The battle from above, uint8 [640, 640, 3]."""
-        return draw(self._layout, self._units(), *self.picture_size)
+        """The battle from above, uint8 [640, 640, 3]. Raises InvalidRequest before the first reset."""
+        return self._viewer.picture(self._battle.last.state)
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

@@ -32,10 +32,7 @@ from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec, wrappers
 
-from .._layout import ScenarioLayout
-from .._render import Window, draw
-from .._units import UnitsView
-from ..errors import InvalidRequest
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode
 from ._common import SingleBattle, TimeStep
 from ._spaces import LegalDiscrete, update_masks
 
@@ -43,8 +40,6 @@ __all__ = ["env", "parallel_env", "raw_env"]
 
 Observation: TypeAlias = dict[str, NDArray[Any]]
 Scenario: TypeAlias = "str | PathLike[str]"
-
-RENDER_MODES = ["human", "rgb_array"]
 
 
 class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as PettingZoo names its environments
@@ -68,19 +63,17 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     def __init__(
         self, scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
     ) -> None:
-        if render_mode not in (None, *RENDER_MODES):
-            raise InvalidRequest(f'render_mode must be None, "human" or "rgb_array", got {render_mode!r}')
-        self._layout = ScenarioLayout(scenario)
+        check_render_mode(render_mode)
         self._battle = SingleBattle(scenario, settings)
         envs = self._battle.envs
         self.metadata = {
             "name": f"smaclite_pool_{envs.scenario}",
-            "render_modes": RENDER_MODES,
-            "render_fps": 2,  # a step is half a second
+            "render_modes": list(RENDER_MODES),
+            "render_fps": RENDER_FPS,
             "is_parallelizable": True,
         }
         self.render_mode = render_mode
-        self._window: Window | None = None
+        self._viewer = BattleViewer(scenario, *self.picture_size)
         self.possible_agents = self._battle.agents
         self.agents: list[str] = []
         self.observation_spaces = {agent: self._observation_space() for agent in self.possible_agents}
@@ -151,14 +144,10 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human"."""
         if self.render_mode is None:
             return None
-        units = UnitsView(self._layout)
-        units.update(self._battle.last.state)
-        picture = draw(self._layout, units, *self.picture_size)
+        state = self._battle.last.state
         if self.render_mode == "rgb_array":
-            return picture
-        if self._window is None:
-            self._window = Window(self._battle.envs.scenario, *self.picture_size)
-        self._window.show(picture)
+            return self._viewer.picture(state)
+        self._viewer.show(state)
         return None
 
     def _show(self) -> None:
@@ -168,9 +157,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""
         self.agents = []
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        self._viewer.close()
         self._battle.close()
 
 

@@ -37,6 +37,7 @@ from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
+from .._render import RENDER_FPS, BattleViewer
 from ._common import SingleBattle, TimeStep
 from ._spaces import LegalDiscrete, update_masks
 
@@ -60,11 +61,17 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
+    picture_size = (640, 640)
+    render_mode = "rgb_array"
+
     def __init__(self, config: Mapping[str, Any] | None = None) -> None:
         settings = {"scenario": "2s3z", "seed": 0, **(config or {})}
         runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
         settings["seed"] += SEEDS_PER_RUNNER * runner + battle
-        self._battle = SingleBattle(settings.pop("scenario"), settings)
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}  # RLlib adds to it
+        scenario = settings.pop("scenario")
+        self._battle = SingleBattle(scenario, settings)
+        self._viewer = BattleViewer(scenario, *self.picture_size)
         agents, n_actions = self._battle.agents, self._battle.envs.n_actions
         self._legal_actions = {agent: LegalDiscrete(n_actions) for agent in agents}
         self.possible_agents, self.agents = list(agents), list(agents)
@@ -107,6 +114,10 @@ class BattleMultiAgentEnv(MultiAgentEnv):
 
     def _for_all(self, value: Any) -> dict[str, Any]:
         return dict.fromkeys(self._battle.agents, value)
+
+    def render(self) -> NDArray[np.uint8]:
+        """The battle from above, uint8 [640, 640, 3]. Raises InvalidRequest before the first reset."""
+        return self._viewer.picture(self._battle.last.state)
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

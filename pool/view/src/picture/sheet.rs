@@ -33,14 +33,13 @@ impl Sheet {
     /// # Errors
     /// A sheet that would be wider or higher than 16384 pixels; the error has the size that it would have.
     pub fn compose(&self, cells: &[Cell<'_>]) -> Result<Picture, SizeError> {
-        let layout = Layout::new(self, cells);
-        let (width, height) = layout.size();
-        let fits = width.max(height) <= u64::from(MAX_SIDE);
-        let error = SizeError { width: clamped(width), height: clamped(height), max_side: MAX_SIDE };
-        if !fits {
-            return Err(error);
-        }
-        let mut sheet = self.background(error.width, error.height).ok_or(error)?;
+        let largest = |side: fn(&Picture) -> u32| cells.iter().map(|cell| side(cell.picture)).max();
+        let width = largest(Picture::width).unwrap_or(Picture::MIN_SIDE);
+        let height = largest(Picture::height).unwrap_or(Picture::MIN_SIDE);
+        let layout = Layout::new(self, cells.len(), width, height);
+        let (width, height) = layout.checked_size()?;
+        let error = SizeError { width, height, max_side: MAX_SIDE };
+        let mut sheet = self.background(width, height).ok_or(error)?;
         for (i, cell) in cells.iter().enumerate() {
             let (x, y) = layout.corner(i);
             let caption = self.caption(cell.caption, &layout).ok_or(error)?;
@@ -51,6 +50,14 @@ impl Sheet {
             sheet.paste(cell.picture, x, y);
         }
         Ok(sheet)
+    }
+
+    /// The width and height in pixels of a sheet of `count` pictures of one size.
+    ///
+    /// # Errors
+    /// As for [`compose`](Self::compose).
+    pub fn size(&self, count: usize, width: u32, height: u32) -> Result<(u32, u32), SizeError> {
+        Layout::new(self, count, width, height).checked_size()
     }
 
     fn background(&self, width: u32, height: u32) -> Option<Picture> {
@@ -102,21 +109,25 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(sheet: &Sheet, cells: &[Cell<'_>]) -> Layout {
-        let largest = |side: fn(&Picture) -> u32| cells.iter().map(|cell| side(cell.picture)).max();
-        let width = largest(Picture::width).unwrap_or(Picture::MIN_SIDE);
-        let height = largest(Picture::height).unwrap_or(Picture::MIN_SIDE);
-        let square = (1..).find(|side| side * side >= cells.len()).unwrap_or(1);
-        let columns = if sheet.columns > 0 { sheet.columns.min(cells.len().max(1)) } else { square };
+    fn new(sheet: &Sheet, count: usize, width: u32, height: u32) -> Layout {
+        let square = count.isqrt() + usize::from(count.isqrt().pow(2) < count);
+        let columns = if sheet.columns > 0 { sheet.columns } else { square }.min(count).max(1);
         let gap = (width / 24).clamp(2, 32);
         let caption = (width / 8).clamp(10, 40);
-        Layout { columns, rows: cells.len().div_ceil(columns), cell: (width, height), caption, gap }
+        Layout { columns, rows: count.div_ceil(columns), cell: (width, height), caption, gap }
+    }
+
+    fn checked_size(&self) -> Result<(u32, u32), SizeError> {
+        let (width, height) = self.size();
+        let size = SizeError { width: clamped(width), height: clamped(height), max_side: MAX_SIDE };
+        let fits = width.max(height) <= u64::from(MAX_SIDE);
+        if fits { Ok((size.width, size.height)) } else { Err(size) }
     }
 
     fn size(&self) -> (u64, u64) {
         let (width, height) = (u64::from(self.cell.0), u64::from(self.cell.1 + self.caption));
         let gap = u64::from(self.gap);
-        let sum = |n: usize, side: u64| n as u64 * (side + gap) + gap;
+        let sum = |n: usize, side: u64| (n as u64).saturating_mul(side + gap).saturating_add(gap);
         (sum(self.columns, width), sum(self.rows, height))
     }
 

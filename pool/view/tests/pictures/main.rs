@@ -7,3 +7,4 @@ mod extremes;
 mod kit;
 mod moments;
 mod sheets;
+mod states;

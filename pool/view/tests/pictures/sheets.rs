@@ -36,6 +36,8 @@ fn a_sheet_contains_all_pictures() {
             let sheet = Sheet { columns, theme }.compose(&cells).unwrap();
             assert_eq!((count(&sheet, &small), count(&sheet, &large)), (2, 1));
             assert_eq!(sheet.width() / 64, expected, "{columns} columns");
+            let size = Sheet { columns, theme }.size(3, 64, 48).unwrap();
+            assert_eq!((sheet.width(), sheet.height()), size);
             assert_eq!(sheet, Sheet { columns, theme }.compose(&cells).unwrap());
         }
     }
@@ -57,4 +59,6 @@ fn empty_and_too_large_sheets() {
     let cells = [Cell { picture: &picture, caption: "" }; 16];
     let error = Sheet { columns: 16, ..Sheet::default() }.compose(&cells).unwrap_err();
     assert!(error.to_string().contains("and 16384 pixels, got 16928 x "), "{error}");
+    assert_eq!(Sheet { columns: 16, ..Sheet::default() }.size(16, 1024, 16), Err(error));
+    assert!(Sheet::default().size(usize::MAX, 16, 16).is_err());
 }

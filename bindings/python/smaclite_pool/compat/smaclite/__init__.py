@@ -9,7 +9,6 @@ from typing import Any
 import gymnasium
 
 from ..._native import scenarios
-from ..._render import Window
 from ...errors import InvalidRequest
 from ...integrations.gymnasium import BattleEnv
 from .. import EPISODE_LIMIT_VARIABLE
@@ -55,7 +54,6 @@ class SMACliteEnv(BattleEnv):
         super().__init__(
             scenario, map_file=map_file, seed=seed, episode_limit=limit, render_mode=render_mode, **settings
         )
-        self._window: Window | None = None
 
     def seed(self, seed: int | None = None) -> None:
         """Set the seed of the next reset."""
@@ -64,19 +62,14 @@ class SMACliteEnv(BattleEnv):
 
     def render(self) -> Any:
         """Show the battle in a window, or with render mode "rgb_array" return uint8 [640, 640, 3]."""
-        picture = super().render()
         if self.render_mode == "rgb_array":
-            return picture
-        if self._window is None:
-            self._window = Window(self._battle.envs.scenario, *self.picture_size)
-        self._window.show(picture)
+            return super().render()
+        self._viewer.show(self._battle.last.state)
         return None
 
     def close(self) -> None:
         """End the pool and close the window. Calling it again has no effect."""
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        self._viewer.close()
         super().close()
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..._layout import Bools, Floats
 from ..._native import scenario
-from ..._render import Window, draw
+from ..._render import RENDER_MODES, BattleViewer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
 from .heuristic import Heuristic
@@ -163,7 +163,7 @@ class MultiAgentEnv(Queries):
         no_obs = np.zeros((self.n_agents, envs.obs_size), np.float32)
         self._views.update(no_obs, np.zeros(envs.state_size, np.float32), 0)
         self._recording = Recording(self.map_name, rules)
-        self._window: Window | None = None
+        self._viewer = BattleViewer(map_name, *self.window_size)
 
     def reset(self) -> tuple[list[Floats], Floats]:
         """Begin a new episode, and return `get_obs()` and `get_state()`.
@@ -242,16 +242,13 @@ class MultiAgentEnv(Queries):
         """Draw the battle from above, with north at the top.
 
         "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame), and returns
-        whether the window is still open.
+        whether the window is still open. Raises InvalidRequest before the first reset, for another mode, and
+        for a window size that is not between 16 and 4096.
         """
-        width, height = self.window_size
-        picture = draw(self._views.layout, self._views.units, width, height)
-        if mode == "rgb_array":
-            return picture
-        if mode != "human":
+        if mode not in RENDER_MODES:
             raise InvalidRequest(f'mode must be "human" or "rgb_array", got {mode!r}')
-        self._window = self._window or Window(f"smaclite_pool: {self.map_name}", width, height)
-        return self._window.show(picture)
+        state = self._battle.last.state
+        return self._viewer.picture(state) if mode == "rgb_array" else self._viewer.show(state)
 
     def save_replay(self) -> Path:
         """Write the episode so far to `<replay_prefix>_<time>.npz` in `replay_dir`, and return the path.
@@ -264,9 +261,7 @@ class MultiAgentEnv(Queries):
     def close(self) -> None:
         """End the pool and close the window. Calling it again has no effect."""
         self._battle.close()
-        if self._window is not None:
-            self._window.close()
-            self._window = None
+        self._viewer.close()
 
     def full_restart(self) -> None:
         """Begin a new episode; SMAC uses this when StarCraft II hangs."""

@@ -1,0 +1,252 @@
+"""Pictures: the native renderer, `Envs.render`, and the window of render mode "human"."""
+
+from __future__ import annotations
+
+import json
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+from numpy.typing import NDArray
+from smaclite_pool._render import BattleViewer
+
+Picture = NDArray[np.uint8]
+
+DUEL: dict[str, Any] = {
+    "name": "duel",
+    "num_allied_units": 2,
+    "num_enemy_units": 1,
+    "groups": [
+        {"faction": "ALLY", "x": 9, "y": 16, "units": {"ZEALOT": 2}},
+        {"faction": "ENEMY", "x": 12, "y": 16, "units": {"ZEALOT": 1}},
+    ],
+    "attack_point": [9, 16],
+    "terrain_preset": "SIMPLE",
+    "num_unit_types": 0,
+    "ally_has_shields": True,
+    "enemy_has_shields": True,
+}
+
+
+def write_duel(folder: Path, name: str = "duel") -> Path:
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps({**DUEL, "name": name}))
+    return path
+
+
+def is_picture(picture: Picture, width: int, height: int) -> bool:
+    return picture.shape == (height, width, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 8
+
+
+def contains(sheet: Picture, picture: Picture) -> bool:
+    """Whether the picture is somewhere in the sheet."""
+    height, width, _ = picture.shape
+    rows = range(sheet.shape[0] - height + 1)
+    columns = range(sheet.shape[1] - width + 1)
+    return any(
+        np.array_equal(sheet[y : y + height, x : x + width], picture)
+        for y in rows
+        for x in columns
+        if np.array_equal(sheet[y, x : x + width], picture[0])
+    )
+
+
+@pytest.mark.parametrize("scenario", sp.scenarios())
+def test_pictures_differ_between_states(scenario: str) -> None:
+    renderer = sp.Renderer(scenario, 200, 120)
+    with sp.make(scenario, 1) as envs:
+        first = envs.reset(seed=1).state[0].copy()
+        last = envs.step(envs.sample_actions()).state[0].copy()
+    assert renderer.state_size == len(first)
+    picture = renderer.render(first)
+    assert is_picture(picture, 200, 120) and picture.flags.writeable
+    assert np.array_equal(picture, renderer.render(first.astype(np.float64)))
+    assert not np.array_equal(picture, renderer.render(last))
+    assert not np.array_equal(picture, renderer.render(np.zeros_like(first)))  # all are dead
+
+
+def test_options_change_the_picture() -> None:
+    with sp.make("MMM", 1) as envs:
+        state = envs.reset(seed=1).state[0].copy()
+    plain = sp.Renderer("MMM").render(state)
+    assert is_picture(plain, 512, 512)
+    options: list[dict[str, Any]] = [{"theme": "light"}]
+    options += [{name: True} for name in ("show_sight", "show_range", "show_ids")]
+    pictures = [sp.Renderer("MMM", **option).render(state) for option in options]
+    assert len({picture.tobytes() for picture in [plain, *pictures]}) == 5
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e30, 1e30])
+def test_extreme_states_are_drawn(value: float) -> None:
+    renderer = sp.Renderer("2s3z", 64, 64, show_sight=True, show_range=True, show_ids=True)
+    state = np.ones(renderer.state_size, np.float32)
+    state[1::2] = value
+    assert renderer.render(state).shape == (64, 64, 3)
+
+
+def test_a_sheet_contains_every_picture() -> None:
+    renderer = sp.Renderer("2s3z", 64, 48)
+    with sp.make("2s3z", 5) as envs:
+        envs.reset(seed=1)
+        states = envs.step(envs.sample_actions()).state.copy()
+    sheet = renderer.sheet(states)
+    assert sheet.dtype == np.uint8
+    for state in states:
+        assert contains(sheet, renderer.render(state))
+    assert np.array_equal(sheet, renderer.sheet(states, [0, 1, 2, 3, 4], 3))
+    assert not np.array_equal(sheet, renderer.sheet(states, [0, 1, 2, 3, 9]))
+    column, row = renderer.sheet(states, columns=1), renderer.sheet(states, columns=99)
+    assert column.shape[0] > 5 * 48 and row.shape[1] > 5 * 64
+
+
+def test_errors_say_what_is_accepted() -> None:
+    with pytest.raises(sp.InvalidRequest, match=r"between 16 and 4096 pixels, got 15 x 512"):
+        sp.Renderer("2s3z", 15)
+    with pytest.raises(sp.InvalidRequest, match="height must not be negative, got -1"):
+        sp.Renderer("2s3z", height=-1)
+    with pytest.raises(TypeError, match="width must be an integer, got str"):
+        sp.Renderer("2s3z", "512")  # type: ignore[arg-type]
+    with pytest.raises(sp.InvalidRequest, match='theme must be "dark" or "light", got `blue`'):
+        sp.Renderer("2s3z", theme="blue")  # type: ignore[arg-type]
+    with pytest.raises(sp.ScenarioError, match="no_such"):
+        sp.Renderer("no_such")
+    renderer = sp.Renderer("2s3z", 64, 64)
+    n = renderer.state_size
+    with pytest.raises(sp.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got"):
+        renderer.render(np.zeros(3, np.float32))
+    with pytest.raises(TypeError, match="state must be a float32 array, got int64"):
+        renderer.render(np.zeros(n, np.int64))
+    with pytest.raises(sp.InvalidRequest, match=rf"states must be .* of shape \(K, {n}\), got \({n},\)"):
+        renderer.sheet(np.zeros(n, np.float32))
+    states = np.zeros((2, n), np.float32)
+    with pytest.raises(sp.InvalidRequest, match="states must have at least one row, got none"):
+        renderer.sheet(states[:0])
+    with pytest.raises(sp.InvalidRequest, match="env_id must have one number per row of states, 2, got 3"):
+        renderer.sheet(states, [1, 2, 3])
+    with pytest.raises(sp.InvalidRequest, match="columns must be at least 1, or None, got 0"):
+        renderer.sheet(states, columns=0)
+    many = np.broadcast_to(states[0], (300_000, n))
+    with pytest.raises(sp.InvalidRequest, match="a sheet of 300000 pictures is too large.*16384"):
+        renderer.sheet(many)
+
+
+def test_a_pool_draws_the_environments_of_a_batch() -> None:
+    renderer = sp.Renderer("3m", 96, 96)
+    with sp.make("3m", 4) as envs:
+        envs.reset(seed=3)
+        batch = envs.step(envs.sample_actions())
+        picture = envs.render(batch, 2, renderer)
+        assert np.array_equal(picture, renderer.render(batch.state[2]))
+        assert not np.array_equal(picture, envs.render(batch, 1, renderer))
+        assert np.array_equal(envs.render(batch, np.int32(2)), sp.Renderer("3m").render(batch.state[2]))
+        sheet = envs.render(batch, renderer=renderer, columns=4)
+        assert np.array_equal(sheet, renderer.sheet(batch.state, batch.env_id, 4))
+        some = envs.render(batch, [3, 1], renderer)
+        assert np.array_equal(some, renderer.sheet(batch.state[[3, 1]], [3, 1]))
+        assert np.array_equal(envs.render(batch), sp.Renderer("3m", 256, 256).sheet(batch.state))
+        for env in (4, 2**40):
+            with pytest.raises(sp.InvalidRequest, match="env_id must be"):
+                envs.render(batch, env)
+        with pytest.raises(sp.InvalidRequest, match="env_id must be between 0 and 3, got 7"):
+            envs.render(batch, [0, 7])
+        with pytest.raises(sp.InvalidRequest, match="env_id must not be negative, got -1"):
+            envs.render(batch, -1)
+        with pytest.raises(sp.InvalidRequest, match="at least one environment"):
+            envs.render(batch, [])
+        with pytest.raises(sp.InvalidRequest, match="state of the batch must be a float32 array of shape"):
+            envs.render(batch, 0, sp.Renderer("2s3z"))
+
+
+def test_a_lane_without_states_has_no_pictures() -> None:
+    with sp.make("3m", 1, fields=["obs"]) as envs:
+        batch = envs.reset()
+        with pytest.raises(AttributeError, match="do not include `state`; add it to `fields`"):
+            envs.render(batch, 0)
+
+
+def test_an_environment_must_be_in_the_batch() -> None:
+    with sp.make("3m", 4, batch_size=2) as envs:
+        envs.async_reset(seed=1)
+        batch = envs.recv()
+        present = batch.env_id.tolist()
+        absent = next(env for env in range(4) if env not in present)
+        assert is_picture(envs.render(batch, present[1]), 512, 512)
+        with pytest.raises(sp.InvalidRequest, match=f"environment {absent} is not in this batch"):
+            envs.render(batch, absent)
+
+
+def test_an_attached_learner_needs_a_renderer_for_custom_scenarios(tmp_path: Path, serve: Serve) -> None:
+    own, misnamed = write_duel(tmp_path), write_duel(tmp_path, "3m")
+    serve("3m:2", f"own={own}:2", f"misnamed={misnamed}:2", "--name", "seen")
+    with sp.connect("seen", "3m") as envs:
+        assert is_picture(envs.render(envs.reset(), 1), 512, 512)
+    for lane in ("own", "misnamed"):
+        with sp.connect("seen", lane) as envs:
+            batch = envs.reset()
+            with pytest.raises(sp.InvalidRequest, match=r"pass renderer=smaclite_pool.Renderer\(PATH\)"):
+                envs.render(batch)
+            assert is_picture(envs.render(batch, 1, sp.Renderer(own)), 512, 512)
+
+
+def test_a_pool_in_this_process_draws_its_custom_scenario(tmp_path: Path) -> None:
+    path = write_duel(tmp_path)
+    with sp.make(path, 1) as envs:
+        path.unlink()
+        assert is_picture(envs.render(envs.reset(), 0), 512, 512)
+
+
+class FakePygame(types.ModuleType):
+    """The part of pygame that a window uses; it records what is shown."""
+
+    QUIT = 256
+
+    def __init__(self) -> None:
+        super().__init__("pygame")
+        self.calls: list[Any] = []
+        self.shown: list[Picture] = []
+        self.quits: list[Any] = []
+        self.display = types.SimpleNamespace(
+            init=lambda: self.calls.append("init"),
+            set_mode=self._set_mode,
+            set_caption=self.calls.append,
+            flip=lambda: None,
+            quit=lambda: self.calls.append("quit"),
+        )
+        self.event = types.SimpleNamespace(get=lambda _: self.quits)
+        self.surfarray = types.SimpleNamespace(blit_array=self._blit)
+
+    def _set_mode(self, size: tuple[int, int]) -> object:
+        self.calls.append(size)
+        return object()
+
+    def _blit(self, _: object, columns: Picture) -> None:
+        self.shown.append(columns.swapaxes(0, 1))
+
+
+def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = FakePygame()
+    monkeypatch.setitem(sys.modules, "pygame", pygame)
+    with sp.make("3m", 1) as envs:
+        state = envs.reset(seed=1).state[0].copy()
+    viewer = BattleViewer("3m", 80, 60)
+    viewer.close()
+    assert pygame.calls == []
+    assert viewer.show(state) and np.array_equal(pygame.shown[0], viewer.picture(state))
+    assert pygame.calls == ["init", (80, 60), "smaclite_pool: 3m"]
+    pygame.quits = ["event"]
+    assert not viewer.show(state)
+    viewer.close()
+    viewer.close()
+    assert pygame.calls[3:] == ["quit"]
+
+
+def test_a_window_without_pygame_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    viewer = BattleViewer("3m", 80, 60)
+    with pytest.raises(sp.PoolError, match="pip install pygame"):
+        viewer.show(np.zeros(sp.Renderer("3m").state_size, np.float32))
