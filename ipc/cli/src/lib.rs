@@ -14,6 +14,9 @@ mod bench;
 mod check;
 mod clean;
 mod list;
+mod picture;
+mod record;
+mod replay;
 mod scenarios;
 mod serve;
 mod table;
@@ -56,6 +59,10 @@ enum Command {
     Scenarios(scenarios::Scenarios),
     /// Validate scenario and unit files
     Check(check::Check),
+    /// Play battles of a scripted policy and write a replay
+    Record(record::Record),
+    /// Verify a replay, or convert it to a page, an animation or pictures
+    Replay(replay::Replay),
     /// List your pools on this machine, with their lanes and learners
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
@@ -81,6 +88,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Serve(serve) => serve.run(),
         Command::Scenarios(scenarios) => scenarios.run(),
         Command::Check(check) => check.run(),
+        Command::Record(record) => record.run(),
+        Command::Replay(replay) => replay.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
         Command::Clean(clean) => clean.run(),
