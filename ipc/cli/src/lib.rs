@@ -19,6 +19,7 @@ mod record;
 mod replay;
 mod scenarios;
 mod serve;
+mod show;
 mod table;
 
 use clap::{Parser, Subcommand};
@@ -59,6 +60,8 @@ enum Command {
     Scenarios(scenarios::Scenarios),
     /// Validate scenario and unit files
     Check(check::Check),
+    /// Draw a scenario as a map of characters or a picture
+    Show(show::Show),
     /// Play battles of a scripted policy and write a replay
     Record(record::Record),
     /// Verify a replay, or convert it to a page, an animation or pictures
@@ -88,6 +91,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Serve(serve) => serve.run(),
         Command::Scenarios(scenarios) => scenarios.run(),
         Command::Check(check) => check.run(),
+        Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),
         Command::List(list) => list.run(),
