@@ -59,7 +59,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
-# Produce the results in benches/README.md: transport, efficiency, asynchronous, many, engine or instructions
+# Produce the results in benches/README.md: transport, efficiency, asynchronous, many, engine, instructions or policies
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
