@@ -95,6 +95,33 @@ fn a_replay_becomes_pages_animations_and_pictures() {
     }
 }
 
+/// A program named ffmpeg that keeps its input and its arguments.
+const FFMPEG: &str =
+    "#!/bin/sh\nfor last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"\n";
+
+#[test]
+fn ffmpeg_gets_every_frame() {
+    use std::os::unix::fs::PermissionsExt;
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    let install = |script: &str| {
+        fs::write(folder.join("ffmpeg"), script).expect("a script");
+        fs::set_permissions(folder.join("ffmpeg"), fs::Permissions::from_mode(0o755)).expect("executable");
+    };
+    install(FFMPEG);
+    output(folder, "replay 3m.smreplay --to battle.mp4 --size 33x16 --fps 4");
+    let arguments = fs::read_to_string(folder.join("arguments")).expect("arguments");
+    assert!(arguments.contains("-pix_fmt rgb24 -s 33x16 -r 4 "), "{arguments}");
+    let bytes = fs::metadata(folder.join("battle.mp4")).expect("a file").len();
+    output(folder, "replay 3m.smreplay --to frames --size 33x16");
+    let n_frames = fs::read_dir(folder.join("frames")).expect("a folder").count() as u64 + 4;
+    assert_eq!(bytes, n_frames * 33 * 16 * 3);
+
+    install("#!/bin/sh\nexit 3\n");
+    let expected = "battle.mp4: ffmpeg failed (exit status: 3); it says above why";
+    check_error(folder, "replay 3m.smreplay --to battle.mp4", 1, expected);
+}
+
 #[test]
 fn what_cannot_be_recorded_is_an_error() {
     let (folder, _) = recorded();
