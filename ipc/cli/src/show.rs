@@ -13,9 +13,9 @@ use std::sync::Arc;
 
 #[derive(Args)]
 #[command(after_help = "\
-The map of characters: north is up, and a square is two columns wide. `##` is a blocked square, `x` the point
-to which the enemies move. A letter stands for a unit; `<` after it marks an agent, `>` an enemy. Units that
-share a square are shown by the first one.")]
+The map of characters: north is up, and a square is two columns wide. `##` is a blocked square, `x` the \
+point to which the enemies move. A letter stands for a unit; `<` after it marks an agent, `>` an enemy. \
+Units that share a square are shown by the first one.")]
 pub(super) struct Show {
     /// A standard scenario or a scenario file
     scenario: String,

@@ -172,7 +172,10 @@ const CUSTOM: &str = r#"{
         { "x": 10, "y": 2, "faction": "ENEMY", "units": { "ZERGLING": 1 } }
     ],
     "attack_point": [6, 4], "width": 12, "height": 6,
-    "terrain": ["____________", "____________", "_____XX_____", "____________", "____________", "XXXXXXXXXXXX"],
+    "terrain": [
+        "____________", "____________", "_____XX_____",
+        "____________", "____________", "XXXXXXXXXXXX"
+    ],
     "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false
 }"#;
 
