@@ -35,19 +35,24 @@ pub(crate) fn measure(games: &Games) -> Result<(), Box<dyn Error>> {
     println!("| scenario | {} |", Scripted::NAMES.join(" | "));
     println!("| --- |{}", " ---: |".repeat(Scripted::NAMES.len()));
     for name in &names {
-        let scenario = Scenario::resolve(name)?;
-        if scenario.episode_limit.is_none() {
-            return Err(format!("{name}: `episode_limit` must be a number of steps, got none").into());
-        }
-        let arena = Arc::new(Arena::new(&scenario, Rules::default()));
-        let cells = Scripted::NAMES.map(|policy| -> Result<String, Box<dyn Error>> {
-            let score = play(&arena, Scripted::from_name(policy, games.seed)?, games)?;
-            Ok(format!("{:.1} / {:.0} %", score.episode_return, score.win_rate * 100.0))
-        });
-        let cells = cells.into_iter().collect::<Result<Vec<_>, _>>()?;
-        println!("| {} | {} |", scenario.name, cells.join(" | "));
+        println!("{}", row(name, games)?);
     }
     Ok(())
+}
+
+/// The scores of every policy in a scenario.
+fn row(name: &str, games: &Games) -> Result<String, Box<dyn Error>> {
+    let scenario = Scenario::resolve(name)?;
+    if scenario.episode_limit.is_none() {
+        return Err(format!("{name}: `episode_limit` must be a number of steps, got none").into());
+    }
+    let arena = Arc::new(Arena::new(&scenario, Rules::default()));
+    let cell = |policy| -> Result<String, Box<dyn Error>> {
+        let score = play(&arena, Scripted::from_name(policy, games.seed)?, games)?;
+        Ok(format!("{:.1} / {:.0} %", score.episode_return, score.win_rate * 100.0))
+    };
+    let cells = Scripted::NAMES.into_iter().map(cell).collect::<Result<Vec<_>, _>>()?;
+    Ok(format!("| {} | {} |", scenario.name, cells.join(" | ")))
 }
 
 fn play(arena: &Arc<Arena>, mut policy: Scripted, games: &Games) -> Result<Score, IllegalAction> {
@@ -65,4 +70,19 @@ fn play(arena: &Arc<Arena>, mut policy: Scripted, games: &Games) -> Result<Score
     }
     let episodes = f64::from(games.episodes.get());
     Ok(Score { episode_return: returns / episodes, win_rate: f64::from(wins) / episodes })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_the_documentation_is_current() {
+        let games = Games { episodes: NonZeroU32::new(200).unwrap(), seed: 1, scenarios: Vec::new() };
+        let page = include_str!("../../docs/policies.md");
+        for name in ["3m", "3s_vs_3z", "MMM"] {
+            let row = row(name, &games).unwrap();
+            assert!(page.lines().any(|line| line == row), "not in docs/policies.md: {row}");
+        }
+    }
 }
