@@ -59,9 +59,22 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
-# Produce the results in benches/README.md: transport, efficiency, asynchronous, many, engine or instructions
+# Measure: transport, efficiency, asynchronous, many, engine, instructions (benches/README.md), policies (docs)
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
+
+program := justfile_directory() / "target/release/smaclite-pool"
+pictures := justfile_directory() / "docs/pictures"
+
+# Draw the pictures of the documentation, in docs/pictures
+pictures:
+    cargo build --release --quiet -p smaclite-cli
+    mkdir -p {{ pictures }}
+    for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
+        {{ program }} show $map --png {{ pictures }}/$map.png --size 448x448 || exit; \
+    done
+    {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
+    {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:

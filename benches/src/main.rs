@@ -7,6 +7,7 @@ mod engine;
 mod instructions;
 mod null;
 mod ping_pong;
+mod policies;
 mod pools;
 mod step_times;
 mod transport;
@@ -55,6 +56,8 @@ enum Measurement {
     },
     /// Instructions of each phase of a step, counted by callgrind
     Instructions(engine::Plays),
+    /// Returns and win rates of the scripted policies, as a Markdown table (docs/policies.md)
+    Policies(policies::Games),
     /// The second process of a measurement
     #[command(hide = true)]
     Second {
@@ -101,6 +104,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
         Measurement::Many => pools::many(rounds),
         Measurement::Engine { plays, seconds } => step_times::measure(&plays, seconds),
         Measurement::Instructions(plays) => instructions::measure(&plays),
+        Measurement::Policies(games) => policies::measure(&games),
         Measurement::Second { process } => run_second(process),
     }
 }

@@ -99,3 +99,19 @@ def test_the_site_names_every_page() -> None:
     named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
     pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
     assert named == pages
+
+
+def test_every_picture_exists_and_loads_fast() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    named = {path for page in pages for path in pictures(page)}
+    assert named == set((ROOT / "docs/pictures").iterdir())
+    for picture in named:
+        limit = 700_000 if picture.name == "battle.gif" else 40_000
+        assert picture.stat().st_size < limit, picture
+
+
+def pictures(page: Path) -> Iterator[Path]:
+    """The pictures of a page, all of which have an alternative text."""
+    for text, path in re.findall(r"!\[(.*?)\]\((.+?)\)", page.read_text()):
+        assert text, path
+        yield page.parent / path

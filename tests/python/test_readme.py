@@ -74,6 +74,18 @@ def test_two_terminals(environment: dict[str, str]) -> None:
     assert status == 0
 
 
+def test_the_commands_that_record_and_convert_a_battle(
+    environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    commands = [line for line in lines if re.match(r"\S+smaclite-pool (record|replay) ", line)]
+    assert len(commands) == 2
+    for command in commands:
+        run([*PROGRAM, *shlex.split(command)[1:]], environment)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["2s3z.html", "2s3z.smreplay"]
+
+
 def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Path) -> None:
     file = tmp_path / "scenario.json"
     file.write_text(blocks("json")[0])

@@ -14,8 +14,12 @@ mod bench;
 mod check;
 mod clean;
 mod list;
+mod picture;
+mod record;
+mod replay;
 mod scenarios;
 mod serve;
+mod show;
 mod table;
 
 use clap::{Parser, Subcommand};
@@ -56,6 +60,12 @@ enum Command {
     Scenarios(scenarios::Scenarios),
     /// Validate scenario and unit files
     Check(check::Check),
+    /// Draw a scenario as a map of characters or a picture
+    Show(show::Show),
+    /// Play battles of a scripted policy and write a replay
+    Record(record::Record),
+    /// Verify a replay, or convert it to a page, an animation or pictures
+    Replay(replay::Replay),
     /// List your pools on this machine, with their lanes and learners
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
@@ -81,6 +91,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Serve(serve) => serve.run(),
         Command::Scenarios(scenarios) => scenarios.run(),
         Command::Check(check) => check.run(),
+        Command::Show(show) => show.run(),
+        Command::Record(record) => record.run(),
+        Command::Replay(replay) => replay.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
         Command::Clean(clean) => clean.run(),

@@ -1,0 +1,117 @@
+//! The files that a replay can be converted to.
+
+use super::super::CommandResult;
+use super::super::picture::write_file;
+use smaclite_scenarios::Scenario;
+use smaclite_view::{Moment, Options, Picture, Renderer, write_apng, write_gif};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    /// A page for browsers.
+    Page,
+    /// An animated GIF.
+    Gif,
+    /// An animated PNG.
+    Apng,
+    /// A film, by ffmpeg.
+    Mp4,
+    /// A folder of PNG files.
+    Frames,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("--to must end in .html, .gif, .apng, .png or .mp4, or be a new folder without a suffix, got `{0}`")]
+pub(super) struct UnknownSuffix(String);
+
+impl Format {
+    /// The format of a file name.
+    pub(super) fn of(path: &Path) -> Result<Format, UnknownSuffix> {
+        match path.extension().map(|suffix| suffix.to_string_lossy()).as_deref() {
+            Some("html") => Ok(Format::Page),
+            Some("gif") => Ok(Format::Gif),
+            Some("apng" | "png") => Ok(Format::Apng),
+            Some("mp4") => Ok(Format::Mp4),
+            None if path.file_name().is_some() => Ok(Format::Frames),
+            _ => Err(UnknownSuffix(path.display().to_string())),
+        }
+    }
+
+    /// Its name in messages.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Format::Page => "a page, which plays all episodes",
+            Format::Gif => "a GIF",
+            Format::Apng => "an animated PNG",
+            Format::Mp4 => "an MP4 file",
+            Format::Frames => "a folder of pictures",
+        }
+    }
+}
+
+/// Writes an episode, one frame per tick. Animations show the last moment for one second, so that the end is
+/// seen before they repeat.
+pub(super) fn write(
+    format: Format,
+    to: &Path,
+    scenario: &Scenario,
+    options: Options,
+    moments: &[Moment],
+    fps: f64,
+) -> CommandResult {
+    let renderer = Renderer::new(scenario, options)?;
+    let draw = |i: usize| renderer.render_recent(&moments[..=i.min(moments.len() - 1)]);
+    let n_frames = moments.len() + fps.round() as usize;
+    let frames = (0..n_frames).map(draw);
+    match format {
+        Format::Gif => write_file(to, |output| write_gif(output, frames, fps)),
+        Format::Apng => write_file(to, |output| write_apng(output, frames, fps)),
+        Format::Mp4 => write_mp4(to, options, frames, fps),
+        Format::Frames => write_folder(to, (0..moments.len()).map(draw)),
+        Format::Page => Err("a page is not made of frames".into()),
+    }
+}
+
+fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -> CommandResult {
+    std::fs::create_dir(folder).map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => format!("{}: exists; --to must be a new folder", folder.display()),
+        _ => format!("{}: {error}", folder.display()),
+    })?;
+    let digits = frames.len().to_string().len();
+    for (i, frame) in frames.enumerate() {
+        let file = folder.join(format!("{i:0digits$}.png"));
+        write_file(&file, |output| frame.write_png(output))?;
+    }
+    Ok(())
+}
+
+/// Pipes frames to ffmpeg, which the user installs.
+fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>, fps: f64) -> CommandResult {
+    let (size, rate) = (format!("{}x{}", options.width, options.height), fps.to_string());
+    let mut command = Command::new("ffmpeg");
+    command.args(["-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
+    // Players need yuv420p, and that needs even sides.
+    command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
+    let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
+    file.push(to);
+    let child = command.arg(file).stdin(Stdio::piped()).stdout(Stdio::null()).spawn();
+    let mut child = child.map_err(|error| match error.kind() {
+        ErrorKind::NotFound => "an MP4 file needs the program ffmpeg, which is not installed; \
+            install it, or choose .gif, .apng or .html"
+            .to_owned(),
+        _ => format!("ffmpeg: {error}"),
+    })?;
+    let mut written = Ok(());
+    if let Some(mut input) = child.stdin.take() {
+        written = frames.into_iter().try_for_each(|frame| input.write_all(frame.rgb()));
+    } // ffmpeg ends when its input is closed
+    let status = child.wait()?;
+    match (status.success(), written) {
+        (true, Ok(())) => Ok(()),
+        (true, Err(error)) => Err(format!("ffmpeg: {error}").into()),
+        (false, _) => Err(format!("{}: ffmpeg failed ({status}); it says above why", to.display()).into()),
+    }
+}

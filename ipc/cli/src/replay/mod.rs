@@ -1,0 +1,137 @@
+//! `smaclite-pool replay`: verifies a replay, or converts it to a page, an animation or pictures.
+
+mod export;
+
+use super::CommandResult;
+use super::picture::{Size, ThemeName};
+use clap::Args;
+use export::Format;
+use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+    smaclite-pool replay 2s3z.smreplay                  play every episode again and compare it
+    smaclite-pool replay 2s3z.smreplay --to 2s3z.html   a page for any browser
+    smaclite-pool replay 2s3z.smreplay --to 2s3z.gif --episode 1 --fps 8   half speed")]
+pub(super) struct Replay {
+    /// The replay file
+    file: PathBuf,
+    /// What to write: NAME.html (a page with all episodes), NAME.gif, NAME.apng or NAME.png (animations),
+    /// NAME.mp4 (needs ffmpeg), or a new folder for one PNG file per tick; a file of that name is replaced
+    #[arg(long, value_name = "OUT")]
+    to: Option<PathBuf>,
+    /// The episode of an animation or folder, counted from 0 [default: 0]
+    #[arg(long, value_name = "N", requires = "to")]
+    episode: Option<usize>,
+    /// Width and height of pictures in pixels [default: 512x512]
+    #[arg(long, value_name = "WxH", requires = "to")]
+    size: Option<Size>,
+    /// Frames per second of an animation, one frame per tick: 16 is the speed of the battle [default: 16]
+    #[arg(long, value_name = "F", requires = "to", allow_negative_numbers = true)]
+    fps: Option<f64>,
+    /// Background of pictures [default: dark]
+    #[arg(long, requires = "to")]
+    theme: Option<ThemeName>,
+}
+
+/// Ticks per second of a battle.
+const TICKS_PER_SECOND: f64 = 16.0;
+
+/// Frame rates that every format can express.
+const MAX_FPS: f64 = 1000.0;
+
+/// Squares around the units of an animation.
+const MARGIN: f32 = 2.0;
+
+impl Replay {
+    pub(super) fn run(self) -> CommandResult {
+        // Options are checked before the battles are played again.
+        let format = self.to.as_deref().map(Format::of).transpose()?;
+        if let Some(format) = format {
+            self.check_options(format)?;
+        }
+        let replay = ReplayFile::read(&self.file)?;
+        let file = self.file.display();
+        match (&self.to, format) {
+            (Some(to), Some(Format::Page)) => {
+                let page = smaclite_view::export_html(&replay).map_err(|error| format!("{file}: {error}"))?;
+                std::fs::write(to, page).map_err(|error| format!("{}: {error}", to.display()))?;
+            }
+            (Some(to), Some(format)) => self.animate(&replay, to, format)?,
+            _ => self.print_summary(&replay)?,
+        }
+        Ok(())
+    }
+
+    /// Refuses options that would have no effect.
+    fn check_options(&self, format: Format) -> CommandResult {
+        let of_pictures = [
+            ("--episode", self.episode.is_some()),
+            ("--size", self.size.is_some()),
+            ("--theme", self.theme.is_some()),
+        ];
+        let unused = of_pictures.into_iter().filter(|_| format == Format::Page);
+        let has_no_rate = matches!(format, Format::Page | Format::Frames);
+        let unused = unused.chain([("--fps", self.fps.is_some() && has_no_rate)]);
+        if let Some((option, _)) = unused.into_iter().find(|(_, is_given)| *is_given) {
+            return Err(format!("{option} has no effect on {}; leave it out", format.name()).into());
+        }
+        match self.fps {
+            Some(fps) if !(fps > 0.0 && fps <= MAX_FPS) => {
+                Err(format!("--fps must be above 0 and at most {MAX_FPS}, got {fps}").into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn animate(&self, replay: &ReplayFile, to: &Path, format: Format) -> CommandResult {
+        let failed = |error| format!("{}: {error}", self.file.display());
+        let player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
+        let moments = player.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+        let mut options = Options { view: View::around(&moments, MARGIN), ..Options::default() };
+        if let Some(size) = self.size {
+            (options.width, options.height) = (size.width, size.height);
+        }
+        options.theme = self.theme.unwrap_or_default().into();
+        let fps = self.fps.unwrap_or(TICKS_PER_SECOND);
+        export::write(format, to, replay.scenario(), options, &moments, fps)
+    }
+
+    /// Plays all episodes again, and prints what they are.
+    fn print_summary(&self, replay: &ReplayFile) -> CommandResult {
+        out!("scenario: {}", replay.scenario().name)?;
+        out!("rules: {}", replay.setup().rules)?;
+        out!("recorded by: {}", replay.program())?;
+        out!("episodes: {}", replay.episodes().len())?;
+        for (i, episode) in replay.episodes().iter().enumerate() {
+            for moment in replay.play(i)? {
+                moment.map_err(|error| format!("{}: {error}", self.file.display()))?;
+            }
+            out!("episode {i}: {}; reproduced", describe(replay, episode))?;
+        }
+        Ok(())
+    }
+}
+
+/// How an episode ended.
+pub(crate) fn describe(replay: &ReplayFile, episode: &Episode) -> String {
+    let outcome = &episode.outcome;
+    let end = match outcome {
+        _ if outcome.battle_won => "won after",
+        _ if outcome.terminated => "lost after",
+        _ if outcome.truncated => "truncated after",
+        _ => "recorded for",
+    };
+    let sizes = replay.arena().sizes();
+    format!(
+        "{end} {} steps, return {:.2}, dead: {} of {} agents, {} of {} enemies",
+        outcome.steps,
+        outcome.episode_return,
+        outcome.dead_allies,
+        sizes.n_agents,
+        outcome.dead_enemies,
+        sizes.n_enemies
+    )
+}

@@ -1,0 +1,146 @@
+//! `smaclite-pool show`: a scenario as a map of characters, or as a picture.
+
+use super::CommandResult;
+use super::picture::{Size, ThemeName, write_file};
+use clap::Args;
+use smaclite_engine::{Arena, Battle, Rules};
+use smaclite_scenarios::{Faction, Placement, Scenario};
+use smaclite_units::UnitType;
+use smaclite_view::{Observer, Options, Renderer, type_letters};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+#[derive(Args)]
+#[command(after_help = "\
+The map of characters: north is up, and a square is two columns wide. `##` is a blocked square, `x` the \
+point to which the enemies move. A letter stands for a unit; `<` after it marks an agent, `>` an enemy. \
+Units that share a square are shown by the first one.")]
+pub(super) struct Show {
+    /// A standard scenario or a scenario file
+    scenario: String,
+    /// Write a picture to this PNG file, instead of printing the map; a file of that name is replaced
+    #[arg(long, value_name = "OUT")]
+    png: Option<PathBuf>,
+    /// Width and height of the picture in pixels [default: 512x512]
+    #[arg(long, value_name = "WxH", requires = "png")]
+    size: Option<Size>,
+    /// Background of the picture [default: dark]
+    #[arg(long, requires = "png")]
+    theme: Option<ThemeName>,
+    /// Show how far each agent sees
+    #[arg(long, requires = "png")]
+    sight: bool,
+    /// Show the attack range of each unit
+    #[arg(long, requires = "png")]
+    range: bool,
+    /// Show the number of each unit within its faction
+    #[arg(long, requires = "png")]
+    ids: bool,
+}
+
+impl Show {
+    pub(super) fn run(self) -> CommandResult {
+        let scenario = Scenario::resolve(&self.scenario)?;
+        match &self.png {
+            Some(png) => self.draw(&scenario, png),
+            None => print(&scenario),
+        }
+    }
+
+    fn draw(&self, scenario: &Scenario, png: &Path) -> CommandResult {
+        if png.extension().is_none_or(|suffix| suffix != "png") {
+            return Err(format!("--png must end in .png, got `{}`", png.display()).into());
+        }
+        let default = Options::default();
+        let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
+        let options = Options {
+            width: size.width,
+            height: size.height,
+            show_sight: self.sight,
+            show_range: self.range,
+            show_ids: self.ids,
+            theme: self.theme.unwrap_or_default().into(),
+            ..default
+        };
+        let battle = Battle::new(Arc::new(Arena::new(scenario, Rules::default())), 0);
+        let start = Observer::new(scenario, battle.units());
+        let picture = Renderer::new(scenario, options)?.render(start.moment());
+        write_file(png, |output| picture.write_png(output))
+    }
+}
+
+fn print(scenario: &Scenario) -> CommandResult {
+    let limit = scenario.episode_limit.map_or("none".to_owned(), |steps| format!("{steps} steps"));
+    let (width, height) = (scenario.terrain.width(), scenario.terrain.height());
+    out!("{}: {width} x {height} squares, episode limit {limit}", scenario.name)?;
+    out!("< agents: {}", army(scenario, Faction::Ally))?;
+    out!("> enemies: {}\n", army(scenario, Faction::Enemy))?;
+    let units = units_by_square(scenario);
+    for y in (0..i64::from(height)).rev() {
+        let row: String = (0..i64::from(width)).map(|x| square(scenario, &units, x, y)).collect();
+        out!("{}", row.trim_end())?;
+    }
+    Ok(())
+}
+
+/// The units of a faction by type, such as `2 STALKER (S), 3 ZEALOT (Z)`.
+fn army(scenario: &Scenario, faction: Faction) -> String {
+    let letters = type_letters(&scenario.unit_types);
+    let group = |(i, unit_type): (usize, &UnitType)| {
+        let is_counted = |unit: &&Placement| unit.faction == faction && unit.unit_type == i;
+        let n = scenario.units.iter().filter(is_counted).count();
+        (n > 0).then(|| format!("{n} {} ({})", unit_type.name, letters[i]))
+    };
+    scenario.unit_types.iter().enumerate().filter_map(group).collect::<Vec<_>>().join(", ")
+}
+
+/// A letter and the mark of a faction.
+type Mark = [char; 2];
+
+/// The first unit of each square with units.
+fn units_by_square(scenario: &Scenario) -> BTreeMap<(i64, i64), Mark> {
+    let letters = type_letters(&scenario.unit_types);
+    let mut squares = BTreeMap::new();
+    for unit in &scenario.units {
+        let mark = match unit.faction {
+            Faction::Ally => '<',
+            Faction::Enemy => '>',
+        };
+        squares.entry(square_of(unit.position)).or_insert([letters[unit.unit_type], mark]);
+    }
+    squares
+}
+
+fn square_of(position: [f64; 2]) -> (i64, i64) {
+    let [x, y] = position.map(|coordinate| coordinate.floor() as i64);
+    (x, y)
+}
+
+/// The two characters of a square.
+fn square(scenario: &Scenario, units: &BTreeMap<(i64, i64), Mark>, x: i64, y: i64) -> String {
+    let [first, second] = match units.get(&(x, y)) {
+        Some(mark) => *mark,
+        None if square_of(scenario.attack_point) == (x, y) => ['x', ' '],
+        None if scenario.terrain.is_walkable(x, y) => ['.', ' '],
+        None => ['#', '#'],
+    };
+    String::from_iter([first, second])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_shows_north_above_south_and_units_with_their_side() {
+        let scenario = Scenario::standard("2s3z").unwrap();
+        assert_eq!(army(&scenario, Faction::Ally), "2 STALKER (S), 3 ZEALOT (Z)");
+        let units = units_by_square(&scenario);
+        let unit = &scenario.units[0];
+        let (x, y) = square_of(unit.position);
+        assert_eq!((unit.faction, square(&scenario, &units, x, y).as_str()), (Faction::Ally, "S<"));
+        assert_eq!(square(&scenario, &units, 0, 0), "##", "the border is blocked");
+        assert_eq!(square(&scenario, &units, 16, 16), ". ");
+    }
+}

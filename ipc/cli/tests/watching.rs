@@ -1,0 +1,225 @@
+//! Recording and watching battles by the program: record, replay, show.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn run(folder: &Path, arguments: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
+    command.args(arguments.split(' ')).current_dir(folder);
+    command.env("PATH", folder); // without ffmpeg
+    command.output().expect("the program starts")
+}
+
+/// Runs a command that succeeds; returns what it printed.
+fn output(folder: &Path, arguments: &str) -> String {
+    let done = run(folder, arguments);
+    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8(done.stdout).expect("text")
+}
+
+/// Runs a command that fails with this status and a message that contains `expected`.
+fn check_error(folder: &Path, arguments: &str, status: i32, expected: &str) {
+    let done = run(folder, arguments);
+    let error = String::from_utf8_lossy(&done.stderr).replace("\n  ", " ");
+    assert_eq!(done.status.code(), Some(status), "{arguments}: {error}");
+    assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
+}
+
+/// The sizes of all frames of a PNG file, which is decoded to its end.
+fn png_frames(file: &Path) -> Vec<(u32, u32)> {
+    let file = fs::File::open(file).expect("the file");
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG file");
+    let frames = reader.info().animation_control().map_or(1, |animation| animation.num_frames);
+    let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+    (0..frames)
+        .map(|_| {
+            let frame = reader.next_frame(&mut pixels).expect("a frame");
+            (frame.width, frame.height)
+        })
+        .collect()
+}
+
+fn gif_frames(file: &Path) -> (u16, u16, usize) {
+    let file = fs::File::open(file).expect("the file");
+    let mut decoder = gif::DecodeOptions::new().read_info(file).expect("a GIF file");
+    let mut n_frames = 0;
+    while decoder.read_next_frame().expect("a frame").is_some() {
+        n_frames += 1;
+    }
+    (decoder.width(), decoder.height(), n_frames)
+}
+
+/// A folder with `3m.smreplay`, two episodes of the policy `focus_fire`.
+fn recorded() -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let record = "record 3m --policy focus_fire --episodes 2 --seed 5 --out 3m.smreplay";
+    let printed = output(folder.path(), record);
+    (folder, printed)
+}
+
+#[test]
+fn a_recording_is_reproduced() {
+    let (folder, recorded) = recorded();
+    let outcomes: Vec<&str> = recorded.lines().filter(|line| line.starts_with("episode ")).collect();
+    assert_eq!(outcomes.len(), 2, "{recorded}");
+    let printed = output(folder.path(), "replay 3m.smreplay");
+    assert!(printed.starts_with("scenario: 3m\nrules: smaclite\nrecorded by: smaclite-pool "), "{printed}");
+    for outcome in outcomes {
+        assert!(outcome.contains("won after ") && outcome.contains("3 of 3 enemies"), "{outcome}");
+        assert!(printed.contains(&format!("{outcome}; reproduced\n")), "{printed}");
+    }
+}
+
+#[test]
+fn a_replay_becomes_pages_animations_and_pictures() {
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    output(folder, "replay 3m.smreplay --to page.html");
+    let page = fs::read_to_string(folder.join("page.html")).expect("the page");
+    assert!(page.starts_with("<!doctype html>") && page.contains("3m replay"));
+
+    let options = "--episode 1 --size 80x64 --theme light";
+    output(folder, &format!("replay 3m.smreplay --to frames {options}"));
+    let n_frames = fs::read_dir(folder.join("frames")).expect("a folder").count();
+    assert!(n_frames > 8 && n_frames % 8 == 1, "the start and 8 ticks per step, got {n_frames}");
+    assert_eq!(png_frames(&folder.join("frames/000.png")), [(80, 64)]);
+
+    // The last frame stays for one second.
+    output(folder, &format!("replay 3m.smreplay --to battle.gif --fps 4 {options}"));
+    assert_eq!(gif_frames(&folder.join("battle.gif")), (80, 64, n_frames + 4));
+    for name in ["battle.apng", "battle.png"] {
+        output(folder, &format!("replay 3m.smreplay --to {name} {options}"));
+        let frames = png_frames(&folder.join(name));
+        assert_eq!((frames[0], frames.len()), ((80, 64), n_frames + 16), "{name}");
+    }
+}
+
+/// A program named ffmpeg that keeps its input and its arguments.
+const FFMPEG: &str =
+    "#!/bin/sh\nfor last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"\n";
+
+#[test]
+fn ffmpeg_gets_every_frame() {
+    use std::os::unix::fs::PermissionsExt;
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    let install = |script: &str| {
+        fs::write(folder.join("ffmpeg"), script).expect("a script");
+        fs::set_permissions(folder.join("ffmpeg"), fs::Permissions::from_mode(0o755)).expect("executable");
+    };
+    install(FFMPEG);
+    output(folder, "replay 3m.smreplay --to battle.mp4 --size 33x16 --fps 4");
+    let arguments = fs::read_to_string(folder.join("arguments")).expect("arguments");
+    assert!(arguments.contains("-pix_fmt rgb24 -s 33x16 -r 4 "), "{arguments}");
+    let bytes = fs::metadata(folder.join("battle.mp4")).expect("a file").len();
+    output(folder, "replay 3m.smreplay --to frames --size 33x16");
+    let n_frames = fs::read_dir(folder.join("frames")).expect("a folder").count() as u64 + 4;
+    assert_eq!(bytes, n_frames * 33 * 16 * 3);
+
+    install("#!/bin/sh\nexit 3\n");
+    let expected = "battle.mp4: ffmpeg failed (exit status: 3); it says above why";
+    check_error(folder, "replay 3m.smreplay --to battle.mp4", 1, expected);
+}
+
+#[test]
+fn what_cannot_be_recorded_is_an_error() {
+    let (folder, _) = recorded();
+    let error = |arguments, status, expected| check_error(folder.path(), arguments, status, expected);
+    let policies = "unknown policy `greedy`; the policies are random, nearest, focus_fire, kite, hold";
+    error("record 3m --policy greedy --out a.smreplay", 2, policies);
+    error("record 3m --out a.json", 1, "--out must end in .smreplay, got `a.json`");
+    error("record 3m --episodes 0 --out a.smreplay", 1, "--episodes must be between 1 and 10000, got 0");
+    error("record 3mm --out a.smreplay", 1, "did you mean `3m`?");
+    error("record 3m --out absent/a.smreplay", 1, "absent/a.smreplay: No such file or directory");
+    error("record 3m --rules chess --out a.smreplay", 2, "chess");
+}
+
+#[test]
+fn what_cannot_be_replayed_is_an_error() {
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    let error = |arguments, status, expected| check_error(folder, arguments, status, expected);
+    let suffixes = "--to must end in .html, .gif, .apng, .png or .mp4, or be a new folder without a suffix";
+    error("replay 3m.smreplay --to battle.avi", 1, suffixes);
+    error("replay 3m.smreplay --to ..", 1, suffixes);
+    error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
+    error("replay 3m.smreplay --to a.gif --episode 2", 1, "episode must be below 2");
+    error("replay 3m.smreplay --to a.gif --fps 0", 1, "--fps must be above 0 and at most 1000, got 0");
+    error("replay 3m.smreplay --to a.gif --fps nan", 1, "--fps must be above 0 and at most 1000, got NaN");
+    error("replay 3m.smreplay --to a.gif --size 9x9", 2, "must be WIDTHxHEIGHT, each between 16 and 4096");
+    error("replay 3m.smreplay --to a.html --episode 1", 1, "--episode has no effect on a page");
+    error("replay 3m.smreplay --to frames --fps 8", 1, "--fps has no effect on a folder");
+    error("replay 3m.smreplay --fps 8", 2, "--to");
+    error("replay absent.smreplay", 1, "absent.smreplay: No such file or directory");
+
+    fs::create_dir(folder.join("full")).expect("a folder");
+    error("replay 3m.smreplay --to full", 1, "full: exists; --to must be a new folder");
+    fs::create_dir(folder.join("folder.gif")).expect("a folder");
+    error("replay 3m.smreplay --to folder.gif", 1, "folder.gif: Is a directory");
+
+    let bytes = fs::read(folder.join("3m.smreplay")).expect("the replay");
+    fs::write(folder.join("short.smreplay"), &bytes[..bytes.len() / 2]).expect("a file");
+    error("replay short.smreplay --to short.html", 1, "short.smreplay: expected a replay");
+    assert!(!folder.join("short.html").exists() && !folder.join("a.gif").exists());
+}
+
+/// Two marines, and an obstacle between them and a zergling.
+const CUSTOM: &str = r#"{
+    "name": "wall", "num_allied_units": 2, "num_enemy_units": 1,
+    "groups": [
+        { "x": 2, "y": 2, "faction": "ALLY", "units": { "MARINE": 2 } },
+        { "x": 10, "y": 2, "faction": "ENEMY", "units": { "ZERGLING": 1 } }
+    ],
+    "attack_point": [6, 4], "width": 12, "height": 6,
+    "terrain": [
+        "____________", "____________", "_____XX_____",
+        "____________", "____________", "XXXXXXXXXXXX"
+    ],
+    "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false
+}"#;
+
+#[test]
+fn a_custom_scenario_is_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::write(folder.join("wall.json"), CUSTOM).expect("a file");
+    let printed = output(folder, "show wall.json");
+    let expected = "\
+wall: 12 x 6 squares, episode limit none
+< agents: 2 MARINE (M)
+> enemies: 1 ZERGLING (G)
+
+########################
+. . . . . . x . . . . .
+. . . . . . . . . . . .
+. . . . . ####. . . G>.
+. M<M<. . . . . . . . .
+. . . . . . . . . . . .
+";
+    assert_eq!(printed, expected);
+    output(folder, "show wall.json --png wall.png --size 96x48 --sight --range --ids --theme light");
+    assert_eq!(png_frames(&folder.join("wall.png")), [(96, 48)]);
+}
+
+#[test]
+fn a_scenario_without_a_limit_is_recorded_with_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("wall.json"), CUSTOM.replace("[6, 4]", "[10, 2]")).expect("a file");
+    let printed = output(folder.path(), "record wall.json --policy hold --out wall.smreplay");
+    assert!(printed.starts_with("episode 0: truncated after 1000 steps"), "{printed}");
+    assert!(output(folder.path(), "replay wall.smreplay").contains("; reproduced"));
+}
+
+#[test]
+fn a_standard_scenario_is_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let printed = output(folder.path(), "show 2s3z");
+    let count = |text: &str| printed.matches(text).count();
+    assert_eq!((count("S<"), count("Z<"), count("S>"), count("Z>")), (2, 3, 2, 3), "{printed}");
+    output(folder.path(), "show 2s3z --png map.png");
+    assert_eq!(png_frames(&folder.path().join("map.png")), [(512, 512)]);
+    check_error(folder.path(), "show 2s3z --png map.jpg", 1, "--png must end in .png, got `map.jpg`");
+    check_error(folder.path(), "show 2s3z --sight", 2, "--png");
+    check_error(folder.path(), "show absent.json", 1, "absent.json");
+}
