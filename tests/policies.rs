@@ -61,7 +61,7 @@ fn hold_never_moves() {
     });
 }
 
-/// Stalkers outrange zealots and are as fast: whoever kites wins where standing still loses.
+/// Stalkers outrange zealots and are as fast: they win if they kite, and lose if they stand still.
 #[test]
 fn kiting_stalkers_beat_zealots_that_beat_standing_ones() {
     let (kiting, standing) =

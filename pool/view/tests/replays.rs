@@ -245,9 +245,8 @@ fn damaged_files_are_errors() {
         let error = Replay::from_bytes(&bytes[..length], "f").unwrap_err();
         assert!(matches!(error, ReplayError::NotAReplay { .. }), "{length}: {error}");
     }
-    // A changed bit is an error, or has no meaning: some are in gzip's header (time, level, system), and
-    // some make
-    // the compressed data refer to another copy of the same text.
+    // A changed bit is an error, or has no meaning: some are in gzip's header (time, level, system), and some
+    // make the compressed data refer to another copy of the same text.
     let mut accepted = 0;
     for (at, bit) in (0..bytes.len()).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
         let mut changed = bytes.clone();

@@ -1,6 +1,5 @@
 //! Any JSON as a replay file: it is refused with a reason, or its episodes are reproduced, or the first step
-//! that
-//! differs is named. Compression is a fuzzer's dead end, so the bytes are compressed here.
+//! that differs is named. Compression is a fuzzer's dead end, so the bytes are compressed here.
 #![no_main]
 
 use std::io::Write;

@@ -1,8 +1,7 @@
 //! The data of the page: what its scripts (`track.js`) decode.
 //!
 //! Moments and steps are streams of variable-length integers (LEB128; signed ones in zigzag order),
-//! compressed by
-//! deflate and written in base64. Values are rounded to what can be seen.
+//! compressed by deflate and written in base64. Values are rounded to what can be seen.
 
 use std::f32::consts::TAU;
 use std::io::Write;
@@ -78,8 +77,7 @@ fn type_info(unit_type: &UnitType, label: &str) -> Value {
 }
 
 /// A short label for each type: its first letter, followed, where types share it, by the first letter in
-/// which the
-/// type differs from all of them.
+/// which the type differs from all of them.
 fn labels(types: &[UnitType]) -> Vec<String> {
     let letters = |unit_type: &UnitType| {
         unit_type
@@ -142,8 +140,7 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<Value, ReplayErro
 }
 
 /// Encodes consecutive moments: column by column, in each unit by unit, and in that each value as the
-/// difference from
-/// the moment before; then the attacks, moment by moment.
+/// difference from the moment before; then the attacks, moment by moment.
 pub fn encode_moments(moments: &[Moment]) -> Vec<u8> {
     let columns: [fn(&UnitMoment) -> i64; 9] = [
         |unit| (unit.pos.x * POSITION).round() as i64,
@@ -185,8 +182,7 @@ pub fn encode_moments(moments: &[Moment]) -> Vec<u8> {
 }
 
 /// Appends a decision: for each agent its action plus 1, or 0 if there is none, and the words of its
-/// available
-/// actions, 32 bits each.
+/// available actions, 32 bits each.
 pub fn encode_step(battle: &Battle, actions: &[u16], out: &mut Vec<u8>) {
     let sizes = battle.arena().sizes();
     for agent in 0..sizes.n_agents {

@@ -1,8 +1,7 @@
 //! The page that shows battles in a browser: one HTML document with styles, scripts and data inside.
 //!
-//! Its parts are in `pool/view/page`, written by hand, and used as they are. It loads nothing from a
-//! network, and its
-//! content security policy forbids it.
+//! Its parts are in `pool/view/page`, written by hand, and used as they are. It loads nothing from a network,
+//! and its content security policy forbids it.
 
 mod data;
 
@@ -33,8 +32,7 @@ const REPLAY_SCRIPTS: [&str; 4] = [
 ];
 
 /// A page that plays a replay, and needs no other file. It is checked while it is made: all of its episodes
-/// are
-/// played by this version.
+/// are played by this version.
 ///
 /// # Errors
 /// As [`Replay::verify`].

@@ -80,9 +80,10 @@ pub enum ReplayError {
         steps: usize,
     },
     /// The generator of a battle has moved on too far to be named by seed and draws.
-    #[error("a recording must have at most {max} draws per seed, and seed {seed} has more; begin with another
-    #seed",
-            max = super::Start::MAX_DRAWS)]
+    #[error(
+        "a recording must have at most {max} draws per seed, and seed {seed} has more; begin with another seed",
+        max = super::Start::MAX_DRAWS
+    )]
     TooManyDraws {
         /// The seed.
         seed: u64,

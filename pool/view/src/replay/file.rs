@@ -1,8 +1,7 @@
 //! The file of a replay: one JSON object, compressed by gzip (`zcat FILE | jq` shows it).
 //!
 //! gzip's checksum and length detect damage. Everything else is checked after reading, except for what only
-//! play
-//! can tell: whether actions are legal, and whether the checksums of the episodes are reproduced.
+//! play can tell: whether actions are legal, and whether the checksums of the episodes are reproduced.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -25,8 +24,7 @@ pub const SUFFIX: &str = "smreplay";
 pub const MAX_FILE_BYTES: u64 = 64 << 20;
 
 /// The largest replay, in bytes of JSON: some 5,000 episodes of 27 agents. A small file can be compressed
-/// from
-/// much more.
+/// from much more.
 pub const MAX_JSON_BYTES: u64 = 64 << 20;
 
 /// The `format` of every replay.
@@ -94,8 +92,7 @@ impl Replay {
     ///
     /// # Errors
     /// [`ReplayError`] says what is wrong with the file. Whether this version reproduces its episodes is
-    /// checked
-    /// by [`verify`](Self::verify).
+    /// checked by [`verify`](Self::verify).
     pub fn read(path: &Path) -> Result<Replay, ReplayError> {
         let file = path.display().to_string();
         let bytes = read_bytes(path).map_err(|error| ReplayError::Io { file: file.clone(), error })?;

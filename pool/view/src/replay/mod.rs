@@ -58,8 +58,7 @@ pub struct Start {
     /// The seed of the battle.
     pub seed: u64,
     /// Number of 32-bit words that were drawn from the generator before the episode, at most
-    /// [`Start::MAX_DRAWS`];
-    /// 0 in the first episode after seeding.
+    /// [`Start::MAX_DRAWS`]; 0 in the first episode after seeding.
     pub draws: u64,
 }
 
@@ -80,8 +79,7 @@ impl Start {
     }
 
     /// This start moved on to where its generator equals `generator`, if that is at most `MAX_DRAWS` draws
-    /// after
-    /// the seed.
+    /// after the seed.
     pub fn moved_to(self, generator: &Generator) -> Option<Start> {
         self.moved_on(&mut self.generator(), generator)
     }

@@ -94,8 +94,7 @@ impl<'a> Player<'a> {
     ///
     /// # Errors
     /// [`ReplayError::IllegalAction`] or [`ReplayError::Diverged`] if this version plays the step otherwise
-    /// than
-    /// it was recorded.
+    /// than it was recorded.
     pub fn play_step(&mut self) -> Result<Option<PlayedStep>, ReplayError> {
         let actions: Vec<i32> = self.actions(self.step).iter().map(|&action| action.into()).collect();
         if actions.is_empty() {

@@ -9,8 +9,7 @@ use super::{Episode, Outcome, Replay, ReplayError, Setup, Start, this_program};
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
 /// To record a battle that runs elsewhere, step the recorder with the same actions; what it
-/// [plays](Self::battle)
-/// is the same to the bit if it began with the same [`Start`].
+/// [plays](Self::battle) is the same to the bit if it began with the same [`Start`].
 pub struct Recorder {
     replay: Replay,
     battle: Battle,
@@ -86,13 +85,11 @@ impl Recorder {
     }
 
     /// Ends the episode and begins the next one, with the generator as it is. An episode without a step is
-    /// not
-    /// recorded.
+    /// not recorded.
     ///
     /// # Errors
     /// [`ReplayError::TooManyDraws`] after more steps with one seed than a [`Start`] can express; then
-    /// nothing is
-    /// changed, and [`begin`](Self::begin) with another seed continues.
+    /// nothing is changed, and [`begin`](Self::begin) with another seed continues.
     pub fn reset(&mut self) -> Result<(), ReplayError> {
         let seed = self.start.seed;
         let mut generator = self.generator.clone();
