@@ -118,10 +118,10 @@ fmt:
 # Check formatting, lints and the length of lines; warnings are errors
 lint: _venv
     cargo fmt --all --check
-    cargo clippy --workspace --all-targets -- -D warnings
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
+    cargo clippy --workspace --all-targets -- -D warnings
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":

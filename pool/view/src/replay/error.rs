@@ -81,7 +81,7 @@ pub enum ReplayError {
     },
     /// The generator of a battle has moved on too far to be named by seed and draws.
     #[error(
-        "a recording must have at most {max} draws per seed, and seed {seed} has more; begin with another seed",
+        "a recording must have at most {max} draws per seed, and seed {seed} has more; begin with a new seed",
         max = super::Start::MAX_DRAWS
     )]
     TooManyDraws {
