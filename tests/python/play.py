@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
@@ -43,3 +44,20 @@ def first_legal(batch: sp.Batch) -> NDArray[np.int32]:
     mask = batch.avail_actions
     last: NDArray[np.int32] = (mask.shape[2] - 1 - mask[:, :, ::-1].argmax(axis=2)).astype(np.int32)
     return last
+
+def duel(allies: int = 2, unit: str = "ZEALOT", enemy_x: float = 12, name: str = "duel") -> dict[str, Any]:
+    """A custom scenario: some allies of one unit type, and one enemy of the same type beside them."""
+    return {
+        "name": name,
+        "num_allied_units": allies,
+        "num_enemy_units": 1,
+        "groups": [
+            {"faction": "ALLY", "x": 9, "y": 16, "units": {unit: allies}},
+            {"faction": "ENEMY", "x": enemy_x, "y": 16, "units": {unit: 1}},
+        ],
+        "attack_point": [9, 16],
+        "terrain_preset": "SIMPLE",
+        "num_unit_types": 0,
+        "ally_has_shields": unit == "ZEALOT",
+        "enemy_has_shields": unit == "ZEALOT",
+    }

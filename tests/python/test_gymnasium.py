@@ -25,25 +25,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
+from play import duel
 from smaclite_pool._render import Window
 from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
 
 MODULE = "smaclite_pool.integrations.gymnasium"
-
-SCENARIO = {
-    "name": "duel",
-    "num_allied_units": 2,
-    "num_enemy_units": 1,
-    "groups": [
-        {"faction": "ALLY", "x": 9, "y": 16, "units": {"ZEALOT": 2}},
-        {"faction": "ENEMY", "x": 12, "y": 16, "units": {"ZEALOT": 1}},
-    ],
-    "attack_point": [9, 16],
-    "terrain_preset": "SIMPLE",
-    "num_unit_types": 0,
-    "ally_has_shields": True,
-    "enemy_has_shields": True,
-}
 
 
 @pytest.fixture(autouse=True)
@@ -302,7 +288,7 @@ def test_seeds() -> None:
 
 def test_a_custom_scenario(tmp_path: Path) -> None:
     file = tmp_path / "duel.json"
-    file.write_text(json.dumps(SCENARIO))
+    file.write_text(json.dumps(duel()))
     for make in (gymnasium.make, gymnasium.make_vec):
         env: Any = make("smaclite_pool/custom-v0", map_file=str(file))
         env.reset(seed=1)

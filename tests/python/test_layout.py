@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from play import duel
 from smaclite_pool import _native
 from smaclite_pool._layout import Floats, ScenarioLayout
 from smaclite_pool._units import UnitsView
@@ -124,26 +125,10 @@ def test_action_numbers_and_the_targeting_range() -> None:
     assert targets > 0
 
 
-DUEL = {
-    "name": "five_against_one",
-    "num_allied_units": 5,
-    "num_enemy_units": 1,
-    "groups": [
-        {"faction": "ALLY", "x": 9, "y": 16, "units": {"MARINE": 5}},
-        {"faction": "ENEMY", "x": 16, "y": 16, "units": {"MARINE": 1}},
-    ],
-    "attack_point": [9, 16],
-    "terrain_preset": "SIMPLE",
-    "num_unit_types": 0,
-    "ally_has_shields": False,
-    "enemy_has_shields": False,
-}
-
-
 def test_the_rewards(tmp_path: Path) -> None:
     """A victory returns REWARD_SCALE for all health of the enemies, KILL_REWARD per enemy, and WIN_REWARD."""
     file = tmp_path / "duel.json"
-    file.write_text(json.dumps(DUEL))
+    file.write_text(json.dumps(duel(5, "MARINE", 16, "five_against_one")))
     layout = ScenarioLayout(file)
     [enemy] = layout.enemies
     scale = _native.REWARD_SCALE / (enemy["hp"] + _native.KILL_REWARD + _native.WIN_REWARD)

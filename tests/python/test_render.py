@@ -13,29 +13,14 @@ import pytest
 import smaclite_pool as sp
 from conftest import Serve
 from numpy.typing import NDArray
+from play import duel
 from smaclite_pool._render import BattleViewer
 
 Picture = NDArray[np.uint8]
 
-DUEL: dict[str, Any] = {
-    "name": "duel",
-    "num_allied_units": 2,
-    "num_enemy_units": 1,
-    "groups": [
-        {"faction": "ALLY", "x": 9, "y": 16, "units": {"ZEALOT": 2}},
-        {"faction": "ENEMY", "x": 12, "y": 16, "units": {"ZEALOT": 1}},
-    ],
-    "attack_point": [9, 16],
-    "terrain_preset": "SIMPLE",
-    "num_unit_types": 0,
-    "ally_has_shields": True,
-    "enemy_has_shields": True,
-}
-
-
 def write_duel(folder: Path, name: str = "duel") -> Path:
     path = folder / f"{name}.json"
-    path.write_text(json.dumps({**DUEL, "name": name}))
+    path.write_text(json.dumps(duel(name=name)))
     return path
 
 
