@@ -18,6 +18,7 @@ from smaclite_pool._render import BattleViewer
 
 Picture = NDArray[np.uint8]
 
+
 def write_duel(folder: Path, name: str = "duel") -> Path:
     path = folder / f"{name}.json"
     path.write_text(json.dumps(duel(name=name)))
