@@ -2,7 +2,6 @@
 //!
 //! They are part of the public interface: users compare learners with them, and benches and tests play with
 //! them. They see a battle through [`Situation`], which a [`Battle`] implements.
-//! [`pick`] is also the sampler of a pool's clients, which draw available actions without a battle.
 
 mod random;
 mod tactics;
@@ -12,7 +11,7 @@ use glam::Vec2;
 use crate::arena::Arena;
 use crate::battle::Battle;
 
-pub use random::{Random, pick};
+pub use random::Random;
 pub use tactics::{focus_fire, hold, kite, nearest};
 
 /// What a policy sees of a battle. Units are given by battle-wide id.

@@ -31,7 +31,7 @@ impl Random {
 /// The position of a random set bit, uniform if the random `word` is; 0 if no bit is set.
 ///
 /// `bits` are those of [`Situation::available`]: bit `i % 64` of element `i / 64` is at position `i`.
-pub fn pick(bits: &[u64], word: u64) -> usize {
+fn pick(bits: &[u64], word: u64) -> usize {
     let count: u32 = bits.iter().map(|bits| bits.count_ones()).sum();
     // The high bits of word * count are uniform in 0..count, to within count / 2^64.
     let mut skip = ((u128::from(word) * u128::from(count)) >> 64) as u32;
