@@ -22,7 +22,7 @@ TICKS_PER_STEP = 8
 
 pytestmark = [
     pytest.mark.skipif(BROWSER is None, reason=f"no browser: none of {', '.join(BROWSERS)} is in PATH"),
-    pytest.mark.skipif(shutil.which("cargo") is None, reason="no cargo: an example in Rust makes the pages"),
+    pytest.mark.skipif(shutil.which("cargo") is None, reason="no cargo: the program makes the pages"),
 ]
 
 
@@ -30,10 +30,12 @@ pytestmark = [
 def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with 2s3z.html, of three episodes, and others."""
     folder = tmp_path_factory.mktemp("pages")
-    example = ["cargo", "run", "--release", "--quiet", "-p", "smaclite-view", "--example", "export"]
-    export = [*example, "--", str(folder)]
-    for arguments in (["2s3z", "3"], ["27m_vs_30m"], ["MMM"], ["bane_vs_bane"], ["2c_vs_64zg"]):
-        subprocess.run([*export, *arguments], cwd=REPOSITORY, check=True, timeout=600)
+    program = ["cargo", "run", "--release", "--quiet", "-p", "smaclite-cli", "--"]
+    for name, episodes in {"2s3z": 3, "27m_vs_30m": 1, "MMM": 1, "bane_vs_bane": 1, "2c_vs_64zg": 1}.items():
+        replay, page = str(folder / f"{name}.smreplay"), str(folder / f"{name}.html")
+        record = ["record", name, "--policy", "nearest", "--episodes", str(episodes), "--seed", "1"]
+        for command in ([*record, "--out", replay], ["replay", replay, "--to", page]):
+            subprocess.run([*program, *command], cwd=REPOSITORY, check=True, timeout=600)
     return folder
 
 
