@@ -6,7 +6,7 @@ use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 use smaclite_ipc::{
     Client, ConnectError, ControlSocketError, WaitOptions, WaitStrategy, status, status_within,
 };
-use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command};
+use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command, run_to_end};
 use smaclite_tests::raw_client::Control;
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -65,9 +65,8 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
     let error = second.answer(TIMEOUT).expect_err("the name is in use");
     assert_contains(&error, &["runs already", &format!("process {}", supervisor.pid())]);
 
-    let list = role_command(&dir, &[], "program list").output().expect("a child process");
-    let (output, error) = (String::from_utf8_lossy(&list.stdout), String::from_utf8_lossy(&list.stderr));
-    assert_eq!(list.status.code(), Some(1), "{output}{error}");
+    let (code, output, error) = run_to_end(&mut role_command(&dir, &[], "program list"));
+    assert_eq!(code, Some(1), "{output}{error}");
     assert!(!output.contains("no pool runs here"), "{output}");
     assert_contains(&error, &["`train`", "did not answer", "1 of 1 pools"]);
     assert_eq!(smaclite_ipc::running_pools(dir.runtime_dir()), ["train"]);

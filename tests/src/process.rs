@@ -4,7 +4,7 @@
 use crate::{LanePlan, PoolPlan, TestDir};
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, waitid};
 use smaclite_ipc::ROOT_VARIABLE;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Seek, Write};
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
@@ -48,6 +48,38 @@ pub fn role_command(dir: &TestDir, launcher: &[&str], role: &str) -> Command {
     };
     command.args(ROLE_ARGS).env(ROLE_VARIABLE, role).env(ROOT_VARIABLE, dir.root());
     command
+}
+
+/// Runs a command to its end; its exit code, standard output and standard error. A command that has not
+/// ended after a timeout is killed, and then there is no exit code.
+///
+/// # Panics
+/// If it cannot be started.
+pub fn run_to_end(command: &mut Command) -> (Option<i32>, String, String) {
+    let mut files = [(); 2].map(|()| tempfile::tempfile().expect("a file"));
+    let [stdout, stderr] = files.each_ref().map(|file| file.try_clone().expect("the same file"));
+    let process = command.stdin(Stdio::null()).stdout(stdout).stderr(stderr).spawn();
+    let status = wait(&mut process.expect("a child process"), TIMEOUT * 2);
+    let [stdout, stderr] = files.each_mut().map(|file| {
+        let mut text = String::new();
+        file.rewind().and_then(|()| file.read_to_string(&mut text)).expect("the output of a command");
+        text
+    });
+    (status.and_then(|status| status.code()), stdout, stderr)
+}
+
+/// Waits for the end of a process; kills it after `within`, and then returns `None`.
+fn wait(process: &mut std::process::Child, within: Duration) -> Option<ExitStatus> {
+    let mut status = None;
+    let ended = eventually_within(within, || {
+        status = process.try_wait().ok().flatten();
+        status.is_some()
+    });
+    if !ended {
+        let _ = process.kill();
+        let _ = process.wait();
+    }
+    status
 }
 
 /// A child process; killed when it is dropped.
@@ -229,15 +261,7 @@ impl Child {
 
     /// Waits for its end; kills it after `within`, and then returns `None`.
     pub fn wait(&mut self, within: Duration) -> Option<ExitStatus> {
-        let mut status = None;
-        let ended = eventually_within(within, || {
-            status = self.process.try_wait().ok().flatten();
-            status.is_some()
-        });
-        if !ended {
-            self.kill();
-        }
-        status
+        wait(&mut self.process, within)
     }
 }
 
