@@ -106,3 +106,70 @@ impl EpisodeLog {
         parts
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::{Arena, Battle, Rules};
+    use smaclite_scenarios::Scenario;
+    use std::sync::Arc;
+
+    fn start() -> Snapshot {
+        let arena = Arena::new(&Scenario::resolve("3m").unwrap(), Rules::Smaclite);
+        Battle::new(Arc::new(arena), 0).save()
+    }
+
+    /// Number, steps, and whether there is a start.
+    fn read(log: &EpisodeLog, cursor: &mut LogCursor) -> Vec<(u64, usize, bool)> {
+        let parts = log.read(cursor).into_iter();
+        parts.map(|part| (part.number, part.actions.len() / 3, part.start.is_some())).collect()
+    }
+
+    #[test]
+    fn every_step_is_read_once_and_every_start() {
+        let mut log = EpisodeLog::new(3, start());
+        let mut cursor = LogCursor::default();
+        assert_eq!(read(&log, &mut cursor), [(0, 0, true)]);
+        assert_eq!(read(&log, &mut cursor), []);
+        log.step(&[1, 2, 3], false);
+        assert_eq!(read(&log, &mut cursor), [(0, 1, false)]);
+        log.step(&[1, 2, 3], true);
+        log.begin(start());
+        log.begin(start());
+        log.step(&[4, 5, 6], false);
+        assert_eq!(read(&log, &mut cursor), [(0, 1, false), (1, 0, true), (2, 1, true)]);
+        assert_eq!(read(&log, &mut cursor), []);
+        assert_eq!(read(&log, &mut LogCursor::default()), [(0, 2, true), (1, 0, true), (2, 1, true)]);
+    }
+
+    #[test]
+    fn what_no_follower_reads_is_limited() {
+        let mut log = EpisodeLog::new(3, start());
+        let mut cursor = LogCursor::default();
+        log.read(&mut cursor);
+        let next = start();
+        for _ in 0..2 * MAX_EPISODES {
+            (0..100).for_each(|step| log.step(&[7; 3], step == 99));
+            log.begin(next.clone());
+        }
+        assert!(log.n_actions <= MAX_ACTIONS && log.episodes.len() <= MAX_EPISODES);
+        let parts = log.read(&mut cursor);
+        assert!(parts[0].number > 1, "the oldest are missing");
+        assert!(parts.iter().all(|part| part.start.is_some()));
+        assert_eq!(parts.last().map(|part| part.number), Some(log.next_number - 1));
+    }
+
+    #[test]
+    fn an_episode_without_end_is_limited_too() {
+        let mut log = EpisodeLog::new(3, start());
+        let now = start();
+        for _ in 0..MAX_ACTIONS {
+            log.step(&[7; 3], false);
+            if log.is_full() {
+                log.begin(now.clone());
+            }
+        }
+        assert!(log.n_actions < MAX_ACTIONS);
+        assert!(log.next_number > 2);
+    }
+}

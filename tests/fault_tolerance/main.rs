@@ -5,6 +5,7 @@
 mod actions;
 mod control;
 mod crashes;
+mod followers;
 mod forks;
 mod learners;
 mod limits;

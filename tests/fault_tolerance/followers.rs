@@ -1,0 +1,152 @@
+//! Followers: what they play again is what the learner sees, and they disturb no other process.
+
+use rustix::process::Signal;
+use smaclite_engine::{Battle, Scratch};
+use smaclite_ipc::{Client, ClientError, Follower, WaitOptions};
+use smaclite_pool::Autoreset;
+use smaclite_pool::fields::Field;
+use smaclite_tests::fault::Fault;
+use smaclite_tests::process::{TIMEOUT, eventually};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Plays again what a follower receives.
+struct Mirror {
+    follower: Follower,
+    scratch: Scratch,
+    /// By environment: its battle, the number of its episode, and whether that is over.
+    battles: BTreeMap<usize, (Battle, u64, bool)>,
+}
+
+impl Mirror {
+    fn follow(dir: &TestDir, env_ids: &[usize]) -> Mirror {
+        let follower = Follower::connect(dir.runtime_dir(), "train", None, env_ids).expect("a follower");
+        let arena = Arc::new(follower.scenario().arena().expect("the lane's scenario").1);
+        let battle = |env_id: &usize| (*env_id, (Battle::new(Arc::clone(&arena), 0), 0, false));
+        Mirror { scratch: Scratch::new(), battles: env_ids.iter().map(battle).collect(), follower }
+    }
+
+    fn catch_up(&mut self) {
+        for followed in self.follower.read().expect("the pool lives") {
+            let (battle, number, is_over) = self.battles.get_mut(&followed.env_id).expect("it is followed");
+            if let Some(start) = &followed.part.start {
+                battle.restore(start).expect("a snapshot of the same scenario");
+            } else {
+                assert_eq!(*number, followed.part.number, "another episode has a start");
+            }
+            (*number, *is_over) = (followed.part.number, followed.part.is_over);
+            for actions in followed.part.actions.chunks(battle.arena().sizes().n_agents) {
+                let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
+                let step = battle.step(&actions, &mut self.scratch).expect("legal actions");
+                assert!(
+                    !(step.terminated || step.truncated) || *is_over,
+                    "the end is reported with its step"
+                );
+            }
+        }
+    }
+
+    fn state(&self, env_id: usize) -> Vec<f32> {
+        let battle = &self.battles[&env_id].0;
+        let mut state = vec![0.0; battle.arena().sizes().state_size];
+        battle.write_state(&mut state);
+        state
+    }
+}
+
+/// Steps a batch of legal actions; the state of every environment after it.
+fn step(client: &mut Client) -> Vec<Vec<f32>> {
+    let sizes = client.description().sizes;
+    let mut actions = vec![0; client.description().settings.num_envs * sizes.n_agents];
+    client.sample_actions(None, &mut actions).expect("legal actions");
+    let batch = client.step(&actions, None, WaitOptions::forever()).expect("a batch");
+    let state = batch.field::<f32>(Field::State).expect("every field");
+    state.chunks(sizes.state_size).map(<[f32]>::to_vec).collect()
+}
+
+#[test]
+fn followers_play_again_what_the_learner_sees() {
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+        let dir = TestDir::new();
+        let lane = LanePlan { autoreset, episode_limit: Some(7), ..LanePlan::new("MMM", 3) };
+        let plan = PoolPlan::new([lane]).threads(2);
+        let _supervisor = dir.start(&plan);
+        let mut client = dir.client();
+        client.reset(Some(5), None, WaitOptions::forever()).expect("a batch");
+        (0..4).for_each(|_| drop(step(&mut client)));
+
+        // The first follower begins in the middle of an episode, the second one later.
+        let mut first = Mirror::follow(&dir, &[0, 2]);
+        let mut second = None;
+        for round in 0..40 {
+            let states = step(&mut client);
+            if round == 10 {
+                second = Some(Mirror::follow(&dir, &[2]));
+            }
+            if round % 3 == 0 {
+                first.catch_up();
+                assert_eq!([first.state(0), first.state(2)], [states[0].clone(), states[2].clone()]);
+            }
+            if round % 7 == 0
+                && let Some(second) = &mut second
+            {
+                second.catch_up();
+                assert_eq!(second.state(2), states[2]);
+            }
+        }
+        drop(first);
+        let states = step(&mut client);
+        let second = second.as_mut().expect("it follows");
+        second.catch_up();
+        assert_eq!(second.state(2), states[2], "the log lasts as long as its last follower");
+        assert!(second.battles[&2].1 > 3, "several episodes");
+    }
+}
+
+#[test]
+fn a_follower_of_what_cannot_be_followed_gets_an_error() {
+    let dir = TestDir::new();
+    let no_battles = LanePlan::new("MMM", 2).fault(1, Fault::PanicInStep(1000)); // an environment of the test
+    let plan = PoolPlan::new([LanePlan::new("3m", 2), no_battles]);
+    let _supervisor = dir.start(&plan);
+    let error = |lane: Option<&str>, env_ids: &[usize]| {
+        let follower = Follower::connect(dir.runtime_dir(), "train", lane, env_ids);
+        follower.err().expect("it is refused").to_string()
+    };
+    let too_many = vec![0; 65];
+    for (lane, env_ids, parts) in [
+        (None, &[0][..], &["several lanes", "`3m`"][..]),
+        (Some("3s5z"), &[0], &["no lane `3s5z`"]),
+        (Some("3m"), &[1, 2], &["env_id must be below 2", "got 2"]),
+        (Some("3m"), &[], &["between 1 and 64", "got 0"]),
+        (Some("3m"), &too_many, &["between 1 and 64", "got 65"]),
+        (Some("MMM"), &[0], &["lane `MMM`", "no battles"]),
+    ] {
+        crate::assert_contains(&error(lane, env_ids), parts);
+    }
+    let connect = || Follower::connect(dir.runtime_dir(), "train", Some("3m"), &[0]).expect("a follower");
+    let mut followers: Vec<Follower> = (0..16).map(|_| connect()).collect();
+    crate::assert_contains(&error(Some("3m"), &[1]), &["lane `3m`", "16 followers"]);
+    followers.pop();
+    let is_free = || Follower::connect(dir.runtime_dir(), "train", Some("3m"), &[1]).is_ok();
+    assert!(eventually(is_free), "a follower that left makes room");
+}
+
+#[test]
+fn followers_that_stop_or_outlive_their_pool_disturb_no_other_process() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 4)]);
+    let (mut supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
+    let mut mirror = Mirror::follow(&dir, &[0, 1, 2, 3]);
+    let mut idle = Mirror::follow(&dir, &[3]);
+    learner.must("step 200");
+    mirror.catch_up();
+    learner.must("check");
+    idle.catch_up();
+    assert_eq!(idle.state(3), mirror.state(3));
+    supervisor.signal(Signal::KILL);
+    supervisor.wait(TIMEOUT);
+    let error = mirror.follower.read().expect_err("the pool is dead");
+    assert!(matches!(error, ClientError::PoolDied { .. }), "{error}");
+}
