@@ -7,6 +7,7 @@ use crate::convert::{
 };
 use crate::errors::{class, client_error, invalid_request};
 use crate::exit;
+use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, render_batch};
 use crate::wait::wait_detached;
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
@@ -22,19 +23,22 @@ pub struct SharedClient(Mutex<Option<Attached>>);
 
 /// Dropped in this order: the client detaches from the pool before an embedded pool stops.
 struct Attached {
+    /// Written when these environments are closed.
+    recording: Option<RecordingToFile>,
     client: Client,
     _embedded: Option<Supervisor>,
 }
 
 impl SharedClient {
-    /// Closes and returns `true`, unless another thread's call is using the client.
-    pub fn close_if_idle(&self) -> bool {
-        match self.0.try_lock() {
-            Ok(mut attached) => drop(attached.take()),
-            Err(TryLockError::Poisoned(attached)) => drop(attached.into_inner().take()),
-            Err(TryLockError::WouldBlock) => return false,
-        }
-        true
+    /// Closes, unless another thread's call is using the client: then `None`. A recording is written; the
+    /// environments are closed also if that fails.
+    pub fn close_if_idle(&self) -> Option<PyResult<()>> {
+        let attached = match self.0.try_lock() {
+            Ok(mut attached) => attached.take(),
+            Err(TryLockError::Poisoned(attached)) => attached.into_inner().take(),
+            Err(TryLockError::WouldBlock) => return None,
+        };
+        Some(attached.map_or(Ok(()), Attached::close))
     }
 
     /// Locks the client for one call. Never blocks: a signal handler that runs during `recv` and calls a
@@ -53,6 +57,12 @@ impl SharedClient {
                 "an earlier call of these environments panicked; close them and call make or connect again",
             )),
         }
+    }
+}
+
+impl Attached {
+    fn close(mut self) -> PyResult<()> {
+        self.recording.as_mut().map_or(Ok(()), RecordingToFile::finish)
     }
 }
 
@@ -91,10 +101,11 @@ pub struct Envs {
 }
 
 impl Envs {
-    pub fn new(client: Client, embedded: Option<Embedded>) -> Envs {
+    pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
-        let shared = Arc::new(SharedClient(Mutex::new(Some(Attached { client, _embedded: supervisor }))));
+        let attached = Attached { recording, client, _embedded: supervisor };
+        let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
         exit::close_at_exit(&shared);
         Envs { shared, description, layout, scenario }
     }
@@ -356,19 +367,18 @@ impl Envs {
         render_batch(batch, env_id, renderer, columns, (&self.description, self.scenario.as_ref()))
     }
 
-    /// Detach from the lane and stop an embedded pool. Batches and their arrays stay valid. Closing twice has
-    /// no effect.
+    /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays
+    /// stay valid. Closing twice has no effect.
     ///
     /// Raises:
     ///     Busy: another thread is using these environments.
+    ///     OSError: the replay cannot be written. The environments are closed.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        if py.detach(|| self.shared.close_if_idle()) {
-            Ok(())
-        } else {
+        py.detach(|| self.shared.close_if_idle()).unwrap_or_else(|| {
             Err(class::Busy::new_err(
                 "another thread is using these environments; close them after its call has returned",
             ))
-        }
+        })
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {

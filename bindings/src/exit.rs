@@ -92,7 +92,13 @@ fn close_all(py: Python<'_>) {
     let clients = std::mem::take(&mut *OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
         for client in clients.iter().filter_map(Weak::upgrade) {
-            wait_until(&|| client.close_if_idle());
+            wait_until(&|| match client.close_if_idle() {
+                Some(Err(error)) => {
+                    eprintln!("smaclite_pool: {error}"); // nothing can be raised at exit
+                    true
+                }
+                closed => closed.is_some(),
+            });
         }
     });
 }

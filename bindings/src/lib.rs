@@ -12,6 +12,7 @@ mod exit;
 mod make;
 mod program;
 mod query;
+mod recorder;
 mod render;
 mod scenario;
 #[allow(unsafe_code)]
@@ -36,6 +37,8 @@ mod _native {
     use super::program::run_program;
     #[pymodule_export]
     use super::query::{pools, scenarios, status};
+    #[pymodule_export]
+    use super::recorder::Recorder;
     #[pymodule_export]
     use super::render::Renderer;
     #[pymodule_export]

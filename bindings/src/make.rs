@@ -6,12 +6,14 @@ use crate::envs::{Embedded, Envs};
 use crate::errors::{self, invalid_request};
 use crate::exit::PendingCall;
 use crate::query::runtime_dir;
+use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
 use smaclite_ipc::{
-    Client, LaneConfig, LaneEnvs, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, check_name,
+    Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
+    WaitStrategy, check_name,
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
@@ -48,6 +50,8 @@ const MAX_THREADS: usize = 1024;
 ///         shared memory for two more batches.
 ///     wait: how the learner and idle workers wait: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     name: the pool's name; a unique one by default.
+///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
+///         environment 0; a file of that name is replaced. `Recorder` records other environments.
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or a scenario or unit file is invalid.
@@ -60,10 +64,10 @@ const MAX_THREADS: usize = 1024;
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
     rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
-    wait="adaptive", name=None))]
+    wait="adaptive", name=None, record=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
     autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None)")]
+    spectators=1, wait='adaptive', name=None, record=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -80,6 +84,7 @@ pub fn make(
     spectators: IntArg,
     wait: &str,
     name: Option<String>,
+    record: Option<PathBuf>,
 ) -> PyResult<Envs> {
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
@@ -95,6 +100,7 @@ pub fn make(
         None => FieldSet::ALL,
     };
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
+    record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
@@ -109,10 +115,13 @@ pub fn make(
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
-        let client = Client::connect(supervisor.runtime_dir(), &name, None, wait);
-        Ok((client.map_err(errors::connect_error)?, Embedded { supervisor, scenario }))
+        let attached = attach(supervisor.runtime_dir(), record, || {
+            Client::connect(supervisor.runtime_dir(), &name, None, wait)
+        });
+        Ok((attached.map_err(errors::connect_error)?, Embedded { supervisor, scenario }))
     };
-    run_on_thread(py, start)?.map(|(client, embedded)| Envs::new(client, Some(embedded)))
+    let started = run_on_thread(py, start)?;
+    started.map(|((client, recording), embedded)| Envs::new(client, Some(embedded), recording))
 }
 
 fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {
@@ -166,6 +175,8 @@ fn unique_name() -> String {
 ///     timeout: seconds to wait for the pool to start and answer; None for no limit. With 0, the default, the
 ///         pool must be running already, and has 10 seconds to answer.
 ///     wait: how to wait for batches: "adaptive" (spin briefly, then block), "spin" or "block".
+///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
+///         environment 0, as for `make`.
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
@@ -176,19 +187,37 @@ fn unique_name() -> String {
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive"))]
+#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive", record=None))]
 pub fn connect(
     py: Python<'_>,
     pool: String,
     lane: Option<String>,
     #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
+    record: Option<PathBuf>,
 ) -> PyResult<Envs> {
     let (wait, timeout, runtime_dir) = (parse_option(wait)?, to_duration(timeout)?, runtime_dir()?);
+    record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let client = run_on_thread(py, move |interrupted| {
         let options = WaitOptions { timeout, interrupted };
-        Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
+        attach(&runtime_dir, record, || {
+            Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
+        })
     })?;
-    Ok(Envs::new(client.map_err(errors::connect_error)?, None))
+    let (client, recording) = client.map_err(errors::connect_error)?;
+    Ok(Envs::new(client, None, recording))
+}
+
+/// Attaches, and begins to record.
+fn attach(
+    runtime_dir: &RuntimeDir,
+    record: Option<PathBuf>,
+    connect: impl FnOnce() -> Result<Client, ConnectError>,
+) -> Result<(Client, Option<RecordingToFile>), ConnectError> {
+    let client = connect()?;
+    let lane = client.description();
+    let record = record.map(|path| RecordingToFile::start(runtime_dir, &lane.pool, &lane.lane, path));
+    let recording = record.transpose()?;
+    Ok((client, recording))
 }

@@ -71,6 +71,12 @@ def serve(runtime_dir: Path) -> Iterator[Serve]:
             process.stdout.close()
 
 
+def replayed(path: Path) -> str:
+    """What `smaclite-pool replay` prints about a replay; every tick of it was played again."""
+    command = [sys.executable, "-m", "smaclite_pool", "replay", str(path)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+
+
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:
     """Runs Python code in a new process."""
     command = [sys.executable, "-c", text, *args]

@@ -18,6 +18,7 @@ __all__ = [
     "NORTH",
     "NO_OP",
     "REWARD_SCALE",
+    "Recorder",
     "Renderer",
     "SIGHT_RANGE",
     "SOUTH",
@@ -201,6 +202,25 @@ class Envs:
     def description(self) -> dict[str, Any]: ...
 
 @final
+class Recorder:
+    """Records environments of a running pool: the newest episodes of each."""
+
+    def __new__(
+        cls, pool: str, lane: str | None = None, env_id: int | list[int] = 0, *, episodes: int = 100
+    ) -> Recorder: ...
+    @property
+    def n_complete(self) -> int:
+        """Number of episodes that ended since the recorder began."""
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the kept episodes as a replay."""
+    def close(self) -> None: ...
+    def __enter__(self) -> Recorder: ...
+    def __exit__(
+        self,
+        *_exception: type[BaseException] | BaseException | TracebackType | None,
+    ) -> None: ...
+
+@final
 class Renderer:
     """Draws the battles of one scenario."""
 
@@ -239,9 +259,15 @@ def make(
     spectators: int = 1,
     wait: _Wait = "adaptive",
     name: str | None = None,
+    record: str | PathLike[str] | None = None,
 ) -> Envs: ...
 def connect(
-    pool: str, lane: str | None = None, *, timeout: float | None = 0.0, wait: _Wait = "adaptive"
+    pool: str,
+    lane: str | None = None,
+    *,
+    timeout: float | None = 0.0,
+    wait: _Wait = "adaptive",
+    record: str | PathLike[str] | None = None,
 ) -> Envs: ...
 def scenario(scenario: str | PathLike[str]) -> dict[str, Any]: ...
 def scenarios() -> list[str]: ...

@@ -15,12 +15,15 @@ mod check;
 mod clean;
 mod list;
 mod picture;
+mod pool_recorder;
 mod record;
 mod replay;
 mod scenarios;
 mod serve;
 mod show;
 mod table;
+
+pub use pool_recorder::{PoolRecorder, PoolRecorderError};
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
@@ -62,7 +65,7 @@ enum Command {
     Check(check::Check),
     /// Draw a scenario as a map of characters or a picture
     Show(show::Show),
-    /// Play battles of a scripted policy and write a replay
+    /// Write a replay: of battles of a scripted policy, or of a running pool
     Record(record::Record),
     /// Verify a replay, or convert it to a page, an animation or pictures
     Replay(replay::Replay),

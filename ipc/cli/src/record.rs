@@ -1,24 +1,43 @@
-//! `smaclite-pool record`: battles of a scripted policy as a replay file.
+//! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
-use super::{CommandResult, check_range, replay};
+use super::pool_recorder::PoolRecorder;
+use super::{CommandResult, check_range, replay, runtime_dir};
 use clap::Args;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_scenarios::ScenarioFiles;
-use smaclite_view::{Recorder, SUFFIX, Setup};
+use smaclite_view::{Recorder, Replay, SUFFIX, Setup};
+use std::error::Error;
 use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Args)]
 #[command(after_help = "\
-Example: smaclite-pool record 2s3z --policy focus_fire --out 2s3z.smreplay
-    `smaclite-pool replay 2s3z.smreplay --to 2s3z.html` makes a page of it.")]
+Examples:
+  smaclite-pool record 2s3z --policy focus_fire --out 2s3z.smreplay
+  smaclite-pool record --pool train --env 0 --env 1 --episodes 10 --out train.smreplay
+
+`smaclite-pool replay 2s3z.smreplay --to 2s3z.html` makes a page of a replay.")]
 pub(super) struct Record {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    scenario: String,
+    #[arg(required_unless_present = "pool")]
+    scenario: Option<String>,
+    /// Record this running pool, instead of battles of a scripted policy, until the episodes are complete or
+    /// Ctrl-C; its learner does not notice
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "policy", "seed", "rules"])]
+    pool: Option<String>,
+    /// Lane of the pool [default: its only lane]
+    #[arg(long, requires = "pool", value_name = "NAME")]
+    lane: Option<String>,
+    /// An environment of the lane, several times for several [default: 0]
+    #[arg(long, requires = "pool", value_name = "ID")]
+    env: Vec<usize>,
     /// The policy of the agents: random, nearest, focus_fire, kite or hold
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
-    /// Number of episodes, 1 to 10000
+    /// Number of complete episodes, 1 to 10000
     #[arg(long, default_value_t = 1, value_name = "N")]
     episodes: usize,
     /// Seed of the battle and of the policy `random`
@@ -32,6 +51,9 @@ pub(super) struct Record {
     out: PathBuf,
 }
 
+/// How often a running pool is read.
+const READ_INTERVAL: Duration = Duration::from_millis(50);
+
 /// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
 const DEFAULT_LIMIT: u32 = 1000;
 
@@ -41,7 +63,21 @@ impl Record {
         if self.out.extension().is_none_or(|suffix| suffix != SUFFIX) {
             return Err(format!("--out must end in .{SUFFIX}, got `{}`", self.out.display()).into());
         }
-        let (scenario, files) = ScenarioFiles::resolve(&self.scenario)?;
+        let recorded = match &self.scenario {
+            Some(scenario) => self.play(scenario)?,
+            None => self.follow(self.pool.as_deref().unwrap_or_default())?,
+        };
+        for (i, episode) in recorded.episodes().iter().enumerate() {
+            out!("episode {i}: {}", replay::describe(&recorded, episode))?;
+        }
+        let bytes = std::fs::metadata(&self.out)?.len();
+        out!("{}: {bytes} bytes", self.out.display())?;
+        Ok(())
+    }
+
+    /// Plays and writes the episodes of a scripted policy.
+    fn play(&self, scenario: &str) -> Result<Replay, Box<dyn Error>> {
+        let (scenario, files) = ScenarioFiles::resolve(scenario)?;
         let episode_limit = Some(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
         let setup = Setup { files, rules: self.rules, episode_limit };
         let mut recorder = Recorder::new(setup, self.seed)?;
@@ -58,12 +94,29 @@ impl Record {
         }
         let recorded = recorder.finish();
         recorded.write(&self.out)?;
-        for (i, episode) in recorded.episodes().iter().enumerate() {
-            out!("episode {i}: {}", replay::describe(&recorded, episode))?;
+        Ok(recorded)
+    }
+
+    /// Follows environments of a running pool, and writes what they did also if the pool ends.
+    fn follow(&self, pool: &str) -> Result<Replay, Box<dyn Error>> {
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
+        let mut recorder =
+            PoolRecorder::connect(&runtime_dir()?, pool, self.lane.as_deref(), env_ids, self.episodes)?;
+        let is_complete = |recorder: &PoolRecorder| recorder.n_complete() >= self.episodes as u64;
+        while !is_complete(&recorder) && signals.pending().next().is_none() {
+            std::thread::sleep(READ_INTERVAL);
+            if let Err(error) = recorder.read() {
+                eprintln!("smaclite-pool: {error}");
+                break;
+            }
         }
-        let bytes = std::fs::metadata(&self.out)?.len();
-        out!("{}: {bytes} bytes", self.out.display())?;
-        Ok(())
+        let recorded = recorder.replay(!is_complete(&recorder))?;
+        if recorded.episodes().is_empty() {
+            return Err("no episode began while the pool was recorded".into());
+        }
+        recorded.write(&self.out)?;
+        Ok(recorded)
     }
 }
 

@@ -39,14 +39,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import Envs, connect, make
+from .._native import Envs, Recorder, connect, make
 from ..errors import InvalidRequest
 from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
+from ._replay import save_replay
 
 __all__ = ["PoolRunner"]
 
 _KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
-_KEYS |= {"pool", "lane", "threads"}
+_KEYS |= {"pool", "lane", "threads", "replay_dir", "replay_prefix"}
 
 # Keys of the configurations of EPyMARL and SMAC, with the values that match what a pool does.
 _SAME: dict[str, tuple[object, ...]] = {
@@ -71,8 +72,7 @@ _SAME: dict[str, tuple[object, ...]] = {
     "reward_scale_rate": (20,),
     "heuristic_ai": (False,),
 }
-_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "replay_dir", "replay_prefix"}
-_WITHOUT_EFFECT |= {"heuristic_rest", "debug"}
+_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "heuristic_rest", "debug"}
 
 
 class PoolRunner:
@@ -103,6 +103,8 @@ class PoolRunner:
         has_last_action = settings.get("state_last_action", True)
         self._state_size = envs.state_size - (0 if has_last_action else envs.n_agents * envs.n_actions)
         self._rows = _Rows(envs, self._state_size)
+        self._recorder = Recorder(envs.name, envs.lane)
+        self._replay_file = (settings.get("replay_dir") or "", settings.get("replay_prefix") or envs.scenario)
         self.t = 0
         self.t_env = 0
         self.train_returns: list[float] = []
@@ -138,11 +140,12 @@ class PoolRunner:
         }
 
     def save_replay(self) -> None:
-        """Not supported; raises InvalidRequest."""
-        raise InvalidRequest("this runner saves no replays; use runner=episode with smaclite_pool.marl.smac")
+        """Write the last 100 episodes of environment 0 to a replay in `env_args.replay_dir`."""
+        save_replay(self._recorder, *self._replay_file)
 
     def close_env(self) -> None:
         """Close the environments."""
+        self._recorder.close()
         self._envs.close()
 
     def reset(self) -> None:

@@ -82,7 +82,7 @@ class ShareVecEnv:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: number of environments (B).
         seed: environment i is seeded with seed + i.
-        threads, episode_limit, rules, max_held_batches: as in `smaclite_pool.make`.
+        threads, episode_limit, rules, max_held_batches, record: as in `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -99,6 +99,7 @@ class ShareVecEnv:
         episode_limit: int | Literal["default"] | None = "default",
         rules: Literal["smaclite", "paper"] = "smaclite",
         max_held_batches: int = 4,
+        record: str | PathLike[str] | None = None,
     ) -> None:
         self._serve(
             make(
@@ -110,6 +111,7 @@ class ShareVecEnv:
                 episode_limit=episode_limit,
                 rules=rules,
                 max_held_batches=max_held_batches,
+                record=record,
             )
         )
 

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._layout import Bools, Floats
-from ..._native import scenario
+from ..._native import Recorder, scenario
 from ..._render import RENDER_MODES, BattleViewer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
+from .._replay import save_replay
 from .heuristic import Heuristic
 from .queries import Queries
-from .replay import Recording
 from .rewards import HealthTotals, Reward, RewardOptions, Unavailable
 from .views import ViewOptions, Views
 
@@ -162,7 +162,7 @@ class MultiAgentEnv(Queries):
         self._avail: Bools = np.zeros((self.n_agents, self.n_actions), np.bool_)
         no_obs = np.zeros((self.n_agents, envs.obs_size), np.float32)
         self._views.update(no_obs, np.zeros(envs.state_size, np.float32), 0)
-        self._recording = Recording(self.map_name, rules)
+        self._recorder = Recorder(envs.name)
         self._viewer = BattleViewer(map_name, *self.window_size)
 
     def reset(self) -> tuple[list[Floats], Floats]:
@@ -173,7 +173,6 @@ class MultiAgentEnv(Queries):
         now = self._battle.reset()
         self._heuristic.reset()
         self._update(now)
-        self._recording.begin(self._seed, now)
         return self.get_obs(), self.get_state()
 
     def step(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> tuple[float, bool, dict[str, Any]]:
@@ -187,7 +186,6 @@ class MultiAgentEnv(Queries):
         before = self._health_totals()
         now = self._battle.step(chosen)
         self._update(now)
-        self._recording.add(chosen, now)
         info, won = now.info.copy(), bool(now.info["battle_won"])
         self.battles_game += now.ended
         self.battles_won += won
@@ -251,15 +249,16 @@ class MultiAgentEnv(Queries):
         return self._viewer.picture(state) if mode == "rgb_array" else self._viewer.show(state)
 
     def save_replay(self) -> Path:
-        """Write the episode so far to `<replay_prefix>_<time>.npz` in `replay_dir`, and return the path.
+        """Write the last 100 episodes and the present one to a replay in `replay_dir`, and return its path.
 
-        The file contains `scenario`, `rules`, `seed`, `actions` int32 [T, A], `rewards` float32 [T], and the
-        pool's `states` float32 [T + 1, state_size].
+        The name of the file is `<replay_prefix>_<time>.smreplay`; `smaclite-pool replay` plays it. Raises
+        InvalidRequest before the first step.
         """
-        return self._recording.save(Path(self.replay_dir), self.replay_prefix or Path(self.map_name).stem)
+        return save_replay(self._recorder, self.replay_dir, self.replay_prefix or Path(self.map_name).stem)
 
     def close(self) -> None:
         """End the pool and close the window. Calling it again has no effect."""
+        self._recorder.close()
         self._battle.close()
         self._viewer.close()
 

@@ -1,0 +1,201 @@
+//! Recording battles of a pool: a follower, whose newest episodes can be written as a replay at any time.
+
+use crate::convert::{IntArg, to_unsigned};
+use crate::errors::{class, client_error, connect_error, invalid_request};
+use crate::query::runtime_dir;
+use crate::wait::run_on_thread;
+use pyo3::exceptions::PyOSError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use smaclite_cli::PoolRecorder;
+use smaclite_ipc::{ClientError, ConnectError, RuntimeDir};
+use smaclite_view::SUFFIX;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// The most episodes per environment that a recorder keeps.
+const MAX_EPISODES: usize = 1000;
+
+/// Episodes that `record=` of `make` and `connect` keeps.
+const DEFAULT_EPISODES: usize = 100;
+
+/// Writes the newest episodes, unless there is none: then it returns `false`.
+fn save(recorder: &mut PoolRecorder, path: &Path) -> PyResult<bool> {
+    if let Err(error) = recorder.read()
+        && (recorder.n_complete() == 0 || matches!(error, ClientError::Forked { .. }))
+    {
+        return Err(client_error(error));
+    }
+    let replay = recorder.replay(true).map_err(|error| class::PoolError::new_err(error.to_string()))?;
+    if replay.episodes().is_empty() {
+        return Ok(false);
+    }
+    replay.write(path).map_err(|error| PyOSError::new_err(error.to_string()))?;
+    Ok(true)
+}
+
+/// The recording of `make` and `connect`, which is written when its environments are closed.
+pub struct RecordingToFile {
+    recorder: Option<PoolRecorder>,
+    path: PathBuf,
+    /// A forked child writes nothing.
+    owner: u32,
+}
+
+impl RecordingToFile {
+    /// Records environment 0 of a lane.
+    pub fn start(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: &str,
+        path: PathBuf,
+    ) -> Result<RecordingToFile, ConnectError> {
+        let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES)?;
+        Ok(RecordingToFile { recorder: Some(recorder), path, owner: std::process::id() })
+    }
+
+    /// Writes the file, if an episode began.
+    pub fn finish(&mut self) -> PyResult<()> {
+        let is_owned = self.owner == std::process::id();
+        match self.recorder.take().filter(|_| is_owned) {
+            Some(mut recorder) => save(&mut recorder, &self.path).map(|_| ()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Drop for RecordingToFile {
+    /// For environments that are not closed. Nothing can be raised here.
+    fn drop(&mut self) {
+        if let Err(error) = self.finish() {
+            eprintln!("smaclite_pool: {error}");
+        }
+    }
+}
+
+/// Checks the suffix of a replay file before anything is recorded.
+pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
+    if path.extension().is_some_and(|suffix| suffix == SUFFIX) {
+        return Ok(());
+    }
+    Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())))
+}
+
+/// Records environments of a running pool: the newest episodes of each, without the learner noticing.
+///
+/// An episode that began before the recorder is left out. The pool keeps what the recorder has not read: the
+/// last million actions of single agents of an environment; `save` and `n_complete` read it. Files are
+/// replays: `smaclite-pool replay FILE --to FILE.html` makes a page of one.
+///
+/// Args:
+///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
+///     lane: the lane's name; it may be omitted if the pool has only one lane.
+///     env_id: the id of an environment, or a list of at most 64 ids.
+///     episodes: how many complete episodes to keep per environment, 1 to 1000.
+///
+/// Raises:
+///     NoSuchPool: no pool of that name is running.
+///     ConnectError: the pool has no such lane or environment, or too many followers.
+///     InvalidRequest: another argument is invalid.
+#[pyclass(frozen, module = "smaclite_pool")]
+pub struct Recorder {
+    recorder: Mutex<Option<PoolRecorder>>,
+}
+
+/// One id or a list of ids. The list comes first, because an `IntArg` is also what is no integer.
+#[derive(FromPyObject)]
+pub enum EnvIds {
+    #[pyo3(annotation = "list[int]")]
+    Several(Vec<IntArg>),
+    #[pyo3(annotation = "int")]
+    One(IntArg),
+}
+
+impl Recorder {
+    fn with<R: Send>(
+        &self,
+        py: Python<'_>,
+        action: impl FnOnce(&mut PoolRecorder) -> PyResult<R> + Send,
+    ) -> PyResult<R> {
+        py.detach(|| match &mut *self.recorder.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(recorder) => action(recorder),
+            None => Err(class::Closed::new_err("this recorder is closed; make another one")),
+        })
+    }
+}
+
+#[pymethods]
+impl Recorder {
+    #[new]
+    #[pyo3(signature = (pool, lane=None, env_id=EnvIds::One(IntArg::Small(0)), *,
+        episodes=IntArg::Small(100)))]
+    #[pyo3(text_signature = "(pool, lane=None, env_id=0, *, episodes=100)")]
+    fn new(
+        py: Python<'_>,
+        pool: String,
+        lane: Option<String>,
+        env_id: EnvIds,
+        episodes: IntArg,
+    ) -> PyResult<Recorder> {
+        let env_ids = match env_id {
+            EnvIds::One(id) => vec![id],
+            EnvIds::Several(ids) => ids,
+        };
+        let env_ids = env_ids.into_iter().map(|id| to_unsigned("env_id", id));
+        let env_ids = env_ids.collect::<PyResult<Vec<usize>>>()?;
+        let episodes: usize = to_unsigned("episodes", episodes)?;
+        if !(1..=MAX_EPISODES).contains(&episodes) {
+            let text = format!("episodes must be between 1 and {MAX_EPISODES}, got {episodes}");
+            return Err(invalid_request(text));
+        }
+        let runtime_dir = runtime_dir()?;
+        let recorder = run_on_thread(py, move |_| {
+            PoolRecorder::connect(&runtime_dir, &pool, lane.as_deref(), &env_ids, episodes)
+        })?;
+        Ok(Recorder { recorder: Mutex::new(Some(recorder.map_err(connect_error)?)) })
+    }
+
+    /// Number of episodes that ended since the recorder began.
+    #[getter]
+    fn n_complete(&self, py: Python<'_>) -> PyResult<u64> {
+        self.with(py, |recorder| {
+            let _ = recorder.read(); // what was received before a pool ended stays
+            Ok(recorder.n_complete())
+        })
+    }
+
+    /// Write the kept episodes, including those that are not over, as a replay. A file of that name is
+    /// replaced.
+    ///
+    /// Args:
+    ///     path: the file, `NAME.smreplay`.
+    ///
+    /// Raises:
+    ///     InvalidRequest: no episode has begun, or the path has another suffix.
+    ///     OSError: the file cannot be written.
+    ///     PoolDied: the pool has ended, and no episode is complete.
+    ///     Forked: this process is a forked child of the one that made the recorder.
+    ///     Closed: the recorder is closed.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        check_replay_path("path", &path)?;
+        if self.with(py, |recorder| save(recorder, &path))? {
+            Ok(())
+        } else {
+            Err(invalid_request("no episode began while the pool was recorded; reset it first"))
+        }
+    }
+
+    /// End the recording. Nothing is written. Closing twice has no effect.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| drop(self.recorder.lock().unwrap_or_else(PoisonError::into_inner).take()));
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) {
+        self.close(py);
+    }
+}

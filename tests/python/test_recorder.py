@@ -1,0 +1,157 @@
+"""Recordings of pools: `record=` of environments, `Recorder` beside a learner, and what both refuse."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve, replayed
+from smaclite_pool.integrations.pettingzoo import parallel_env
+
+
+def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:
+    """Plays random actions; return and length of the complete episodes of environment 0."""
+    ended = []
+    for _ in range(n_steps):
+        batch = envs.step(envs.sample_actions())
+        if batch.terminated[0] or batch.truncated[0]:
+            ended.append((batch.episode_return[0].item(), batch.episode_length[0].item()))
+    return ended
+
+
+def episodes(path: Path) -> list[str]:
+    """The lines about episodes, all of which are reproduced."""
+    lines = [line for line in replayed(path).splitlines() if line.startswith("episode ")]
+    assert all("reproduced" in line for line in lines)
+    return lines
+
+
+@pytest.mark.parametrize("autoreset", ["next_step", "same_step"])
+def test_environments_write_a_replay_of_their_episodes(autoreset: str, tmp_path: Path) -> None:
+    path = tmp_path / "train.smreplay"
+    with sp.make("2s3z", 3, autoreset=autoreset, record=path) as envs:  # type: ignore[arg-type]
+        envs.reset(seed=9)
+        ended = play(envs, 200)
+        assert not path.exists()
+    found = episodes(path)
+    assert len(ended) >= 2 and len(found) in (len(ended), len(ended) + 1), "the last one is not over"
+    for line, (episode_return, length) in zip(found, ended, strict=False):
+        assert f"after {length} steps, return {episode_return:.2f}" in line
+
+
+def test_a_recorder_beside_the_learner_keeps_the_newest_episodes(serve: Serve, tmp_path: Path) -> None:
+    serve("2s3z:4", "--name", "train")
+    path = tmp_path / "two.smreplay"
+    with sp.connect("train") as envs, sp.Recorder("train", env_id=[1, 3], episodes=2) as recorder:
+        with pytest.raises(sp.InvalidRequest, match="no episode began"):
+            recorder.save(path)
+        envs.reset(seed=1)
+        play(envs, 400)
+        assert recorder.n_complete > 4
+        recorder.save(path)
+        # Two complete episodes of both environments, and what the present ones have played.
+        assert 4 <= len(episodes(path)) <= 6
+    with pytest.raises(sp.Closed):
+        recorder.save(path)
+
+
+def test_what_was_recorded_outlives_the_pool(serve: Serve, tmp_path: Path) -> None:
+    supervisor = serve("3m:1", "--name", "train")
+    recorder = sp.Recorder("train", "3m")
+    with sp.connect("train") as envs:
+        envs.reset(seed=1)
+        ended = play(envs, 100)
+    assert recorder.n_complete == len(ended)
+    supervisor.terminate()
+    supervisor.wait()
+    recorder.save(tmp_path / "late.smreplay")
+    assert len(episodes(tmp_path / "late.smreplay")) >= len(ended)
+
+
+def test_the_command_records_a_running_pool(serve: Serve, tmp_path: Path) -> None:
+    serve("3m:2", "--name", "train")
+    path = tmp_path / "train.smreplay"
+    command = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--out", str(path)]
+    options = ["--env", "0", "--env", "1", "--episodes", "3"]
+    with sp.connect("train") as envs, subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, text=True
+    ) as recording:
+        envs.reset(seed=1)
+        while recording.poll() is None:
+            play(envs, 10)
+        assert recording.stdout is not None
+        printed = recording.stdout.read()
+    assert recording.returncode == 0
+    found = episodes(path)
+    assert len(found) >= 3 and all("recorded for" not in line for line in found), "complete episodes only"
+    assert str(path) in printed and found[0].replace("; reproduced", "") in printed
+
+    wrong = [(["--env", "2"], "env_id must be below 2"), (["--lane", "MMM"], "no lane `MMM`")]
+    for options, message in wrong:
+        failed = subprocess.run([*command, *options], capture_output=True, text=True, check=False)
+        assert failed.returncode == 1 and message in failed.stderr
+
+
+def test_integrations_record_too(tmp_path: Path) -> None:
+    name = "smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0"
+    env: gymnasium.Env[Any, Any] = gymnasium.make(name, record=tmp_path / "a.smreplay")
+    env.reset(seed=5)
+    for _ in range(3):
+        env.step(np.ones(5, np.int64))
+    env.close()
+    assert "recorded for 3 steps" in episodes(tmp_path / "a.smreplay")[0]
+
+    parallel = parallel_env("3m", record=tmp_path / "b.smreplay")
+    parallel.reset(seed=5)
+    parallel.step(dict.fromkeys(parallel.agents, 1))
+    parallel.close()
+    assert "recorded for 1 step" in episodes(tmp_path / "b.smreplay")[0]
+
+
+def test_a_forked_child_writes_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "parent.smreplay"
+    envs = sp.make("3m", 1, record=path)
+    envs.reset(seed=1)
+    play(envs, 5)
+    child = os.fork()
+    if child == 0:
+        envs.close()
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert not path.exists()
+    play(envs, 5)
+    envs.close()
+    assert "recorded for 10 steps" in episodes(path)[0]
+
+
+def test_environments_without_an_episode_write_nothing(tmp_path: Path) -> None:
+    sp.make("3m", 1, record=tmp_path / "none.smreplay").close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
+    with pytest.raises(sp.InvalidRequest, match="record must end in .smreplay, got 'a.html'"):
+        sp.make("3m", 1, record="a.html")
+    with pytest.raises(sp.NoSuchPool, match="no pool named `train`"):
+        sp.Recorder("train")
+    with sp.make("3m", 2) as envs:
+        with pytest.raises(sp.ConnectError, match="env_id must be below 2, .* got 2"):
+            sp.Recorder(envs.name, env_id=2)
+        with pytest.raises(sp.InvalidRequest, match="episodes must be between 1 and 1000, got 0"):
+            sp.Recorder(envs.name, episodes=0)
+        with pytest.raises(sp.InvalidRequest, match="env_id"):
+            sp.Recorder(envs.name, env_id=-1)
+        with sp.Recorder(envs.name) as recorder, pytest.raises(sp.InvalidRequest, match=r"\.smreplay"):
+            recorder.save(tmp_path / "a.gif")
+    envs = sp.make("3m", 1, record=tmp_path / "missing" / "a.smreplay")
+    envs.reset()
+    play(envs, 1)
+    with pytest.raises(OSError, match="missing"):
+        envs.close()
