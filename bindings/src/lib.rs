@@ -15,6 +15,7 @@ mod query;
 mod recorder;
 mod render;
 mod scenario;
+mod spectator;
 #[allow(unsafe_code)]
 mod views;
 mod wait;
@@ -43,6 +44,8 @@ mod _native {
     use super::render::Renderer;
     #[pymodule_export]
     use super::scenario::scenario;
+    #[pymodule_export]
+    use super::spectator::Spectator;
 
     // Numbers of the actions of an agent.
     #[pymodule_export]

@@ -14,6 +14,9 @@ use crate::wire::{ReceivedFrame, read_frame};
 use smaclite_pool::layout::Layout;
 use std::sync::Arc;
 
+/// Batches that a spectator may hold; [`Capacity`](crate::Capacity) has room for them.
+const MAX_HELD: usize = 2;
+
 /// A spectator of a lane. It holds the newest batch that it fetched and misses those that it did not fetch.
 pub struct Spectator {
     lane: ProcessOwned<WatchedLane>,
@@ -68,19 +71,39 @@ impl Spectator {
 
     /// The newest batch of any session, `None` before the first. Never blocks.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
+        let newer = self.newer()?;
         let lane = self.lane.get_mut()?;
-        // The buffer holds one frame, so at most one is newer. It is read before the held batch is given
-        // back, because the held batch stays if the newer frame is an error report. A subscriber may hold
-        // two frames.
-        if let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
-            let frame = read_frame(sample.user_header(), sample.payload(), &lane.layout);
-            if frame == Some(ReceivedFrame::Batch) {
-                lane.current = Some(Batch::new(sample, Arc::clone(&lane.layout), Arc::clone(&lane.frames)));
-            }
-        } else if !lane.control.is_alive() {
-            return Err(ClientError::PoolDied { pool: lane.description.pool.clone() });
+        // The held batch is given back after the newer one was received, because it stays if the newer frame
+        // is an error report.
+        if newer.is_some() {
+            lane.current = newer;
         }
         Ok(lane.current.as_ref())
+    }
+
+    /// The newest batch of any session, if there is one that this spectator has not received yet. Never
+    /// blocks.
+    ///
+    /// # Errors
+    /// [`ClientError::TooManyHeld`] while two batches of this spectator exist: the lane has no memory for
+    /// more.
+    pub fn newer(&mut self) -> Result<Option<Batch>, ClientError> {
+        let lane = self.lane.get_mut()?;
+        // Every batch has a reference to the port.
+        if Arc::strong_count(&lane.frames) > MAX_HELD {
+            return Err(ClientError::TooManyHeld { limit: MAX_HELD });
+        }
+        // The buffer holds one frame, so at most one is newer.
+        if let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+            let frame = read_frame(sample.user_header(), sample.payload(), &lane.layout);
+            let batch = || Batch::new(sample, Arc::clone(&lane.layout), Arc::clone(&lane.frames));
+            return Ok((frame == Some(ReceivedFrame::Batch)).then(batch));
+        }
+        if lane.control.is_alive() {
+            Ok(None)
+        } else {
+            Err(ClientError::PoolDied { pool: lane.description.pool.clone() })
+        }
     }
 }
 

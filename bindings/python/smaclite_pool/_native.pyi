@@ -22,6 +22,7 @@ __all__ = [
     "Renderer",
     "SIGHT_RANGE",
     "SOUTH",
+    "Spectator",
     "STOP",
     "TARGETING_RANGE",
     "WEST",
@@ -215,6 +216,22 @@ class Recorder:
         """Write the kept episodes as a replay."""
     def close(self) -> None: ...
     def __enter__(self) -> Recorder: ...
+    def __exit__(
+        self,
+        *_exception: type[BaseException] | BaseException | TracebackType | None,
+    ) -> None: ...
+
+@final
+class Spectator:
+    """Reads the batches of a lane without being its learner."""
+
+    def __new__(cls, pool: str, lane: str | None = None) -> Spectator: ...
+    def latest(self) -> Batch | None:
+        """The newest batch; None before the first. Never waits."""
+    @property
+    def description(self) -> dict[str, Any]: ...
+    def close(self) -> None: ...
+    def __enter__(self) -> Spectator: ...
     def __exit__(
         self,
         *_exception: type[BaseException] | BaseException | TracebackType | None,

@@ -55,8 +55,8 @@ pub enum ClientError {
     #[error("the supervisor of pool `{pool}` is gone; start it and connect again")]
     PoolDied { pool: String },
     #[error(
-        "all {limit} batches that this lane lets a learner hold are in use; drop a batch and every array \
-         over it, copy what you need longer, or start the lane with more (max_held_batches)"
+        "all {limit} batches that this lane lets a client hold are in use; drop a batch and every array \
+         over it, copy what you need longer, or, for a learner, start the lane with more (max_held_batches)"
     )]
     TooManyHeld { limit: usize },
     #[error(

@@ -1,0 +1,95 @@
+//! `Spectator` in Python: the newest batch of a lane, without being its learner.
+
+use crate::batch::Batch;
+use crate::convert::to_dict;
+use crate::errors::{class, client_error, connect_error};
+use crate::query::runtime_dir;
+use crate::wait::run_on_thread;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Reads the batches of a lane without being its learner, who does not notice.
+///
+/// A spectator receives the newest batch at the time of each call, and misses the others. At most two of its
+/// batches may exist at the same time.
+///
+/// Args:
+///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
+///     lane: the lane's name; it may be omitted if the pool has only one lane.
+///
+/// Raises:
+///     NoSuchPool: no pool of that name is running.
+///     ConnectError: the pool has no such lane, or its lane has all its spectators (`--spectators` of `serve`,
+///         `spectators` of `make`).
+#[pyclass(frozen, module = "smaclite_pool")]
+pub struct Spectator(Mutex<Option<Watching>>);
+
+struct Watching {
+    spectator: smaclite_ipc::Spectator,
+    latest: Option<Py<Batch>>,
+}
+
+impl Spectator {
+    fn lock(&self) -> MutexGuard<'_, Option<Watching>> {
+        // Nothing waits while it is locked.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn closed() -> PyErr {
+    class::Closed::new_err("this spectator is closed; make another one")
+}
+
+#[pymethods]
+impl Spectator {
+    #[new]
+    #[pyo3(signature = (pool, lane=None))]
+    fn new(py: Python<'_>, pool: String, lane: Option<String>) -> PyResult<Spectator> {
+        let runtime_dir = runtime_dir()?;
+        let spectator = run_on_thread(py, move |_| {
+            smaclite_ipc::Spectator::connect(&runtime_dir, &pool, lane.as_deref())
+        })?;
+        let spectator = spectator.map_err(connect_error)?;
+        Ok(Spectator(Mutex::new(Some(Watching { spectator, latest: None }))))
+    }
+
+    /// The newest batch, or None before the lane's first. It never waits.
+    ///
+    /// Without a newer one it is the batch of the last call again; `Frame.sequence` counts them.
+    ///
+    /// Raises:
+    ///     TooManyBatchesHeld: two batches are in use; release one and all arrays over it.
+    ///     PoolDied: the pool has ended.
+    ///     Forked: this process is a forked child of the one that made the spectator.
+    ///     Closed: the spectator is closed.
+    fn latest(&self, py: Python<'_>) -> PyResult<Option<Py<Batch>>> {
+        let mut guard = self.lock();
+        let watching = guard.as_mut().ok_or_else(closed)?;
+        if let Some(newer) = watching.spectator.newer().map_err(client_error)? {
+            watching.latest = Some(Py::new(py, Batch::new(py, newer)?)?);
+        }
+        Ok(watching.latest.as_ref().map(|batch| batch.clone_ref(py)))
+    }
+
+    /// All properties of the lane as a dict, as `Envs.description`.
+    #[getter]
+    fn description<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        to_dict(py, self.lock().as_ref().ok_or_else(closed)?.spectator.description())
+    }
+
+    /// Leave the lane. Batches and their arrays stay valid. Closing twice has no effect.
+    fn close(&self) {
+        let watching = self.lock().take();
+        drop(watching);
+    }
+
+    fn __enter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, _exception: &Bound<'_, PyTuple>) {
+        self.close();
+    }
+}

@@ -1,0 +1,69 @@
+"""Spectators: they see what the learner sees, and hold no more than the lane has memory for."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+
+
+def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
+    serve("2s3z:3", "--name", "train")
+    with sp.connect("train") as envs, sp.Spectator("train") as spectator:
+        assert spectator.latest() is None
+        assert spectator.description == envs.description
+        for _ in range(20):
+            batch = envs.reset(seed=1) if spectator.latest() is None else envs.step(envs.sample_actions())
+            seen = spectator.latest()
+            assert seen is not None and seen is spectator.latest()
+            for name in envs.fields:
+                np.testing.assert_array_equal(getattr(seen, name), getattr(batch, name))
+            del seen, batch
+        kept = spectator.latest()
+    assert kept is not None and kept.state.any(), "it stays valid"
+    with pytest.raises(sp.Closed):
+        spectator.latest()
+
+
+def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
+    with sp.make("3m", 2) as envs, sp.Spectator(envs.name) as spectator:
+        with pytest.raises(sp.ConnectError, match="1 spectators"):
+            sp.Spectator(envs.name)
+        held = []
+        envs.reset(seed=1)
+        held.append(spectator.latest())
+        envs.step(envs.sample_actions())
+        held.append(spectator.latest())
+        for _ in range(10):
+            envs.step(envs.sample_actions())  # the learner does not notice
+        with pytest.raises(sp.TooManyBatchesHeld, match="all 2 batches"):
+            spectator.latest()
+        del held[0]
+        envs.step(envs.sample_actions())
+        assert spectator.latest() is not held[0]
+    with sp.make("3m", 1, spectators=0) as envs, pytest.raises(sp.ConnectError, match="0 spectators"):
+        sp.Spectator(envs.name)
+
+
+def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
+    envs = sp.make("3m", 1)
+    spectator = sp.Spectator(envs.name)
+    envs.reset()
+    child = os.fork()
+    if child == 0:
+        try:
+            spectator.latest()
+        except sp.Forked:
+            os._exit(7)
+        os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    assert spectator.latest() is not None
+    envs.close()
+    with pytest.raises(sp.PoolDied):
+        for _ in range(3):
+            spectator.latest()
+    with pytest.raises(sp.NoSuchPool):
+        sp.Spectator("nothing")
