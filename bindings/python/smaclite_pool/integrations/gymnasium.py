@@ -24,7 +24,9 @@ Each id serves both functions of Gymnasium:
 - `gymnasium.make` returns a `BattleEnv`, a single battle with the interface of the published environment.
 
 `RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
-after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper.
+after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper. TorchRL's
+`GymWrapper` needs `autoreset_mode="disabled"`, and renames the key `state` to `observation`; the module `torchrl`
+needs no wrapper.
 """
 
 from __future__ import annotations
