@@ -371,8 +371,8 @@ impl Envs {
 
     /// Draw environments of a batch from above, with north at the top.
     ///
-    /// Pictures of other sizes and looks need a `Renderer`; use one also for many pictures, as without it each
-    /// call draws the map again.
+    /// Pictures of other sizes and looks need a `Renderer`; use one also for many pictures, as without it
+    /// each call draws the map again.
     ///
     /// Args:
     ///     batch: a batch of this lane, with the field `state`. None: the newest batch, which must still be
@@ -389,9 +389,9 @@ impl Envs {
     ///
     /// Raises:
     ///     AttributeError: the lane omits the field `state`.
-    ///     InvalidRequest: an environment is not in the batch, no batch is held, the renderer is of a scenario
-    ///         with another `state_size`, the number of captions is wrong, or the sheet would be wider or
-    ///         higher than 16384 pixels.
+    ///     InvalidRequest: an environment is not in the batch, no batch is held, the renderer is of a
+    ///         scenario with another `state_size`, the number of captions is wrong, or the sheet would be
+    ///         wider or higher than 16384 pixels.
     ///     TypeError: `env_id` or `columns` are not integers, or `captions` are not strings.
     #[pyo3(signature = (batch=None, env_id=None, renderer=None, columns=None, captions=None))]
     fn render<'py>(

@@ -23,16 +23,16 @@ const FIELDS: [Field; 2] = [Field::State, Field::AvailActions];
 ///     policy = smaclite_pool.ScriptedPolicy("focus_fire", envs)
 ///     batch = envs.step(policy(batch))
 ///
-/// It depends on nothing but the batch, and chooses available actions only. `random` draws for one slot of the
-/// batch after the other.
+/// It depends on nothing but the batch, and chooses available actions only. `random` draws for one slot of
+/// the batch after the other.
 ///
 /// Args:
 ///     name: "random", "nearest", "focus_fire", "kite" or "hold"; the page "Scripted policies" of the
 ///         documentation describes them.
 ///     envs: the environments to play in, with the fields `state` and `avail_actions`.
 ///     seed: of `random`, from 0 to `2**64 - 1`.
-///     scenario: name or path of the scenario of `envs`. None: known from `envs`. A process that attached to a
-///         pool with a custom scenario must pass it, as a pool sends only the name.
+///     scenario: name or path of the scenario of `envs`. None: known from `envs`. A process that attached to
+///         a pool with a custom scenario must pass it, as a pool sends only the name.
 ///
 /// Raises:
 ///     InvalidRequest: the name is unknown, the lane omits a field, the scenario is not that of the lane, or
@@ -97,8 +97,8 @@ impl ScriptedPolicy {
         let (sizes, expected) = (batch.layout().sizes(), self.arena.sizes());
         if sizes != expected {
             return Err(invalid_request(format!(
-                "this policy is for {} against {} units and states of {} features, got a batch with {} against \
-                 {} units and states of {} features",
+                "this policy is for {} against {} units and states of {} features, \
+                 got a batch with {} against {} units and states of {} features",
                 expected.n_agents,
                 expected.n_enemies,
                 expected.state_size,

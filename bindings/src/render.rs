@@ -172,8 +172,8 @@ impl Renderer {
     /// Raises:
     ///     InvalidRequest: an argument has another shape, there is no row, `columns` is not positive, or the
     ///         sheet would be wider or higher than 16384 pixels.
-    ///     TypeError: the states are not floats, `env_id` or `columns` are not integers, or `captions` are not
-    ///         strings.
+    ///     TypeError: the states are not floats, `env_id` or `columns` are not integers, or `captions` are
+    ///         not strings.
     #[pyo3(signature = (states, env_id=None, columns=None, captions=None))]
     fn sheet<'py>(
         &self,

@@ -113,7 +113,11 @@ def test_an_attached_learner_plays_policies(tmp_path: Path, serve: Serve) -> Non
 
 
 def test_errors_say_what_is_accepted() -> None:
-    with sp.make("3m", 1) as envs, sp.make("2s3z", 1) as others, sp.make("3m", 1, fields=["state"]) as partial:
+    with (
+        sp.make("3m", 1) as envs,
+        sp.make("2s3z", 1) as others,
+        sp.make("3m", 1, fields=["state"]) as partial,
+    ):
         unknown: Any = "greedy"
         names = "the policies are random, nearest, focus_fire, kite, hold"
         with pytest.raises(sp.InvalidRequest, match=f"unknown policy `greedy`; {names}"):

@@ -180,7 +180,7 @@ def test_torchrl_wraps_the_vector_environment() -> None:
     done = played["next", "done"][..., 0].nonzero().tolist()
     assert done == [[env, step] for env in range(3) for step in (7, 15)]
     assert torch.equal(played["obs"][:, 1:8], played["next", "obs"][:, :7])
-    assert not torch.equal(played["next", "obs"][:, 7], played["obs"][:, 8]), "not the start of the next episode"
+    assert not torch.equal(played["next", "obs"][:, 7], played["obs"][:, 8]), "the last of an episode"
     assert torch.equal(played["obs"][:, 0], played["obs"][:, 8]), "start positions are fixed"
 
 
@@ -210,6 +210,7 @@ def test_pictures_of_all_environments(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(shown) == 4 and shown[0].shape[1] > 2 * 256
     with closing(PoolEnv("2s3z", 1)) as plain:
         assert plain.render() is None
-    for wrong, match in [({"render_mode": "ansi"}, "render_mode must be"), ({"render_speed": 0}, "render_speed")]:
-        with pytest.raises(sp.InvalidRequest, match=match):
-            PoolEnv("2s3z", 1, **wrong)
+    wrong: list[dict[str, Any]] = [{"render_mode": "ansi"}, {"render_speed": 0}]
+    for option in wrong:
+        with pytest.raises(sp.InvalidRequest, match=f"{next(iter(option))} must be"):
+            PoolEnv("2s3z", 1, **option)

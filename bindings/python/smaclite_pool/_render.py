@@ -1,4 +1,4 @@
-"""Render modes: pictures from the native renderer, and a window that shows them at the speed of the battle."""
+"""Render modes: pictures from the native renderer, and a window that shows them."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Window:
         no_display = 'a window needs a display, and there is none; use render_mode="rgb_array"'
         try:
             display.init()
-            # Without a display, SDL may draw into memory that is never shown. Setting the variable asks for it.
+            # Without a display, SDL may draw into memory that is never shown. The variable asks for that.
             if display.get_driver() in ("offscreen", "dummy") and "SDL_VIDEODRIVER" not in os.environ:
                 display.quit()
                 raise PoolError(no_display)
@@ -155,8 +155,8 @@ class BattleViewer:
 class LaneViewer:
     """Pictures of all environments of a lane, and a window with all of them.
 
-    With a mode it holds the newest batch. Arguments as in `BattleViewer`; a renderer is required with a mode if
-    the lane belongs to another process and has a custom scenario.
+    With a mode it holds the newest batch. Arguments as in `BattleViewer`; a renderer is required with a mode
+    if the lane belongs to another process and has a custom scenario.
 
     Raises InvalidRequest for another mode or speed, and with a mode if the lane omits the field `state`; and
     ScenarioError if a renderer is required.

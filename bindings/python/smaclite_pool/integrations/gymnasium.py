@@ -25,8 +25,8 @@ Each id serves both functions of Gymnasium:
 
 `RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
 after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper. TorchRL's
-`GymWrapper` needs `autoreset_mode="disabled"`, and renames the key `state` to `observation`; the module `torchrl`
-needs no wrapper.
+`GymWrapper` needs `autoreset_mode="disabled"`, and renames the key `state` to `observation`; the module
+`smaclite_pool.integrations.torchrl` needs no wrapper.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         render_mode: None; "rgb_array": `render()` returns a picture per environment; "human": a window shows
             every step of all environments (needs pygame and a display). With a render mode, this object holds
             one batch.
-        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow motion;
-            None for no waiting.
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
         renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if
             the lane belongs to another process and has a custom scenario.
 
@@ -397,7 +397,7 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         self._viewer.observe(self._battle.last.state)
 
     def render(self) -> Any:
-        """The battle from above, uint8 [640, 640, 3], or in a window with "human"; None without a render mode.
+        """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human".
 
         Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
         installed or there is no display.

@@ -53,8 +53,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         scenario: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
         render_mode: None; "rgb_array": `render()` returns a picture; "human": a window shows every step
             (needs pygame and a display).
-        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow motion;
-            None for no waiting.
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.

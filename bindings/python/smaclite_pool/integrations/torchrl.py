@@ -49,8 +49,8 @@ class PoolEnv(EnvBase):
         device: the device of all tensors.
         render_mode: None; "rgb_array": `render()` returns pictures; "human": a window shows every step of all
             environments (needs pygame and a display). With a render mode, this object holds one batch.
-        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow motion;
-            None for no waiting.
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
         renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if the
             connected environments have a custom scenario.
         settings: `seed`, `threads`, `episode_limit` and other arguments of `smaclite_pool.make`, for a pool

@@ -63,8 +63,8 @@ impl Scripted {
     }
 
     /// Writes an action for each agent of every environment of a batch, `[M, n_agents]`, from its fields
-    /// `state`, f32 `[M, state_size]`, and `avail_actions`, u8 `[M, n_agents, n_actions]`. The policy `random`
-    /// draws for one environment after the other.
+    /// `state`, f32 `[M, state_size]`, and `avail_actions`, u8 `[M, n_agents, n_actions]`. The policy
+    /// `random` draws for one environment after the other.
     ///
     /// These are the actions that [`act`](Self::act) chooses with the battles themselves.
     ///

@@ -1,5 +1,5 @@
-//! What a policy sees of a battle. It is what a learner sees: the state and the available actions, so policies
-//! decide alike with the battle itself and with the fields of a batch.
+//! What a policy sees of a battle. It is what a learner sees: the state and the available actions, so
+//! policies decide alike with the battle itself and with the fields of a batch.
 
 use glam::Vec2;
 
@@ -82,8 +82,8 @@ impl Situation for Battle {
     }
 }
 
-/// What a learner sees of one environment: a row of the fields `state` and `avail_actions` of a batch, read in
-/// place.
+/// What a learner sees of one environment: a row of the fields `state` and `avail_actions` of a batch, read
+/// in place.
 #[derive(Clone, Copy, Debug)]
 pub struct LearnerView<'a> {
     arena: &'a Arena,

@@ -80,7 +80,7 @@ impl Fire {
         self.remaining[enemy] > 0.0
     }
 
-    /// Takes in that an agent attacks an enemy. Armor is ignored: it is small against the rest of the estimate.
+    /// Takes in that an agent attacks an enemy. Armor is ignored: it matters less than the firing time does.
     fn add_attack(&mut self, arena: &Arena, id: u32, enemy: usize) {
         let stats = arena.stats(id);
         let damage = arena.matchup(id, arena.enemies[enemy]).damage * f64::from(stats.attacks);

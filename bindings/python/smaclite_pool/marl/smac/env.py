@@ -67,8 +67,8 @@ class MultiAgentEnv(Queries):
             actions here.
         debug: log actions and rewards at level DEBUG.
         rules, episode_limit: not in SMAC; as in `smaclite_pool.make`.
-        render_speed: not in SMAC; of the window: 1 for the speed of the battle, two steps per second; 0.25 for
-            slow motion; None for no waiting.
+        render_speed: not in SMAC; of the window: 1 for the speed of the battle, two steps per second; 0.25
+            for slow motion; None for no waiting.
 
     Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and
     InvalidRequest for an invalid value. `rewards` explains how rewards other than the default are computed.
