@@ -97,7 +97,8 @@ impl SheetStyle {
             Some(0) => return Err(invalid_request("columns must be at least 1, or None, got 0")),
             columns => columns.unwrap_or(0),
         };
-        let captions = captions.map(|captions| convert::string_list("captions", captions)).transpose()?;
+        let list = |captions| convert::string_list("captions", r#"["first"]"#, captions);
+        let captions = captions.map(list).transpose()?;
         Ok(SheetStyle { columns, captions })
     }
 

@@ -103,7 +103,7 @@ def test_a_sheet_has_a_caption_per_picture() -> None:
         assert np.array_equal(some, renderer.sheet(batch.state[[2, 0]], captions=["a", "b"]))
         with pytest.raises(sp.InvalidRequest, match="captions must have one string per picture, 3, got 2"):
             envs.render(batch, captions=["a", "b"])
-        with pytest.raises(TypeError, match="captions must be a list of strings, got int"):
+        with pytest.raises(TypeError, match=r"captions must be a list of strings, such as \[\"first\"\], got int"):
             envs.render(batch, captions=1)  # type: ignore[arg-type]
 
 
@@ -250,7 +250,8 @@ class FakePygame(types.ModuleType):
 
 def a_state() -> NDArray[np.float32]:
     with sp.make("3m", 1) as envs:
-        return envs.reset(seed=1).state[0].copy()
+        state: NDArray[np.float32] = envs.reset(seed=1).state[0].copy()
+        return state
 
 
 def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
