@@ -73,6 +73,7 @@ pictures:
     for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
         {{ program }} show $map --png {{ pictures }}/$map.png --size 448x448 || exit; \
     done
+    {{ program }} show --all --png {{ pictures }}/maps.png
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
 

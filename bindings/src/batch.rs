@@ -7,11 +7,12 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSpec};
 use std::ffi::CString;
+use std::sync::Arc;
 
 /// The shared memory of one batch, which is not reused while this object exists. It is the base of the arrays
 /// of a `Batch`.
 #[pyclass(frozen, module = "smaclite_pool")]
-pub struct Frame(pub smaclite_ipc::Batch);
+pub struct Frame(pub Arc<smaclite_ipc::Batch>);
 
 #[pymethods]
 impl Frame {
@@ -48,7 +49,7 @@ pub struct Batch {
 }
 
 impl Batch {
-    pub fn new(py: Python<'_>, batch: smaclite_ipc::Batch) -> PyResult<Batch> {
+    pub fn new(py: Python<'_>, batch: Arc<smaclite_ipc::Batch>) -> PyResult<Batch> {
         Ok(Batch { frame: Py::new(py, Frame(batch))?, views: [const { PyOnceLock::new() }; FIELD_COUNT] })
     }
 
@@ -61,12 +62,18 @@ impl Batch {
         view.map(|array| array.bind(py).clone())
     }
 
+    /// The received frame.
+    pub fn received(&self) -> &Arc<smaclite_ipc::Batch> {
+        &self.frame.get().0
+    }
+
     fn specs(&self) -> impl Iterator<Item = &'static FieldSpec> {
         self.frame.get().0.layout().fields().iter().map(Field::spec)
     }
 }
 
-fn missing_field_error(field: Field) -> PyErr {
+/// For a field that a lane does not include.
+pub fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
     PyAttributeError::new_err(if field.is_final() {
         format!("batches of this lane do not include `{name}`; it exists only with autoreset=\"same_step\"")

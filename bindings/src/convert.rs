@@ -63,11 +63,11 @@ pub fn to_unsigned<T: TryFrom<i128>>(name: &str, arg: IntArg) -> PyResult<T> {
     }))
 }
 
-/// A list of strings.
-pub fn string_list(name: &str, arg: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+/// A list of strings, such as `example`.
+pub fn string_list(name: &str, example: &str, arg: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     arg.extract().map_err(|_| {
         let got = type_name(arg);
-        PyTypeError::new_err(format!("{name} must be a list of strings, such as [\"obs\"], got {got}"))
+        PyTypeError::new_err(format!("{name} must be a list of strings, such as {example}, got {got}"))
     })
 }
 

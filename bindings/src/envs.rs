@@ -8,15 +8,16 @@ use crate::convert::{
 use crate::errors::{class, client_error, invalid_request};
 use crate::exit;
 use crate::recorder::RecordingToFile;
-use crate::render::{Renderer, render_batch};
+use crate::render::{Renderer, SheetStyle, render_batch};
 use crate::wait::wait_detached;
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use smaclite_engine::{Arena, Rules};
 use smaclite_ipc::{Client, LaneDescription, Supervisor};
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
 
 /// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
 pub struct SharedClient(Mutex<Option<Attached>>);
@@ -98,6 +99,8 @@ pub struct Envs {
     layout: Layout,
     /// Of an embedded pool; another process sends only its name.
     scenario: Option<Scenario>,
+    /// The newest batch, for pictures. It is not kept: a lane limits the batches that are held.
+    newest: Mutex<Weak<smaclite_ipc::Batch>>,
 }
 
 impl Envs {
@@ -107,7 +110,49 @@ impl Envs {
         let attached = Attached { recording, client, _embedded: supervisor };
         let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
         exit::close_at_exit(&shared);
-        Envs { shared, description, layout, scenario }
+        Envs { shared, description, layout, scenario, newest: Mutex::default() }
+    }
+
+    pub fn lane_description(&self) -> &LaneDescription {
+        &self.description
+    }
+
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The scenario of the lane. An attached client knows it only by name; for a custom scenario `instead`
+    /// says what the user can do.
+    pub fn scenario_of_lane(&self, instead: &str) -> PyResult<Scenario> {
+        let (lane, known) = (&self.description, self.scenario.clone());
+        let fits = |scenario: &Scenario| Arena::new(scenario, Rules::default()).sizes() == lane.sizes;
+        known.or_else(|| Scenario::standard(&lane.scenario).filter(fits)).ok_or_else(|| {
+            invalid_request(format!(
+                "the scenario `{}` of this lane is not a standard one, and the pool sends only its name; \
+                 {instead}",
+                lane.scenario
+            ))
+        })
+    }
+
+    fn received(&self, py: Python<'_>, batch: smaclite_ipc::Batch) -> PyResult<Batch> {
+        let batch = Arc::new(batch);
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&batch);
+        Batch::new(py, batch)
+    }
+
+    /// The batch to draw: the one that was passed, or the newest one.
+    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Arc<smaclite_ipc::Batch>> {
+        if let Some(batch) = batch {
+            return Ok(Arc::clone(batch.get().received()));
+        }
+        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner).upgrade();
+        newest.ok_or_else(|| {
+            invalid_request(
+                "there is no batch to draw: none was received, or the newest one and its arrays are not held \
+                 any more; pass a batch",
+            )
+        })
     }
 
     /// The number of environments in a request.
@@ -178,7 +223,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?;
-        Batch::new(py, batch)
+        self.received(py, batch)
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
@@ -210,7 +255,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.step(actions, ids, wait))?;
-        Batch::new(py, batch)
+        self.received(py, batch)
     }
 
     /// Send actions without waiting for the result.
@@ -267,7 +312,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.recv(wait))?;
-        Batch::new(py, batch)
+        self.received(py, batch)
     }
 
     /// Request new episodes in all environments without waiting; `recv` returns the first observations.
@@ -337,34 +382,41 @@ impl Envs {
 
     /// Draw environments of a batch from above, with north at the top.
     ///
-    /// A lane does not keep batches, so the batch is an argument. Pictures of other sizes and looks need a
-    /// `Renderer`; use one also for many pictures, as without it each call draws the map again.
+    /// Pictures of other sizes and looks need a `Renderer`; use one also for many pictures, as without it
+    /// each call draws the map again.
     ///
     /// Args:
-    ///     batch: a batch of this lane, with the field `state`.
+    ///     batch: a batch of this lane, with the field `state`. None: the newest batch, which must still be
+    ///         held, itself or one of its arrays, since a lane keeps no batches.
     ///     env_id: the id of one environment; or integers [K], whose pictures are put into one sheet, each
-    ///         with its id above it. None: a sheet of all environments of the batch.
+    ///         with its caption above it. None: a sheet of all environments of the batch.
     ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet. A process
     ///         that attached to a pool with a custom scenario must pass one, as a pool sends only the name.
     ///     columns: pictures per row of a sheet; None for about as many as there are rows.
+    ///     captions: a string per picture of a sheet; None for the ids of the environments.
     ///
     /// Returns:
     ///     uint8 [height, width, 3].
     ///
     /// Raises:
     ///     AttributeError: the lane omits the field `state`.
-    ///     InvalidRequest: an environment is not in the batch, the renderer is of a scenario with another
-    ///         `state_size`, or the sheet would be wider or higher than 16384 pixels.
-    ///     TypeError: `env_id` or `columns` are not integers.
-    #[pyo3(signature = (batch, env_id=None, renderer=None, columns=None))]
+    ///     InvalidRequest: an environment is not in the batch, no batch is held, the renderer is of a
+    ///         scenario with another `state_size`, the number of captions is wrong, or the sheet would be
+    ///         wider or higher than 16384 pixels.
+    ///     TypeError: `env_id` or `columns` are not integers, or `captions` are not strings.
+    #[pyo3(signature = (batch=None, env_id=None, renderer=None, columns=None, captions=None))]
     fn render<'py>(
         &self,
-        batch: &Bound<'py, Batch>,
+        py: Python<'py>,
+        batch: Option<&Bound<'py, Batch>>,
         env_id: Option<&Bound<'py, PyAny>>,
         renderer: Option<&Bound<'py, Renderer>>,
         columns: Option<IntArg>,
+        captions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        render_batch(batch, env_id, renderer, columns, (&self.description, self.scenario.as_ref()))
+        let batch = self.batch_to_draw(batch)?;
+        let style = SheetStyle::new(columns, captions)?;
+        render_batch(py, self, &batch, env_id, renderer, style)
     }
 
     /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays

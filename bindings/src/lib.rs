@@ -10,6 +10,7 @@ mod envs;
 mod errors;
 mod exit;
 mod make;
+mod policy;
 mod program;
 mod query;
 mod recorder;
@@ -34,6 +35,8 @@ mod _native {
     use super::envs::Envs;
     #[pymodule_export]
     use super::make::{connect, make};
+    #[pymodule_export]
+    use super::policy::ScriptedPolicy;
     #[pymodule_export]
     use super::program::run_program;
     #[pymodule_export]

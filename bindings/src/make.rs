@@ -96,7 +96,9 @@ pub fn make(
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
     let limit = to_episode_limit(episode_limit)?;
     let fields = match fields {
-        Some(names) => FieldSet::from_names(string_list("fields", &names)?).map_err(invalid_request)?,
+        Some(names) => {
+            FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?
+        }
         None => FieldSet::ALL,
     };
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);

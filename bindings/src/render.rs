@@ -1,13 +1,13 @@
 //! Pictures of battles for Python, drawn from the `state` field of batches.
 
-use crate::batch::Batch;
+use crate::batch::missing_field_error;
 use crate::convert::{self, Int32Array, IntArg, env_ids, require_envs, to_unsigned};
+use crate::envs::Envs;
 use crate::errors::invalid_request;
 use crate::scenario::resolve;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::{FeatureBlock, state_features};
-use smaclite_ipc::LaneDescription;
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Scenario;
 use smaclite_view::{Cell, Moment, Options, Picture, Sheet, SizeError, Theme};
@@ -62,29 +62,58 @@ impl Renderer {
         pixels(py, py.detach(|| self.picture(state)))
     }
 
-    /// Draws states as a sheet, each with the number of its environment.
+    /// Draws states as a sheet, each with its caption or the number of its environment.
     fn draw_sheet<'py>(
         &self,
         py: Python<'py>,
-        states: &[f32],
+        states: &[&[f32]],
         env_ids: &[i32],
-        columns: Option<IntArg>,
+        style: SheetStyle,
     ) -> PyResult<Pixels<'py>> {
-        let sheet = Sheet { columns: column_count(columns)?, theme: self.renderer.options().theme };
+        let sheet = Sheet { columns: style.columns, theme: self.renderer.options().theme };
+        let captions = style.captions_for(env_ids)?;
         let Options { width, height, .. } = *self.renderer.options();
         sheet.size(env_ids.len(), width, height).map_err(|error| sheet_error(env_ids.len(), error))?;
         let sheet = py.detach(|| {
-            let pictures: Vec<Picture> =
-                states.chunks_exact(self.state_size).map(|state| self.picture(state)).collect();
-            let captions: Vec<String> = env_ids.iter().map(i32::to_string).collect();
-            let cells: Vec<Cell<'_>> = pictures
-                .iter()
-                .zip(&captions)
-                .map(|(picture, caption)| Cell { picture, caption: caption.as_str() })
-                .collect();
+            let pictures: Vec<Picture> = states.iter().map(|state| self.picture(state)).collect();
+            let cells = pictures.iter().zip(&captions);
+            let cells: Vec<Cell<'_>> = cells.map(|(picture, caption)| Cell { picture, caption }).collect();
             sheet.compose(&cells)
         });
         pixels(py, sheet.map_err(|error| sheet_error(env_ids.len(), error))?)
+    }
+}
+
+/// How a sheet is put together.
+pub struct SheetStyle {
+    /// As in [`Sheet`], where 0 means the default.
+    columns: usize,
+    captions: Option<Vec<String>>,
+}
+
+impl SheetStyle {
+    pub fn new(columns: Option<IntArg>, captions: Option<&Bound<'_, PyAny>>) -> PyResult<SheetStyle> {
+        let columns = match columns.map(|columns| to_unsigned("columns", columns)).transpose()? {
+            Some(0) => return Err(invalid_request("columns must be at least 1, or None, got 0")),
+            columns => columns.unwrap_or(0),
+        };
+        let list = |captions| convert::string_list("captions", r#"["first"]"#, captions);
+        let captions = captions.map(list).transpose()?;
+        Ok(SheetStyle { columns, captions })
+    }
+
+    /// One caption per picture.
+    fn captions_for(self, env_ids: &[i32]) -> PyResult<Vec<String>> {
+        match self.captions {
+            Some(captions) if captions.len() == env_ids.len() => Ok(captions),
+            Some(captions) => {
+                let (expected, got) = (env_ids.len(), captions.len());
+                Err(invalid_request(format!(
+                    "captions must have one string per picture, {expected}, got {got}"
+                )))
+            }
+            None => Ok(env_ids.iter().map(i32::to_string).collect()),
+        }
     }
 }
 
@@ -130,12 +159,13 @@ impl Renderer {
         self.draw(py, &state.to_vec()?)
     }
 
-    /// Draw many battles in one picture, row by row, each with the number of its environment above it.
+    /// Draw many battles in one picture, row by row, each with its caption above it.
     ///
     /// Args:
     ///     states: float32 [M, state_size], the `state` field of a batch; at least one row.
     ///     env_id: integers [M], the numbers to show; None for 0 to M - 1.
     ///     columns: pictures per row; None for about as many as there are rows.
+    ///     captions: M strings to show instead of numbers.
     ///
     /// Returns:
     ///     uint8 [sheet height, sheet width, 3].
@@ -143,15 +173,18 @@ impl Renderer {
     /// Raises:
     ///     InvalidRequest: an argument has another shape, there is no row, `columns` is not positive, or the
     ///         sheet would be wider or higher than 16384 pixels.
-    ///     TypeError: the states are not floats, or `env_id` or `columns` are not integers.
-    #[pyo3(signature = (states, env_id=None, columns=None))]
+    ///     TypeError: the states are not floats, `env_id` or `columns` are not integers, or `captions` are
+    ///         not strings.
+    #[pyo3(signature = (states, env_id=None, columns=None, captions=None))]
     fn sheet<'py>(
         &self,
         py: Python<'py>,
         states: &Bound<'py, PyAny>,
         env_id: Option<&Bound<'py, PyAny>>,
         columns: Option<IntArg>,
+        captions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Pixels<'py>> {
+        let style = SheetStyle::new(columns, captions)?;
         let states = convert::float32_array("states", states, &[None, Some(self.state_size)])?;
         let count = states.len();
         if count == 0 {
@@ -167,7 +200,9 @@ impl Renderer {
             }
             None => (0..).take(count).collect(),
         };
-        self.draw_sheet(py, &states.to_vec()?, &ids, columns)
+        let states = states.to_vec()?;
+        let rows: Vec<&[f32]> = states.chunks_exact(self.state_size).collect();
+        self.draw_sheet(py, &rows, &ids, style)
     }
 
     /// Size of the states that it draws.
@@ -205,44 +240,41 @@ impl<'py> Selection<'py> {
 
 /// `Envs.render`: a picture of one environment of a batch, or a sheet of many.
 pub fn render_batch<'py>(
-    batch: &Bound<'py, Batch>,
+    py: Python<'py>,
+    envs: &Envs,
+    batch: &smaclite_ipc::Batch,
     env_id: Option<&Bound<'py, PyAny>>,
     renderer: Option<&Bound<'py, Renderer>>,
-    columns: Option<IntArg>,
-    lane: (&LaneDescription, Option<&Scenario>),
+    style: SheetStyle,
 ) -> PyResult<Pixels<'py>> {
-    let py = batch.py();
     let selection = Selection::new(env_id)?;
-    let states = batch.get().view(py, Field::State)?;
+    let states = batch.field::<f32>(Field::State).ok_or_else(|| missing_field_error(Field::State))?;
     let own; // lives as long as `renderer`
     let renderer = match renderer {
         Some(renderer) => renderer.get(),
         None => {
-            own = default_renderer(py, lane, !matches!(selection, Selection::One(_)))?;
+            own = default_renderer(py, envs, !matches!(selection, Selection::One(_)))?;
             &own
         }
     };
-    let size = renderer.state_size;
-    let states = convert::float32_array("state of the batch", &states, &[None, Some(size)])?.to_vec()?;
-    let in_batch = env_ids_of(batch)?;
+    let (size, expected) = (batch.layout().sizes().state_size, renderer.state_size);
+    if size != expected {
+        let name = &renderer.scenario.name;
+        return Err(invalid_request(format!(
+            "states of the batch must have {expected} features, as in `{name}` of the renderer, got {size}"
+        )));
+    }
     let state_of = |env: i64| {
-        let slot = slot_of(env, &in_batch, lane.0.settings.num_envs)?;
+        let slot = slot_of(env, batch.env_id(), envs.lane_description().settings.num_envs)?;
         Ok::<_, PyErr>(&states[slot * size..(slot + 1) * size])
     };
     let ids = match &selection {
         Selection::One(env) => return renderer.draw(py, state_of(i64::from(*env))?),
         Selection::Some(ids) => ids.as_slice()?,
-        Selection::All => return renderer.draw_sheet(py, &states, &in_batch, columns),
+        Selection::All => batch.env_id(),
     };
     let selected: Vec<&[f32]> = ids.iter().map(|env| state_of(i64::from(*env))).collect::<PyResult<_>>()?;
-    renderer.draw_sheet(py, &selected.concat(), ids, columns)
-}
-
-/// Which environment each slot of a batch is.
-fn env_ids_of(batch: &Bound<'_, Batch>) -> PyResult<Vec<i32>> {
-    let ids = batch.get().view(batch.py(), Field::EnvId)?;
-    let ids = env_ids(Some(&ids))?.expect("an argument was given");
-    Ok(ids.as_slice()?.to_vec())
+    renderer.draw_sheet(py, &selected, ids, style)
 }
 
 /// The slot of an environment in a batch.
@@ -256,23 +288,9 @@ fn slot_of(env: i64, in_batch: &[i32], num_envs: usize) -> PyResult<usize> {
     Err(invalid_request(format!("env_id must be between 0 and {}, got {env}", num_envs - 1)))
 }
 
-/// A renderer of a lane's scenario, which `make` knows, and an attached client only by name.
-fn default_renderer(
-    py: Python<'_>,
-    (lane, scenario): (&LaneDescription, Option<&Scenario>),
-    is_sheet: bool,
-) -> PyResult<Renderer> {
-    let fits = |scenario: &Scenario| state_size(scenario) == lane.sizes.state_size;
-    let scenario = match scenario {
-        Some(scenario) => scenario.clone(),
-        None => Scenario::standard(&lane.scenario).filter(fits).ok_or_else(|| {
-            invalid_request(format!(
-                "the scenario `{}` of this lane is not a standard one, and the pool sends only its name; \
-                 pass renderer=smaclite_pool.Renderer(PATH)",
-                lane.scenario
-            ))
-        })?,
-    };
+/// A renderer of a lane's scenario.
+fn default_renderer(py: Python<'_>, envs: &Envs, is_sheet: bool) -> PyResult<Renderer> {
+    let scenario = envs.scenario_of_lane("pass renderer=smaclite_pool.Renderer(PATH)")?;
     let default = Options::default();
     let cell = Options { width: SHEET_CELL, height: SHEET_CELL, ..default };
     py.detach(|| Renderer::of(scenario, if is_sheet { cell } else { default })).map_err(invalid_request)
@@ -287,14 +305,6 @@ fn to_theme(name: &str) -> PyResult<Theme> {
         "dark" => Ok(Theme::Dark),
         "light" => Ok(Theme::Light),
         _ => Err(invalid_request(format!("theme must be \"dark\" or \"light\", got `{name}`"))),
-    }
-}
-
-/// Columns as in [`Sheet`], where 0 means the default.
-fn column_count(columns: Option<IntArg>) -> PyResult<usize> {
-    match columns.map(|columns| to_unsigned("columns", columns)).transpose()? {
-        Some(0) => Err(invalid_request("columns must be at least 1, or None, got 0")),
-        columns => Ok(columns.unwrap_or(0)),
     }
 }
 

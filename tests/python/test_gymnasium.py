@@ -41,7 +41,8 @@ def no_warnings() -> Iterator[None]:
 
 
 @pytest.mark.parametrize("scenario", sp.scenarios())
-def test_gymnasium_accepts_one_environment(scenario: str) -> None:
+def test_gymnasium_accepts_one_environment(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Window, "show", lambda *_: True)  # the checker tries every render mode
     # The checker uses an action of one state in another, where it may not be available.
     env = gymnasium.make(f"smaclite_pool/{scenario}-v0", render_mode="rgb_array", illegal_actions="stop")
     check_env(env.unwrapped)
@@ -96,6 +97,30 @@ def test_a_window_shows_every_step_of_a_vector(monkeypatch: pytest.MonkeyPatch) 
     assert len(shown) == 2 and all(map(np.array_equal, shown, expected))
 
 
+def test_a_window_shows_every_step_of_a_battle(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    env: Any = gymnasium.make("smaclite_pool/2s3z-v0", render_mode="human", render_speed=0.5)
+    assert env.unwrapped.metadata["render_modes"] == ["human", "rgb_array"]
+    env.reset(seed=1)
+    states = [env.unwrapped.get_state()]
+    env.step([1] * 5)
+    states.append(env.unwrapped.get_state())
+    assert env.render() is None
+    renderer = sp.Renderer("2s3z", 640, 640)
+    assert len(shown) == 3 and all(map(np.array_equal, shown, map(renderer.render, [*states, states[1]])))
+    env.close()
+    plain = BattleEnv("2s3z")
+    plain.reset()
+    assert plain.render() is None
+    plain.close()
+    for make in (BattleEnv, make_vector):
+        with pytest.raises(sp.InvalidRequest, match="render_mode must be None"):
+            make("2s3z", render_mode="ansi")
+        with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0"):
+            make("2s3z", render_mode="human", render_speed=0)
+
+
 def test_spaces_are_those_learners_expect() -> None:
     with closing(make_vector("MMM2", 2)) as envs:
         assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)
@@ -119,7 +144,7 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
     n_envs, rng = 3, np.random.default_rng(7)
     ours = make_vector("2s3z", n_envs, autoreset_mode=mode, max_episode_steps=40)
     theirs: Any = SyncVectorEnv([lambda: BattleEnv("2s3z", episode_limit=40)] * n_envs, autoreset_mode=mode)
-    assert ours.metadata["autoreset_mode"] is mode
+    assert ours.metadata["autoreset_mode"] is mode and ours.autoreset_mode is theirs.autoreset_mode
     seen, _ = ours.reset(seed=11)
     expected, _ = theirs.reset(seed=11)
     episodes = 0

@@ -13,6 +13,7 @@ import smaclite_pool as sp
 pytest.importorskip("pettingzoo")
 
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from smaclite_pool._render import Window
 from smaclite_pool.integrations import pettingzoo
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
@@ -144,3 +145,23 @@ def test_the_render_mode_is_an_argument_of_every_constructor() -> None:
     plain.reset()
     assert plain.render() is None
     plain.close()
+
+
+def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    for constructor in (parallel_env, pettingzoo.raw_env, pettingzoo.env):
+        shown.clear()
+        made: Any = constructor("2s3z", render_mode="human", render_speed=0.25)
+        made.reset(seed=1)
+        if constructor is parallel_env:
+            made.step(dict.fromkeys(made.agents, 1))
+        else:
+            for _ in range(5):  # a step of the battle, agent by agent
+                made.step(1)
+        assert made.render() is None
+        assert len(shown) == 3 and np.array_equal(shown[1], shown[2])
+        assert not np.array_equal(shown[0], shown[1])
+        made.close()
+        with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0"):
+            constructor("2s3z", render_speed=-1)

@@ -90,6 +90,38 @@ def test_a_sheet_contains_every_picture() -> None:
     assert column.shape[0] > 5 * 48 and row.shape[1] > 5 * 64
 
 
+def test_a_sheet_has_a_caption_per_picture() -> None:
+    renderer = sp.Renderer("3m", 64, 48)
+    with sp.make("3m", 3) as envs:
+        batch = envs.reset(seed=1)
+        plain = renderer.sheet(batch.state)
+        assert np.array_equal(plain, renderer.sheet(batch.state, captions=["0", "1", "2"]))
+        named = renderer.sheet(batch.state, captions=["won", "lost", "lost"])
+        assert not np.array_equal(plain, named) and plain.shape == named.shape
+        assert np.array_equal(named, envs.render(batch, None, renderer, captions=["won", "lost", "lost"]))
+        some = envs.render(batch, [2, 0], renderer, captions=["a", "b"])
+        assert np.array_equal(some, renderer.sheet(batch.state[[2, 0]], captions=["a", "b"]))
+        with pytest.raises(sp.InvalidRequest, match="captions must have one string per picture, 3, got 2"):
+            envs.render(batch, captions=["a", "b"])
+        with pytest.raises(TypeError, match=r"captions must be a list of strings, such as \[\"first\"\], got int"):
+            envs.render(batch, captions=1)  # type: ignore[arg-type]
+
+
+def test_without_a_batch_the_newest_one_is_drawn() -> None:
+    renderer = sp.Renderer("3m", 64, 48)
+    with sp.make("3m", 2) as envs:
+        with pytest.raises(sp.InvalidRequest, match="there is no batch to draw"):
+            envs.render(env_id=1)
+        first = envs.reset(seed=1)
+        assert np.array_equal(envs.render(env_id=1, renderer=renderer), renderer.render(first.state[1]))
+        state = envs.step(envs.sample_actions()).state  # holds the batch's memory
+        assert np.array_equal(envs.render(env_id=1, renderer=renderer), renderer.render(state[1]))
+        assert not np.array_equal(state[1], first.state[1])
+        del state
+        with pytest.raises(sp.InvalidRequest, match="not held any more; pass a batch"):
+            envs.render(env_id=1)
+
+
 def test_errors_say_what_is_accepted() -> None:
     with pytest.raises(sp.InvalidRequest, match=r"between 16 and 4096 pixels, got 15 x 512"):
         sp.Renderer("2s3z", 15)
@@ -144,7 +176,7 @@ def test_a_pool_draws_the_environments_of_a_batch() -> None:
             envs.render(batch, -1)
         with pytest.raises(sp.InvalidRequest, match="at least one environment"):
             envs.render(batch, [])
-        with pytest.raises(sp.InvalidRequest, match="state of the batch must be a float32 array of shape"):
+        with pytest.raises(sp.InvalidRequest, match="must have .*, as in `2s3z` of the renderer, got"):
             envs.render(batch, 0, sp.Renderer("2s3z"))
 
 
@@ -190,14 +222,16 @@ class FakePygame(types.ModuleType):
     """The part of pygame that a window uses; it records what is shown."""
 
     QUIT = 256
+    error = RuntimeError
 
-    def __init__(self) -> None:
+    def __init__(self, driver: str = "x11") -> None:
         super().__init__("pygame")
         self.calls: list[Any] = []
         self.shown: list[Picture] = []
         self.quits: list[Any] = []
         self.display = types.SimpleNamespace(
             init=lambda: self.calls.append("init"),
+            get_driver=lambda: driver,
             set_mode=self._set_mode,
             set_caption=self.calls.append,
             flip=lambda: None,
@@ -214,12 +248,16 @@ class FakePygame(types.ModuleType):
         self.shown.append(columns.swapaxes(0, 1))
 
 
-def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    pygame = FakePygame()
-    monkeypatch.setitem(sys.modules, "pygame", pygame)
+def a_state() -> NDArray[np.float32]:
     with sp.make("3m", 1) as envs:
-        state = envs.reset(seed=1).state[0].copy()
-    viewer = BattleViewer("3m", 80, 60)
+        state: NDArray[np.float32] = envs.reset(seed=1).state[0].copy()
+        return state
+
+
+def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame, state = FakePygame(), a_state()
+    monkeypatch.setitem(sys.modules, "pygame", pygame)
+    viewer = BattleViewer("3m", 80, 60, speed=None)
     viewer.close()
     assert pygame.calls == []
     assert viewer.show(state) and np.array_equal(pygame.shown[0], viewer.picture(state))
@@ -229,6 +267,59 @@ def test_a_window_shows_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     viewer.close()
     viewer.close()
     assert pygame.calls[3:] == ["quit"]
+
+
+@pytest.mark.parametrize(("speed", "seconds"), [(1, 0.5), (0.25, 2.0), (4.0, 0.125), (None, 0.0)])
+def test_a_window_shows_each_picture_for_a_step(
+    monkeypatch: pytest.MonkeyPatch, speed: float | None, seconds: float
+) -> None:
+    pygame, state, now = FakePygame(), a_state(), 100.0
+
+    def sleep(duration: float) -> None:
+        nonlocal now
+        now += duration
+
+    monkeypatch.setitem(sys.modules, "pygame", pygame)
+    clock = types.SimpleNamespace(monotonic=lambda: now, sleep=sleep)
+    monkeypatch.setattr("smaclite_pool._render.time", clock)
+    viewer = BattleViewer("3m", 80, 60, speed=speed)
+    viewer.show(state)
+    assert now == 100.0, "the first picture is shown at once"
+    for count in (1, 2):
+        viewer.show(state)
+        assert now == pytest.approx(100 + count * seconds)
+    now += 10  # a slow learner is not made slower
+    viewer.show(state)
+    assert now == pytest.approx(110 + 2 * seconds)
+    pygame.quits = ["event"]
+    assert not viewer.show(state) and now == pytest.approx(110 + 2 * seconds), "a closed window does not wait"
+
+
+@pytest.mark.parametrize("speed", [0, -1.0, float("nan"), float("inf"), "slow"])
+def test_a_wrong_speed_is_refused(speed: Any) -> None:
+    with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0, or None"):
+        BattleViewer("3m", 80, 60, speed=speed)
+
+
+def test_a_window_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SDL would draw into memory that is never shown, unless the user asked for it."""
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    pygame = FakePygame("offscreen")
+    monkeypatch.setitem(sys.modules, "pygame", pygame)
+    state = a_state()
+    for _ in range(2):
+        with pytest.raises(sp.PoolError, match='needs a display, .* use render_mode="rgb_array"'):
+            BattleViewer("3m", 80, 60).show(state)
+    assert pygame.calls == ["init", "quit"] * 2
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    assert BattleViewer("3m", 80, 60).show(state)
+
+    def fail() -> None:
+        raise RuntimeError("x11 not available")
+
+    pygame.display.init = fail
+    with pytest.raises(sp.PoolError, match=r"needs a display.*\(x11 not available\)"):
+        BattleViewer("3m", 80, 60).show(state)
 
 
 def test_a_window_without_pygame_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ pytest.importorskip("torch")
 import ray
 import smaclite_pool.integrations.rllib
 from ray.rllib.env.env_context import EnvContext
+from smaclite_pool._render import Window
 from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
 
 
@@ -54,9 +56,20 @@ def test_pictures(env: BattleMultiAgentEnv) -> None:
         env.render()
     env.reset(seed=5)
     picture = env.render()
-    assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8
+    assert picture is not None and picture.shape == (640, 640, 3) and picture.dtype == np.uint8
     env.step(dict.fromkeys(env.agents, 1))
-    assert not np.array_equal(picture, env.render())
+    later = env.render()
+    assert later is not None and not np.array_equal(picture, later)
+
+
+def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    env = BattleMultiAgentEnv({"render_mode": "human", "render_speed": 0.5})
+    env.reset(seed=5)
+    env.step(dict.fromkeys(env.agents, 1))
+    assert env.render() is None and len(shown) == 3 and np.array_equal(shown[1], shown[2])
+    env.close()
 
 
 def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:

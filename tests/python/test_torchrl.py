@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("torchrl")
 
 import smaclite_pool.integrations.torchrl
+from smaclite_pool._render import Window
 from smaclite_pool.integrations._common import INFO_FIELDS
 from smaclite_pool.integrations.torchrl import PoolEnv
 from tensordict.nn import TensorDictModule
@@ -163,3 +165,52 @@ def test_torchrl_makes_a_single_battle_from_an_id() -> None:
     env = GymEnv("smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0")
     assert env.reset()["observation"].shape == (5, 80)
     env.close()
+
+
+def test_torchrl_wraps_the_vector_environment() -> None:
+    """It failed without the attribute `autoreset_mode`, which Gymnasium's vector environments have."""
+    pytest.importorskip("gymnasium")
+    from smaclite_pool.integrations.gymnasium import make_vector
+    from torchrl.envs import GymWrapper
+
+    options: dict[str, Any] = {"max_episode_steps": 8, "illegal_actions": "stop"}
+    with closing(make_vector("2s3z", 3, seed=1, autoreset_mode="disabled", **options)) as vector:
+        played = GymWrapper(vector).rollout(20, break_when_any_done=False)
+    assert played["obs"].shape == played["next", "obs"].shape == (3, 20, 5, 80)
+    done = played["next", "done"][..., 0].nonzero().tolist()
+    assert done == [[env, step] for env in range(3) for step in (7, 15)]
+    assert torch.equal(played["obs"][:, 1:8], played["next", "obs"][:, :7])
+    assert not torch.equal(played["next", "obs"][:, 7], played["obs"][:, 8]), "the last of an episode"
+    assert torch.equal(played["obs"][:, 0], played["obs"][:, 8]), "start positions are fixed"
+
+
+def test_torchrl_refuses_a_vector_that_resets_in_the_next_step() -> None:
+    pytest.importorskip("gymnasium")
+    from smaclite_pool.integrations.gymnasium import make_vector
+    from torchrl.envs import GymWrapper
+
+    with closing(make_vector("2s3z", 2)) as vector:
+        with pytest.raises(RuntimeError, match="auto-reset mode must be one of SAME_STEP or DISABLED"):
+            GymWrapper(vector)
+
+
+def test_pictures_of_all_environments(monkeypatch: pytest.MonkeyPatch) -> None:
+    from torchrl.record import PixelRenderTransform
+
+    env = PoolEnv("2s3z", 2, render_mode="rgb_array").append_transform(PixelRenderTransform())
+    pixels = env.rollout(3)["pixels"]
+    assert pixels.shape == (2, 3, 256, 256, 3) and pixels.dtype == torch.uint8
+    assert not torch.equal(pixels[:, 0], pixels[:, 1])
+    env.close()
+
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    with closing(PoolEnv("2s3z", 2, render_mode="human", render_speed=0.5)) as env:
+        env.rollout(3)
+    assert len(shown) == 4 and shown[0].shape[1] > 2 * 256
+    with closing(PoolEnv("2s3z", 1)) as plain:
+        assert plain.render() is None
+    wrong: list[dict[str, Any]] = [{"render_mode": "ansi"}, {"render_speed": 0}]
+    for option in wrong:
+        with pytest.raises(sp.InvalidRequest, match=f"{next(iter(option))} must be"):
+            PoolEnv("2s3z", 1, **option)

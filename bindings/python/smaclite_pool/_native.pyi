@@ -1,6 +1,7 @@
 # Written by hand, because generated stubs lack the element types of arrays. `mypy.stubtest` checks that
 # names, parameters and defaults match the module. Full docstrings are in the module.
 
+from collections.abc import Sequence
 from os import PathLike
 from types import TracebackType
 from typing import Any, Final, Literal, final
@@ -24,6 +25,7 @@ __all__ = [
     "SOUTH",
     "Spectator",
     "STOP",
+    "ScriptedPolicy",
     "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
@@ -152,10 +154,11 @@ class Envs:
     def seed_sampler(self, seed: int) -> None: ...
     def render(
         self,
-        batch: Batch,
+        batch: Batch | None = None,
         env_id: ArrayLike | None = None,
         renderer: Renderer | None = None,
         columns: int | None = None,
+        captions: Sequence[str] | None = None,
     ) -> NDArray[np.uint8]:
         """A picture of one environment, or a sheet of many: uint8 [height, width, 3]."""
     def close(self) -> None: ...
@@ -255,11 +258,32 @@ class Renderer:
     def render(self, state: ArrayLike) -> NDArray[np.uint8]:
         """A picture of a state, float32 [state_size]: uint8 [height, width, 3]."""
     def sheet(
-        self, states: ArrayLike, env_id: ArrayLike | None = None, columns: int | None = None
+        self,
+        states: ArrayLike,
+        env_id: ArrayLike | None = None,
+        columns: int | None = None,
+        captions: Sequence[str] | None = None,
     ) -> NDArray[np.uint8]:
-        """A sheet of states, float32 [M, state_size], with numbers: uint8 [height, width, 3]."""
+        """A sheet of states, float32 [M, state_size], with captions: uint8 [height, width, 3]."""
     @property
     def state_size(self) -> int: ...
+
+@final
+class ScriptedPolicy:
+    """A scripted policy, which chooses the actions of all environments of a batch."""
+
+    def __new__(
+        cls,
+        name: Literal["random", "nearest", "focus_fire", "kite", "hold"],
+        envs: Envs,
+        *,
+        seed: int = 0,
+        scenario: str | PathLike[str] | None = None,
+    ) -> ScriptedPolicy: ...
+    def __call__(self, batch: Batch, out: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
+        """Actions of all slots of a batch: int32 [M, n_agents]."""
+    @property
+    def name(self) -> str: ...
 
 def make(
     scenario: str | PathLike[str],

@@ -1,8 +1,11 @@
-"""Render modes of single battles: pictures from the native renderer, and a window that shows them."""
+"""Render modes: pictures from the native renderer, and a window that shows them."""
 
 from __future__ import annotations
 
 import importlib
+import math
+import os
+import time
 from functools import cached_property
 from os import PathLike
 from typing import Any
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import Renderer
+from ._native import Batch, Envs, Renderer
 from .errors import InvalidRequest, PoolError
 
 Picture = NDArray[np.uint8]
@@ -26,34 +29,68 @@ def check_render_mode(mode: str | None) -> None:
         raise InvalidRequest(f'render_mode must be None, "human" or "rgb_array", got {mode!r}')
 
 
-class Window:
-    """A window of the size of its first picture, opened with it. Needs pygame."""
+def check_render_speed(speed: float | None) -> None:
+    """Raise InvalidRequest unless the speed is None or a finite number above 0."""
+    if speed is not None and not (isinstance(speed, int | float) and 0 < speed < math.inf):
+        raise InvalidRequest(f"render_speed must be a number above 0, or None for no waiting, got {speed!r}")
 
-    def __init__(self, title: str) -> None:
+
+class Window:
+    """A window of the size of its first picture, opened with it. Needs pygame and a display.
+
+    Args:
+        title: its title.
+        speed: 1 shows each picture for as long as a step of the battle, half a second; 0.25 is slow motion,
+            and None does not wait.
+    """
+
+    def __init__(self, title: str, speed: float | None = 1.0) -> None:
+        check_render_speed(speed)
         self._title = title
+        self._seconds = 0.0 if speed is None else 1 / (RENDER_FPS * speed)
+        self._shown = -math.inf
         self._pygame: Any = None
         self._screen: Any = None
 
     def show(self, picture: Picture) -> bool:
         """Show a picture, and return whether the window is still open.
 
-        Raises PoolError if pygame is not installed.
+        Waits until the last picture was shown for long enough. Raises PoolError if pygame is not installed or
+        there is no display.
         """
         if self._screen is None:
             self._open(picture.shape[1], picture.shape[0])
-        quits = self._pygame.event.get(self._pygame.QUIT)
+        quits = self._wait()
         self._pygame.surfarray.blit_array(self._screen, picture.swapaxes(0, 1))
         self._pygame.display.flip()
+        self._shown = time.monotonic()
         return not quits
+
+    def _wait(self) -> bool:
+        """Wait in slices, between which the window reacts; return whether the user closed it."""
+        quits = bool(self._pygame.event.get(self._pygame.QUIT))
+        while not quits and (left := self._shown + self._seconds - time.monotonic()) > 0:
+            time.sleep(min(left, 0.02))
+            quits = bool(self._pygame.event.get(self._pygame.QUIT))
+        return quits
 
     def _open(self, width: int, height: int) -> None:
         try:
             self._pygame = importlib.import_module("pygame")
         except ImportError as error:
             raise PoolError('a window needs pygame (pip install pygame); "rgb_array" does not') from error
-        self._pygame.display.init()
-        self._screen = self._pygame.display.set_mode((width, height))
-        self._pygame.display.set_caption(self._title)
+        display = self._pygame.display
+        no_display = 'a window needs a display, and there is none; use render_mode="rgb_array"'
+        try:
+            display.init()
+            # Without a display, SDL may draw into memory that is never shown. The variable asks for that.
+            if display.get_driver() in ("offscreen", "dummy") and "SDL_VIDEODRIVER" not in os.environ:
+                display.quit()
+                raise PoolError(no_display)
+            self._screen = display.set_mode((width, height))
+        except self._pygame.error as error:
+            raise PoolError(f"{no_display} ({error})") from error
+        display.set_caption(self._title)
 
     def close(self) -> None:
         """Close the window, if it is open."""
@@ -68,11 +105,23 @@ class BattleViewer:
     Args:
         scenario: name of a standard scenario, or path of a scenario file.
         width, height: size of pictures and of the window in pixels, each from 16 to 4096.
+        mode: None or one of `RENDER_MODES`.
+        speed: of the window, as in `Window`.
+
+    Raises InvalidRequest for another mode or speed.
     """
 
-    def __init__(self, scenario: str | PathLike[str], width: int, height: int) -> None:
-        self._scenario, self._size = scenario, (width, height)
-        self._window = Window(f"smaclite_pool: {scenario}")
+    def __init__(
+        self,
+        scenario: str | PathLike[str],
+        width: int,
+        height: int,
+        mode: str | None = None,
+        speed: float | None = 1.0,
+    ) -> None:
+        check_render_mode(mode)
+        self._scenario, self._size, self._mode = scenario, (width, height), mode
+        self._window = Window(f"smaclite_pool: {scenario}", speed)
 
     @cached_property
     def _renderer(self) -> Renderer:
@@ -86,6 +135,69 @@ class BattleViewer:
         """Show a state in the window, and return whether the window is still open."""
         return self._window.show(self.picture(state))
 
+    def render(self, state: NDArray[np.float32]) -> Picture | None:
+        """What `render()` of an environment does in its mode."""
+        if self._mode == "rgb_array":
+            return self.picture(state)
+        self.observe(state)
+        return None
+
+    def observe(self, state: NDArray[np.float32]) -> None:
+        """Take in the state after a reset or step: with "human", show it."""
+        if self._mode == "human":
+            self.show(state)
+
     def close(self) -> None:
         """Close the window, if it is open."""
+        self._window.close()
+
+
+class LaneViewer:
+    """Pictures of all environments of a lane, and a window with all of them.
+
+    With a mode it holds the newest batch. Arguments as in `BattleViewer`; a renderer is required with a mode
+    if the lane belongs to another process and has a custom scenario.
+
+    Raises InvalidRequest for another mode or speed, and with a mode if the lane omits the field `state`; and
+    ScenarioError if a renderer is required.
+    """
+
+    picture_size = (256, 256)
+
+    def __init__(
+        self, envs: Envs, mode: str | None, speed: float | None = 1.0, renderer: Renderer | None = None
+    ) -> None:
+        check_render_mode(mode)
+        self._mode = mode
+        self._window = Window(f"smaclite_pool: {envs.scenario}", speed)
+        self._batch: Batch | None = None
+        if mode is not None:
+            if "state" not in envs.fields:
+                raise InvalidRequest("pictures are drawn from the field `state`, which this lane omits")
+            self._renderer = renderer or Renderer(envs.scenario, *self.picture_size)
+
+    def observe(self, batch: Batch) -> None:
+        """Take in the batch after a reset or step: with "human", show it."""
+        if self._mode is not None:
+            self._batch = batch
+        if self._mode == "human":
+            self.render()
+
+    def render(self) -> list[Picture] | None:
+        """A picture per environment with "rgb_array", or all of them in the window with "human".
+
+        Raises InvalidRequest before the first reset.
+        """
+        if self._mode is None:
+            return None
+        if self._batch is None:
+            raise InvalidRequest("no battle has begun; call reset first")
+        if self._mode == "rgb_array":
+            return [self._renderer.render(state) for state in self._batch.state]
+        self._window.show(self._renderer.sheet(self._batch.state))
+        return None
+
+    def close(self) -> None:
+        """Release the batch, and close the window, if it is open."""
+        self._batch = None
         self._window.close()

@@ -1,4 +1,4 @@
-//! `smaclite-pool show`: a scenario as a map of characters, or as a picture.
+//! `smaclite-pool show`: a scenario as a map of characters, or as a picture; all of them as a contact sheet.
 
 use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
@@ -6,9 +6,9 @@ use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules};
 use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::UnitType;
-use smaclite_view::{Observer, Options, Renderer, type_letters};
+use smaclite_view::{Cell, Observer, Options, Picture, Renderer, Sheet, SizeError, type_letters};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 #[derive(Args)]
@@ -18,11 +18,15 @@ point to which the enemies move. A letter stands for a unit; `<` after it marks 
 Units that share a square are shown by the first one.")]
 pub(super) struct Show {
     /// A standard scenario or a scenario file
-    scenario: String,
+    #[arg(required_unless_present = "all")]
+    scenario: Option<String>,
+    /// Put all standard scenarios into one picture, each with its name
+    #[arg(long, conflicts_with = "scenario", requires = "png")]
+    all: bool,
     /// Write a picture to this PNG file, instead of printing the map; a file of that name is replaced
     #[arg(long, value_name = "OUT")]
     png: Option<PathBuf>,
-    /// Width and height of the picture in pixels [default: 512x512]
+    /// Width and height of the picture, or of each one with --all, in pixels [default: 512x512; 256x256]
     #[arg(long, value_name = "WxH", requires = "png")]
     size: Option<Size>,
     /// Background of the picture [default: dark]
@@ -39,21 +43,37 @@ pub(super) struct Show {
     ids: bool,
 }
 
+/// Width and height of each picture of a contact sheet.
+const CELL: Size = Size { width: 256, height: 256 };
+
+/// Pictures per row of the sheet of all standard scenarios.
+const COLUMNS: usize = 6;
+
 impl Show {
     pub(super) fn run(self) -> CommandResult {
-        let scenario = Scenario::resolve(&self.scenario)?;
-        match &self.png {
-            Some(png) => self.draw(&scenario, png),
-            None => print(&scenario),
+        let Some(name) = &self.scenario else {
+            let all = Scenario::standard_names().filter_map(Scenario::standard);
+            return self.write_png(&self.sheet(all)?);
+        };
+        let scenario = Scenario::resolve(name)?;
+        if self.png.is_none() {
+            return print(&scenario);
         }
+        let default = Options::default();
+        let size = Size { width: default.width, height: default.height };
+        self.write_png(&self.picture(&scenario, self.size.unwrap_or(size))?)
     }
 
-    fn draw(&self, scenario: &Scenario, png: &Path) -> CommandResult {
+    fn write_png(&self, picture: &Picture) -> CommandResult {
+        let Some(png) = &self.png else { return Ok(()) };
         if png.extension().is_none_or(|suffix| suffix != "png") {
             return Err(format!("--png must end in .png, got `{}`", png.display()).into());
         }
-        let default = Options::default();
-        let size = self.size.unwrap_or(Size { width: default.width, height: default.height });
+        write_file(png, |output| picture.write_png(output))
+    }
+
+    /// The start of a battle.
+    fn picture(&self, scenario: &Scenario, size: Size) -> Result<Picture, SizeError> {
         let options = Options {
             width: size.width,
             height: size.height,
@@ -61,12 +81,20 @@ impl Show {
             show_range: self.range,
             show_ids: self.ids,
             theme: self.theme.unwrap_or_default().into(),
-            ..default
+            ..Options::default()
         };
         let battle = Battle::new(Arc::new(Arena::new(scenario, Rules::default())), 0);
         let start = Observer::new(scenario, battle.units());
-        let picture = Renderer::new(scenario, options)?.render(start.moment());
-        write_file(png, |output| picture.write_png(output))
+        Ok(Renderer::new(scenario, options)?.render(start.moment()))
+    }
+
+    /// A contact sheet of scenarios.
+    fn sheet(&self, scenarios: impl Iterator<Item = Scenario>) -> Result<Picture, SizeError> {
+        let size = self.size.unwrap_or(CELL);
+        let pictures = scenarios.map(|scenario| Ok((self.picture(&scenario, size)?, scenario.name)));
+        let pictures = pictures.collect::<Result<Vec<_>, SizeError>>()?;
+        let cells = pictures.iter().map(|(picture, caption)| Cell { picture, caption }).collect::<Vec<_>>();
+        Sheet { columns: COLUMNS, theme: self.theme.unwrap_or_default().into() }.compose(&cells)
     }
 }
 

@@ -223,3 +223,16 @@ fn a_standard_scenario_is_shown() {
     check_error(folder.path(), "show 2s3z --sight", 2, "--png");
     check_error(folder.path(), "show absent.json", 1, "absent.json");
 }
+
+#[test]
+fn all_standard_scenarios_are_shown_on_one_sheet() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "show --all --png maps.png --size 64x48");
+    let [(width, height)] = png_frames(&folder.join("maps.png"))[..] else { panic!("one picture") };
+    assert!(width > 6 * 64 && width < 7 * 64 && height > 4 * 48 && height < 8 * 48, "{width} x {height}");
+    check_error(folder, "show --all", 2, "--png");
+    check_error(folder, "show", 2, "SCENARIO");
+    check_error(folder, "show 3m --all --png maps.png", 2, "--all");
+    check_error(folder, "show --all --png huge.png --size 4096x4096", 1, "16384 pixels");
+}

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::arena::{Arena, Sizes};
 use crate::command::{Command, IllegalAction, action};
-use crate::encode::{self, Available};
+use crate::encode::{self, Available, UnitFeatures};
 use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::scratch::Scratch;
@@ -328,6 +328,14 @@ impl Battle {
         for (out, &id) in out.iter_mut().zip(&self.arena.agents) {
             *out = u8::from(self.units.alive[id as usize]);
         }
+    }
+
+    /// The features of a unit as in [the state](Self::write_state), by battle-wide id.
+    ///
+    /// # Panics
+    /// If there is no such unit.
+    pub fn unit_features(&self, id: u32) -> UnitFeatures {
+        UnitFeatures::of(&self.view(), id)
     }
 
     fn view(&self) -> encode::View<'_> {

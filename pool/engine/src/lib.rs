@@ -66,7 +66,7 @@ mod units;
 pub use arena::{Arena, Sizes};
 pub use battle::Battle;
 pub use command::{IllegalAction, action};
-pub use encode::{FeatureBlock, obs_features, state_features};
+pub use encode::{FeatureBlock, UnitFeatures, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};

@@ -114,10 +114,8 @@ fn the_page_has_every_moment_to_what_can_be_seen() {
 }
 
 #[test]
-fn types_with_equal_first_letters_have_different_labels() {
-    for (name, expected) in
-        [("2s3z", "S Z"), ("MMM", "Me Mn Ma"), ("3s_vs_3z", "S Z"), ("2s_vs_1sc", "Sp St")]
-    {
+fn units_have_the_letters_of_pictures() {
+    for (name, expected) in [("2s3z", "S Z"), ("MMM", "+ M R"), ("3s_vs_3z", "S Z"), ("2s_vs_1sc", "P S")] {
         let data = data_of(&export_html(&record(standard(name), 1)).unwrap());
         let types = data["scenario"]["types"].as_array().unwrap();
         let labels: Vec<&str> = types.iter().map(|unit_type| unit_type["label"].as_str().unwrap()).collect();

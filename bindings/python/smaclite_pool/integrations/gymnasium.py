@@ -24,7 +24,9 @@ Each id serves both functions of Gymnasium:
 - `gymnasium.make` returns a `BattleEnv`, a single battle with the interface of the published environment.
 
 `RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
-after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper.
+after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper. TorchRL's
+`GymWrapper` needs `autoreset_mode="disabled"`, and renames the key `state` to `observation`; the module
+`smaclite_pool.integrations.torchrl` needs no wrapper.
 """
 
 from __future__ import annotations
@@ -42,7 +44,15 @@ from numpy.typing import NDArray
 
 from .._layout import ScenarioLayout
 from .._native import FIRST_TARGET, NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
-from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, Picture, Window, check_render_mode
+from .._render import (
+    RENDER_FPS,
+    RENDER_MODES,
+    BattleViewer,
+    LaneViewer,
+    Picture,
+    check_render_mode,
+    check_render_speed,
+)
 from .._units import Unit, UnitsView
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle
@@ -87,20 +97,24 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         copy: True: arrays are copies that you can keep and change. False: observations are read-only views of
             shared memory; at most the lane's `max_held_batches` can be held.
         render_mode: None; "rgb_array": `render()` returns a picture per environment; "human": a window shows
-            every step of all environments (needs pygame). With a render mode, this object holds one batch.
+            every step of all environments (needs pygame and a display). With a render mode, this object holds
+            one batch.
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
         renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if
             the lane belongs to another process and has a custom scenario.
 
-    Raises InvalidRequest for an asynchronous lane, another value of `illegal_actions` or `render_mode`, or
-    a render mode if the lane omits the field `state`; and ScenarioError if a renderer is required.
+    Raises InvalidRequest for an asynchronous lane, another value of `illegal_actions`, `render_mode` or
+    `render_speed`, or a render mode if the lane omits the field `state`; and ScenarioError if a renderer is
+    required.
     """
 
     observation_space: spaces.Dict
     action_space: LegalBox
     single_observation_space: spaces.Dict
     single_action_space: spaces.MultiDiscrete
-
-    picture_size = (256, 256)
+    autoreset_mode: AutoresetMode
+    """What Gymnasium's vector environments have beside `metadata`; TorchRL reads it."""
 
     def __init__(
         self,
@@ -109,6 +123,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         illegal_actions: IllegalActions = "error",
         copy: bool = True,
         render_mode: str | None = None,
+        render_speed: float | None = 1.0,
         renderer: Renderer | None = None,
     ) -> None:
         self.closed = True  # if this fails, the caller still owns the lane
@@ -119,14 +134,16 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             )
         self._envs, self._copy = envs, copy
         self._stops = _stops(illegal_actions)
-        self._last: Batch | None = None  # only with "stop" or a render mode
+        self._last: Batch | None = None  # only with "stop"
         self.num_envs = envs.num_envs
+        self.autoreset_mode = AUTORESET_MODES[envs.autoreset]
         self.metadata = {
             "render_modes": list(RENDER_MODES),
             "render_fps": RENDER_FPS,
-            "autoreset_mode": AUTORESET_MODES[envs.autoreset],
+            "autoreset_mode": self.autoreset_mode,
         }
-        self._set_render_mode(render_mode, renderer)
+        self.render_mode = render_mode
+        self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
         self.single_observation_space = single_observation_space(envs)
         self.single_action_space = single_action_space(envs)
         self.observation_space = batched_observation_space(envs)
@@ -135,16 +152,6 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in fields}
         self._info_fields = [name for name in INFO_FIELDS if name in fields]
         self.closed = False
-
-    def _set_render_mode(self, mode: str | None, renderer: Renderer | None) -> None:
-        check_render_mode(mode)
-        self.render_mode, self._renderer = mode, renderer
-        if mode is None:
-            return
-        if "state" not in self._envs.fields:
-            raise InvalidRequest("pictures are drawn from the field `state`, which this lane omits")
-        self._renderer = renderer or Renderer(self._envs.scenario, *self.picture_size)
-        self._window = Window(f"smaclite_pool: {self._envs.scenario}")
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -182,23 +189,17 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
 
     def _keep(self, batch: Batch) -> None:
-        self._last = batch if self._stops or self.render_mode is not None else None
-        if self.render_mode == "human":
-            self.render()
+        self._last = batch if self._stops else None
+        self._viewer.observe(batch)
 
     def render(self) -> tuple[Picture, ...] | None:
         """A picture per environment, uint8 [256, 256, 3] each, or all of them in a window with "human".
 
-        Raises InvalidRequest before the first reset, and PoolError if pygame is needed and not installed.
+        Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
+        installed or there is no display.
         """
-        if self.render_mode is None or self._renderer is None:
-            return None
-        if self._last is None:
-            raise InvalidRequest("no battle has begun; call reset first")
-        if self.render_mode == "rgb_array":
-            return tuple(self._renderer.render(state) for state in self._last.state)
-        self._window.show(self._renderer.sheet(self._last.state))
-        return None
+        pictures = self._viewer.render()
+        return None if pictures is None else tuple(pictures)
 
     def _observations(self, batch: Batch, prefix: Literal["", "final_"]) -> Arrays:
         observations: Arrays = {}
@@ -230,8 +231,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environments and the window."""
         self._last = None
-        if self.render_mode is not None:
-            self._window.close()
+        self._viewer.close()
         self._envs.close()
 
 
@@ -246,6 +246,7 @@ def make_vector(
     illegal_actions: IllegalActions = "error",
     copy: bool = True,
     render_mode: str | None = None,
+    render_speed: float | None = 1.0,
     **settings: Any,
 ) -> BattleVectorEnv:
     """Start a pool within this process; `gymnasium.make_vec` calls this.
@@ -256,7 +257,7 @@ def make_vector(
         autoreset_mode: an `AutoresetMode`, its value ("NextStep") or the pool's name for it ("next_step").
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         seed: environment i is seeded with seed + i until a reset with another seed; None for a random seed.
-        illegal_actions, copy, render_mode: as in `BattleVectorEnv`.
+        illegal_actions, copy, render_mode, render_speed: as in `BattleVectorEnv`.
         settings: `threads`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
@@ -267,11 +268,16 @@ def make_vector(
         settings["episode_limit"] = max_episode_steps
     settings.update(seed=_seed_or_random(seed), autoreset=pool_names.get(mode, mode))
     check_render_mode(render_mode)
+    check_render_speed(render_speed)
     name = _one_of(scenario, map_file)
-    renderer = None if render_mode is None else Renderer(name, *BattleVectorEnv.picture_size)
-    envs = make(name, num_envs, **settings)
+    renderer = None if render_mode is None else Renderer(name, *LaneViewer.picture_size)
     return BattleVectorEnv(
-        envs, illegal_actions=illegal_actions, copy=copy, render_mode=render_mode, renderer=renderer
+        make(name, num_envs, **settings),
+        illegal_actions=illegal_actions,
+        copy=copy,
+        render_mode=render_mode,
+        render_speed=render_speed,
+        renderer=renderer,
     )
 
 
@@ -289,13 +295,15 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         episode_limit: steps after which an episode is truncated; None for no limit, "default" for the limit
             of the scenario.
         illegal_actions: "error" or "stop", as in `BattleVectorEnv`.
-        render_mode: None or "rgb_array"; `gymnasium.make` adds "human" (needs pygame).
+        render_mode: None; "rgb_array": `render()` returns a picture; "human": a window shows every step
+            (needs pygame and a display).
+        render_speed: of the window, as in `BattleVectorEnv`.
         settings: `rules`, `wait` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
     picture_size = (640, 640)
     observation_space: spaces.Tuple  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
     action_space: LegalTuple
@@ -309,18 +317,18 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         episode_limit: int | Literal["default"] | None = "default",
         illegal_actions: IllegalActions = "error",
         render_mode: str | None = None,
+        render_speed: float | None = 1.0,
         **settings: Any,
     ) -> None:
-        check_render_mode(render_mode)
         self._stops = _stops(illegal_actions)
         name = _one_of(scenario, map_file)
+        self.render_mode = render_mode
+        self._viewer = BattleViewer(name, *self.picture_size, render_mode, render_speed)
         self._layout = ScenarioLayout(name)
         seed = _seed_or_random(seed)
         self._np_random, self._np_random_seed = seeding.np_random(seed)
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
         envs = self._battle.envs
-        self.render_mode = render_mode
-        self._viewer = BattleViewer(name, *self.picture_size)
         self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
         self.obs_size, self.state_size = envs.obs_size, envs.state_size
         self.observation_space = spaces.Tuple(
@@ -335,6 +343,7 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
         super().reset(seed=seed)
         now = self._battle.reset(seed)
+        self._show()
         return self.get_obs(), now.info.copy()
 
     def step(
@@ -349,6 +358,7 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
             now = self._battle.step(stop_unavailable(action, self._battle.last.avail_actions))
         else:
             now = self._battle.step(action)
+        self._show()
         info = now.info.copy()
         if now.truncated:
             info["episode_limit"] = True
@@ -383,12 +393,20 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         units.update(self._battle.last.state)
         return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
 
+    def _show(self) -> None:
+        self._viewer.observe(self._battle.last.state)
+
     def render(self) -> Any:
-        """The battle from above, uint8 [640, 640, 3]. Raises InvalidRequest before the first reset."""
-        return self._viewer.picture(self._battle.last.state)
+        """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human".
+
+        Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
+        installed or there is no display.
+        """
+        return self._viewer.render(self._battle.last.state)
 
     def close(self) -> None:
-        """End the pool. Calling it again has no effect."""
+        """End the pool and close the window. Calling it again has no effect."""
+        self._viewer.close()
         self._battle.close()
 
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec, wrappers
 
-from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
 from ._common import SingleBattle, TimeStep
 from ._spaces import LegalDiscrete, update_masks
 
@@ -52,7 +52,9 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     Args:
         scenario: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
         render_mode: None; "rgb_array": `render()` returns a picture; "human": a window shows every step
-            (needs pygame).
+            (needs pygame and a display).
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
@@ -61,9 +63,15 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     picture_size = (640, 640)
 
     def __init__(
-        self, scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
+        self,
+        scenario: Scenario = "2s3z",
+        *,
+        render_mode: str | None = None,
+        render_speed: float | None = 1.0,
+        **settings: Any,
     ) -> None:
-        check_render_mode(render_mode)
+        self.render_mode = render_mode
+        self._viewer = BattleViewer(scenario, *self.picture_size, render_mode, render_speed)
         self._battle = SingleBattle(scenario, settings)
         envs = self._battle.envs
         self.metadata = {
@@ -72,8 +80,6 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
             "render_fps": RENDER_FPS,
             "is_parallelizable": True,
         }
-        self.render_mode = render_mode
-        self._viewer = BattleViewer(scenario, *self.picture_size)
         self.possible_agents = self._battle.agents
         self.agents: list[str] = []
         self.observation_spaces = {agent: self._observation_space() for agent in self.possible_agents}
@@ -99,7 +105,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
         now = self._battle.reset(seed)
         self.agents = self.possible_agents[:]
-        self._show()
+        self._viewer.observe(now.state)
         return self._observe(now), self._infos(now)
 
     def step(
@@ -113,7 +119,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         battle has ended; nothing is stepped then.
         """
         now = self._battle.step_by_name(actions)
-        self._show()
+        self._viewer.observe(now.state)
         observations, infos = self._observe(now), self._infos(now)
         rewards = dict.fromkeys(self.agents, now.reward)
         terminations = dict.fromkeys(self.agents, now.terminated)
@@ -141,18 +147,12 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         return self._battle.last.state.copy()
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human"."""
-        if self.render_mode is None:
-            return None
-        state = self._battle.last.state
-        if self.render_mode == "rgb_array":
-            return self._viewer.picture(state)
-        self._viewer.show(state)
-        return None
+        """The battle from above: uint8 [640, 640, 3] with "rgb_array", or in a window with "human".
 
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self.render()
+        Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
+        installed or there is no display.
+        """
+        return self._viewer.render(self._battle.last.state)
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""
@@ -161,16 +161,12 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         self._battle.close()
 
 
-def raw_env(
-    scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
-) -> AECEnv[str, Observation, np.int64]:
+def raw_env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:
     """One battle with PettingZoo's AEC interface (agents act in turn); arguments as in `parallel_env`."""
-    return parallel_to_aec(parallel_env(scenario, render_mode=render_mode, **settings))
+    return parallel_to_aec(parallel_env(scenario, **settings))
 
 
-def env(
-    scenario: Scenario = "2s3z", *, render_mode: str | None = None, **settings: Any
-) -> AECEnv[str, Observation, np.int64]:
+def env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:
     """`raw_env` with PettingZoo's checks of actions and of the order of calls."""
-    checked = wrappers.AssertOutOfBoundsWrapper(raw_env(scenario, render_mode=render_mode, **settings))
+    checked = wrappers.AssertOutOfBoundsWrapper(raw_env(scenario, **settings))
     return wrappers.OrderEnforcingWrapper(checked)

@@ -37,7 +37,7 @@ from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
-from .._render import RENDER_FPS, BattleViewer
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
 from ._common import SingleBattle, TimeStep
 from ._spaces import LegalDiscrete, update_masks
 
@@ -55,23 +55,27 @@ class BattleMultiAgentEnv(MultiAgentEnv):
 
     Args:
         config: RLlib's `env_config`, with `scenario`, a standard scenario or the path of a scenario file
-            (default "2s3z"), and `seed`, `episode_limit` and other arguments of `smaclite_pool.make`. Each
-            battle of each env runner gets a different seed.
+            (default "2s3z"), `render_mode` ("rgb_array" by default: `render()` returns a picture; "human": a
+            window shows every step, which needs pygame and a display; or None), `render_speed` of that window
+            (1 for the speed of the battle, 0.25 for slow motion, None for no waiting), and `seed`,
+            `episode_limit` and other arguments of `smaclite_pool.make`. Each battle of each env runner gets a
+            different seed.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
     picture_size = (640, 640)
-    render_mode = "rgb_array"
 
     def __init__(self, config: Mapping[str, Any] | None = None) -> None:
         settings = {"scenario": "2s3z", "seed": 0, **(config or {})}
         runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
         settings["seed"] += SEEDS_PER_RUNNER * runner + battle
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}  # RLlib adds to it
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}  # RLlib adds to it
         scenario = settings.pop("scenario")
+        self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
+        speed: float | None = settings.pop("render_speed", 1.0)
+        self._viewer = BattleViewer(scenario, *self.picture_size, self.render_mode, speed)
         self._battle = SingleBattle(scenario, settings)
-        self._viewer = BattleViewer(scenario, *self.picture_size)
         agents, n_actions = self._battle.agents, self._battle.envs.n_actions
         self._legal_actions = {agent: LegalDiscrete(n_actions) for agent in agents}
         self.possible_agents, self.agents = list(agents), list(agents)
@@ -89,6 +93,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     ) -> tuple[dict[Any, Any], dict[Any, Any]]:
         """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
         now = self._battle.reset(seed)
+        self._viewer.observe(now.state)
         return self._observe(now), self._for_all(now.info)
 
     def step(  # type: ignore[override]  # RLlib's own differs from Gymnasium's
@@ -100,6 +105,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         battle has ended; nothing is stepped then.
         """
         now = self._battle.step_by_name(action_dict)
+        self._viewer.observe(now.state)
         terminateds = self._for_all(now.terminated) | {"__all__": now.terminated}
         truncateds = self._for_all(now.truncated) | {"__all__": now.truncated}
         return self._observe(now), self._for_all(now.reward), terminateds, truncateds, self._for_all(now.info)
@@ -115,10 +121,15 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     def _for_all(self, value: Any) -> dict[str, Any]:
         return dict.fromkeys(self._battle.agents, value)
 
-    def render(self) -> NDArray[np.uint8]:
-        """The battle from above, uint8 [640, 640, 3]. Raises InvalidRequest before the first reset."""
-        return self._viewer.picture(self._battle.last.state)
+    def render(self) -> NDArray[np.uint8] | None:
+        """The battle from above, uint8 [640, 640, 3], or in a window with "human".
+
+        Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
+        installed or there is no display.
+        """
+        return self._viewer.render(self._battle.last.state)
 
     def close(self) -> None:
-        """End the pool. Calling it again has no effect."""
+        """End the pool and close the window. Calling it again has no effect."""
+        self._viewer.close()
         self._battle.close()

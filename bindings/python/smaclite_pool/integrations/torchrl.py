@@ -22,11 +22,13 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from .._native import Batch, Envs, make
+from .._native import Batch, Envs, Renderer, make
+from .._render import LaneViewer, check_render_mode, check_render_speed
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS
 from .torch import tensor
@@ -45,6 +47,12 @@ class PoolEnv(EnvBase):
             environments of `smaclite_pool.connect`, which must be synchronous and have autoreset "disabled".
         num_envs: number of environments of a pool within this process.
         device: the device of all tensors.
+        render_mode: None; "rgb_array": `render()` returns pictures; "human": a window shows every step of all
+            environments (needs pygame and a display). With a render mode, this object holds one batch.
+        render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
+            motion; None for no waiting.
+        renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if the
+            connected environments have a custom scenario.
         settings: `seed`, `threads`, `episode_limit` and other arguments of `smaclite_pool.make`, for a pool
             within this process.
 
@@ -58,15 +66,24 @@ class PoolEnv(EnvBase):
         num_envs: int = 64,
         *,
         device: torch.device | str = "cpu",
+        render_mode: str | None = None,
+        render_speed: float | None = 1.0,
+        renderer: Renderer | None = None,
         **settings: Any,
     ) -> None:
+        check_render_mode(render_mode)
+        check_render_speed(render_speed)
         if isinstance(scenario, Envs):
             self._check(scenario, settings)
             envs = scenario
         else:
+            if render_mode is not None and renderer is None:
+                renderer = Renderer(scenario, *LaneViewer.picture_size)
             envs = make(scenario, num_envs, autoreset="disabled", **settings)
         super().__init__(device=torch.device(device), batch_size=torch.Size([envs.num_envs]))
         self.envs = envs
+        self.render_mode = render_mode
+        self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
         self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.n_agents)]}
         self._next_seed: int | None = None
         self._make_specs()
@@ -119,12 +136,16 @@ class PoolEnv(EnvBase):
         mask = None if tensordict is None else tensordict.get("_reset", None)
         if mask is None or bool(mask.all()):
             seed, self._next_seed = self._next_seed, None
-            return self._decode(self.envs.reset(seed))
-        return self._decode(self.envs.reset(mask=mask.reshape(-1).cpu().numpy()))
+            batch = self.envs.reset(seed)
+        else:
+            batch = self.envs.reset(mask=mask.reshape(-1).cpu().numpy())
+        self._viewer.observe(batch)
+        return self._decode(batch)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         actions = tensordict.get(("agents", "action")).to("cpu", torch.int32).contiguous()
         batch = self.envs.step(actions.numpy())
+        self._viewer.observe(batch)
         observed = self._decode(batch)
         terminated = self._field(batch, "terminated").unsqueeze(-1)
         truncated = self._field(batch, "truncated").unsqueeze(-1)
@@ -151,10 +172,20 @@ class PoolEnv(EnvBase):
         """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""
         return tensor(getattr(batch, name)).plain.to(self.device, copy=True)
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Pictures, uint8 [num_envs, 256, 256, 3], or all of them in a window with "human".
+
+        Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
+        installed or there is no display.
+        """
+        pictures = self._viewer.render()
+        return None if pictures is None else np.stack(pictures)
+
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed  # for the next reset of all environments
 
     def close(self, *, raise_if_closed: bool = True) -> None:
-        """Close the environments; this ends a pool within this process."""
+        """Close the environments and the window; this ends a pool within this process."""
+        self._viewer.close()
         self.envs.close()
         super().close(raise_if_closed=raise_if_closed)

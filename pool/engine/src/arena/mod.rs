@@ -9,7 +9,7 @@ mod line_choice;
 mod partition;
 mod unit_stats;
 
-use glam::Vec2;
+use glam::{DVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 
@@ -199,6 +199,27 @@ impl Features {
             width: f64::from(scenario.terrain.width()),
             height: f64::from(scenario.terrain.height()),
         }
+    }
+
+    /// Whether shields of a faction are features.
+    pub fn has_shield(&self, is_enemy: bool) -> bool {
+        if is_enemy { self.enemy_shields } else { self.ally_shields }
+    }
+
+    /// A position relative to the centre of the map, in shares of its sides: -0.5 to 0.5.
+    pub fn relative(&self, position: Vec2) -> [f32; 2] {
+        let position = position.as_dvec2();
+        let x = (position.x - self.width / 2.0) / self.width;
+        let y = (position.y - self.height / 2.0) / self.height;
+        [x as f32, y as f32]
+    }
+
+    /// The position of a [relative](Self::relative) one, up to rounding: less than 1e-6 squares in maps of up
+    /// to 32 squares.
+    pub fn position(&self, relative: [f32; 2]) -> Vec2 {
+        let [x, y] = relative.map(f64::from);
+        let squares = DVec2::new(x * self.width + self.width / 2.0, y * self.height + self.height / 2.0);
+        squares.as_vec2()
     }
 
     /// Floats that describe an ally's health, shield and type.

@@ -8,6 +8,7 @@ mod state;
 pub(crate) use avail::Available;
 pub use features::{FeatureBlock, obs_features, state_features};
 pub(crate) use obs::{ObsScratch, write_obs};
+pub use state::UnitFeatures;
 pub(crate) use state::write_state;
 
 use crate::arena::Arena;
@@ -27,7 +28,7 @@ fn write_body(view: &View, id: u32, out: &mut [f32]) {
     out.fill(0.0);
     out[0] = ratio(view.units.hp[i], stats.hp);
     // A scenario decides per faction whether shields are features, whatever its unit types have.
-    let has_shield = if arena.is_enemy(id) { features.enemy_shields } else { features.ally_shields };
+    let has_shield = features.has_shield(arena.is_enemy(id));
     if has_shield {
         out[1] = ratio(view.units.shield[i], stats.shield);
     }

@@ -1,71 +1,18 @@
 //! Scripted policies: random, nearest, focus fire, kite and hold.
 //!
 //! They are part of the public interface: users compare learners with them, and benches and tests play with
-//! them. They see a battle through [`Situation`], which a [`Battle`] implements.
+//! them. They see a battle through [`Situation`], which a [`Battle`](crate::Battle) implements, and
+//! [`LearnerView`] for the fields of a batch.
 
 mod random;
+mod situation;
 mod tactics;
 
-use glam::Vec2;
-
 use crate::arena::Arena;
-use crate::battle::Battle;
 
 pub use random::Random;
+pub use situation::{LearnerView, Situation};
 pub use tactics::{focus_fire, hold, kite, nearest};
-
-/// What a policy sees of a battle. Units are given by battle-wide id.
-pub trait Situation {
-    /// What no battle of the scenario changes.
-    fn arena(&self) -> &Arena;
-    /// Position in squares.
-    fn position(&self, id: u32) -> Vec2;
-    /// Health divided by its maximum: 0 to 1.
-    fn health_share(&self, id: u32) -> f64;
-    /// Health and shield.
-    fn hit_points(&self, id: u32) -> f64;
-    /// Whether the unit is in the battle.
-    fn is_alive(&self, id: u32) -> bool;
-    /// Whether the cooldown of an agent's unit is over.
-    fn is_ready(&self, id: u32) -> bool;
-    /// The actions available to an agent: bit `a % 64` of word `a / 64` for action `a`.
-    fn available(&self, agent: usize) -> &[u64];
-
-    /// Whether an action is available to an agent.
-    fn is_available(&self, agent: usize, action: usize) -> bool {
-        self.available(agent).get(action / 64).is_some_and(|word| word >> (action % 64) & 1 == 1)
-    }
-}
-
-impl Situation for Battle {
-    fn arena(&self) -> &Arena {
-        Battle::arena(self)
-    }
-
-    fn position(&self, id: u32) -> Vec2 {
-        self.units().pos[id as usize]
-    }
-
-    fn health_share(&self, id: u32) -> f64 {
-        self.units().hp[id as usize] / Battle::arena(self).stats(id).hp
-    }
-
-    fn hit_points(&self, id: u32) -> f64 {
-        self.units().hp[id as usize] + self.units().shield[id as usize]
-    }
-
-    fn is_alive(&self, id: u32) -> bool {
-        self.units().alive[id as usize]
-    }
-
-    fn is_ready(&self, id: u32) -> bool {
-        self.units().cooldown[id as usize] <= 0.0
-    }
-
-    fn available(&self, agent: usize) -> &[u64] {
-        Battle::available(self, agent)
-    }
-}
 
 /// A scripted policy, chosen by name.
 #[derive(Clone, Debug)]
@@ -112,6 +59,26 @@ impl Scripted {
             Scripted::FocusFire => focus_fire(situation, actions),
             Scripted::Kite => kite(situation, actions),
             Scripted::Hold => hold(situation, actions),
+        }
+    }
+
+    /// Writes an action for each agent of every environment of a batch, `[M, n_agents]`, from its fields
+    /// `state`, f32 `[M, state_size]`, and `avail_actions`, u8 `[M, n_agents, n_actions]`. The policy
+    /// `random` draws for one environment after the other.
+    ///
+    /// These are the actions that [`act`](Self::act) chooses with the battles themselves.
+    ///
+    /// # Panics
+    /// If the sizes are not those of one number of environments of this arena.
+    pub fn act_batch(&mut self, arena: &Arena, states: &[f32], avail_actions: &[u8], actions: &mut [i32]) {
+        let sizes = arena.sizes();
+        let mut states = states.chunks_exact(sizes.state_size);
+        let mut avail_actions = avail_actions.chunks_exact(sizes.n_agents * sizes.n_actions);
+        for actions in actions.chunks_exact_mut(sizes.n_agents) {
+            let (Some(state), Some(available)) = (states.next(), avail_actions.next()) else {
+                panic!("states and avail_actions must have a row per row of actions");
+            };
+            self.act(&LearnerView::new(arena, state, available), actions);
         }
     }
 }

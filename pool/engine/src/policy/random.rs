@@ -23,25 +23,10 @@ impl Random {
     /// If `actions` is longer than there are agents.
     pub fn act(&mut self, situation: &impl Situation, actions: &mut [i32]) {
         for (agent, action) in actions.iter_mut().enumerate() {
-            *action = pick(situation.available(agent), self.generator.next_u64()) as i32;
+            // The high bits of word * count are uniform in 0..count, to within count / 2^64.
+            let (word, count) = (self.generator.next_u64(), situation.n_available(agent));
+            let n = ((u128::from(word) * u128::from(count)) >> 64) as u32;
+            *action = situation.nth_available(agent, n) as i32;
         }
     }
-}
-
-/// The position of a random set bit, uniform if the random `word` is; 0 if no bit is set.
-///
-/// `bits` are those of [`Situation::available`]: bit `i % 64` of element `i / 64` is at position `i`.
-fn pick(bits: &[u64], word: u64) -> usize {
-    let count: u32 = bits.iter().map(|bits| bits.count_ones()).sum();
-    // The high bits of word * count are uniform in 0..count, to within count / 2^64.
-    let mut skip = ((u128::from(word) * u128::from(count)) >> 64) as u32;
-    for (i, &bits) in bits.iter().enumerate() {
-        if skip < bits.count_ones() {
-            // Clears the lowest bit `skip` times.
-            let rest = (0..skip).fold(bits, |bits, _| bits & (bits - 1));
-            return i * 64 + rest.trailing_zeros() as usize;
-        }
-        skip -= bits.count_ones();
-    }
-    0
 }

@@ -6,6 +6,8 @@ use std::cmp::Ordering;
 use glam::Vec2;
 
 use super::Situation;
+use crate::TICK;
+use crate::arena::Arena;
 use crate::command::{DIRECTIONS, MOVE, action};
 use crate::units::distance_squared;
 
@@ -20,15 +22,16 @@ pub fn nearest(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-/// All agents that can target the weakest enemy target it: of the enemies that any agent can target, the one
-/// with the least health and shield. The others play [`nearest`].
+/// Kills one enemy after the other: an agent targets the enemy within its attack range that will have the
+/// least health and shield left after the attacks of the agents before it, and at equality the nearest one.
+/// Enemies that those attacks will kill are left out. Agents without such a target play [`nearest`].
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
 pub fn focus_fire(situation: &impl Situation, actions: &mut [i32]) {
-    let weakest = weakest_target(situation, actions.len());
+    let mut fire = Fire::new(situation);
     for (agent, action) in actions.iter_mut().enumerate() {
-        *action = Choice::new(situation, agent).focus(weakest) as i32;
+        *action = Choice::new(situation, agent).focus(&mut fire) as i32;
     }
 }
 
@@ -38,15 +41,15 @@ pub fn focus_fire(situation: &impl Situation, actions: &mut [i32]) {
 /// # Panics
 /// If `actions` is longer than there are agents.
 pub fn kite(situation: &impl Situation, actions: &mut [i32]) {
-    let weakest = weakest_target(situation, actions.len());
+    let mut fire = Fire::new(situation);
     for (agent, action) in actions.iter_mut().enumerate() {
         let choice = Choice::new(situation, agent);
-        *action = choice.retreat().unwrap_or_else(|| choice.focus(weakest)) as i32;
+        *action = choice.retreat().unwrap_or_else(|| choice.focus(&mut fire)) as i32;
     }
 }
 
-/// Waits for the enemies: targets the nearest enemy within attack range, otherwise stops. Healers heal whom
-/// they can reach and do not move either.
+/// Waits for the enemies: targets the nearest enemy within attack range, otherwise stops. Healers heal
+/// allies in reach and do not move either.
 ///
 /// # Panics
 /// If `actions` is longer than there are agents.
@@ -56,16 +59,38 @@ pub fn hold(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-/// Index among the enemies of the weakest one that any agent can target.
-fn weakest_target(situation: &impl Situation, n_agents: usize) -> Option<usize> {
-    let arena = situation.arena();
-    // Healers have allies as targets, whose numbers must not count as enemies.
-    let attackers = || (0..n_agents).filter(|&agent| !arena.stats(arena.agents[agent]).is_healer);
-    let is_target =
-        |i: usize| attackers().any(|agent| situation.is_available(agent, action::FIRST_TARGET + i));
-    let enemies = arena.enemies.iter().enumerate().filter(|&(i, _)| is_target(i));
-    let points = |id: u32| situation.hit_points(id);
-    enemies.min_by(|a, b| points(*a.1).total_cmp(&points(*b.1))).map(|(i, _)| i)
+/// For how many seconds of a step of 0.5 s attackers are counted on to fire. Attacks that all agents aim at a
+/// dying enemy are lost, and so are those of agents that count on others which shoot too late. Of the values
+/// from 0.25 to 0.6 this one wins most often on the standard maps.
+const FIRING_TIME: f64 = 0.4;
+
+/// What will be left of the enemies after the attacks that were chosen so far in this step.
+struct Fire {
+    /// Health and shield by in-faction id.
+    remaining: Vec<f64>,
+}
+
+impl Fire {
+    fn new(situation: &impl Situation) -> Fire {
+        let enemies = situation.arena().enemies.iter();
+        Fire { remaining: enemies.map(|&id| situation.hit_points(id)).collect() }
+    }
+
+    fn will_survive(&self, enemy: usize) -> bool {
+        self.remaining[enemy] > 0.0
+    }
+
+    /// Takes in that an agent attacks an enemy. Armor is ignored: it matters less than the firing time does.
+    fn add_attack(&mut self, arena: &Arena, id: u32, enemy: usize) {
+        let stats = arena.stats(id);
+        let damage = arena.matchup(id, arena.enemies[enemy]).damage * f64::from(stats.attacks);
+        self.remaining[enemy] -= damage * FIRING_TIME / stats.cooldown.max(TICK);
+    }
+}
+
+/// The order of two ranks; the smaller one comes first.
+fn by_rank(a: (f64, f64), b: (f64, f64)) -> Ordering {
+    a.partial_cmp(&b).unwrap_or(Ordering::Equal)
 }
 
 /// The decision of one agent.
@@ -102,9 +127,23 @@ impl<'a, S: Situation> Choice<'a, S> {
         self.target(|_| true).or_else(|| self.goal().map(|goal| self.approach(goal))).unwrap_or(action::STOP)
     }
 
-    fn focus(&self, weakest: Option<usize>) -> usize {
-        let focus = weakest.map(|enemy| action::FIRST_TARGET + enemy);
-        focus.filter(|&action| !self.is_healer && self.is_available(action)).unwrap_or_else(|| self.nearest())
+    fn focus(&self, fire: &mut Fire) -> usize {
+        if self.is_healer || self.is_available(action::NO_OP) {
+            return self.nearest();
+        }
+        let arena = self.situation.arena();
+        let targets = self.targets().filter(|&(i, enemy)| {
+            fire.will_survive(i) && arena.can_attack(self.id, enemy) && self.is_in_reach(enemy)
+        });
+        let rank = |(i, enemy): (usize, u32)| (fire.remaining[i], self.distance_squared(enemy));
+        let weakest = targets.min_by(|&a, &b| by_rank(rank(a), rank(b))).map(|(i, _)| i);
+        weakest.map_or_else(
+            || self.nearest(),
+            |enemy| {
+                fire.add_attack(arena, self.id, enemy);
+                action::FIRST_TARGET + enemy
+            },
+        )
     }
 
     fn hold(&self) -> usize {
@@ -113,11 +152,18 @@ impl<'a, S: Situation> Choice<'a, S> {
         }
         // A target action makes a unit walk to a target beyond its attack range, so a unit that holds its
         // position must not choose one.
-        let in_reach = |other: u32| {
-            let reach_squared = self.situation.arena().matchup(self.id, other).reach_squared;
-            self.distance_squared(other) <= reach_squared
-        };
-        self.target(in_reach).unwrap_or(action::STOP)
+        self.target(|other| self.is_in_reach(other)).unwrap_or(action::STOP)
+    }
+
+    /// Whether a unit is within attack range.
+    fn is_in_reach(&self, other: u32) -> bool {
+        self.distance_squared(other) <= self.situation.arena().matchup(self.id, other).reach_squared
+    }
+
+    /// The available targets: index among the others, and battle-wide id.
+    fn targets(&self) -> impl Iterator<Item = (usize, u32)> {
+        let targets = self.others.iter().copied().enumerate();
+        targets.filter(|&(i, _)| self.is_available(action::FIRST_TARGET + i))
     }
 
     /// The available target that comes first: for healers the one with the smallest share of health, then the
@@ -128,13 +174,9 @@ impl<'a, S: Situation> Choice<'a, S> {
             let share = if self.is_healer { self.situation.health_share(other) } else { 0.0 };
             (share, self.distance_squared(other))
         };
-        let by_rank = |&a: &(usize, u32), &b: &(usize, u32)| {
-            rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(Ordering::Equal)
-        };
-        let targets = self.others.iter().copied().enumerate();
-        let available = targets.filter(|&(i, _)| self.is_available(action::FIRST_TARGET + i));
-        let candidates = available.filter(|&(_, other)| is_candidate(other));
-        candidates.min_by(by_rank).map(|(i, _)| action::FIRST_TARGET + i)
+        let candidates = self.targets().filter(|&(_, other)| is_candidate(other));
+        let best = candidates.min_by(|a, b| by_rank(rank(a.1), rank(b.1)));
+        best.map(|(i, _)| action::FIRST_TARGET + i)
     }
 
     /// The unit to walk to: the nearest living enemy; for healers the nearest ally that is not a healer.
@@ -163,7 +205,7 @@ impl<'a, S: Situation> Choice<'a, S> {
     /// The available move that leads farthest from the nearest enemy, if it is time to step back.
     fn retreat(&self) -> Option<usize> {
         let arena = self.situation.arena();
-        if self.is_healer || self.is_available(action::NO_OP) || self.situation.is_ready(self.id) {
+        if self.is_healer || self.is_available(action::NO_OP) || self.situation.cooldown(self.id) <= 0.0 {
             return None;
         }
         let enemy = self.goal()?;

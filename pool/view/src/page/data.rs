@@ -15,7 +15,7 @@ use smaclite_engine::{Arena, Battle};
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::{Keyword, Targeter, UnitType};
 
-use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment};
+use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment, type_letters};
 
 /// How far agents see, in squares: the distance that observations are divided by.
 const SIGHT_RANGE: f64 = 9.0;
@@ -31,8 +31,8 @@ const DIRECTIONS: i64 = 256;
 pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
     let terrain = &scenario.terrain;
     let rects = terrain.obstacles().iter().map(|rect| [rect.x0, rect.y0, rect.x1, rect.y1]);
-    let labels = labels(&scenario.unit_types);
-    let types = scenario.unit_types.iter().zip(labels).map(|(unit_type, label)| type_info(unit_type, &label));
+    let types = scenario.unit_types.iter().zip(type_letters(&scenario.unit_types));
+    let types = types.map(|(unit_type, letter)| type_info(unit_type, letter));
     let units = scenario.units.iter().map(|unit| {
         let faction = usize::from(unit.faction == Faction::Enemy);
         json!({"type": unit.unit_type, "faction": faction, "id": unit.id_in_faction})
@@ -53,7 +53,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
     })
 }
 
-fn type_info(unit_type: &UnitType, label: &str) -> Value {
+fn type_info(unit_type: &UnitType, letter: char) -> Value {
     let (attack, size) = match unit_type.targeter {
         Targeter::Standard => ("shot", [0.0, 0.0]),
         Targeter::LaserBeam { width, height } => ("beam", [width, height]),
@@ -62,7 +62,7 @@ fn type_info(unit_type: &UnitType, label: &str) -> Value {
     };
     json!({
         "name": unit_type.name,
-        "label": label,
+        "label": letter,
         "radius": unit_type.radius(),
         "hp": unit_type.hp,
         "shield": unit_type.shield,
@@ -74,35 +74,6 @@ fn type_info(unit_type: &UnitType, label: &str) -> Value {
         "attack": attack,
         "attack_size": size,
     })
-}
-
-/// A short label for each type: its first letter, followed, where types share it, by the first letter in
-/// which the type differs from all of them.
-fn labels(types: &[UnitType]) -> Vec<String> {
-    let letters = |unit_type: &UnitType| {
-        unit_type
-            .name
-            .chars()
-            .filter(|c| c.is_alphanumeric())
-            .flat_map(char::to_uppercase)
-            .collect::<Vec<_>>()
-    };
-    let all: Vec<Vec<char>> = types.iter().map(letters).collect();
-    all.iter()
-        .enumerate()
-        .map(|(i, name)| {
-            let mut others =
-                all.iter().enumerate().filter(|(j, other)| *j != i && other.first() == name.first());
-            let first = name.first().copied().unwrap_or('?');
-            let Some(_) = others.clone().next() else {
-                return first.to_string();
-            };
-            let differs = |at: &usize| others.clone().all(|(_, other)| other.get(*at) != name.get(*at));
-            let second = (1..name.len()).find(differs).or_else(|| others.next().map(|_| 1));
-            let second = second.and_then(|at| name.get(at)).copied().unwrap_or(' ');
-            format!("{first}{}", second.to_lowercase())
-        })
-        .collect()
 }
 
 /// An episode of a replay, played by this version.

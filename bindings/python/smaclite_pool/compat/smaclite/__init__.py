@@ -26,10 +26,11 @@ class SMACliteEnv(BattleEnv):
         seed: seed of the first reset; with the same actions, its episodes equal those of the published
             environment with that seed. None to draw one from NumPy's global generator.
         use_cpp_rvo2: has no effect; battles equal those of the published environment with True.
-        render_mode: of `render()`: "human" shows a window (needs pygame), "rgb_array" returns a picture.
+        render_mode: of `render()`: "human" shows a window (needs pygame and a display), "rgb_array" returns a
+            picture.
         episode_limit: steps after which an episode is truncated and `info["episode_limit"]` is set; None for
             the environment variable SMACLITE_POOL_EPISODE_LIMIT, or else no limit.
-        settings: `illegal_actions`, `rules`, `wait` and other arguments of `BattleEnv`.
+        settings: `illegal_actions`, `render_speed`, `rules`, `wait` and other arguments of `BattleEnv`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -60,17 +61,8 @@ class SMACliteEnv(BattleEnv):
         if seed is not None:
             self._battle.seed_next_reset(seed)
 
-    def render(self) -> Any:
-        """Show the battle in a window, or with render mode "rgb_array" return uint8 [640, 640, 3]."""
-        if self.render_mode == "rgb_array":
-            return super().render()
-        self._viewer.show(self._battle.last.state)
-        return None
-
-    def close(self) -> None:
-        """End the pool and close the window. Calling it again has no effect."""
-        self._viewer.close()
-        super().close()
+    def _show(self) -> None:
+        """The window is updated by `render()` only, as in the published environment."""
 
 
 def _default_limit() -> int | None:

@@ -67,6 +67,8 @@ class MultiAgentEnv(Queries):
             actions here.
         debug: log actions and rewards at level DEBUG.
         rules, episode_limit: not in SMAC; as in `smaclite_pool.make`.
+        render_speed: not in SMAC; of the window: 1 for the speed of the battle, two steps per second; 0.25
+            for slow motion; None for no waiting.
 
     Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and
     InvalidRequest for an invalid value. `rewards` explains how rewards other than the default are computed.
@@ -110,6 +112,7 @@ class MultiAgentEnv(Queries):
         *,
         rules: Literal["smaclite", "paper"] = "smaclite",
         episode_limit: int | Literal["default"] | None = "default",
+        render_speed: float | None = 1.0,
     ) -> None:
         _check_fixed(step_mul=step_mul, move_amount=move_amount)
         _check_fixed(difficulty=difficulty, game_version=game_version)
@@ -150,6 +153,7 @@ class MultiAgentEnv(Queries):
         self._heuristic = Heuristic(self._views.layout)
         self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
         self.window_size = (window_size_x, window_size_y)
+        self._viewer = BattleViewer(map_name, *self.window_size, speed=render_speed)
         self._seed = secrets.randbits(32) if seed is None else int(seed)
         settings = {"seed": self._seed, "episode_limit": episode_limit, "rules": rules}
         self._battle = SingleBattle(map_name, settings)
@@ -163,7 +167,6 @@ class MultiAgentEnv(Queries):
         no_obs = np.zeros((self.n_agents, envs.obs_size), np.float32)
         self._views.update(no_obs, np.zeros(envs.state_size, np.float32), 0)
         self._recorder = Recorder(envs.name)
-        self._viewer = BattleViewer(map_name, *self.window_size)
 
     def reset(self) -> tuple[list[Floats], Floats]:
         """Begin a new episode, and return `get_obs()` and `get_state()`.
@@ -239,9 +242,10 @@ class MultiAgentEnv(Queries):
     def render(self, mode: Literal["human", "rgb_array"] = "human") -> NDArray[np.uint8] | bool:
         """Draw the battle from above, with north at the top.
 
-        "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame), and returns
-        whether the window is still open. Raises InvalidRequest before the first reset, for another mode, and
-        for a window size that is not between 16 and 4096.
+        "rgb_array" returns uint8 [height, width, 3]. "human" shows it in a window (needs pygame and a
+        display), and returns whether the window is still open. Raises InvalidRequest before the first reset,
+        for another mode, and for a window size that is not between 16 and 4096; and PoolError if a window is
+        needed and pygame is not installed or there is no display.
         """
         if mode not in RENDER_MODES:
             raise InvalidRequest(f'mode must be "human" or "rgb_array", got {mode!r}')

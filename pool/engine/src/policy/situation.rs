@@ -1,0 +1,135 @@
+//! What a policy sees of a battle. It is what a learner sees: the state and the available actions, so
+//! policies decide alike with the battle itself and with the fields of a batch.
+
+use glam::Vec2;
+
+use crate::arena::Arena;
+use crate::battle::Battle;
+use crate::encode::UnitFeatures;
+
+/// What a policy sees of a battle. Units are given by battle-wide id.
+///
+/// All numbers of units are those of the state, in f32 and without the shields that the scenario hides. A
+/// battle rounds its own numbers in the same way.
+pub trait Situation {
+    /// What no battle of the scenario changes.
+    fn arena(&self) -> &Arena;
+    /// The features of a unit in the state; zeros for the dead.
+    fn features(&self, id: u32) -> UnitFeatures;
+    /// Whether an action is available to an agent.
+    fn is_available(&self, agent: usize, action: usize) -> bool;
+    /// How many actions are available to an agent.
+    fn n_available(&self, agent: usize) -> u32;
+    /// The available action of an agent that has `n` others before it; 0 if there is none.
+    fn nth_available(&self, agent: usize, n: u32) -> usize;
+
+    /// Position in squares; the centre of the map for the dead.
+    fn position(&self, id: u32) -> Vec2 {
+        let UnitFeatures { x, y, .. } = self.features(id);
+        self.arena().features.position([x, y])
+    }
+
+    /// Health divided by its maximum: 0 to 1.
+    fn health_share(&self, id: u32) -> f64 {
+        self.features(id).health.into()
+    }
+
+    /// Health and shield.
+    fn hit_points(&self, id: u32) -> f64 {
+        let (stats, features) = (self.arena().stats(id), self.features(id));
+        f64::from(features.health) * stats.hp + f64::from(features.shield) * stats.shield
+    }
+
+    /// Whether the unit is in the battle.
+    fn is_alive(&self, id: u32) -> bool {
+        self.features(id).health > 0.0
+    }
+
+    /// Seconds until the unit of an agent can act again; 0 for healers.
+    fn cooldown(&self, id: u32) -> f64 {
+        let stats = self.arena().stats(id);
+        if stats.is_healer { 0.0 } else { f64::from(self.features(id).energy_or_cooldown) * stats.cooldown }
+    }
+}
+
+impl Situation for Battle {
+    fn arena(&self) -> &Arena {
+        Battle::arena(self)
+    }
+
+    fn features(&self, id: u32) -> UnitFeatures {
+        self.unit_features(id)
+    }
+
+    fn is_available(&self, agent: usize, action: usize) -> bool {
+        Battle::is_available(self, agent, action)
+    }
+
+    fn n_available(&self, agent: usize) -> u32 {
+        self.available(agent).iter().map(|bits| bits.count_ones()).sum()
+    }
+
+    fn nth_available(&self, agent: usize, mut n: u32) -> usize {
+        for (i, &bits) in self.available(agent).iter().enumerate() {
+            if n < bits.count_ones() {
+                // Clears the lowest bit `n` times.
+                let rest = (0..n).fold(bits, |bits, _| bits & (bits - 1));
+                return i * 64 + rest.trailing_zeros() as usize;
+            }
+            n -= bits.count_ones();
+        }
+        0
+    }
+}
+
+/// What a learner sees of one environment: a row of the fields `state` and `avail_actions` of a batch, read
+/// in place.
+#[derive(Clone, Copy, Debug)]
+pub struct LearnerView<'a> {
+    arena: &'a Arena,
+    state: &'a [f32],
+    avail_actions: &'a [u8],
+}
+
+impl<'a> LearnerView<'a> {
+    /// `state` is f32 `[state_size]`, `avail_actions` u8 `[n_agents, n_actions]`, where 0 means unavailable.
+    ///
+    /// # Panics
+    /// If one of them has another size.
+    pub fn new(arena: &'a Arena, state: &'a [f32], avail_actions: &'a [u8]) -> LearnerView<'a> {
+        let sizes = arena.sizes();
+        assert_eq!(state.len(), sizes.state_size, "one state");
+        assert_eq!(avail_actions.len(), sizes.n_agents * sizes.n_actions, "one byte per agent and action");
+        LearnerView { arena, state, avail_actions }
+    }
+
+    /// The numbers of the actions that are available to an agent.
+    fn available(&self, agent: usize) -> impl Iterator<Item = usize> {
+        let n_actions = self.arena.sizes().n_actions;
+        let row = &self.avail_actions[agent * n_actions..(agent + 1) * n_actions];
+        row.iter().enumerate().filter(|(_, available)| **available != 0).map(|(action, _)| action)
+    }
+}
+
+impl Situation for LearnerView<'_> {
+    fn arena(&self) -> &Arena {
+        self.arena
+    }
+
+    fn features(&self, id: u32) -> UnitFeatures {
+        UnitFeatures::read(self.arena, id, self.state)
+    }
+
+    fn is_available(&self, agent: usize, action: usize) -> bool {
+        let n_actions = self.arena.sizes().n_actions;
+        action < n_actions && self.avail_actions[agent * n_actions + action] != 0
+    }
+
+    fn n_available(&self, agent: usize) -> u32 {
+        self.available(agent).count() as u32
+    }
+
+    fn nth_available(&self, agent: usize, n: u32) -> usize {
+        self.available(agent).nth(n as usize).unwrap_or(0)
+    }
+}

@@ -1,0 +1,137 @@
+"""Scripted policies, played with the batches of pools. What they decide is tested in tests/policies.rs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from conftest import Serve
+from play import duel
+from smaclite_pool._native import FIRST_TARGET, STOP
+
+Name = Literal["random", "nearest", "focus_fire", "kite", "hold"]
+NAMES: tuple[Name, ...] = ("random", "nearest", "focus_fire", "kite", "hold")
+
+
+def wins(scenario: str, name: Name, episodes: int = 20) -> int:
+    """The battles that a policy wins of the first one in each environment."""
+    with sp.make(scenario, episodes, seed=1, autoreset="disabled") as envs:
+        policy = sp.ScriptedPolicy(name, envs)
+        batch = envs.reset()
+        won = np.zeros(episodes, np.bool_)
+        ended = won.copy()
+        while not ended.all():
+            batch = envs.step(np.where(ended[:, None], batch.avail_actions.argmax(-1), policy(batch)))
+            won |= batch.battle_won & ~ended
+            ended |= batch.terminated | batch.truncated
+            if ended.any() and not ended.all():
+                batch = envs.reset(mask=ended)  # their later episodes do not count
+    return int(won.sum())
+
+
+def test_policies_win_as_often_as_in_the_table() -> None:
+    """Battles of docs/policies.md that end the same way in every episode."""
+    assert wins("3m", "nearest") == wins("3m", "focus_fire") == 20
+    assert wins("8m", "focus_fire") == 20 and wins("8m", "nearest") == 0
+    assert wins("3s_vs_3z", "kite") == 20 and wins("3s_vs_3z", "hold") == 0
+
+
+@pytest.mark.parametrize("scenario", sp.scenarios())
+def test_actions_are_available_on_every_map(scenario: str) -> None:
+    with sp.make(scenario, 3, episode_limit=20) as envs:
+        for name in NAMES:
+            policy = sp.ScriptedPolicy(name, envs, seed=5)
+            batch = envs.reset(seed=1)
+            for _ in range(45):  # past the end of an episode, where the actions are ignored
+                actions = policy(batch)
+                assert actions.shape == (3, envs.n_agents) and actions.dtype == np.int32
+                assert np.take_along_axis(batch.avail_actions, actions[..., None].astype(int), -1).all()
+                batch = envs.step(actions)
+
+
+def test_a_policy_depends_on_the_batch_alone() -> None:
+    with sp.make("MMM", 4) as envs:
+        policies = [sp.ScriptedPolicy(name, envs, seed=2) for name in NAMES]
+        batch = envs.reset(seed=1)
+        for _ in range(10):
+            chosen = [policy(batch) for policy in policies]
+            for name, policy, actions in zip(NAMES, policies, chosen, strict=True):
+                assert policy.name == name and repr(policy) == f"<smaclite_pool.ScriptedPolicy {name}>"
+                again = sp.ScriptedPolicy(name, envs)(batch)
+                assert name == "random" or np.array_equal(again, actions)
+            batch = envs.step(chosen[2])
+        one, other = (sp.ScriptedPolicy("random", envs, seed=7) for _ in range(2))
+        assert all(np.array_equal(one(batch), other(batch)) for _ in range(5))
+        assert not np.array_equal(one(batch), sp.ScriptedPolicy("random", envs, seed=8)(batch))
+
+
+def test_actions_are_written_to_a_given_array() -> None:
+    with sp.make("3m", 2) as envs:
+        policy, batch = sp.ScriptedPolicy("nearest", envs), envs.reset(seed=1)
+        out = np.full((2, 3), -1, np.int32)
+        assert policy(batch, out) is out and np.array_equal(out, policy(batch))
+        assert policy(batch, out=out) is out
+        for wrong, error in [(out[:1], ValueError), (out.T, ValueError), (out.astype(np.int64), TypeError)]:
+            with pytest.raises(error, match=r"out must be .* int32 array of shape \(2, 3\), got"):
+                policy(batch, wrong)  # type: ignore[arg-type]
+
+
+def test_asynchronous_environments_are_played() -> None:
+    with sp.make("3m", 6, batch_size=2, seed=1) as envs:
+        policy = sp.ScriptedPolicy("focus_fire", envs)
+        envs.async_reset()
+        won = 0
+        for _ in range(200):
+            batch = envs.recv()
+            won += int(batch.battle_won.sum())
+            envs.send(policy(batch), batch.env_id)
+        assert won > 5
+
+
+def test_an_attached_learner_plays_policies(tmp_path: Path, serve: Serve) -> None:
+    own = tmp_path / "duel.json"
+    own.write_text(json.dumps(duel(name="duel")))
+    serve("3m:2", f"own={own}:2", "--name", "played", "--rules", "paper")
+    with sp.connect("played", "3m") as envs:
+        batch = envs.reset(seed=1)
+        with sp.make("3m", 2, rules="paper") as same:
+            assert np.array_equal(
+                sp.ScriptedPolicy("kite", envs)(batch), sp.ScriptedPolicy("kite", same)(same.reset(seed=1))
+            )
+    with sp.connect("played", "own") as envs:
+        with pytest.raises(sp.InvalidRequest, match="sends only its name; pass scenario=PATH"):
+            sp.ScriptedPolicy("hold", envs)
+        actions = sp.ScriptedPolicy("hold", envs, scenario=own)(envs.reset())
+        assert not ((actions > STOP) & (actions < FIRST_TARGET)).any(), "no move"
+        envs.step(actions)
+        with pytest.raises(sp.InvalidRequest, match="must be the scenario `duel` of the lane, got `2s3z`"):
+            sp.ScriptedPolicy("hold", envs, scenario="2s3z")
+
+
+def test_errors_say_what_is_accepted() -> None:
+    with (
+        sp.make("3m", 1) as envs,
+        sp.make("2s3z", 1) as others,
+        sp.make("3m", 1, fields=["state"]) as partial,
+    ):
+        unknown: Any = "greedy"
+        names = "the policies are random, nearest, focus_fire, kite, hold"
+        with pytest.raises(sp.InvalidRequest, match=f"unknown policy `greedy`; {names}"):
+            sp.ScriptedPolicy(unknown, envs)
+        with pytest.raises(sp.InvalidRequest, match="but this lane omits `avail_actions`"):
+            sp.ScriptedPolicy("hold", partial)
+        with pytest.raises(sp.InvalidRequest, match="seed must not be negative, got -1"):
+            sp.ScriptedPolicy("random", envs, seed=-1)
+        with pytest.raises(sp.ScenarioError, match="absent"):
+            sp.ScriptedPolicy("hold", envs, scenario="absent.json")
+        policy = sp.ScriptedPolicy("hold", envs)
+        with pytest.raises(sp.InvalidRequest, match="for 3 against 3 units .*, got a batch with 5 against 5"):
+            policy(others.reset())
+        with pytest.raises(AttributeError, match="do not include `avail_actions`"):
+            policy(partial.reset())
+        with pytest.raises(TypeError):
+            policy(None)  # type: ignore[arg-type]
