@@ -1,7 +1,7 @@
 //! Custom scenario files: what is accepted, where unit files are found, and the message for everything
 //! refused.
 
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::{Faction, Problems, Scenario, ScenarioFiles, UnitFile};
 use std::fs;
 use std::path::Path;
 
@@ -34,7 +34,13 @@ fn file(changes: &[(&str, &str)]) -> String {
 }
 
 fn read(changes: &[(&str, &str)]) -> Result<Scenario, String> {
-    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(|error| error.to_string())
+    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(messages)
+}
+
+/// The messages of all problems, one per line, without files and positions.
+fn messages(problems: Problems) -> String {
+    let messages: Vec<_> = problems.list().iter().map(|problem| problem.message.as_str()).collect();
+    messages.join("\n")
 }
 
 #[test]
@@ -84,13 +90,12 @@ fn inline_terrain_has_row_0_first() {
     }
 }
 
-/// Message of the refused change.
+/// Changes of the file, and the messages of its problems, one per line.
 type Case<'a> = (&'a [(&'a str, &'a str)], &'a str);
 
 fn check(cases: &[Case]) {
     for (changes, message) in cases {
-        let error = read(changes).expect_err(message);
-        assert_eq!(error, format!("duel.json: {message}"));
+        assert_eq!(read(changes).expect_err(message), *message);
     }
 }
 
@@ -381,8 +386,8 @@ fn a_scenario_has_a_short_name() {
     assert_eq!(named(&"n".repeat(100)), Ok("n".repeat(100)));
     let shown = "n".repeat(60);
     let error =
-        format!("duel.json: `name` is \"{shown}...\", but must be a string of 1 to 100 bytes, on one line");
+        format!("`name` is \"{shown}...\", but must be a string of 1 to 100 bytes, on one line");
     assert_eq!(named(&"n".repeat(101)), Err(error));
-    let error = "duel.json: `name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
+    let error = "`name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
     assert_eq!(named("two\nlines"), Err(error.into()));
 }
