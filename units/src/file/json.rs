@@ -68,6 +68,7 @@ pub(super) struct Source<'a> {
 
 impl<'a> Source<'a> {
     pub(super) fn new(text: &'a str, file: &'a str, report: &'a Report) -> Source<'a> {
+        report.note_file(file);
         // Some editors on Windows start a file with a byte order mark; no editor counts it as a column.
         Source { file, text: text.strip_prefix('\u{feff}').unwrap_or(text), report }
     }

@@ -118,6 +118,11 @@ impl<'a> Node<'a> {
         matches!(self.json.value, Value::Array(_))
     }
 
+    /// Whether this is an object.
+    pub fn is_object(&self) -> bool {
+        matches!(self.json.value, Value::Object(_))
+    }
+
     /// A line of text that is not empty and has at most `most` bytes.
     pub fn text(&self, most: usize) -> Result<&'a str, Reported> {
         let is_line = |text: &str| (1..=most).contains(&text.len()) && !text.contains(char::is_control);

@@ -79,9 +79,19 @@ pub struct Reported(());
 pub struct Report {
     found: RefCell<Vec<Problem>>,
     n_problems: Cell<usize>,
+    /// The files, in the order in which they were read.
+    files: RefCell<Vec<String>>,
 }
 
 impl Report {
+    /// Notes that `file` is read now: its problems are listed before those of files that are read later.
+    pub(super) fn note_file(&self, file: &str) {
+        let mut files = self.files.borrow_mut();
+        if !files.iter().any(|known| known == file) {
+            files.push(file.into());
+        }
+    }
+
     /// Adds a problem.
     pub fn add(&self, problem: impl FnOnce() -> Problem) -> Reported {
         let mut found = self.found.borrow_mut();
@@ -94,6 +104,7 @@ impl Report {
 
     /// Adds the problem that `file` cannot be read.
     pub fn add_unreadable(&self, file: String, reason: impl fmt::Display) -> Reported {
+        self.note_file(&file);
         let message = format!("cannot be read: {reason}");
         self.add(|| Problem { file, line: None, column: None, path: String::new(), message })
     }
@@ -107,12 +118,7 @@ impl Report {
         match value {
             Ok(value) if n_problems == 0 => Ok(value),
             _ => {
-                let mut files: Vec<String> = Vec::new();
-                for problem in &found {
-                    if !files.contains(&problem.file) {
-                        files.push(problem.file.clone());
-                    }
-                }
+                let files = self.files.into_inner();
                 let file_index = |problem: &Problem| files.iter().position(|file| *file == problem.file);
                 found.sort_by_key(|problem| (file_index(problem), problem.line, problem.column));
                 Err(Problems { found, n_problems })
