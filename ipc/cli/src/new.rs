@@ -158,22 +158,25 @@ impl NewScenario {
         Ok(text)
     }
 
-    /// The text of the file.
-    fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
+    /// The value of `num_unit_types`, and the line of `unit_type_ids` if there are several types.
+    fn unit_type_ids(&self) -> (usize, String) {
         let mut types: Vec<&str> = Vec::new();
         for UnitCount { unit_type, .. } in self.agents.iter().chain(&self.enemies) {
             if !types.contains(&unit_type.as_str()) {
                 types.push(unit_type);
             }
         }
-        let (n_types, ids) = match types.len() {
-            1 => (0, String::new()),
-            n => {
-                let ids: Vec<_> =
-                    types.iter().enumerate().map(|(id, name)| format!("{}: {id}", json!(name))).collect();
-                (n, format!("\n    \"unit_type_ids\": {{ {} }},", ids.join(", ")))
-            }
-        };
+        if types.len() == 1 {
+            return (0, String::new());
+        }
+        let ids = types.iter().enumerate().map(|(id, name)| format!("{}: {id}", json!(name)));
+        let ids = ids.collect::<Vec<_>>().join(", ");
+        (types.len(), format!("\n    \"unit_type_ids\": {{ {ids} }},"))
+    }
+
+    /// The text of the file.
+    fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
+        let (n_types, ids) = self.unit_type_ids();
         let (agents, enemies) = (units_object(&self.agents), units_object(&self.enemies));
         let total = |units: &[UnitCount]| units.iter().map(|unit| u64::from(unit.count)).sum::<u64>();
         let (n_agents, n_enemies) = (total(&self.agents), total(&self.enemies));
