@@ -111,7 +111,8 @@ fn change() -> impl Strategy<Value = Change> {
     prop_oneof![
         3 => (any::<Index>(), value()).prop_map(|(at, value)| Change::Replace(at, value)),
         1 => any::<Index>().prop_map(Change::Remove),
-        2 => (any::<Index>(), select(NAMES), value()).prop_map(|(at, name, value)| Change::Add(at, name, value)),
+        2 => (any::<Index>(), select(NAMES), value())
+            .prop_map(|(at, name, value)| Change::Add(at, name, value)),
     ]
 }
 
