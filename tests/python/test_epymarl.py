@@ -9,13 +9,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve
+from conftest import Serve, replayed
 from smaclite_pool.marl.epymarl import PoolRunner
 from smaclite_pool.marl.smac import MultiAgentEnv
 
@@ -177,6 +178,18 @@ def test_a_time_out_is_no_end_if_episodes_continue() -> None:
         assert terminated.tolist() == [[0, 0, 0, int(not continuing), 0]] * 3
         assert ("episode_limit_mean", 1.0, 12) in log.entries or not continuing
         runner.close_env()
+
+
+@pytest.mark.usefixtures("test_double")
+def test_a_replay_has_the_episodes_of_the_first_environment(tmp_path: Path) -> None:
+    runner, _, _ = begun(2, map_name="3m", replay_dir=str(tmp_path), replay_prefix="eval")
+    lengths = [int(runner.run()["filled"][0].sum()) - 1 for _ in range(3)]
+    runner.save_replay()
+    runner.close_env()
+    (path,) = tmp_path.glob("eval_*.smreplay")
+    episodes = [line for line in replayed(path).splitlines() if line.startswith("episode ")]
+    for episode, length in zip(episodes, lengths, strict=True):
+        assert f"after {length} steps" in episode
 
 
 @pytest.mark.usefixtures("test_double")
