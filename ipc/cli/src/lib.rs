@@ -21,6 +21,8 @@ mod scenarios;
 mod serve;
 mod show;
 mod table;
+mod watch;
+mod web;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
@@ -70,6 +72,8 @@ enum Command {
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
     Status(list::Status),
+    /// Show the battles of a running pool in the browser
+    Watch(watch::Watch),
     /// Remove the files that killed pools and learners left behind
     Clean(clean::Clean),
     /// Measure steps per second
@@ -96,6 +100,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Replay(replay) => replay.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
+        Command::Watch(watch) => watch.run(),
         Command::Clean(clean) => clean.run(),
         Command::Bench(bench) => bench.run(),
     };

@@ -1,0 +1,1 @@
+new Connection({ open() {}, lost() {} });
