@@ -1,6 +1,6 @@
 //! The `groups` of a scenario file: the units and their start positions.
 
-use crate::formation;
+use crate::formation::formation;
 use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Placement, ScenarioError, Terrain};
@@ -91,11 +91,7 @@ impl Roster {
         let units = group.require("units", "an object of unit types and their counts")?;
         let types = self.read_units(&units, files)?;
         let radii: Vec<f64> = types.iter().map(|&unit_type| self.unit_types[unit_type].radius()).collect();
-        let direction = match faction {
-            Faction::Ally => 1.0,
-            Faction::Enemy => -1.0,
-        };
-        for (unit_type, position) in types.into_iter().zip(formation::positions([x, y], direction, &radii)) {
+        for (unit_type, position) in types.into_iter().zip(formation([x, y], faction, &radii)) {
             self.check_position(node, unit_type, position, terrain)?;
             let id_in_faction = self.count(faction);
             self.units.push(Placement { unit_type, faction, id_in_faction, position });

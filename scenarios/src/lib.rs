@@ -22,6 +22,7 @@ mod files;
 mod formation;
 mod groups;
 mod obstacles;
+mod open;
 mod read;
 mod scenario;
 mod sight;
@@ -31,6 +32,7 @@ mod unit_files;
 
 pub use error::ScenarioError;
 pub use files::{ScenarioFiles, UnitFile};
+pub use formation::formation;
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 pub use terrain::{MAX_SIDE, Rect, Terrain};

@@ -22,9 +22,14 @@ const STANDARD: [(&str, &str); 10] = [
 impl UnitType {
     /// The standard type of that name (`"MARINE"`, in capitals), if there is one.
     pub fn standard(name: &str) -> Option<UnitType> {
-        let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
+        let text = UnitType::standard_text(name)?;
         // A test reads all ten, so an embedded file never fails here.
         UnitType::from_json(text, name, &format!("units/data/{name}.json")).ok()
+    }
+
+    /// The unit file of the standard type of that name, if there is one.
+    pub fn standard_text(name: &str) -> Option<&'static str> {
+        STANDARD.iter().find(|(standard, _)| *standard == name).map(|(_, text)| *text)
     }
 
     /// The names of the standard types, in alphabetical order.

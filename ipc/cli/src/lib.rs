@@ -13,6 +13,7 @@ macro_rules! out {
 mod bench;
 mod check;
 mod clean;
+mod edit;
 mod list;
 mod picture;
 mod record;
@@ -62,6 +63,8 @@ enum Command {
     Scenarios(scenarios::Scenarios),
     /// Validate scenario and unit files
     Check(check::Check),
+    /// Edit a scenario in the browser
+    Edit(edit::Edit),
     /// Draw a scenario as a map of characters or a picture
     Show(show::Show),
     /// Play battles of a scripted policy and write a replay
@@ -95,6 +98,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Serve(serve) => serve.run(),
         Command::Scenarios(scenarios) => scenarios.run(),
         Command::Check(check) => check.run(),
+        Command::Edit(edit) => edit.run(),
         Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),

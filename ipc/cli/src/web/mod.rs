@@ -3,6 +3,7 @@
 //! that know the token in the printed URL. What is served is an [`App`].
 
 mod connections;
+pub(crate) mod editor;
 mod guard;
 pub(crate) mod live;
 mod page;

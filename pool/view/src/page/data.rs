@@ -18,7 +18,7 @@ use smaclite_units::{Keyword, Targeter, UnitType};
 use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment};
 
 /// How far agents see, in squares: the distance that observations are divided by.
-const SIGHT_RANGE: f64 = 9.0;
+pub const SIGHT_RANGE: f64 = 9.0;
 
 /// Units of the columns of a moment, per square, second, or point.
 const POSITION: f32 = 256.0;
@@ -31,8 +31,6 @@ const DIRECTIONS: i64 = 256;
 pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
     let terrain = &scenario.terrain;
     let rects = terrain.obstacles().iter().map(|rect| [rect.x0, rect.y0, rect.x1, rect.y1]);
-    let labels = labels(&scenario.unit_types);
-    let types = scenario.unit_types.iter().zip(labels).map(|(unit_type, label)| type_info(unit_type, &label));
     let units = scenario.units.iter().map(|unit| {
         let faction = usize::from(unit.faction == Faction::Enemy);
         json!({"type": unit.unit_type, "faction": faction, "id": unit.id_in_faction})
@@ -43,7 +41,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
         "height": terrain.height(),
         "obstacles": rects.collect::<Vec<_>>(),
         "attack_point": scenario.attack_point,
-        "types": types.collect::<Vec<_>>(),
+        "types": types_info(&scenario.unit_types),
         "units": units.collect::<Vec<_>>(),
         "n_agents": arena.sizes().n_agents,
         "n_actions": arena.sizes().n_actions,
@@ -51,6 +49,11 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
         "sight_range": SIGHT_RANGE,
         "units_per": {"position": POSITION, "points": POINTS, "seconds": SECONDS, "turn": DIRECTIONS},
     })
+}
+
+/// What the page shows of unit types, with a label for each.
+pub fn types_info(types: &[UnitType]) -> Vec<Value> {
+    types.iter().zip(labels(types)).map(|(unit_type, label)| type_info(unit_type, &label)).collect()
 }
 
 fn type_info(unit_type: &UnitType, label: &str) -> Value {
@@ -67,6 +70,7 @@ fn type_info(unit_type: &UnitType, label: &str) -> Value {
         "hp": unit_type.hp,
         "shield": unit_type.shield,
         "energy": unit_type.energy,
+        "initial_energy": unit_type.initial_energy,
         "cooldown": unit_type.cooldown,
         "attack_range": unit_type.attack_range,
         "speed": unit_type.speed,

@@ -8,7 +8,7 @@ mod data;
 
 use serde_json::{Value, json};
 
-pub use data::{encode_moments, encode_step, scenario_info};
+pub use data::{SIGHT_RANGE, encode_moments, encode_step, scenario_info, types_info};
 
 use crate::{Replay, ReplayError};
 
@@ -83,6 +83,33 @@ pub fn watch_html(title: &str, data: &Value) -> String {
         body: include_str!("../../page/watch.html"),
         scripts: &[include_str!("../../page/connection.js"), include_str!("../../page/watch.js")],
         data,
+    };
+    document.html()
+}
+
+/// The scenario editor. Its battles are played by pages of replays, each in a frame.
+pub fn edit_html() -> String {
+    let document = Document {
+        title: "Scenario editor",
+        policy: CONNECTED_POLICY,
+        body: concat!(
+            "<style>\n",
+            include_str!("../../page/editor/editor.css"),
+            "</style>\n",
+            include_str!("../../page/editor/editor.html"),
+        ),
+        scripts: &[
+            include_str!("../../page/connection.js"),
+            include_str!("../../page/editor/json.js"),
+            include_str!("../../page/editor/document.js"),
+            include_str!("../../page/editor/map.js"),
+            include_str!("../../page/editor/fields.js"),
+            include_str!("../../page/editor/groups.js"),
+            include_str!("../../page/editor/types.js"),
+            include_str!("../../page/editor/text.js"),
+            include_str!("../../page/editor/editor.js"),
+        ],
+        data: &Value::Null,
     };
     document.html()
 }

@@ -1,0 +1,105 @@
+//! The scenario editor. The page edits the texts of a scenario file and its unit files; this side checks them,
+//! places the units, plays battles, and saves. It keeps no state of a page.
+
+mod check;
+mod play;
+mod standard;
+mod target;
+
+pub(crate) use target::Start;
+
+use super::{App, Page, Request};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use smaclite_scenarios::{ScenarioFiles, UnitFile};
+use smaclite_view::page::edit_html;
+
+/// The editor of one command.
+pub(crate) struct Editor {
+    start: Start,
+}
+
+impl Editor {
+    pub(crate) fn new(start: Start) -> Editor {
+        Editor { start }
+    }
+
+    fn respond(&self, request: &Request) -> Result<Value, EditorError> {
+        match request.action.as_str() {
+            "standard" => Ok(standard::standard()),
+            "open" => Ok(self.start.open()?),
+            "check" => Ok(check::check(arguments(request)?)),
+            "play" => Ok(play::play(arguments(request)?)?),
+            "save" => Ok(self.start.save(arguments(request)?)?),
+            other => Err(EditorError::UnknownRequest(other.to_owned())),
+        }
+    }
+}
+
+impl App for Editor {
+    fn document(&self) -> String {
+        edit_html()
+    }
+
+    fn talk(&self, page: Page) {
+        while let Ok(Some(request)) = page.receive(None) {
+            let answered = match self.respond(&request) {
+                Ok(answer) => page.answer(&request, answer),
+                Err(error) => page.refuse(&request, error),
+            };
+            if answered.is_err() {
+                return;
+            }
+        }
+    }
+}
+
+/// Why a request is refused.
+#[derive(Debug, thiserror::Error)]
+enum EditorError {
+    #[error("unknown request `{0}`; the requests are standard, open, check, play and save")]
+    UnknownRequest(String),
+    #[error("`{action}`: {error}")]
+    Arguments { action: String, error: serde_json::Error },
+    #[error(transparent)]
+    Play(#[from] play::PlayError),
+    #[error(transparent)]
+    Target(#[from] target::TargetError),
+}
+
+fn arguments<T: DeserializeOwned>(request: &Request) -> Result<T, EditorError> {
+    let arguments = Value::Object(request.arguments.clone());
+    serde_json::from_value(arguments)
+        .map_err(|error| EditorError::Arguments { action: request.action.clone(), error })
+}
+
+/// The files of a scenario as the page has them.
+#[derive(Debug, Deserialize)]
+struct Files {
+    source: String,
+    text: String,
+    units: Vec<Unit>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Unit {
+    name: String,
+    keys: Vec<String>,
+    text: String,
+}
+
+impl From<Files> for ScenarioFiles {
+    fn from(files: Files) -> ScenarioFiles {
+        let unit_file = |Unit { name, keys, text }| UnitFile { name, keys, text };
+        let unit_files = files.units.into_iter().map(unit_file).collect();
+        ScenarioFiles { source: files.source, text: files.text, unit_files }
+    }
+}
+
+/// The files as the page takes them.
+fn described(files: &ScenarioFiles) -> Value {
+    let unit = |file: &UnitFile| json!({"name": file.name, "keys": file.keys, "text": file.text});
+    let units: Vec<Value> = files.unit_files.iter().map(unit).collect();
+    json!({"source": files.source, "text": files.text, "units": units})
+}
