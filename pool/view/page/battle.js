@@ -79,7 +79,8 @@ class BattleView {
   zoom(factor, x, y) {
     const fixed = this.toSquares(x, y),
       { camera } = this;
-    camera.scale = clamp(camera.scale * factor, 4, 200);
+    // The whole of a large map is smaller than the least scale.
+    camera.scale = clamp(camera.scale * factor, Math.min(4, camera.scale), 200);
     this.aim();
     const now = this.toSquares(x, y);
     camera.x += fixed.x - now.x;

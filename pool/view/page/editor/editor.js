@@ -166,20 +166,23 @@ class EditorPage {
     byId("pointer").textContent = isInside ? `square ${x}, ${y} \u00b7 ${kind}` : "";
   }
 
-  say(text) {
+  say(text, isError = true) {
+    clearTimeout(this.quiet);
     byId("message").hidden = !text;
     byId("message").textContent = text;
+    byId("message").classList.toggle("info", !isError);
   }
 
   /** A message that goes away. */
-  tell(text) {
-    this.say(text);
-    clearTimeout(this.quiet);
+  tell(text, isError = false) {
+    this.say(text, isError);
     this.quiet = setTimeout(() => this.say(""), 6000);
   }
 
   showTab(tab) {
     this.tab = tab;
+    document.querySelector("main").classList.toggle("wide", tab === "json");
+    if (this.map) this.redraw();
     for (const name of TABS) {
       byId(name).hidden = name !== tab;
       const button = document.querySelector(`[data-tab="${name}"]`);
@@ -212,7 +215,7 @@ class EditorPage {
       this.problems = answer.problems.map((problem) => this.placed(problem));
       this.summary = answer.summary;
     } catch (error) {
-      if (this.connection.socket.readyState === WebSocket.OPEN) this.tell(`The files cannot be checked: ${error.message}`);
+      if (this.connection.socket.readyState === WebSocket.OPEN) this.tell(`The files cannot be checked: ${error.message}`, true);
       return;
     }
     this.showProblems();
@@ -272,8 +275,9 @@ class EditorPage {
     panel.querySelectorAll(".why").forEach((element) => element.remove());
     for (const problem of this.problems) {
       const element = this.fieldOf(problem, panel);
-      if (!element || element.classList.contains("group")) continue;
+      if (!element) continue;
       element.setAttribute("aria-invalid", "true");
+      if (element.classList.contains("group")) continue;
       const why = make("p", { className: "why" }, problem.message);
       (element.closest(".unit-row, .field") ?? element).append(why);
     }
@@ -281,8 +285,10 @@ class EditorPage {
 
   /** The element of a panel for a problem: that of its key, or of the nearest key around it. */
   fieldOf({ unit, path, steps }, panel) {
-    const missing = /^[\w]+$/.test(path) ? [path] : null;
-    const paths = [...(missing ? [missing] : []), ...steps.map((_, i) => steps.slice(0, steps.length - i))];
+    // A key that is missing has a path too.
+    const written = path.match(/[^.[\]]+/g) ?? [];
+    const paths = [written.map((step) => (/^\d+$/.test(step) ? Number(step) : step))];
+    paths.push(...steps.map((_, i) => steps.slice(0, steps.length - i)));
     if (path.startsWith("terrain")) paths.push(["terrain_preset"]);
     for (const candidate of paths) {
       const key = fieldKey(unit ?? -1, candidate);
@@ -439,7 +445,7 @@ class EditorPage {
       this.tell(saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.");
       this.refresh();
     } catch (error) {
-      this.tell(`Not saved: ${error.message}`);
+      this.tell(`Not saved: ${error.message}`, true);
     }
   }
 
@@ -466,7 +472,7 @@ class EditorPage {
       const answer = await this.connection.ask("play", { files: this.doc.files(), ...choice });
       this.enter(answer);
     } catch (error) {
-      this.tell(`Not played: ${error.message}`);
+      this.tell(`Not played: ${error.message}`, true);
     } finally {
       byId("play").disabled = this.problems.length > 0;
     }

@@ -5,9 +5,12 @@ const FACTION_NAMES = { ALLY: "Allies", ENEMY: "Enemies" };
 
 const shown = (value) => (isNumber(value) ? String(Math.round(value * 1000) / 1000) : "?");
 
+/** A unit type as the editor calls it: "Stalker", or the name of its file. */
+const typeTitle = (key, doc) => (doc.isStandard(key) ? titleCase(key) : stemOf(key));
+
 /** The units of a group as text, such as "2 Stalker, 3 Zealot". */
-function armyText({ units }) {
-  return units.map(([key, count]) => `${isNumber(count) ? count : "?"} ${titleCase(stemOf(key))}`).join(", ");
+function armyText({ units }, doc) {
+  return units.map(([key, count]) => `${isNumber(count) ? count : "?"} ${typeTitle(key, doc)}`).join(", ");
 }
 
 class GroupsPanel extends Panel {
@@ -60,7 +63,7 @@ class GroupsPanel extends Panel {
         head.className = `group ${group.faction === "ENEMY" ? "enemy" : "ally"}`;
         const total = group.units.reduce((sum, [, n]) => sum + (isNumber(n) ? n : 0), 0);
         count.textContent = String(total);
-        title.textContent = armyText(group) || "no units";
+        title.textContent = armyText(group, this.page.doc) || "no units";
         place.textContent = `${shown(group.x)}, ${shown(group.y)}`;
       },
     });
@@ -90,7 +93,7 @@ class GroupsPanel extends Panel {
     const free = this.typeNames().filter((name) => !units.some(([key]) => key === name));
     const more = make("select", { "aria-label": "Add units", className: "more" }, [
       make("option", { value: "" }, "Add units\u2026"),
-      ...free.map((name) => make("option", { value: name }, titleCase(name))),
+      ...free.map((name) => make("option", { value: name }, typeTitle(name, doc))),
     ]);
     more.dataset.key = fieldKey(-1, ["groups", index, "more"]);
     more.addEventListener("change", () => more.value && doc.setCount(index, more.value, 1));
@@ -110,11 +113,11 @@ class GroupsPanel extends Panel {
   unitRow(index, key, at, length) {
     const { doc } = this.page,
       path = ["groups", index, "units"];
-    const names = this.typeNames().map((name) => [name, titleCase(name)]);
+    const names = this.typeNames().map((name) => [name, typeTitle(name, doc)]);
     const type = this.field("select", {
       label: "Type",
       path: [...path, key, "type"],
-      options: names.some(([name]) => name === key) ? names : [[key, titleCase(stemOf(key))], ...names],
+      options: names.some(([name]) => name === key) ? names : [[key, typeTitle(key, doc)], ...names],
       read: () => key,
       write: (value) => doc.setType(index, key, value),
     });
@@ -126,7 +129,7 @@ class GroupsPanel extends Panel {
       read: () => doc.scenario.value([...path, key]),
       write: (value, merge) => value !== undefined && doc.setCount(index, key, value, merge),
     });
-    const name = titleCase(stemOf(key));
+    const name = typeTitle(key, doc);
     const move = (by) => () => doc.editGroups((file) => file.exchange(path, by < 0 ? at - 1 : at));
     const up = iconButton("up", `${name} earlier: the first types start in the first rows`, move(-1));
     const down = iconButton("down", `${name} later`, move(1));
@@ -201,9 +204,7 @@ class ScenarioPanel extends Panel {
       section("Map", preset, columns(side("Width", "width"), side("Height", "height"))),
       section(
         "Attack point",
-        columns(
-          ...["x", "y"].map((axis, i) => this.point(axis, i)),
-        ),
+        columns(...["x", "y"].map((axis, i) => this.point(axis, i))),
         make("p", { className: "hint" }, "Enemies move there and attack the units they meet."),
       ),
       section(
@@ -248,7 +249,7 @@ class ScenarioPanel extends Panel {
       hint: "num_unit_types: 0, or the number of types that observations tell apart",
     });
     const ids = this.typeIds().map(([key]) =>
-      this.key("number", titleCase(stemOf(key)), ["unit_type_ids", key], { step: 1, min: 0, hint: `Id of ${key}` }),
+      this.key("number", typeTitle(key, doc), ["unit_type_ids", key], { step: 1, min: 0, hint: `Id of ${key}` }),
     );
     const all = button("Ids from the groups", "Number the types of all groups", () =>
       doc.edit((file) => {

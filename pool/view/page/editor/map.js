@@ -306,7 +306,7 @@ class MapEditor extends BattleView {
     this.canvas.setPointerCapture(event.pointerId);
     const at = this.point(event);
     this.serial++;
-    const isPan = event.button === 1 || this.isSpaceDown;
+    const isPan = event.button === 1 || event.shiftKey;
     const { x, y } = at;
     if (isPan) this.drag = { kind: "pan", last: this.local(event) };
     else if (DRAWING.includes(this.tool)) this.beginDrawing(at, event.button === 2);

@@ -71,7 +71,7 @@ class TypesPanel extends Panel {
   build() {
     const { doc } = this.page;
     const chip = (name, isOwn) =>
-      button(titleCase(name), isOwn ? `${name}.json` : "Standard type, read-only", () => this.show(name), {
+      button(typeTitle(name, doc), isOwn ? `${name}.json` : "Standard type, read-only", () => this.show(name), {
         className: isOwn ? "type own" : "type",
         "aria-pressed": String(name === this.name),
         "data-key": fieldKey(name, []),
@@ -84,7 +84,7 @@ class TypesPanel extends Panel {
       this.page.addType(doc.freeName("unit"), fileOf(NEW_UNIT)),
     );
     const copy = button([icon("copy"), "Copy as new"], "Add a unit type that begins as this one", () =>
-      this.page.addType(doc.freeName(this.name.toLowerCase()), this.file.text),
+      this.page.addType(doc.freeName(`my_${this.name.toLowerCase()}`.replace(/^(my_)+/, "my_")), this.file.text),
     );
     return [
       make("div", { className: "row" }, [create, copy]),
@@ -129,7 +129,7 @@ class TypesPanel extends Panel {
   form() {
     const { doc } = this.page,
       { index, name } = this;
-    const title = index < 0 ? titleCase(name) : "Unit type";
+    const title = typeTitle(name, doc);
     const head = make("h3", { className: "title" }, [
       title,
       make("small", {}, index < 0 ? "standard, read-only" : `${name}.json`),
