@@ -76,6 +76,14 @@ pictures:
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
 
+# Write the JSON Schemas of the documentation, in docs/schemas
+schemas:
+    cargo build --release --quiet -p smaclite-cli
+    mkdir -p {{ justfile_directory() }}/docs/schemas
+    for kind in scenario unit; do \
+        {{ program }} schema $kind > {{ justfile_directory() }}/docs/schemas/$kind.schema.json || exit; \
+    done
+
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:
     cargo run --release --quiet -p smaclite-tests --bin chaos -- {{ minutes }} {{ seed }}

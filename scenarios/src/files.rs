@@ -1,8 +1,9 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
+use crate::Scenario;
 use crate::unit_files::Origin;
-use crate::{Scenario, ScenarioError};
-use smaclite_units::file::{MAX_SCENARIO_BYTES, read_text, shown_path};
+use smaclite_units::Problems;
+use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path};
 use std::path::Path;
 
 /// The text of a scenario file and of every unit file that it names.
@@ -36,19 +37,40 @@ pub struct UnitFile {
 
 impl ScenarioFiles {
     /// As [`Scenario::load`], with the texts that the scenario was read from.
-    pub(crate) fn load(path: &Path) -> Result<(Scenario, ScenarioFiles), ScenarioError> {
-        let base_dir = path.parent().unwrap_or(Path::new(""));
-        let (text, source) = (read_text(path, MAX_SCENARIO_BYTES)?, shown_path(path));
-        let (scenario, unit_files) = Scenario::read(&text, &source, Origin::Folder(base_dir))?;
+    pub(crate) fn load(path: &Path) -> Result<(Scenario, ScenarioFiles), Problems> {
+        let (base_dir, source) = (path.parent().unwrap_or(Path::new("")), shown_path(path));
+        let report = Report::default();
+        let read = read_text(path, MAX_SCENARIO_BYTES, &report).and_then(|text| {
+            let read = Scenario::read(&text, &source, Origin::Folder(base_dir), &report);
+            read.map(|(scenario, unit_files)| (scenario, text, unit_files))
+        });
+        let (scenario, text, unit_files) = report.finish(read)?;
         Ok((scenario, ScenarioFiles { source, text, unit_files }))
     }
 
     /// Reads the scenario; no file is opened.
     ///
+    /// ```
+    /// use smaclite_scenarios::{ScenarioFiles, UnitFile};
+    ///
+    /// let scout = UnitFile { name: "scout".into(), keys: vec!["scout".into()], text: "{".into() };
+    /// let group = r#"{"x": 9, "y": 9, "faction": "ALY", "units": {"scout": 1}}"#;
+    /// let files = ScenarioFiles {
+    ///     source: "duel.json".into(),
+    ///     text: format!("{{\n  \"groups\": [{group}]\n}}"),
+    ///     unit_files: vec![scout],
+    /// };
+    /// let problems = files.scenario().unwrap_err();
+    /// let faction = problems.list().iter().find(|problem| problem.path == "groups[0].faction").unwrap();
+    /// assert_eq!((faction.file.as_str(), faction.line, faction.column), ("duel.json", Some(2), Some(43)));
+    /// assert!(problems.list().iter().any(|problem| problem.file == "scout.json"));
+    /// ```
+    ///
     /// # Errors
-    /// [`ScenarioError`] for the first mistake in one of the texts.
-    pub fn scenario(&self) -> Result<Scenario, ScenarioError> {
-        let origin = Origin::Texts(&self.unit_files);
-        Scenario::read(&self.text, &self.source, origin).map(|(scenario, _)| scenario)
+    /// [`Problems`] of all texts. A unit file is called by its name and `.json`.
+    pub fn scenario(&self) -> Result<Scenario, Problems> {
+        let report = Report::default();
+        let read = Scenario::read(&self.text, &self.source, Origin::Texts(&self.unit_files), &report);
+        report.finish(read).map(|(scenario, _)| scenario)
     }
 }

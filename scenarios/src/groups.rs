@@ -1,56 +1,77 @@
 //! The `groups` of a scenario file: the units and their start positions.
 
 use crate::formation::formation;
+use crate::keys::{self, GROUP_KEYS};
 use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Placement, ScenarioError, Terrain};
-use smaclite_units::file::{FileError, Node, Range};
+use crate::{Faction, MAX_UNITS, Placement, Terrain};
+use smaclite_units::file::{Node, Reported};
 use smaclite_units::{Keyword, Plane, UnitType};
 use std::collections::HashSet;
 
-/// Wider than any map; the positions of the units are checked against the map itself.
-const COORDINATE: Range = Range::closed(-1e6, 1e6);
-
 /// The units of a scenario and their types; the order defines the ids of both.
-#[derive(Default)]
-pub(crate) struct Roster {
+pub(crate) struct Roster<'a> {
     pub(crate) unit_types: Vec<UnitType>,
-    /// The source of each of `unit_types`.
-    pub(crate) sources: Vec<UnitSource>,
-    /// The key that first names each of `unit_types`.
-    keys: Vec<String>,
+    /// The source of each of `unit_types`, and the entry that first names it.
+    sources: Vec<(UnitSource, Node<'a>)>,
+    /// Unit types with problems, which are reported once.
+    refused: Vec<(UnitSource, Reported)>,
     pub(crate) units: Vec<Placement>,
+    /// Whether all units can start where they are; counts and ids can be compared even if they cannot.
+    pub(crate) placed: Result<(), Reported>,
     /// Occupied start positions: plane, and x and y as f32 bits.
     occupied: HashSet<(u8, u32, u32)>,
 }
 
-impl Roster {
+impl<'a> Roster<'a> {
     /// Reads the list of groups. Every unit must start on the map, and no two units of one plane at one
-    /// point.
-    pub(crate) fn read(groups: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<Roster, ScenarioError> {
-        let mut roster = Roster::default();
-        for group in groups.items()? {
-            roster.add_group(&group, files, terrain)?;
-        }
+    /// point; if the map is invalid, positions are not checked.
+    pub(crate) fn read(
+        groups: &Node<'a>,
+        files: &UnitFiles,
+        map: Option<&Terrain>,
+    ) -> Result<Roster<'a>, Reported> {
+        let mut roster = Roster {
+            unit_types: Vec::new(),
+            sources: Vec::new(),
+            refused: Vec::new(),
+            units: Vec::new(),
+            placed: Ok(()),
+            occupied: HashSet::new(),
+        };
+        let added: Vec<_> = groups.items()?.iter().map(|group| roster.add_group(group, files, map)).collect();
+        let sight = map.map_or(Ok(()), |map| roster.check_sight(map));
+        roster.placed = roster.placed.and(sight);
+        added.into_iter().collect::<Result<(), _>>()?;
         for faction in [Faction::Ally, Faction::Enemy] {
             if roster.count(faction) == 0 {
                 let expected = format!("a list with at least one group of faction {}", faction.name());
-                return Err(groups.invalid(expected).into());
+                return Err(groups.invalid(&expected));
             }
         }
-        roster.check_sight(files, terrain)?;
         Ok(roster)
     }
 
+    /// The source and the name of each of `unit_types`.
+    pub(crate) fn types(&self) -> impl Iterator<Item = (&UnitSource, &str)> {
+        let names = self.unit_types.iter().map(|unit_type| unit_type.name.as_str());
+        self.sources.iter().map(|(source, _)| source).zip(names)
+    }
+
+    /// The number of units of a faction.
+    pub(crate) fn count(&self, faction: Faction) -> usize {
+        self.units.iter().filter(|unit| unit.faction == faction).count()
+    }
+
     /// Checks that no type sees more obstacles than a battle can handle in reasonable time.
-    fn check_sight(&self, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
+    fn check_sight(&self, map: &Terrain) -> Result<(), Reported> {
         let range = |unit_type: &UnitType| unit_type.speed + unit_type.radius();
         let types =
             self.unit_types.iter().enumerate().filter(|(_, unit_type)| unit_type.plane == Plane::Ground);
         let Some((i, farthest)) = types.max_by(|a, b| range(a.1).total_cmp(&range(b.1))) else {
             return Ok(());
         };
-        let outlines = Outlines::of(terrain);
+        let outlines = Outlines::of(map);
         if outlines.most_in_sight(range(farthest)) <= MAX_OUTLINE_IN_SIGHT {
             return Ok(());
         }
@@ -59,73 +80,87 @@ impl Roster {
             speed if speed >= 0.0 => ("speed", farthest.speed, speed),
             _ => ("size", farthest.size, 2.0 * largest),
         };
-        let expected = format!(
-            "at most {limit} on this map: ground units see obstacles within `speed` plus half of `size`, \
-             and within more than {largest} squares there are too many"
-        );
-        let (file, key, value) = (self.sources[i].to_string(), key.into(), value.to_string());
-        Err(files.invalid_unit(&self.keys[i], FileError::Invalid { file, key, value, expected }))
+        let (source, entry) = &self.sources[i];
+        Err(entry.wrong_key(&format!(
+            "refers to {source}, where `{key}` is {value}, but must be at most {limit} on this map: ground \
+             units see obstacles within `speed` plus half of `size`, and within more than {largest} squares \
+             there are too many"
+        )))
     }
 
-    /// Checks a file's count of units against the groups.
-    pub(crate) fn check_count(&self, count: &Node, faction: Faction) -> Result<(), ScenarioError> {
-        let actual = self.count(faction);
-        if count.integer(1, MAX_UNITS)? as usize != actual {
-            let expected = format!("{actual}, the number of {} units in `groups`", faction.name());
-            return Err(count.invalid(expected).into());
-        }
-        Ok(())
-    }
-
-    fn count(&self, faction: Faction) -> usize {
-        self.units.iter().filter(|unit| unit.faction == faction).count()
-    }
-
-    fn add_group(&mut self, node: &Node, files: &UnitFiles, terrain: &Terrain) -> Result<(), ScenarioError> {
-        let group = node.object(&["x", "y", "faction", "units"])?;
-        let x =
-            group.require("x", "the group's centre, in squares from the west edge")?.number(COORDINATE)?;
-        let y =
-            group.require("y", "the group's centre, in squares from the south edge")?.number(COORDINATE)?;
-        let faction: Faction = group.require("faction", "ALLY or ENEMY")?.keyword()?;
-        let units = group.require("units", "an object of unit types and their counts")?;
-        let types = self.read_units(&units, files)?;
+    fn add_group(
+        &mut self,
+        node: &Node<'a>,
+        files: &UnitFiles,
+        map: Option<&Terrain>,
+    ) -> Result<(), Reported> {
+        let group = node.object(&GROUP_KEYS)?;
+        let (x, y, faction) = (group.read(&keys::X), group.read(&keys::Y), group.read(&keys::FACTION));
+        let types = group.require(&keys::UNITS).and_then(|units| self.read_units(&units, files));
+        let (centre, faction, types) = ([x?, y?], faction?, types?);
         let radii: Vec<f64> = types.iter().map(|&unit_type| self.unit_types[unit_type].radius()).collect();
-        for (unit_type, position) in types.into_iter().zip(formation([x, y], faction, &radii)) {
-            self.check_position(node, unit_type, position, terrain)?;
+        let mut placed = Ok(());
+        for (unit_type, position) in types.into_iter().zip(formation(centre, faction, &radii)) {
+            // One problem per group: its other units are probably in the same situation.
+            if let (Ok(()), Some(map)) = (placed, map) {
+                placed = self.check_position(node, unit_type, position, map);
+            }
             let id_in_faction = self.count(faction);
             self.units.push(Placement { unit_type, faction, id_in_faction, position });
         }
+        self.placed = self.placed.and(placed);
         Ok(())
     }
 
     /// The type of each unit of a group, in listed order.
-    fn read_units(&mut self, units: &Node, files: &UnitFiles) -> Result<Vec<usize>, ScenarioError> {
-        let mut types = Vec::new();
-        for (name, count) in units.entries()? {
-            let source = files.find(name, &count)?;
-            let unit_type = match self.sources.iter().position(|known| *known == source) {
-                Some(known) => known,
-                None => {
-                    self.unit_types.push(files.load(&source, &count)?);
-                    self.sources.push(source);
-                    self.keys.push(count.key().into());
-                    self.sources.len() - 1
+    fn read_units(&mut self, units: &Node<'a>, files: &UnitFiles) -> Result<Vec<usize>, Reported> {
+        let (mut types, mut outcome) = (Vec::new(), Ok(()));
+        for (name, entry) in units.entries()? {
+            let unit_type = files.find(name, &entry).and_then(|source| self.type_of(source, &entry, files));
+            let count = entry.integer(1, MAX_UNITS).and_then(|n| {
+                let total = self.units.len() + types.len() + n as usize;
+                if total > MAX_UNITS as usize {
+                    let limit = format!("at most {MAX_UNITS} are allowed");
+                    return Err(entry.conflict(&format!("raises the number of units to {total}; {limit}")));
                 }
-            };
-            let n = count.integer(1, MAX_UNITS)? as usize;
-            if self.units.len() + types.len() + n > MAX_UNITS as usize {
-                let total = self.units.len() + types.len() + n;
-                let conflict =
-                    format!("raises the number of units to {total}; at most {MAX_UNITS} are allowed");
-                return Err(count.conflict(conflict).into());
+                Ok(n as usize)
+            });
+            match (unit_type, count) {
+                (Ok(unit_type), Ok(n)) => types.extend(std::iter::repeat_n(unit_type, n)),
+                (Err(reported), _) | (_, Err(reported)) => outcome = Err(reported),
             }
-            types.extend(std::iter::repeat_n(unit_type, n));
         }
+        outcome?;
         if types.is_empty() {
-            return Err(units.invalid("an object with at least one unit type").into());
+            return Err(units.invalid("an object with at least one unit type"));
         }
         Ok(types)
+    }
+
+    /// The index of the type of `source`, which `entry` names; reads it at its first mention.
+    fn type_of(
+        &mut self,
+        source: UnitSource,
+        entry: &Node<'a>,
+        files: &UnitFiles,
+    ) -> Result<usize, Reported> {
+        if let Some(known) = self.sources.iter().position(|(known, _)| *known == source) {
+            return Ok(known);
+        }
+        if let Some((_, reported)) = self.refused.iter().find(|(refused, _)| *refused == source) {
+            return Err(*reported);
+        }
+        match files.load(&source, entry) {
+            Ok(unit_type) => {
+                self.unit_types.push(unit_type);
+                self.sources.push((source, entry.clone()));
+                Ok(self.sources.len() - 1)
+            }
+            Err(reported) => {
+                self.refused.push((source, reported));
+                Err(reported)
+            }
+        }
     }
 
     /// Checks a start position, rounded to f32 as in a battle.
@@ -134,20 +169,20 @@ impl Roster {
         group: &Node,
         unit_type: usize,
         position: [f64; 2],
-        terrain: &Terrain,
-    ) -> Result<(), ScenarioError> {
+        map: &Terrain,
+    ) -> Result<(), Reported> {
         let [x, y] = position.map(|coordinate| coordinate as f32);
-        let (width, height) = (terrain.width(), terrain.height());
+        let (width, height) = (map.width(), map.height());
         let UnitType { name, plane, .. } = &self.unit_types[unit_type];
         if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
             let conflict = format!("puts a {name} at ({x}, {y}), outside the {width} x {height} map");
-            return Err(group.conflict(conflict).into());
+            return Err(group.conflict(&conflict));
         }
         // Collision avoidance has no direction in which it could separate two units at one point.
         if !self.occupied.insert((*plane as u8, x.to_bits(), y.to_bits())) {
             let conflict =
                 format!("puts a {name} at ({x}, {y}), where another {plane} unit starts; move the group");
-            return Err(group.conflict(conflict).into());
+            return Err(group.conflict(&conflict));
         }
         Ok(())
     }

@@ -21,6 +21,7 @@ mod error;
 mod files;
 mod formation;
 mod groups;
+mod keys;
 mod obstacles;
 mod open;
 mod read;
@@ -35,6 +36,8 @@ pub use files::{ScenarioFiles, UnitFile};
 pub use formation::formation;
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
+/// What is wrong with scenario and unit files.
+pub use smaclite_units::{Problem, Problems};
 pub use terrain::{MAX_SIDE, Rect, Terrain};
 
 /// The largest number of units of a scenario, both factions together.

@@ -1,97 +1,101 @@
-//! The reader of scenario files: the keys, their defaults, and the dependencies between them.
+//! The reader of scenario files: the values of the keys, and the dependencies between them. `keys` declares
+//! the keys.
 
 use crate::groups::Roster;
+use crate::keys;
 use crate::unit_files::{Origin, UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Scenario, ScenarioError, ScenarioFiles, Terrain, UnitFile};
-use smaclite_units::file::{FileError, Json, Node, Object, Range};
+use crate::{Faction, Scenario, ScenarioFiles, Terrain, UnitFile};
+use smaclite_units::Problems;
+use smaclite_units::file::{Document, Node, Object, Range, Report, Reported, SCHEMA_KEY};
 use std::path::Path;
 
-/// Every key of a scenario file.
-const KEYS: [&str; 15] = [
-    "name",
-    "custom_unit_path",
-    "num_allied_units",
-    "num_enemy_units",
-    "groups",
-    "attack_point",
-    "terrain_preset",
-    "terrain",
-    "width",
-    "height",
-    "num_unit_types",
-    "unit_type_ids",
-    "ally_has_shields",
-    "enemy_has_shields",
-    "episode_limit",
-];
-
-/// The longest name of a scenario, in bytes.
-const MAX_NAME: usize = 100;
-
-/// The longest path, in bytes; no system takes longer ones.
-const MAX_PATH: usize = 4096;
-
 impl Scenario {
-    /// Reads a scenario file's text. `source` is what error messages call the file; unit files are searched
-    /// from `base_dir`, the folder that contains the file.
+    /// Reads a scenario file's text. `source` is what problems call the file; unit files are searched from
+    /// `base_dir`, the folder that contains the file.
     ///
     /// # Errors
-    /// [`ScenarioError`] for the first mistake in the file or in a unit file that it names.
-    pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, ScenarioError> {
-        Scenario::read(text, source, Origin::Folder(base_dir)).map(|(scenario, _)| scenario)
-    }
-
-    /// As [`from_json`](Self::from_json), with unit files from `origin`; also gives the unit files that were
-    /// found in folders.
-    pub(crate) fn read(
-        text: &str,
-        source: &str,
-        origin: Origin<'_>,
-    ) -> Result<(Scenario, Vec<UnitFile>), ScenarioError> {
-        let json = Json::parse(text, source)?;
-        let file = Node::root(source, &json).object(&KEYS)?;
-        let name = file.require("name", "the scenario's name")?.text(MAX_NAME)?;
-        let custom_unit_path = file.get("custom_unit_path").map(|node| node.text(MAX_PATH)).transpose()?;
-        let files = UnitFiles::new(source, origin, custom_unit_path);
-        let terrain = Terrain::read(&file)?;
-        let groups = file.require("groups", "a list of groups with `x`, `y`, `faction` and `units`")?;
-        let roster = Roster::read(&groups, &files, &terrain)?;
-        for (key, faction) in [("num_allied_units", Faction::Ally), ("num_enemy_units", Faction::Enemy)] {
-            roster.check_count(&file.require(key, "the number of units of that faction")?, faction)?;
-        }
-        let (num_unit_types, type_ids) = read_type_ids(&file, &files, &roster)?;
-        let scenario = Scenario {
-            name: name.into(),
-            attack_point: attack_point(&file, &terrain)?,
-            num_unit_types,
-            type_ids,
-            ally_has_shields: file.require("ally_has_shields", "true or false")?.bool()?,
-            enemy_has_shields: file.require("enemy_has_shields", "true or false")?.bool()?,
-            episode_limit: file.get("episode_limit").map(|node| node.integer(1, u32::MAX)).transpose()?,
-            terrain,
-            unit_types: roster.unit_types,
-            units: roster.units,
-        };
-        Ok((scenario, files.into_found()))
+    /// [`Problems`] of the file and of the unit files that it names.
+    pub fn from_json(text: &str, source: &str, base_dir: &Path) -> Result<Scenario, Problems> {
+        let report = Report::default();
+        let read = Scenario::read(text, source, Origin::Folder(base_dir), &report);
+        report.finish(read).map(|(scenario, _)| scenario)
     }
 
     /// Reads a scenario file, and the unit files it names relative to its own folder.
     ///
     /// # Errors
     /// As [`from_json`](Self::from_json), and for a file that cannot be read.
-    pub fn load(path: &Path) -> Result<Scenario, ScenarioError> {
+    pub fn load(path: &Path) -> Result<Scenario, Problems> {
         ScenarioFiles::load(path).map(|(scenario, _)| scenario)
+    }
+
+    /// Reads a scenario with unit files from `origin`; also gives the unit files that were found in folders.
+    pub(crate) fn read(
+        text: &str,
+        source: &str,
+        origin: Origin<'_>,
+        report: &Report,
+    ) -> Result<(Scenario, Vec<UnitFile>), Reported> {
+        let document = Document::parse(text, source, report)?;
+        let file = document.root().object(&keys::KEYS)?;
+        let (schema, name) = (file.read_optional(&SCHEMA_KEY), file.read(&keys::NAME));
+        let files = UnitFiles::new(origin, file.read_optional(&keys::CUSTOM_UNIT_PATH), report);
+        let terrain = Terrain::read(&file);
+        let map = terrain.as_ref().ok();
+        let roster = file.require(&keys::GROUPS).and_then(|groups| Roster::read(&groups, &files, map));
+        let counts = check_counts(&file, roster.as_ref().ok());
+        let ids = read_type_ids(&file, &files, roster.as_ref().ok());
+        let attack_point = attack_point(&file, map);
+        let ally_has_shields = file.read(&keys::ALLY_HAS_SHIELDS);
+        let enemy_has_shields = file.read(&keys::ENEMY_HAS_SHIELDS);
+        let episode_limit = file.read_optional(&keys::EPISODE_LIMIT);
+        schema?;
+        counts?;
+        let (roster, (num_unit_types, type_ids)) = (roster?, ids?);
+        roster.placed?;
+        let scenario = Scenario {
+            name: name?,
+            attack_point: attack_point?,
+            num_unit_types,
+            type_ids,
+            ally_has_shields: ally_has_shields?,
+            enemy_has_shields: enemy_has_shields?,
+            episode_limit: episode_limit?,
+            terrain: terrain?,
+            unit_types: roster.unit_types,
+            units: roster.units,
+        };
+        Ok((scenario, files.into_found()))
     }
 }
 
-fn attack_point(file: &Object, terrain: &Terrain) -> Result<[f64; 2], FileError> {
-    let node = file.require("attack_point", "[x, y], the point that the enemies march to")?;
+/// Compares the counts of units with the groups, if these are valid.
+fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<(), Reported> {
+    let check = |key, faction: Faction| {
+        let count = file.read(key)?;
+        let actual = roster.map_or(count as usize, |roster| roster.count(faction));
+        if count as usize == actual {
+            return Ok(());
+        }
+        let name = smaclite_units::Keyword::name(faction);
+        let expected = format!("{actual}, the number of {name} units in `groups`");
+        Err(file.require(key)?.invalid(&expected))
+    };
+    let allies = check(&keys::NUM_ALLIED_UNITS, Faction::Ally);
+    let enemies = check(&keys::NUM_ENEMY_UNITS, Faction::Enemy);
+    allies.and(enemies)
+}
+
+fn attack_point(file: &Object, map: Option<&Terrain>) -> Result<[f64; 2], Reported> {
+    let node = file.require(&keys::ATTACK_POINT)?;
     let items = node.items()?;
     let [x, y] = items.as_slice() else {
         return Err(node.invalid("two numbers, [x, y]"));
     };
-    let range = |side: u32| Range::closed(0.0, side.into());
-    Ok([x.number(range(terrain.width()))?, y.number(range(terrain.height()))?])
+    let range =
+        |side: fn(&Terrain) -> u32| map.map_or(keys::ON_ANY_MAP, |map| Range::closed(0.0, side(map).into()));
+    let (x, y) = (x.number(range(Terrain::width)), y.number(range(Terrain::height)));
+    Ok([x?, y?])
 }
 
 /// The length of the type one-hot, and the position in it of each type of the roster.
@@ -101,45 +105,57 @@ fn attack_point(file: &Object, terrain: &Terrain) -> Result<[f64; 2], FileError>
 fn read_type_ids(
     file: &Object,
     files: &UnitFiles,
-    roster: &Roster,
-) -> Result<(usize, Vec<usize>), ScenarioError> {
-    let expected = "0, or the number of types to tell apart in observations";
-    let num_unit_types = file.require("num_unit_types", expected)?.integer(0, MAX_UNITS)?;
+    roster: Option<&Roster>,
+) -> Result<(usize, Vec<usize>), Reported> {
+    let num_unit_types = file.read(&keys::NUM_UNIT_TYPES)?;
+    let types: Vec<_> = roster.iter().flat_map(|roster| roster.types()).collect();
     if num_unit_types <= 1 {
-        return Ok((0, vec![0; roster.unit_types.len()]));
+        return Ok((0, vec![0; types.len()]));
     }
-    let expected = format!("an object of unit types and their ids, 0 to {}", num_unit_types - 1);
-    let ids = read_ids(&file.require("unit_type_ids", &expected)?, num_unit_types, files)?;
+    let key = &keys::UNIT_TYPE_IDS;
+    let node = file.get(key).ok_or_else(|| {
+        let expected = format!("an object of unit types and their ids, 0 to {}", num_unit_types - 1);
+        file.missing(key.name, &expected)
+    })?;
+    let ids = read_ids(&node, num_unit_types, files)?;
     let id_of = |(source, name): (&UnitSource, &str)| {
         let found = ids.iter().find(|(known, _)| known == source);
         found.map(|(_, id)| *id).ok_or_else(|| {
-            let expected =
-                format!("an id from 0 to {}, because `groups` contains the type", num_unit_types - 1);
-            file.missing(&format!("unit_type_ids.{name}"), &expected).into()
+            let last = num_unit_types - 1;
+            let expected = format!("an id from 0 to {last}, because `groups` contains the type");
+            node.missing(name, &expected)
         })
     };
-    let names = roster.unit_types.iter().map(|unit_type| unit_type.name.as_str());
-    let type_ids: Result<_, ScenarioError> = roster.sources.iter().zip(names).map(id_of).collect();
-    Ok((num_unit_types as usize, type_ids?))
+    let type_ids: Vec<_> = types.into_iter().map(id_of).collect();
+    Ok((num_unit_types as usize, type_ids.into_iter().collect::<Result<_, _>>()?))
 }
 
 /// Reads `unit_type_ids`, a bijection of unit types onto 0..n. It may contain types that the groups do not
 /// have.
-fn read_ids(node: &Node, n: u32, files: &UnitFiles) -> Result<Vec<(UnitSource, usize)>, ScenarioError> {
+fn read_ids(node: &Node, n: u32, files: &UnitFiles) -> Result<Vec<(UnitSource, usize)>, Reported> {
     let mut ids: Vec<(UnitSource, usize)> = Vec::new();
+    let mut outcome = Ok(());
     for (name, entry) in node.entries()? {
-        let source = files.find(name, &entry)?;
-        let id = entry.integer(0, n - 1)? as usize;
-        if ids.iter().any(|(known, _)| *known == source) {
-            return Err(entry.invalid("left out, because another key names the same unit type").into());
-        }
-        if ids.iter().any(|(_, known)| *known == id) {
-            return Err(entry.invalid(format!("an id from 0 to {} that no other type has", n - 1)).into());
-        }
-        ids.push((source, id));
+        let read = read_id(name, &entry, n, files).and_then(|(source, id)| {
+            if ids.iter().any(|(known, _)| *known == source) {
+                return Err(entry.invalid("left out, because another key names the same unit type"));
+            }
+            if ids.iter().any(|(_, known)| *known == id) {
+                return Err(entry.invalid(&format!("an id from 0 to {} that no other type has", n - 1)));
+            }
+            ids.push((source, id));
+            Ok(())
+        });
+        outcome = outcome.and(read);
     }
+    outcome?;
     if ids.len() != n as usize {
-        return Err(node.invalid(format!("an object of size {n}, the value of `num_unit_types`")).into());
+        return Err(node.invalid(&format!("an object of size {n}, the value of `num_unit_types`")));
     }
     Ok(ids)
+}
+
+fn read_id(name: &str, entry: &Node, n: u32, files: &UnitFiles) -> Result<(UnitSource, usize), Reported> {
+    let (source, id) = (files.find(name, entry), entry.integer(0, n - 1));
+    Ok((source?, id? as usize))
 }

@@ -76,7 +76,7 @@ impl ScenarioFiles {
         let path = Path::new(name_or_path);
         // A text that looks like a path gets the error of a file that cannot be read.
         if path.components().count() > 1 || name_or_path.ends_with(".json") || path.exists() {
-            return ScenarioFiles::load(path);
+            return Ok(ScenarioFiles::load(path)?);
         }
         let hint = did_you_mean(name_or_path, Scenario::standard_names());
         Err(ScenarioError::Unknown { name: shortened(name_or_path), hint })

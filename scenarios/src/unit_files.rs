@@ -1,9 +1,9 @@
 //! The search for the unit type that a scenario file names: a standard type, or a file in one of a few
 //! folders.
 
-use crate::{ScenarioError, UnitFile};
+use crate::UnitFile;
 use smaclite_units::UnitType;
-use smaclite_units::file::{FileError, MAX_UNIT_BYTES, Node, did_you_mean, read_text, shown_path};
+use smaclite_units::file::{MAX_UNIT_BYTES, Node, Report, Reported, did_you_mean, read_text, shown_path};
 use std::cell::RefCell;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -45,18 +45,21 @@ pub(crate) enum Origin<'a> {
 
 /// Where a scenario's unit files are searched.
 pub(crate) struct UnitFiles<'a> {
-    scenario: &'a str,
     origin: Origin<'a>,
-    custom_unit_path: Option<PathBuf>,
+    custom_unit_path: Result<Option<PathBuf>, Reported>,
+    report: &'a Report,
     /// What was found in folders so far, by path.
     found: RefCell<Vec<(PathBuf, UnitFile)>>,
 }
 
 impl<'a> UnitFiles<'a> {
-    /// For the scenario file called `scenario`.
-    pub(crate) fn new(scenario: &'a str, origin: Origin<'a>, custom_unit_path: Option<&str>) -> Self {
-        let custom_unit_path = custom_unit_path.map(PathBuf::from);
-        UnitFiles { scenario, origin, custom_unit_path, found: RefCell::default() }
+    pub(crate) fn new(
+        origin: Origin<'a>,
+        custom_unit_path: Result<Option<String>, Reported>,
+        report: &'a Report,
+    ) -> Self {
+        let custom_unit_path = custom_unit_path.map(|path| path.map(PathBuf::from));
+        UnitFiles { origin, custom_unit_path, report, found: RefCell::default() }
     }
 
     /// The unit files that were found in folders.
@@ -71,7 +74,7 @@ impl<'a> UnitFiles<'a> {
 
     /// The unit type that `name`, the key of entry `node`, refers to. Standard names have priority, except
     /// [`ADDED`].
-    pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, ScenarioError> {
+    pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, Reported> {
         let is_standard = UnitType::standard_names().any(|standard| standard == name);
         if is_standard && name != ADDED {
             return Ok(UnitSource::Standard(name.into()));
@@ -81,7 +84,7 @@ impl<'a> UnitFiles<'a> {
         {
             return Ok(UnitSource::Text { index, name: files[index].name.clone() });
         }
-        let candidates = self.candidates(name);
+        let candidates = self.candidates(name)?;
         if let Some(path) = candidates.iter().find(|path| path.is_file()) {
             // Canonical, so that two names of one file are equal.
             let path = path.canonicalize().unwrap_or_else(|_| path.clone());
@@ -95,30 +98,30 @@ impl<'a> UnitFiles<'a> {
             Origin::Texts(files) => vec![format!("{} unit files in memory", files.len())],
             Origin::Folder(_) => candidates.iter().map(|path| shown_path(path)).collect(),
         };
-        Err(ScenarioError::UnknownUnit {
-            file: self.scenario.into(),
-            key: node.key().into(),
-            hint: did_you_mean(name, UnitType::standard_names()),
-            tried: tried.join(", "),
-        })
+        let (tried, hint) = (tried.join(", "), did_you_mean(name, UnitType::standard_names()));
+        let conflict = format!("is neither a standard unit type nor a unit file (tried {tried}); {hint}");
+        Err(node.wrong_key(&conflict))
     }
 
     /// Reads the type of `source`, which entry `node` of the scenario names.
-    pub(crate) fn load(&self, source: &UnitSource, node: &Node) -> Result<UnitType, ScenarioError> {
+    pub(crate) fn load(&self, source: &UnitSource, node: &Node) -> Result<UnitType, Reported> {
         let loaded = match source {
             UnitSource::Standard(name) => {
-                return UnitType::standard(name).ok_or_else(|| node.invalid("a standard type").into());
+                return UnitType::standard(name).ok_or_else(|| node.invalid("a standard type"));
             }
             UnitSource::File(path) => self.load_file(path),
             UnitSource::Text { index, .. } => {
                 let Origin::Texts(files) = self.origin else {
-                    return Err(node.invalid("a standard type").into());
+                    return Err(node.invalid("a standard type"));
                 };
                 let UnitFile { name, text, .. } = &files[*index];
-                UnitType::from_json(text, name, &source.to_string())
+                UnitType::read(text, name, &source.to_string(), self.report)
             }
         };
-        loaded.map_err(|error| self.invalid_unit(node.key(), error))
+        // A problem of the scenario too: it says why the unit file was read.
+        loaded.inspect_err(|_| {
+            node.wrong_key(&format!("refers to an invalid unit file, {source}"));
+        })
     }
 
     fn note_key(&self, path: &Path, key: &str) {
@@ -136,33 +139,31 @@ impl<'a> UnitFiles<'a> {
     }
 
     /// Reads a file that [`find`](Self::find) found.
-    fn load_file(&self, path: &Path) -> Result<UnitType, FileError> {
-        let text = read_text(path, MAX_UNIT_BYTES)?;
+    fn load_file(&self, path: &Path) -> Result<UnitType, Reported> {
+        let text = read_text(path, MAX_UNIT_BYTES, self.report)?;
         let mut found = self.found.borrow_mut();
         let file = found.iter_mut().find(|(known, _)| known == path).map(|(_, file)| file);
         let name = file.as_ref().map_or_else(String::new, |file| file.name.clone());
-        let unit_type = UnitType::from_json(&text, &name, &shown_path(path));
+        let unit_type = UnitType::read(&text, &name, &shown_path(path), self.report);
         if let Some(file) = file {
             file.text = text;
         }
         unit_type
     }
 
-    /// The error that the unit type named at `key` is invalid.
-    pub(crate) fn invalid_unit(&self, key: &str, error: FileError) -> ScenarioError {
-        ScenarioError::UnitFile { scenario: self.scenario.into(), key: key.into(), error: Box::new(error) }
-    }
-
     /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself
     /// relative to the scenario file or to the working directory, then beside the scenario file, then in the
     /// working directory.
-    fn candidates(&self, name: &str) -> Vec<PathBuf> {
+    ///
+    /// # Errors
+    /// The one of `custom_unit_path`: without it, a file could be found in the wrong folder.
+    fn candidates(&self, name: &str) -> Result<Vec<PathBuf>, Reported> {
         let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
         let mut candidates = Vec::new();
         let Origin::Folder(base_dir) = self.origin else {
-            return candidates;
+            return Ok(candidates);
         };
-        if let Some(custom) = &self.custom_unit_path {
+        if let Some(custom) = self.custom_unit_path.as_ref().map_err(|reported| *reported)? {
             candidates.push(base_dir.join(custom).join(&name));
             candidates.push(custom.join(&name));
         }
@@ -170,6 +171,6 @@ impl<'a> UnitFiles<'a> {
         candidates.push(PathBuf::from(name));
         // Adjacent paths are equal for absolute paths and for a scenario file in the working directory.
         candidates.dedup();
-        candidates
+        Ok(candidates)
     }
 }

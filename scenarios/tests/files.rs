@@ -1,7 +1,7 @@
 //! Custom scenario files: what is accepted, where unit files are found, and the message for everything
 //! refused.
 
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::{Faction, Problems, Scenario, ScenarioFiles, UnitFile};
 use std::fs;
 use std::path::Path;
 
@@ -34,7 +34,13 @@ fn file(changes: &[(&str, &str)]) -> String {
 }
 
 fn read(changes: &[(&str, &str)]) -> Result<Scenario, String> {
-    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(|error| error.to_string())
+    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(messages)
+}
+
+/// The messages of all problems, one per line, without files and positions.
+fn messages(problems: Problems) -> String {
+    let messages: Vec<_> = problems.list().iter().map(|problem| problem.message.as_str()).collect();
+    messages.join("\n")
 }
 
 #[test]
@@ -84,13 +90,12 @@ fn inline_terrain_has_row_0_first() {
     }
 }
 
-/// Message of the refused change.
+/// Changes of the file, and the messages of its problems, one per line.
 type Case<'a> = (&'a [(&'a str, &'a str)], &'a str);
 
 fn check(cases: &[Case]) {
     for (changes, message) in cases {
-        let error = read(changes).expect_err(message);
-        assert_eq!(error, format!("duel.json: {message}"));
+        assert_eq!(read(changes).expect_err(message), *message);
     }
 }
 
@@ -150,17 +155,24 @@ fn bad_terrain() {
 
 #[test]
 fn bad_groups() {
-    let one = |group: &str| format!("[{group}]");
+    let enemies = r#"{"x": 23, "y": 16, "faction": "ENEMY", "units": {"STALKER": 1, "MARINE": 1}}"#;
+    let one = |group: &str| format!("[{group}, {enemies}]");
     let at = |x: &str, units: &str| format!(r#"{{"x": {x}, "y": 16, "faction": "ALLY", "units": {units}}}"#);
-    let enemy = r#"{"x": 9, "y": 16, "faction": "ENEMY", "units": {"ZEALOT": 1}}"#;
     let cases = [
         (
             one(&at("40", r#"{"ZEALOT": 1}"#)),
             "`groups[0]` puts a ZEALOT at (40, 16), outside the 32 x 32 map",
         ),
         (
-            format!("[{}, {enemy}]", at("9", r#"{"ZEALOT": 1}"#)),
-            "`groups[1]` puts a ZEALOT at (9, 16), where another GROUND unit starts; move the group",
+            // One problem per group, and the units are counted.
+            one(&at("40", r#"{"ZEALOT": 2}"#)),
+            "`num_allied_units` is 1, but must be 2, the number of ALLY units in `groups`\n\
+             `groups[0]` puts a ZEALOT at (39.5, 15.975), outside the 32 x 32 map",
+        ),
+        (
+            format!("[{}, {enemies}, {}]", at("9", r#"{"ZEALOT": 1}"#), at("9", r#"{"MARINE": 1}"#)),
+            "`num_allied_units` is 1, but must be 2, the number of ALLY units in `groups`\n\
+             `groups[2]` puts a MARINE at (9, 16), where another GROUND unit starts; move the group",
         ),
         (
             one(&at("9", r#"{"ZEALOT": -1}"#)),
@@ -174,14 +186,18 @@ fn bad_groups() {
             one(&at("9", "{}")),
             "`groups[0].units` is an object of size 0, but must be an object with at least one unit type",
         ),
-        (one(&at("\"9\"", "{}")), "`groups[0].x` is \"9\", but must be a number from -1000000 to 1000000"),
+        (
+            one(&at("\"9\"", r#"{"ZEALOT": 1}"#)),
+            "`groups[0].x` is \"9\", but must be a number from -1000000 to 1000000",
+        ),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("ALLY", "ALY")),
             "`groups[0].faction` is \"ALY\", but must be one of ALLY, ENEMY; did you mean `ALLY`?",
         ),
         (
             one(&at("9", r#"{"ZEALOT": 1}"#).replace("faction", "side")),
-            "unknown key `groups[0].side`; expected one of x, y, faction, units",
+            "`groups[0].faction` is missing; it must be ALLY or ENEMY\n\
+             unknown key `groups[0].side`; expected one of x, y, faction, units",
         ),
         (
             one(&at("9", r#"{"ZEALOTT": 1}"#)),
@@ -189,7 +205,7 @@ fn bad_groups() {
              (tried ZEALOTT.json); did you mean `ZEALOT`?",
         ),
         (
-            one(enemy),
+            format!("[{enemies}]"),
             "`groups` is a list of length 1, but must be a list with at least one group of faction ALLY",
         ),
     ];
@@ -315,8 +331,69 @@ fn a_bad_unit_file_is_named_with_its_scenario() {
     let (folder, _) = folder("scout", "");
     fs::write(folder.path().join("scout.json"), SCOUT.replace("45", "-45")).unwrap();
     let error = Scenario::load(&folder.path().join("duel.json")).unwrap_err().to_string();
-    let end = "scout.json: `hp` is -45, but must be a number above 0 and at most 1000000";
-    assert!(error.contains("duel.json: `groups[0].units.scout`: ") && error.ends_with(end), "{error}");
+    let (scout, duel) = (folder.path().join("scout.json"), folder.path().join("duel.json"));
+    let (scout, duel) = (scout.display(), duel.display());
+    let expected = format!(
+        "{duel}:1:249: `groups[0].units.scout` refers to an invalid unit file, {scout}\n\
+         {scout}:1:8: `hp` is -45, but must be a number above 0 and at most 1000000"
+    );
+    assert_eq!(error, expected);
+}
+
+/// Two problems of a unit file that two groups name, and problems in each part of the scenario.
+#[test]
+fn all_problems_of_a_scenario_and_its_unit_files_are_found() {
+    let text = r#"{
+  "name": "duel", "num_allied_units": 1, "num_enemy_units": 0,
+  "groups": [
+    { "x": 9, "y": 16, "faction": "ALY", "units": { "scout": 1, "ZEALTO": 2 } },
+    { "x": 99, "y": 16, "faction": "ENEMY", "units": { "scout": 1.5, "MARINE": 1 }, "colour": "red" },
+    { "x": 99, "faction": "ENEMY", "units": {} }
+  ],
+  "attack_point": [9, "y"],
+  "terrain": ["___", "__X_"], "width": 3, "height": 2000,
+  "num_unit_types": 2, "unit_type_ids": { "scout": 2, "MARIN": 0 },
+  "ally_has_shields": 1
+}"#;
+    let scout = SCOUT.replace("45", "0").replace("armor", "armour");
+    let scout = UnitFile { name: "scout".into(), keys: vec!["scout".into()], text: scout };
+    let files = ScenarioFiles { source: "duel.json".into(), text: text.into(), unit_files: vec![scout] };
+    let problems = files.scenario().unwrap_err();
+    let found: Vec<_> = problems
+        .list()
+        .iter()
+        .map(|problem| (problem.file.as_str(), problem.line.unwrap(), problem.path.as_str()))
+        .collect();
+    let duel = |line, path| ("duel.json", line, path);
+    let expected = [
+        duel(1, "enemy_has_shields"),
+        duel(2, "num_enemy_units"),
+        duel(4, "groups[0].faction"),
+        duel(4, "groups[0].units.scout"),
+        duel(4, "groups[0].units.ZEALTO"),
+        duel(5, "groups[1].units.scout"),
+        duel(5, "groups[1].colour"),
+        duel(6, "groups[2].y"),
+        duel(6, "groups[2].units"),
+        duel(8, "attack_point[1]"),
+        duel(9, "terrain[1]"),
+        duel(9, "height"),
+        duel(10, "unit_type_ids.scout"),
+        duel(10, "unit_type_ids.MARIN"),
+        duel(11, "ally_has_shields"),
+        ("scout.json", 1, "armor"),
+        ("scout.json", 1, "hp"),
+        ("scout.json", 1, "armour"),
+    ];
+    assert_eq!(found, expected);
+}
+
+/// Without the folder that `custom_unit_path` names, another file could be meant.
+#[test]
+fn unit_files_are_not_searched_with_an_invalid_path() {
+    let (_folder, loaded) = folder("scoutt", "1");
+    let error = loaded.unwrap_err();
+    assert!(error.contains("`custom_unit_path` is 1, ") && error.lines().count() == 1, "{error}");
 }
 
 #[test]
@@ -359,13 +436,16 @@ fn a_unit_that_would_see_too_many_obstacles_is_refused() {
     };
     let fast = SCOUT.replace("3.15", "315");
     let error = load(1024, &fast).unwrap_err();
-    assert!(error.starts_with("duel.json: `groups[0].units.scout`: "), "{error}");
-    let expected = "scout.json: `speed` is 315, but must be at most 87.5 on this map: ground units see \
+    assert!(error.starts_with("duel.json:1:1052889: `groups[0].units.scout` refers to "), "{error}");
+    let expected = "scout.json, where `speed` is 315, but must be at most 87.5 on this map: ground units see \
                     obstacles within `speed` plus half of `size`, and within more than 89 squares there are \
                     too many";
     assert!(error.ends_with(expected), "{error}");
     let error = load(1024, &SCOUT.replace("\"size\": 3", "\"size\": 300")).unwrap_err();
-    assert!(error.contains("scout.json: `size` is 300, but must be at most 178 on this map"), "{error}");
+    assert!(
+        error.contains("scout.json, where `size` is 300, but must be at most 178 on this map"),
+        "{error}"
+    );
 
     load(1024, SCOUT).unwrap();
     load(1024, &SCOUT.replace("3.15", "87.5")).unwrap();
@@ -380,9 +460,8 @@ fn a_scenario_has_a_short_name() {
     let named = |name: &str| read(&[("name", &format!("{name:?}"))]).map(|scenario| scenario.name);
     assert_eq!(named(&"n".repeat(100)), Ok("n".repeat(100)));
     let shown = "n".repeat(60);
-    let error =
-        format!("duel.json: `name` is \"{shown}...\", but must be a string of 1 to 100 bytes, on one line");
+    let error = format!("`name` is \"{shown}...\", but must be a string of 1 to 100 bytes, on one line");
     assert_eq!(named(&"n".repeat(101)), Err(error));
-    let error = "duel.json: `name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
+    let error = "`name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
     assert_eq!(named("two\nlines"), Err(error.into()));
 }

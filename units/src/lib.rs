@@ -15,14 +15,12 @@
 #![forbid(unsafe_code)]
 
 pub mod file;
+mod keys;
 mod kinds;
 mod parse;
 mod standard;
 mod unit_type;
 
-pub use file::FileError;
+pub use file::{Problem, Problems};
 pub use kinds::{Attribute, AttributeSet, CombatType, Keyword, Plane, PlaneSet, Targeter};
 pub use unit_type::UnitType;
-
-/// Why a unit file was refused; its message is one line: the file, the key, the value and what is accepted.
-pub type UnitError = FileError;

@@ -22,13 +22,13 @@ const STANDARD: [(&str, &str); 10] = [
 impl UnitType {
     /// The standard type of that name (`"MARINE"`, in capitals), if there is one.
     pub fn standard(name: &str) -> Option<UnitType> {
-        let text = UnitType::standard_text(name)?;
+        let text = UnitType::standard_file(name)?;
         // A test reads all ten, so an embedded file never fails here.
         UnitType::from_json(text, name, &format!("units/data/{name}.json")).ok()
     }
 
-    /// The unit file of the standard type of that name, if there is one.
-    pub fn standard_text(name: &str) -> Option<&'static str> {
+    /// The text of the unit file of the standard type of that name, if there is one.
+    pub fn standard_file(name: &str) -> Option<&'static str> {
         STANDARD.iter().find(|(standard, _)| *standard == name).map(|(_, text)| *text)
     }
 

@@ -1,6 +1,6 @@
 //! Custom unit files: what is accepted, and the message for everything that is refused.
 
-use smaclite_units::{CombatType, FileError, Plane, Targeter, UnitType};
+use smaclite_units::{CombatType, Plane, Problems, Targeter, UnitType};
 
 /// A valid file; each case puts further lines before the required ones or replaces one of them.
 const REQUIRED: [(&str, &str); 9] = [
@@ -26,8 +26,14 @@ fn file(changes: &[(&str, &str)]) -> String {
     format!("{{{}}}", entries.join(", "))
 }
 
-fn read(changes: &[(&str, &str)]) -> Result<UnitType, FileError> {
+fn read(changes: &[(&str, &str)]) -> Result<UnitType, Problems> {
     UnitType::from_json(&file(changes), "scout", "scout.json")
+}
+
+/// The messages of all problems, without their positions.
+fn messages(problems: &Problems) -> Vec<&str> {
+    assert_eq!(problems.list().len(), problems.n_problems());
+    problems.list().iter().map(|problem| problem.message.as_str()).collect()
 }
 
 #[test]
@@ -43,13 +49,12 @@ fn what_a_file_leaves_out_has_defaults() {
 fn starting_energy_is_initial_energy() {
     let energy = |changes: &[(&str, &str)]| {
         let changes = [&[("energy", "200")], changes].concat();
-        read(&changes).map(|unit_type| unit_type.initial_energy).map_err(|error| error.to_string())
+        read(&changes).map(|unit_type| unit_type.initial_energy).map_err(|error| messages(&error).join("; "))
     };
     assert_eq!(energy(&[("initial_energy", "50")]), Ok(50.0));
     assert_eq!(energy(&[("starting_energy", "50")]), Ok(50.0));
     assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "50")]), Ok(50.0));
-    let differing =
-        "scout.json: `starting_energy` is 50, but must be 60, the value of its alias `initial_energy`";
+    let differing = "`starting_energy` is 50, but must be 60, the value of its alias `initial_energy`";
     assert_eq!(energy(&[("starting_energy", "50"), ("initial_energy", "60")]), Err(differing.into()));
 }
 
@@ -67,9 +72,12 @@ fn targeters_with_their_parameters() {
     assert!(healer.is_healer());
 }
 
+/// Changes of the file, and the message of its problem.
+type Case<'a> = (&'a [(&'a str, &'a str)], &'a str);
+
 #[test]
 fn errors_say_what_is_accepted() {
-    let cases: &[(&[(&str, &str)], &str)] = &[
+    let cases: &[Case] = &[
         (&[("hpp", "45")], "unknown key `hpp`; did you mean `hp`?"),
         (&[("attack_rnage", "3")], "unknown key `attack_rnage`; did you mean `attack_range`?"),
         (&[("hp", "")], "`hp` is missing; it must be a number above 0 and at most 1000000"),
@@ -120,7 +128,7 @@ fn errors_say_what_is_accepted() {
              LASER_BEAM",
         ),
         (
-            &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", r#"{"radus": 2}"#)],
+            &[("targeter", "\"KAMIKAZE\""), ("targeter_kwargs", r#"{"radius": 2, "radus": 2}"#)],
             "unknown key `targeter_kwargs.radus`; did you mean `radius`?",
         ),
         (
@@ -146,27 +154,115 @@ fn errors_say_what_is_accepted() {
         ),
     ];
     for (changes, message) in cases {
-        let error = read(changes).expect_err(message).to_string();
-        assert_eq!(error, format!("scout.json: {message}"));
+        assert_eq!(messages(&read(changes).expect_err(message)), [*message]);
     }
+}
+
+#[test]
+fn all_problems_of_a_file_are_found() {
+    let changes = [
+        ("hpp", "45"),
+        ("speed", ""),
+        ("size", "0"),
+        ("initial_energy", "1"),
+        ("bonuses", r#"{"ARMOURED": 5, "LIGHT": -1}"#),
+        ("attributes", r#"["LIGT", 3, "LIGHT"]"#),
+        ("targeter", r#""LASER_BEAM""#),
+        ("targeter_kwargs", r#"{"width": "wide"}"#),
+        ("combat_type", r#""HEALING""#),
+        ("$schema", "1"),
+    ];
+    let mut paths: Vec<String> =
+        read(&changes).unwrap_err().list().iter().map(|problem| problem.path.clone()).collect();
+    paths.sort();
+    let expected = [
+        "$schema",
+        "attributes[0]",
+        "attributes[1]",
+        "bonuses.ARMOURED",
+        "bonuses.LIGHT",
+        "hpp",
+        "initial_energy",
+        "size",
+        "speed",
+        "targeter",
+        "targeter_kwargs.height",
+        "targeter_kwargs.width",
+    ];
+    assert_eq!(paths, expected);
+}
+
+#[test]
+fn problems_are_where_the_mistake_is() {
+    // A missing key is at its object, an unknown or duplicate one at the key, a wrong value at the value.
+    // Columns are characters; a byte order mark is none.
+    let text = "\u{feff}{\n  \"hp\": 45,\n  \"ö\": 1, \"armor\": -1,\n  \"damage\": 6, \"damage\": 7,\n  \
+                \"cooldown\": 3, \"speed\": 3, \"attack_range\": 3, \"size\": 3,\n  \"attributes\": [\n    \
+                \"LIGHT\",\n    \"HEAVY\"\n  ],\n  \"targeter\": \"KAMIKAZE\", \"targeter_kwargs\":\n    {}\n}\n";
+    let problems = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
+    let found: Vec<_> = problems
+        .list()
+        .iter()
+        .map(|problem| (problem.line.unwrap(), problem.column.unwrap(), problem.path.as_str()))
+        .collect();
+    let expected = [
+        (1, 1, "valid_targets"),
+        (3, 3, "ö"),
+        (3, 20, "armor"),
+        (4, 16, "damage"),
+        (8, 5, "attributes[1]"),
+        (11, 5, "targeter_kwargs.radius"),
+    ];
+    assert_eq!(found, expected);
+    let first = problems.to_string().lines().next().map(str::to_owned);
+    let message = "scout.json:1:1: `valid_targets` is missing; it must be a list of keywords out of GROUND, AIR, \
+                   COLOSSUS";
+    assert_eq!(first.as_deref(), Some(message));
+}
+
+/// A file of 8 MiB can have a million problems.
+#[test]
+fn a_hundred_problems_are_enough() {
+    let attributes = format!("[{}]", vec!["1"; 10_000].join(","));
+    let problems = read(&[("attributes", &attributes)]).unwrap_err();
+    assert_eq!((problems.list().len(), problems.n_problems()), (100, 10_000));
+    let text = problems.to_string();
+    assert_eq!(text.lines().count(), 101);
+    assert!(text.ends_with("\nscout.json: and 9900 more problems"));
 }
 
 #[test]
 fn text_that_is_not_a_unit() {
     let cases = [
-        ("1", "the whole file is 1, but must be an object, { ... }"),
-        ("[]", "the whole file is a list of length 0, but must be an object, { ... }"),
-        ("{\"hp\": 45\n \"armor\": 0}", "line 2, column 2: expected `,` or `}`"),
-        ("{\"hp\": NaN}", "line 1, column 8: expected value"),
-        ("{\"hp\": 45,\n \"hp\": 46}", "line 2, column 10: key `hp` is duplicate"),
-        ("", "line 1, column 0: EOF while parsing a value"),
+        ("1", "1:1: the whole file is 1, but must be an object, { ... }"),
+        (" []", "1:2: the whole file is a list of length 0, but must be an object, { ... }"),
+        ("{\"hp\": 45\n \"armor\": 0}", "2:2: expected `,` or `}`"),
+        ("{\"ä\": NaN}", "1:7: expected value"),
+        ("{\"hp\": 1e400}", "1:8: number out of range"),
+        ("{\"hp\": \"\\ud800\"}", "1:8: unexpected end of hex escape"),
+        ("{\"hp\": 45}\n]", "2:1: trailing characters"),
+        ("", "1:1: EOF while parsing a value"),
+        ("{\n", "2:1: EOF while parsing an object"),
     ];
     for (text, message) in cases {
         let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err().to_string();
-        assert_eq!(error, format!("scout.json: {message}"));
+        assert_eq!(error, format!("scout.json:{message}"));
     }
-    let deep = "[".repeat(100_000);
-    assert!(matches!(UnitType::from_json(&deep, "deep", "deep.json"), Err(FileError::Syntax { .. })));
+}
+
+/// The stack of a reader that calls itself is limited.
+#[test]
+fn deep_nesting_is_refused() {
+    let nested = |depth: usize| {
+        let text = format!("{{\"hp\": {}{}}}", "[".repeat(depth), "]".repeat(depth));
+        UnitType::from_json(&text, "deep", "deep.json").unwrap_err().to_string()
+    };
+    assert!(nested(127).starts_with("deep.json:1:1: `armor` is missing"));
+    for depth in [128, 100_000] {
+        assert_eq!(nested(depth), "deep.json:1:135: lists and objects are nested more than 128 deep");
+    }
+    let error = UnitType::from_json(&"[".repeat(100_000), "deep", "deep.json").unwrap_err().to_string();
+    assert_eq!(error, "deep.json:1:100001: EOF while parsing a list");
 }
 
 #[test]
@@ -194,12 +290,13 @@ fn messages_are_short_lines_whatever_a_file_holds() {
     let cases: [(&[(&str, &str)], String); 3] = [
         (&[(&escaped, "45")], format!("unknown key `{shown}`; expected one of hp, ")),
         (&[("plane", &quoted)], format!("`plane` is \"{shown}\", but must be one of GROUND, ")),
-        (&[(&escaped, "1"), (&escaped, "2")], format!("line 1, column 7200170: key `{shown}` is duplicate")),
+        (&[(&escaped, "1"), (&escaped, "2"), (&escaped, "3")], format!("key `{shown}` is duplicate")),
     ];
     for (changes, message) in cases {
-        let error = read(changes).unwrap_err().to_string();
+        let problems = read(changes).unwrap_err();
+        let error = &problems.list().last().unwrap().message;
         let beginning: String = error.chars().take(200).collect();
-        assert!(error.starts_with(&format!("scout.json: {message}")), "{beginning}");
+        assert!(error.starts_with(&message), "{beginning}");
         assert!(error.len() < 500 && !error.contains('\n'), "{} bytes: {beginning}", error.len());
     }
     let path = format!("nowhere/{long}.json");

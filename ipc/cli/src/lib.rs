@@ -15,10 +15,12 @@ mod check;
 mod clean;
 mod edit;
 mod list;
+mod new;
 mod picture;
 mod record;
 mod replay;
 mod scenarios;
+mod schema;
 mod serve;
 mod show;
 mod table;
@@ -33,7 +35,7 @@ use std::ops::RangeInclusive;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::ParseError;
 
-/// What a command returns. An error is printed as one line.
+/// What a command returns. An error is printed as one line, or one per problem of a file.
 type CommandResult = Result<(), Box<dyn Error>>;
 
 /// Battles for multi-agent reinforcement learning, served to learners through shared memory.
@@ -61,8 +63,12 @@ enum Command {
     Serve(serve::Serve),
     /// List the standard scenarios and their sizes
     Scenarios(scenarios::Scenarios),
+    /// Write a valid scenario or unit file to start from
+    New(new::New),
     /// Validate scenario and unit files
     Check(check::Check),
+    /// Print the JSON Schema of scenario or unit files, for editors
+    Schema(schema::Schema),
     /// Edit a scenario in the browser
     Edit(edit::Edit),
     /// Draw a scenario as a map of characters or a picture
@@ -97,7 +103,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let result = match cli.command {
         Command::Serve(serve) => serve.run(),
         Command::Scenarios(scenarios) => scenarios.run(),
+        Command::New(new) => new.run(),
         Command::Check(check) => check.run(),
+        Command::Schema(schema) => schema.run(),
         Command::Edit(edit) => edit.run(),
         Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),

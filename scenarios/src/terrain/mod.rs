@@ -9,11 +9,11 @@ use crate::sight::Outlines;
 /// The longest side a map may have, in squares.
 pub const MAX_SIDE: u32 = 1024;
 
-/// Side of every terrain preset, and the default of `width` and `height` in files.
-const DEFAULT_SIDE: u32 = 32;
-
 /// A walkable square in drawings and files.
 const WALKABLE: char = '_';
+
+/// A blocked square in drawings and files.
+const BLOCKED: char = 'X';
 
 /// A blocked rectangle in squares, half-open: `[x0, x1)` x `[y0, y1)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,7 @@
 //! The eight terrain presets, embedded from `scenarios/terrains`.
 
-use super::{DEFAULT_SIDE, Terrain, WALKABLE};
+use super::{Terrain, WALKABLE};
+use crate::keys::DEFAULT_SIDE;
 
 /// Names and drawings: `_` walkable, `X` blocked, north row first.
 const PRESETS: [(&str, &str); 8] = [

@@ -1,18 +1,23 @@
-//! Checked reading of JSON files: every mistake becomes an error of one line that says where it is and what
-//! is accepted.
+//! Checked reading of JSON files: every mistake becomes a [`Problem`] of one line that says where it is and
+//! what is accepted, and the reader goes on to find the next one.
 //!
 //! Objects keep the order of their keys, because the order of unit types in a group decides where the units
-//! start, and a duplicate key is an error. The meaning of the keys is defined in `parse` and in
-//! `smaclite-scenarios`.
+//! start, and a duplicate key is a problem. The keys are declared in `keys` and in `smaclite-scenarios`.
 
-mod error;
+mod hint;
 mod json;
+mod key;
 mod node;
+mod problem;
 mod shown;
 
-pub use error::{FileError, did_you_mean};
-pub use json::Json;
-pub use node::{Node, Object, Range};
+pub use hint::did_you_mean;
+pub use key::{
+    AnyKey, Flag, Key, Kind, Presence, Range, SCHEMA_DIALECT, SCHEMA_KEY, Scalar, Schema, Shape, Text, Whole,
+    Word, Words, object_schema,
+};
+pub use node::{Document, Node, Object};
+pub use problem::{Problem, Problems, Report, Reported};
 pub use shown::{shortened, shown_path};
 
 use rustix::fs::{Mode, OFlags};
@@ -30,9 +35,9 @@ pub const MAX_UNIT_BYTES: u64 = 64 << 10;
 /// The text of a file of at most `max_bytes`. Every file is read by this function.
 ///
 /// # Errors
-/// [`FileError::Unreadable`] if it is no regular file, too large, not UTF-8, or cannot be opened.
-pub fn read_text(path: &Path, max_bytes: u64) -> Result<String, FileError> {
-    let unreadable = |reason: String| FileError::Unreadable { file: shown_path(path), reason };
+/// [`Reported`] if it is no regular file, too large, not UTF-8, or cannot be opened.
+pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String, Reported> {
+    let unreadable = |reason: String| report.add_unreadable(shown_path(path), reason);
     let metadata = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));

@@ -3,7 +3,7 @@
 use std::io;
 
 use smaclite_engine::IllegalAction;
-use smaclite_scenarios::ScenarioError;
+use smaclite_scenarios::Problems;
 
 /// Why a replay was refused, or cannot be played. Episodes and steps are numbered from 0.
 #[derive(Debug, thiserror::Error)]
@@ -60,7 +60,7 @@ pub enum ReplayError {
     },
     /// The scenario in the replay cannot be read.
     #[error("scenario of the replay: {0}")]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] Problems),
     /// There is no such episode.
     #[error("episode must be below {n_episodes}, the number of episodes of the replay, got {episode}")]
     NoSuchEpisode {

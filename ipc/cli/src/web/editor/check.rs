@@ -4,8 +4,7 @@ use super::Files;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_engine::{Arena, Rules};
-use smaclite_scenarios::{Faction, MAX_UNITS, ScenarioError, ScenarioFiles, formation};
-use smaclite_units::file::FileError;
+use smaclite_scenarios::{Faction, MAX_UNITS, Problem, ScenarioFiles, formation};
 use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::{SIGHT_RANGE, types_info};
 
@@ -24,19 +23,9 @@ struct Group {
     units: Vec<(String, u32)>,
 }
 
-/// Something that is wrong with a file.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Problem {
-    pub(super) file: String,
-    pub(super) line: Option<usize>,
-    pub(super) column: Option<usize>,
-    pub(super) path: String,
-    pub(super) message: String,
-}
-
 pub(super) fn check(Check { files, groups }: Check) -> Value {
     let files = ScenarioFiles::from(files);
-    let problems: Vec<Value> = problems(&files).into_iter().map(problem_json).collect();
+    let problems = problems(&files);
     let mut types = Types { files: &files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;
     let groups: Vec<Value> = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
@@ -50,53 +39,18 @@ pub(super) fn check(Check { files, groups }: Check) -> Value {
     })
 }
 
-fn problem_json(problem: Problem) -> Value {
-    let Problem { file, line, column, path, message } = problem;
-    json!({"file": file, "line": line, "column": column, "path": path, "message": message})
-}
-
 /// All that is wrong with the scenario, and with unit files that it does not name yet.
-pub(super) fn problems(files: &ScenarioFiles) -> Vec<Problem> {
-    let mut found: Vec<Problem> = files.scenario().err().into_iter().map(of_scenario).collect();
+fn problems(files: &ScenarioFiles) -> Vec<Problem> {
+    let mut found = files.scenario().map_or_else(|problems| problems.list().to_vec(), |_| Vec::new());
     for unit in &files.unit_files {
         let file = format!("{}.json", unit.name);
-        if let Err(error) = UnitType::from_json(&unit.text, &unit.name, &file) {
-            let problem = of_file(error);
-            if !found.contains(&problem) {
-                found.push(problem);
-            }
+        if !found.iter().any(|problem| problem.file == file)
+            && let Err(problems) = UnitType::from_json(&unit.text, &unit.name, &file)
+        {
+            found.extend_from_slice(problems.list());
         }
     }
     found
-}
-
-fn of_scenario(error: ScenarioError) -> Problem {
-    let message = error.to_string();
-    match error {
-        ScenarioError::File(error) => of_file(error),
-        ScenarioError::UnitFile { error, .. } => of_file(*error),
-        ScenarioError::UnknownUnit { file, key, .. } => without_file(file, key, message),
-        ScenarioError::Unknown { name, .. } => without_file(name, String::new(), message),
-    }
-}
-
-fn of_file(error: FileError) -> Problem {
-    let message = error.to_string();
-    match error {
-        FileError::Syntax { file, line, column, reason } => {
-            Problem { file, line: Some(line), column: Some(column), path: String::new(), message: reason }
-        }
-        FileError::Unreadable { file, .. } => without_file(file, String::new(), message),
-        FileError::UnknownKey { file, key, .. }
-        | FileError::Missing { file, key, .. }
-        | FileError::Invalid { file, key, .. }
-        | FileError::Conflict { file, key, .. } => without_file(file, key, message),
-    }
-}
-
-fn without_file(file: String, path: String, message: String) -> Problem {
-    let message = message.strip_prefix(&format!("{file}: ")).unwrap_or(&message).to_owned();
-    Problem { file, line: None, column: None, path, message }
 }
 
 /// What `smaclite-pool check` prints of a valid scenario.
@@ -133,7 +87,7 @@ impl Types<'_> {
 /// The units of a group, `[type, x, y]` each, as a battle begins with them; null if a type is unknown or if
 /// there are more than `free` units.
 fn place(group: &Group, types: &mut Types, free: &mut usize) -> Value {
-    let units = || {
+    let mut units = || {
         let faction = Faction::from_name(&group.faction)?;
         let mut of_group = Vec::new();
         for (key, n) in &group.units {
@@ -147,7 +101,6 @@ fn place(group: &Group, types: &mut Types, free: &mut usize) -> Value {
         let units = of_group.iter().zip(positions).map(|(index, [x, y])| json!([index, x, y]));
         Some(units.collect::<Vec<Value>>())
     };
-    let mut units = units;
     json!(units())
 }
 
@@ -182,7 +135,8 @@ mod tests {
             let groups = groups_of(&files);
             let answer = check(Check { files: texts(&files), groups });
             assert_eq!(answer["problems"], json!([]), "{name}");
-            let placed = answer["groups"].as_array().unwrap().iter().flat_map(|group| group.as_array().unwrap());
+            let placed =
+                answer["groups"].as_array().unwrap().iter().flat_map(|group| group.as_array().unwrap());
             let placed: Vec<[f64; 2]> =
                 placed.map(|unit| [unit[1].as_f64().unwrap(), unit[2].as_f64().unwrap()]).collect();
             let expected: Vec<[f64; 2]> = scenario.units.iter().map(|unit| unit.position).collect();
@@ -215,6 +169,7 @@ mod tests {
         let problems = answer["problems"].as_array().unwrap();
         assert_eq!((&problems[0]["file"], &problems[0]["line"]), (&json!("s.json"), &json!(1)));
         assert_eq!((&problems[1]["file"], &problems[1]["path"]), (&json!("scout.json"), &json!("hp")));
+        assert!(problems.len() > 3, "all of them: {problems:?}");
         assert_eq!(answer["summary"], json!(null));
     }
 
@@ -222,9 +177,8 @@ mod tests {
     fn problems_have_the_words_of_the_reader() {
         let (_, mut files) = ScenarioFiles::resolve("2s3z").unwrap();
         files.text = files.text.replace("\"ZEALOT\": 3", "\"ZEALOT\": 0");
-        let error = Scenario::from_json(&files.text, &files.source, "".as_ref()).unwrap_err().to_string();
-        let problem = &problems(&files)[0];
-        assert_eq!(format!("{}: {}", problem.file, problem.message), error);
-        assert_eq!(problem.path, "groups[0].units.ZEALOT");
+        let expected = Scenario::from_json(&files.text, &files.source, "".as_ref()).unwrap_err();
+        assert_eq!(problems(&files), expected.list());
+        assert_eq!(problems(&files)[0].path, "groups[0].units.ZEALOT");
     }
 }

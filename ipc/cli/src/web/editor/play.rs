@@ -5,7 +5,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_engine::{IllegalAction, Rules, UnknownRules};
-use smaclite_scenarios::{ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{Problems, ScenarioFiles};
 use smaclite_view::{Recorder, ReplayError, Setup, export_html};
 
 #[derive(Deserialize)]
@@ -20,7 +20,7 @@ pub(super) struct Play {
 #[derive(Debug, thiserror::Error)]
 pub(super) enum PlayError {
     #[error(transparent)]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] Problems),
     #[error(transparent)]
     Policy(#[from] UnknownPolicy),
     #[error(transparent)]
@@ -105,7 +105,10 @@ mod tests {
         let ok = || request("3m", |text| text);
         check(Play { policy: "best".into(), ..ok() }, "unknown policy `best`; the policies are random,");
         check(Play { rules: "go".into(), ..ok() }, "rules must be 'smaclite' or 'paper', got 'go'");
-        check(Play { seed: "-1".into(), ..ok() }, "seed must be a whole number from 0 to 18446744073709551615");
+        check(
+            Play { seed: "-1".into(), ..ok() },
+            "seed must be a whole number from 0 to 18446744073709551615",
+        );
         check(request("3m", |text| text.replace("MARINE", "MARIN")), "did you mean `MARINE`?");
     }
 }

@@ -12,7 +12,7 @@ pub(super) fn standard() -> Value {
         Some(json!({"name": name, "text": files.text}))
     };
     let preset = |name: &str| Some(json!({"name": name, "rows": rows(&Terrain::preset(name)?)}));
-    let unit = |name: &str| Some(json!({"name": name, "text": UnitType::standard_text(name)?}));
+    let unit = |name: &str| Some(json!({"name": name, "text": UnitType::standard_file(name)?}));
     json!({
         "scenarios": Scenario::standard_names().filter_map(scenario).collect::<Vec<_>>(),
         "presets": Terrain::preset_names().filter_map(preset).collect::<Vec<_>>(),
@@ -39,10 +39,9 @@ mod tests {
     fn a_preset_as_rows_is_the_same_map() {
         let (_, files) = ScenarioFiles::resolve("2s3z").unwrap();
         for preset in standard()["presets"].as_array().unwrap() {
-            let text = files.text.replace(
-                "\"terrain_preset\": \"SIMPLE\"",
-                &format!("\"terrain\": {}", preset["rows"]),
-            );
+            let text = files
+                .text
+                .replace("\"terrain_preset\": \"SIMPLE\"", &format!("\"terrain\": {}", preset["rows"]));
             let scenario = ScenarioFiles { text, ..files.clone() }.scenario().unwrap();
             assert_eq!(scenario.terrain, Terrain::preset(preset["name"].as_str().unwrap()).unwrap());
         }

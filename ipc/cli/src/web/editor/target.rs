@@ -4,8 +4,8 @@
 use super::{Files, described};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use smaclite_scenarios::{Scenario, ScenarioFiles};
-use smaclite_units::file::{FileError, MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, read_text, shown_path};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
+use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
@@ -25,7 +25,7 @@ pub(crate) enum Start {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum TargetError {
     #[error(transparent)]
-    Read(#[from] FileError),
+    Read(#[from] Problems),
     #[error("{0}: {1}")]
     Io(String, std::io::Error),
     #[error("`{0}` is neither a standard scenario nor the name of a file that ends in .json")]
@@ -133,12 +133,13 @@ impl Target {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let mut writes = Vec::new();
         for unit in &files.units {
-            let path = match known.units.iter().find(|(name, keys, _)| {
-                *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
-            }) {
-                Some((.., path)) => path.clone(),
-                None => self.new_unit_path(&unit.name, &files.text)?,
-            };
+            let path =
+                match known.units.iter().find(|(name, keys, _)| {
+                    *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
+                }) {
+                    Some((.., path)) => path.clone(),
+                    None => self.new_unit_path(&unit.name, &files.text)?,
+                };
             writes.push((path, &unit.text, MAX_UNIT_BYTES));
         }
         // The scenario file is the last one: it never names a unit file that is not there yet.
@@ -150,7 +151,7 @@ impl Target {
             if text.len() as u64 > max {
                 return Err(TargetError::TooLarge { file, bytes: text.len(), max });
             }
-            let on_disk = if path.exists() { Some(read_text(&path, max)?) } else { None };
+            let on_disk = if path.exists() { Some(read(&path, max)?) } else { None };
             if on_disk.as_ref() == Some(text) {
                 continue;
             }
@@ -185,7 +186,9 @@ impl Target {
         let stays = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
         let folder = self.folder.join(custom);
         // An absolute path may lead to this folder too.
-        if !custom.components().all(stays) && !folder.canonicalize().is_ok_and(|f| f.starts_with(&self.folder)) {
+        if !custom.components().all(stays)
+            && !folder.canonicalize().is_ok_and(|f| f.starts_with(&self.folder))
+        {
             return Err(TargetError::Outside(shown_path(custom)));
         }
         Ok(folder.join(format!("{name}.json")))
@@ -200,6 +203,12 @@ impl Target {
             _ => Err(TargetError::Outside(shown_path(path))),
         }
     }
+}
+
+fn read(path: &Path, max_bytes: u64) -> Result<String, Problems> {
+    let report = Report::default();
+    let text = read_text(path, max_bytes, &report);
+    report.finish(text)
 }
 
 /// Writes a file by way of another one in its folder, so that an error leaves the old content.

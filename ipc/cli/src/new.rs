@@ -1,0 +1,203 @@
+//! `smaclite-pool new`: valid scenario and unit files to start from.
+
+use super::CommandResult;
+use super::check;
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Subcommand};
+use serde_json::json;
+use smaclite_scenarios::{Faction, MAX_UNITS, Problems, Scenario, Terrain};
+use smaclite_units::UnitType;
+use smaclite_units::file::shown_path;
+use std::error::Error;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+#[derive(Args)]
+pub(super) struct New {
+    #[command(subcommand)]
+    kind: Kind,
+}
+
+#[derive(Subcommand)]
+enum Kind {
+    /// Write a scenario of two groups
+    Scenario(NewScenario),
+    /// Write a unit type, a copy of a standard one
+    Unit(NewUnit),
+}
+
+#[derive(Args)]
+struct NewScenario {
+    /// The file to write; it must not exist
+    file: PathBuf,
+    /// The map
+    #[arg(long, value_name = "PRESET", default_value = "SIMPLE",
+        value_parser = PossibleValuesParser::new(Terrain::preset_names()))]
+    map: String,
+    /// The agents: numbers and types of units, as in `3xMARINE,1xMEDIVAC`; a type is a standard one or the
+    /// name of a unit file beside FILE
+    #[arg(long, value_name = "UNITS", default_value = "3xMARINE", value_delimiter = ',')]
+    agents: Vec<UnitCount>,
+    /// The enemies, written like the agents
+    #[arg(long, value_name = "UNITS", default_value = "3xMARINE", value_delimiter = ',')]
+    enemies: Vec<UnitCount>,
+}
+
+#[derive(Args)]
+struct NewUnit {
+    /// The file to write; it must not exist. The unit type gets its name, without `.json`
+    file: PathBuf,
+    /// The standard type to copy
+    #[arg(long, value_name = "TYPE", default_value = "MARINE",
+        value_parser = PossibleValuesParser::new(UnitType::standard_names()))]
+    like: String,
+}
+
+/// A number of units of one type.
+#[derive(Clone, Debug, PartialEq)]
+struct UnitCount {
+    count: u32,
+    unit_type: String,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("must be NUMBERxTYPE, as in 3xMARINE, with a number between 1 and {MAX_UNITS}")]
+struct NotAUnitCount;
+
+impl FromStr for UnitCount {
+    type Err = NotAUnitCount;
+
+    fn from_str(text: &str) -> Result<UnitCount, NotAUnitCount> {
+        let (count, unit_type) = text.split_once('x').ok_or(NotAUnitCount)?;
+        let count =
+            count.parse().ok().filter(|count| (1..=MAX_UNITS).contains(count)).ok_or(NotAUnitCount)?;
+        if unit_type.is_empty() {
+            return Err(NotAUnitCount);
+        }
+        Ok(UnitCount { count, unit_type: unit_type.into() })
+    }
+}
+
+impl New {
+    pub(super) fn run(self) -> CommandResult {
+        let (file, text) = match &self.kind {
+            Kind::Scenario(new) => (&new.file, new.text()?),
+            Kind::Unit(new) => (&new.file, new.text()?.to_owned()),
+        };
+        write(file, &text)?;
+        // Not an error of this command: the file was just made from a valid scenario or unit type.
+        let (_, content) = check::read(file);
+        out!("wrote {}: {}", shown_path(file), content?)?;
+        Ok(())
+    }
+}
+
+/// Writes a file that does not exist.
+fn write(file: &Path, text: &str) -> CommandResult {
+    let refused = |error: std::io::Error| match error.kind() {
+        ErrorKind::AlreadyExists => format!("{}: exists; FILE must be a new file", shown_path(file)),
+        _ => format!("{}: {error}", shown_path(file)),
+    };
+    let mut new = std::fs::File::create_new(file).map_err(refused)?;
+    new.write_all(text.as_bytes()).map_err(refused)?;
+    Ok(())
+}
+
+/// The name of the file without `.json`.
+fn stem(file: &Path) -> Result<String, String> {
+    let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    match name.strip_suffix(".json") {
+        Some(stem) if !stem.is_empty() => Ok(stem.into()),
+        _ => Err(format!("FILE must end in .json, got `{}`", shown_path(file))),
+    }
+}
+
+impl NewUnit {
+    fn text(&self) -> Result<&'static str, Box<dyn Error>> {
+        let name = stem(&self.file)?;
+        if UnitType::standard_names().any(|standard| standard == name) {
+            return Err(format!("FILE must not have the name of a standard unit type, got `{name}`").into());
+        }
+        UnitType::standard_file(&self.like).ok_or_else(|| format!("no standard type {}", self.like).into())
+    }
+}
+
+impl NewScenario {
+    /// The text of the file, which was read as a scenario.
+    fn text(&self) -> Result<String, Box<dyn Error>> {
+        let name = stem(&self.file)?;
+        let read = |text: &str| {
+            let folder = self.file.parent().unwrap_or(Path::new(""));
+            // There is no file, so a message cannot say where in it the problem is.
+            let messages = |problems: Problems| {
+                let messages: Vec<_> = problems.list().iter().map(|problem| &*problem.message).collect();
+                messages.join("\n")
+            };
+            Scenario::from_json(text, &shown_path(&self.file), folder).map_err(messages)
+        };
+        // Only the scenario knows whether its units have shields.
+        let scenario = read(&self.with_shields(&name, [false, false]))?;
+        let have_shields = |faction| {
+            let mut units = scenario.units.iter().filter(|unit| unit.faction == faction);
+            units.any(|unit| scenario.unit_types[unit.unit_type].shield > 0.0)
+        };
+        let text = self.with_shields(&name, [Faction::Ally, Faction::Enemy].map(have_shields));
+        read(&text)?;
+        Ok(text)
+    }
+
+    /// The text of the file. The groups stand where those of most standard scenarios do, 14 squares apart.
+    fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
+        let mut types: Vec<&str> = Vec::new();
+        for UnitCount { unit_type, .. } in self.agents.iter().chain(&self.enemies) {
+            if !types.contains(&unit_type.as_str()) {
+                types.push(unit_type);
+            }
+        }
+        let (n_types, ids) = match types.len() {
+            1 => (0, String::new()),
+            n => {
+                let ids: Vec<_> =
+                    types.iter().enumerate().map(|(id, name)| format!("{}: {id}", json!(name))).collect();
+                (n, format!("\n    \"unit_type_ids\": {{ {} }},", ids.join(", ")))
+            }
+        };
+        let (agents, enemies) = (units_object(&self.agents), units_object(&self.enemies));
+        let total = |units: &[UnitCount]| units.iter().map(|unit| u64::from(unit.count)).sum::<u64>();
+        let (n_agents, n_enemies) = (total(&self.agents), total(&self.enemies));
+        let (name, map) = (json!(name), json!(self.map));
+        format!(
+            r#"{{
+    "name": {name},
+    "num_allied_units": {n_agents},
+    "num_enemy_units": {n_enemies},
+    "groups": [
+        {{ "x": 9, "y": 16, "faction": "ALLY", "units": {agents} }},
+        {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {enemies} }}
+    ],
+    "attack_point": [9, 16],
+    "terrain_preset": {map},
+    "num_unit_types": {n_types},{ids}
+    "ally_has_shields": {ally_has_shields},
+    "enemy_has_shields": {enemy_has_shields},
+    "episode_limit": 120
+}}
+"#
+        )
+    }
+}
+
+/// Types and their counts as a JSON object; a type that is named twice is counted together.
+fn units_object(units: &[UnitCount]) -> String {
+    let mut counts: Vec<UnitCount> = Vec::new();
+    for unit in units {
+        match counts.iter_mut().find(|known| known.unit_type == unit.unit_type) {
+            Some(known) => known.count += unit.count,
+            None => counts.push(unit.clone()),
+        }
+    }
+    let entries: Vec<_> =
+        counts.iter().map(|unit| format!("{}: {}", json!(unit.unit_type), unit.count)).collect();
+    format!("{{ {} }}", entries.join(", "))
+}
