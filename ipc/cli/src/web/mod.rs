@@ -28,6 +28,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::runtime;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::Semaphore;
@@ -37,6 +38,9 @@ const MAX_PAGES: usize = 16;
 
 /// Bytes of the longest message of a page; a scenario with its unit files fits.
 const MAX_MESSAGE: usize = 1 << 22;
+
+/// How long to wait for conversations at the end: one may wait for an answer of a pool that is stopped.
+const MOST_WAIT: Duration = Duration::from_secs(3);
 
 /// Options of the commands that serve a page.
 #[derive(Args)]
@@ -61,7 +65,8 @@ pub(crate) trait App: Send + Sync + 'static {
     fn talk(&self, page: Page);
 }
 
-/// Prints the URL and serves until SIGINT or SIGTERM. Returns after every [`App::talk`] has.
+/// Prints the URL and serves until SIGINT or SIGTERM. Returns after every [`App::talk`] has, unless one
+/// takes too long.
 pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
     let address = SocketAddr::new(options.host, options.port);
     let listener =
@@ -81,7 +86,7 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
         .route("/ws", get(web_socket))
         .with_state(served)
         .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
-    runtime.block_on(async {
+    let served = runtime.block_on(async {
         let mut interrupted = signal(SignalKind::interrupt())?;
         let mut terminated = signal(SignalKind::terminate())?;
         let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
@@ -97,9 +102,10 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
             _ = interrupted.recv() => Ok(()),
             _ = terminated.recv() => Ok(()),
         }
-    })
-    // Here the runtime is dropped: first its tasks, which ends the conversations, then it waits for their
-    // threads.
+    });
+    // First its tasks end, and with them the conversations; then it waits for their threads.
+    runtime.shutdown_timeout(MOST_WAIT);
+    served
 }
 
 struct Served<A> {

@@ -1,6 +1,7 @@
 //! The log of a followed environment: its last episodes, within a bound on memory.
 
 use smaclite_engine::Snapshot;
+use smaclite_ipc::EpisodePart;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -12,18 +13,6 @@ const MAX_BYTES: usize = 64 << 20;
 
 /// Bytes of a snapshot per unit, about: the columns of a battle and its neighbour orders.
 const SNAPSHOT_BYTES_PER_UNIT: usize = 160;
-
-/// What happened in an environment since the last report: a part of an episode, or all of it.
-pub(super) struct Part {
-    /// Number of the episode since following began.
-    pub(super) number: u64,
-    /// The battle at the first of these steps, if they are the first that are known.
-    pub(super) start: Option<Snapshot>,
-    /// The actions of all agents, step after step.
-    pub(super) actions: Vec<u16>,
-    /// Whether the episode ended.
-    pub(super) is_over: bool,
-}
 
 /// An episode, as far as it is known.
 pub(super) struct Episode {
@@ -65,10 +54,10 @@ impl Episodes {
     }
 
     /// Adds a part. One that continues an episode whose start is unknown is dropped.
-    pub(super) fn add(&mut self, part: Part) {
+    pub(super) fn add(&mut self, part: EpisodePart) {
         let now = Instant::now();
         if let Some(start) = part.start {
-            let Part { number, actions, is_over, .. } = part;
+            let EpisodePart { number, actions, is_over, .. } = part;
             // A number that is not new is a mistake of the pool; the order of numbers must hold.
             if self.newest().is_none_or(|newest| newest.number < number) {
                 let episode = Episode { number, start, actions, is_over, began: now, newest: now };

@@ -2,9 +2,12 @@
 
 use super::cells::Cells;
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, FeatureBlock, Rules, obs_features};
-use smaclite_ipc::{LaneDescription, RuntimeDir, Spectator};
-use smaclite_scenarios::Scenario;
+use smaclite_engine::{Arena, FeatureBlock, obs_features};
+use smaclite_ipc::{
+    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator, lane_scenario,
+};
+use smaclite_pool::fields::Field;
+use smaclite_scenarios::{Scenario, ScenarioError};
 use smaclite_view::page::scenario_info;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,16 +22,25 @@ pub(super) struct Battles {
 }
 
 impl Battles {
-    pub(super) fn new(description: &LaneDescription) -> Result<Battles, String> {
-        let scenario = Scenario::resolve(&description.scenario).map_err(|error| error.to_string())?;
-        let rules = description.rules.parse::<Rules>().map_err(|error| error.to_string())?;
-        let arena = Arena::new(&scenario, rules).with_episode_limit(description.episode_limit);
+    fn of(lane: &LaneScenario) -> Result<Battles, ScenarioError> {
+        let (scenario, arena) = lane.arena()?;
         Ok(Battles { scenario, arena: Arc::new(arena) })
     }
 }
 
+/// Why a lane cannot be watched.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WatchError {
+    #[error("{0}")]
+    Connect(#[from] ConnectError),
+    #[error("the pool is of another release: {0}")]
+    Scenario(#[from] ScenarioError),
+}
+
 pub(super) struct WatchedLane {
-    spectator: Spectator,
+    description: LaneDescription,
+    /// Reads frames, or says why it cannot: the lane has as many spectators as it may have.
+    spectator: Result<Spectator, String>,
     battles: Arc<Battles>,
     cells: Cells,
     read: Instant,
@@ -36,11 +48,28 @@ pub(super) struct WatchedLane {
 }
 
 impl WatchedLane {
-    pub(super) fn connect(runtime_dir: &RuntimeDir, pool: &str, lane: &str) -> Result<WatchedLane, String> {
-        let spectator = Spectator::connect(runtime_dir, pool, Some(lane)).map_err(|e| e.to_string())?;
-        let battles = Arc::new(Battles::new(spectator.description())?);
-        let cells = Cells::new(spectator.description().settings.num_envs);
-        Ok(WatchedLane { spectator, battles, cells, read: Instant::now(), is_alive: true })
+    pub(super) fn connect(
+        runtime_dir: &RuntimeDir,
+        pool: &PoolStatus,
+        lane: &str,
+    ) -> Result<WatchedLane, WatchError> {
+        let lanes = pool.lanes.iter().map(|status| &status.description);
+        let Some(description) = lanes.clone().find(|description| description.lane == lane).cloned() else {
+            let (lane, lanes) = (lane.to_owned(), lanes.map(|other| other.lane.clone()).collect());
+            return Err(ConnectError::from(ControlError::NoSuchLane { lane, lanes }).into());
+        };
+        let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
+            Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => Err(full.to_string()),
+            connected => Ok(connected?),
+        };
+        let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);
+        let cells = Cells::new(description.settings.num_envs);
+        Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
+    }
+
+    /// The supervisor's process.
+    pub(super) fn pid(&self) -> u32 {
+        self.description.pid
     }
 
     /// Whether its pool ran when it was last read.
@@ -52,13 +81,9 @@ impl WatchedLane {
         &self.battles
     }
 
-    pub(super) fn num_envs(&self) -> usize {
-        self.spectator.description().settings.num_envs
-    }
-
     /// What a page needs to know before it shows the lane.
     pub(super) fn info(&self) -> Value {
-        let lane = self.spectator.description();
+        let lane = &self.description;
         let blocks = obs_features(&self.battles.scenario);
         json!({
             "scenario": scenario_info(&self.battles.scenario, &self.battles.arena),
@@ -68,16 +93,19 @@ impl WatchedLane {
             "batch_size": lane.settings.batch_size,
             "autoreset": lane.settings.autoreset,
             "rules": lane.rules,
-            "has_state": self.spectator.description().settings.fields.contains(smaclite_pool::fields::Field::State),
+            "no_grid": self.spectator.as_ref().err(),
+            "has_state": lane.settings.fields.contains(Field::State),
             "features": blocks.iter().map(feature_block).collect::<Vec<_>>(),
         })
     }
 
     /// Reads the newest frame, if the last reading was long enough ago.
     pub(super) fn read(&mut self) -> Result<&mut Cells, String> {
-        if self.read.elapsed() >= READ_INTERVAL {
+        if let Ok(spectator) = &mut self.spectator
+            && self.read.elapsed() >= READ_INTERVAL
+        {
             self.read = Instant::now();
-            match self.spectator.latest() {
+            match spectator.latest() {
                 Ok(Some(batch)) => self.cells.take(batch),
                 Ok(None) => {}
                 Err(error) => {

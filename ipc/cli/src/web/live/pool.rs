@@ -1,6 +1,6 @@
 //! What all pages share: the status of the pool, its history, and the lanes that are watched.
 
-use super::lane::WatchedLane;
+use super::lane::{WatchError, WatchedLane};
 use serde_json::{Value, json};
 use smaclite_ipc::{LaneStatus, PoolStatus, RuntimeDir, WaitOptions, status_within};
 use std::collections::{HashMap, VecDeque};
@@ -65,6 +65,8 @@ pub(super) struct StatusNews {
     pub(super) event: Value,
     /// The time of the newest point, to ask for later ones.
     pub(super) time: f64,
+    /// The supervisor's process, if it answered.
+    pub(super) pid: Option<u32>,
 }
 
 impl WatchedPool {
@@ -97,13 +99,13 @@ impl WatchedPool {
             Err(error) => json!({"error": error}),
         };
         event["points"] = points.map(Point::row).collect();
-        StatusNews { event, time }
+        StatusNews { event, time, pid: status.answer.as_ref().ok().map(|pool| pool.pid) }
     }
 
     /// Requests the status, and adds a point to the history of every lane.
     fn request(&self, status: &mut Status) {
-        let wait = WaitOptions { timeout: Some(TIMEOUT), interrupted: &mut || false };
-        status.answer = status_within(&self.runtime_dir, &self.name, wait).map_err(|error| error.to_string());
+        let answer = status_within(&self.runtime_dir, &self.name, patience(&mut || false));
+        status.answer = answer.map_err(|error| error.to_string());
         status.requested = Some(Instant::now());
         let Ok(pool) = &status.answer else { return };
         let time = self.begin.elapsed().as_secs_f64();
@@ -124,18 +126,24 @@ impl WatchedPool {
     }
 
     /// Watches a lane, or shares it with the pages that do.
-    pub(super) fn lane(&self, name: &str) -> Result<Arc<Mutex<WatchedLane>>, String> {
+    pub(super) fn lane(&self, name: &str) -> Result<Arc<Mutex<WatchedLane>>, WatchError> {
+        let pool = status_within(&self.runtime_dir, &self.name, patience(&mut || false))?;
         let mut lanes = lock(&self.lanes);
         if let Some(lane) = lanes.get(name).and_then(Weak::upgrade)
             && lock(&lane).is_alive()
+            && lock(&lane).pid() == pool.pid
         {
             return Ok(lane);
         }
-        let lane = WatchedLane::connect(&self.runtime_dir, &self.name, name)?;
+        let lane = WatchedLane::connect(&self.runtime_dir, &pool, name)?;
         let lane = Arc::new(Mutex::new(lane));
         lanes.insert(name.to_owned(), Arc::downgrade(&lane));
         Ok(lane)
     }
+}
+
+fn patience(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
+    WaitOptions { timeout: Some(TIMEOUT), interrupted }
 }
 
 fn pool_info(pool: &PoolStatus, lane: &str) -> Value {

@@ -39,10 +39,6 @@ impl Simulation {
         self.step
     }
 
-    pub(super) fn battle(&self) -> &Battle {
-        &self.battle
-    }
-
     /// Plays on to a step, of the whole episode's actions.
     pub(super) fn play_to(&mut self, step: usize, actions: &[u16]) -> Result<(), SimulationError> {
         while self.step < step {
