@@ -23,6 +23,6 @@ pub(super) struct Edit {
 impl Edit {
     pub(super) fn run(self) -> CommandResult {
         let start = self.file.as_deref().map_or(Ok(Start::New), Start::of)?;
-        serve(&self.serve, Editor::new(start))
+        serve(&self.serve, vec![("/", Box::new(Editor::new(start)))])
     }
 }

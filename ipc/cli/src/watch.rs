@@ -1,5 +1,6 @@
 //! `smaclite-pool watch`: a page in the browser that shows the battles of a running pool.
 
+use crate::web::editor::{Editor, Start};
 use crate::web::live::Live;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, runtime_dir};
@@ -43,7 +44,9 @@ impl Watch {
             Some(lane) => return Err(ControlError::NoSuchLane { lane, lanes }.into()),
             None => lanes.swap_remove(0), // a pool has a lane
         };
-        serve(&self.serve, Live::new(runtime_dir, pool, lane))
+        let live = Live::new(runtime_dir, pool, lane);
+        let editor = Editor::new(Start::New);
+        serve(&self.serve, vec![("/", Box::new(live)), ("/edit/", Box::new(editor))])
     }
 }
 

@@ -14,7 +14,8 @@ class Connection {
 
   connect() {
     const token = new URLSearchParams(location.search).get("token") ?? "";
-    this.socket = new WebSocket(`ws://${location.host}/ws?token=${encodeURIComponent(token)}`);
+    const path = location.pathname.replace(/[^/]*$/, "ws");
+    this.socket = new WebSocket(`ws://${location.host}${path}?token=${encodeURIComponent(token)}`);
     this.socket.onopen = () => this.handlers.open();
     this.socket.onmessage = (message) => this.hear(JSON.parse(message.data));
     this.socket.onclose = () => {

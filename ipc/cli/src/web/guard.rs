@@ -25,7 +25,7 @@ impl Guard {
         };
         // A page of another site may open a WebSocket to this one; browsers always say which page asks.
         let origin = text(request.headers(), &header::ORIGIN);
-        if request.uri().path() == "/ws"
+        if request.uri().path().ends_with("/ws")
             && origin.and_then(|origin| origin.strip_prefix("http://")) != Some(host)
         {
             return Some("the WebSocket is for this server's own page");

@@ -29,6 +29,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::runtime;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::Semaphore;
@@ -38,6 +39,9 @@ const MAX_PAGES: usize = 16;
 
 /// Bytes of the longest message of a page; a scenario with its unit files fits.
 const MAX_MESSAGE: usize = 1 << 22;
+
+/// How long to wait for conversations at the end: one may wait for an answer of a pool that is stopped.
+const MOST_WAIT: Duration = Duration::from_secs(3);
 
 /// Options of the commands that serve a page.
 #[derive(Args)]
@@ -62,8 +66,9 @@ pub(crate) trait App: Send + Sync + 'static {
     fn talk(&self, page: Page);
 }
 
-/// Prints the URL and serves until SIGINT or SIGTERM. Returns after every [`App::talk`] has.
-pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
+/// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after every [`App::talk`] has, unless one
+/// takes too long.
+pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App>)>) -> CommandResult {
     let address = SocketAddr::new(options.host, options.port);
     let listener =
         TcpListener::bind(address).map_err(|error| format!("cannot listen on {address}: {error}"))?;
@@ -75,14 +80,17 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
         .enable_time() // axum waits with it after errors of accept
         .max_blocking_threads(MAX_PAGES)
         .build()?;
-    let served = Arc::new(Served { app, pages: Arc::new(Semaphore::new(MAX_PAGES)) });
+    let pages = Arc::new(Semaphore::new(MAX_PAGES));
     let guard = Arc::new(Guard::new(token));
-    let routes = Router::new()
-        .route("/", get(document))
-        .route("/ws", get(web_socket))
-        .with_state(served)
+    let mut routes = Router::new();
+    for (path, app) in apps {
+        let served = Arc::new(Served { app, pages: Arc::clone(&pages) });
+        let router = Router::new().route(path, get(document)).route(&format!("{path}ws"), get(web_socket));
+        routes = routes.merge(router.with_state(served));
+    }
+    let routes = routes
         .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
-    runtime.block_on(async {
+    let served = runtime.block_on(async {
         let mut interrupted = signal(SignalKind::interrupt())?;
         let mut terminated = signal(SignalKind::terminate())?;
         let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
@@ -98,22 +106,23 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
             _ = interrupted.recv() => Ok(()),
             _ = terminated.recv() => Ok(()),
         }
-    })
-    // Here the runtime is dropped: first its tasks, which ends the conversations, then it waits for their
-    // threads.
+    });
+    // First its tasks end, and with them the conversations; then it waits for their threads.
+    runtime.shutdown_timeout(MOST_WAIT);
+    served
 }
 
-struct Served<A> {
-    app: A,
+struct Served {
+    app: Box<dyn App>,
     /// One permit per page that can be opened.
     pages: Arc<Semaphore>,
 }
 
-async fn document<A: App>(State(served): State<Arc<Served<A>>>) -> Html<String> {
+async fn document(State(served): State<Arc<Served>>) -> Html<String> {
     Html(served.app.document())
 }
 
-async fn web_socket<A: App>(State(served): State<Arc<Served<A>>>, upgrade: Upgrade) -> Response {
+async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Response {
     let Ok(permit) = Arc::clone(&served.pages).try_acquire_owned() else {
         let text = format!("{MAX_PAGES} pages are open; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();

@@ -26,6 +26,21 @@ pub(crate) struct Request {
     pub(crate) arguments: Map<String, Value>,
 }
 
+impl Request {
+    /// A text among the arguments.
+    pub(crate) fn text(&self, key: &str) -> Result<&str, String> {
+        let value = self.arguments.get(key).and_then(Value::as_str);
+        value.ok_or_else(|| format!("`{key}` must be a text"))
+    }
+
+    /// A number among the arguments.
+    pub(crate) fn number(&self, key: &str) -> Result<usize, String> {
+        let value = self.arguments.get(key).and_then(Value::as_u64);
+        let value = value.and_then(|value| usize::try_from(value).ok());
+        value.ok_or_else(|| format!("`{key}` must be a whole number, 0 or more"))
+    }
+}
+
 /// The page is closed, or the server ends.
 #[derive(Debug)]
 pub(crate) struct Closed;

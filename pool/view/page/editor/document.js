@@ -7,36 +7,6 @@ const DEFAULT_SIDE = 32,
 const MOST_STATES = 400,
   MOST_CHARACTERS = 60e6;
 
-/** What a new scenario begins with. */
-const NEW_SCENARIO = {
-  name: "new_scenario",
-  num_allied_units: 3,
-  num_enemy_units: 3,
-  groups: [
-    { x: 9, y: 16, faction: "ALLY", units: { MARINE: 3 } },
-    { x: 23, y: 16, faction: "ENEMY", units: { MARINE: 3 } },
-  ],
-  attack_point: [9, 16],
-  terrain_preset: "SIMPLE",
-  num_unit_types: 0,
-  ally_has_shields: false,
-  enemy_has_shields: false,
-  episode_limit: 120,
-};
-
-/** What a new unit type begins with. */
-const NEW_UNIT = {
-  hp: 45,
-  armor: 0,
-  damage: 6,
-  cooldown: 0.61,
-  speed: 3.15,
-  attack_range: 5,
-  size: 0.75,
-  valid_targets: ["GROUND", "AIR"],
-  attributes: ["LIGHT"],
-};
-
 const isNumber = (value) => typeof value === "number";
 const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 
@@ -85,14 +55,14 @@ function rectanglesOf({ width, height, blocked }) {
 }
 
 class ScenarioDocument {
-  constructor(standard) {
+  constructor(standard, files) {
     this.standard = standard;
     this.listeners = [];
-    this.load({ source: "new_scenario.json", text: fileOf(NEW_SCENARIO), units: [] });
+    this.load(files);
   }
 
-  /** Begins with the texts of other files: { source, text, units: [{ name, keys, text }] }. */
-  load({ source, text, units }) {
+  /** Begins with the texts of other files: { source, text, unit_files: [{ name, keys, text }] }. */
+  load({ source, text, unit_files: units }) {
     this.state = {
       source,
       scenario: new JsonText(text),
@@ -171,7 +141,7 @@ class ScenarioDocument {
     return {
       source,
       text: scenario.text,
-      units: units.map(({ name, keys, file }) => ({
+      unit_files: units.map(({ name, keys, file }) => ({
         name,
         keys: [...new Set([...keys, ...named.filter((key) => stemOf(key) === name && !owned.has(key))])],
         text: file.text,
@@ -366,7 +336,7 @@ class ScenarioDocument {
 
   /** Renames a unit type here and wherever the scenario file names it. */
   renameUnit(index, name) {
-    const { keys } = this.files().units[index];
+    const { keys } = this.files().unit_files[index];
     const units = this.units.map((unit, i) => (i === index ? { ...unit, name, keys: [] } : unit));
     let { scenario } = this.state;
     for (const key of keys) {

@@ -61,20 +61,18 @@ class EditorPage {
     if (this.doc) return this.check();
     try {
       this.standard = await this.connection.ask("standard");
-      const { files, target } = await this.connection.ask("open");
-      this.target = target;
-      this.start(files);
+      this.start(await this.connection.ask("open"));
     } catch (error) {
       this.say(`The files cannot be opened: ${error.message}`);
     }
   }
 
-  start(files) {
-    this.doc = new ScenarioDocument(this.standard);
-    if (files) this.doc.load(files);
-    else if (this.target) this.doc.load({ ...this.doc.files(), source: this.target });
-    this.isTargets = this.target !== null;
-    this.exists = files !== null;
+  start({ files, target, exists }) {
+    this.doc = new ScenarioDocument(this.standard, files);
+    this.target = target;
+    /** Whether the document is the target's, and whether the target exists. */
+    this.isTargets = target !== null;
+    this.exists = exists;
     this.map = new MapEditor(byId("map"), this);
     this.panels = {
       groups: new GroupsPanel(byId("groups"), this),
@@ -107,10 +105,10 @@ class EditorPage {
     const choose = (name, text) =>
       button(name, `Begin with ${name}`, () => {
         byId("begin").close();
-        this.load({ source: `${name.replaceAll(" ", "_")}.json`, text, units: [] });
+        this.load({ source: `${name.replaceAll(" ", "_")}.json`, text, unit_files: [] });
       });
     byId("choices").replaceChildren(
-      choose("new scenario", fileOf(NEW_SCENARIO)),
+      choose("new scenario", this.standard.new),
       ...this.standard.scenarios.map(({ name, text }) => choose(name, text)),
     );
   }
@@ -416,7 +414,7 @@ class EditorPage {
       .map(({ name, text }) => ({ name: stemOf(name), keys: [], text }));
     if (!read.length || scenarios.length > 1)
       return this.tell("Open one scenario file and its unit files, or unit files to add; all end in .json.");
-    if (scenarios.length) return this.load({ source: scenarios[0].name, text: scenarios[0].text, units });
+    if (scenarios.length) return this.load({ source: scenarios[0].name, text: scenarios[0].text, unit_files: units });
     const names = new Set(units.map(({ name }) => name));
     const kept = this.doc.units.filter(({ name }) => !names.has(name));
     this.doc.change({ units: [...kept, ...units.map((unit) => ({ ...unit, file: new JsonText(unit.text) }))] });
@@ -450,7 +448,7 @@ class EditorPage {
   }
 
   download() {
-    const { source, text, units } = this.doc.files();
+    const { source, text, unit_files: units } = this.doc.files();
     const files = [[stemOf(source), text], ...units.map((unit) => [unit.name, unit.text])];
     for (const [name, content] of files) {
       const url = URL.createObjectURL(new Blob([content], { type: "application/json" }));

@@ -114,15 +114,6 @@ function jsonOf(value, indent = "", column = indent.length) {
   return `${open}\n${texts.map((text) => inner + text).join(",\n")}\n${indent}${close}`;
 }
 
-/** A whole file: its keys are always on lines of their own. */
-function fileOf(value) {
-  const lines = Object.entries(value).map(([key, item]) => {
-    const name = `${INDENT}${JSON.stringify(key)}: `;
-    return name + jsonOf(item, INDENT, name.length);
-  });
-  return `{\n${lines.join(",\n")}\n}\n`;
-}
-
 /** A list with one item per line, as maps are written. */
 function linesOf(items, indent) {
   const texts = items.map((item) => `${indent}${INDENT}${JSON.stringify(item)}`);

@@ -94,8 +94,7 @@ class MapEditor extends BattleView {
 
   draw() {
     const box = this.canvas.getBoundingClientRect();
-    if (this.width !== undefined && (box.width !== this.width || box.height !== this.height))
-      this.camera = null;
+    if (this.isFitted && (box.width !== this.width || box.height !== this.height)) this.camera = null;
     super.draw(0);
     this.drawUnplaced();
     this.drawSelection();

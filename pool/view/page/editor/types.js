@@ -81,7 +81,7 @@ class TypesPanel extends Panel {
       .filter(({ name }) => !doc.units.some((unit) => unit.name === name))
       .map(({ name }) => chip(name, false));
     const create = button([icon("add"), "New type"], "Add a unit type", () =>
-      this.page.addType(doc.freeName("unit"), fileOf(NEW_UNIT)),
+      this.page.addType(doc.freeName("unit"), doc.standard.units.find(({ name }) => name === "MARINE").text),
     );
     const copy = button([icon("copy"), "Copy as new"], "Add a unit type that begins as this one", () =>
       this.page.addType(doc.freeName(`my_${this.name.toLowerCase()}`.replace(/^(my_)+/, "my_")), this.file.text),

@@ -1,6 +1,5 @@
 //! `check`: the problems of the files, as `smaclite-pool check` prints them, and where the units start.
 
-use super::Files;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_engine::{Arena, Rules};
@@ -10,7 +9,7 @@ use smaclite_view::page::{SIGHT_RANGE, types_info};
 
 #[derive(Deserialize)]
 pub(super) struct Check {
-    files: Files,
+    files: ScenarioFiles,
     groups: Vec<Group>,
 }
 
@@ -24,7 +23,6 @@ struct Group {
 }
 
 pub(super) fn check(Check { files, groups }: Check) -> Value {
-    let files = ScenarioFiles::from(files);
     let problems = problems(&files);
     let mut types = Types { files: &files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;
@@ -124,16 +122,12 @@ mod tests {
         json["groups"].as_array().unwrap().iter().map(group).collect()
     }
 
-    fn texts(files: &ScenarioFiles) -> Files {
-        serde_json::from_value(super::super::described(files)).unwrap()
-    }
-
     #[test]
     fn units_are_shown_where_battles_place_them() {
         for name in ["2s3z", "3s5z", "27m_vs_30m", "2c_vs_64zg", "6h_vs_8z", "corridor", "bane_vs_bane"] {
             let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
             let groups = groups_of(&files);
-            let answer = check(Check { files: texts(&files), groups });
+            let answer = check(Check { files: files.clone(), groups });
             assert_eq!(answer["problems"], json!([]), "{name}");
             let placed =
                 answer["groups"].as_array().unwrap().iter().flat_map(|group| group.as_array().unwrap());
@@ -163,7 +157,7 @@ mod tests {
             group(&[("ZEALOT", 1000)], "ENEMY"),
             group(&[("ZEALOT", 4_000_000_000)], "ENEMY"),
         ];
-        let answer = check(Check { files: texts(&files), groups });
+        let answer = check(Check { files: files.clone(), groups });
         assert_eq!(answer["groups"], json!([[[0, 4.0, 5.0]], null, null, null, null, null]));
         assert_eq!(answer["types"].as_array().unwrap().len(), 2);
         let problems = answer["problems"].as_array().unwrap();

@@ -1,5 +1,6 @@
 //! The scenario editor. The page edits the texts of a scenario file and its unit files; this side checks them,
-//! places the units, plays battles, and saves. It keeps no state of a page.
+//! places the units, plays battles, and saves. It keeps no state of a page. The files of a scenario travel as
+//! [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
 
 mod check;
 mod play;
@@ -9,10 +10,8 @@ mod target;
 pub(crate) use target::Start;
 
 use super::{App, Page, Request};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
-use smaclite_scenarios::{ScenarioFiles, UnitFile};
+use serde_json::Value;
 use smaclite_view::page::edit_html;
 
 /// The editor of one command.
@@ -72,34 +71,4 @@ fn arguments<T: DeserializeOwned>(request: &Request) -> Result<T, EditorError> {
     let arguments = Value::Object(request.arguments.clone());
     serde_json::from_value(arguments)
         .map_err(|error| EditorError::Arguments { action: request.action.clone(), error })
-}
-
-/// The files of a scenario as the page has them.
-#[derive(Debug, Deserialize)]
-struct Files {
-    source: String,
-    text: String,
-    units: Vec<Unit>,
-}
-
-#[derive(Debug, Deserialize)]
-struct Unit {
-    name: String,
-    keys: Vec<String>,
-    text: String,
-}
-
-impl From<Files> for ScenarioFiles {
-    fn from(files: Files) -> ScenarioFiles {
-        let unit_file = |Unit { name, keys, text }| UnitFile { name, keys, text };
-        let unit_files = files.units.into_iter().map(unit_file).collect();
-        ScenarioFiles { source: files.source, text: files.text, unit_files }
-    }
-}
-
-/// The files as the page takes them.
-fn described(files: &ScenarioFiles) -> Value {
-    let unit = |file: &UnitFile| json!({"name": file.name, "keys": file.keys, "text": file.text});
-    let units: Vec<Value> = files.unit_files.iter().map(unit).collect();
-    json!({"source": files.source, "text": files.text, "units": units})
 }

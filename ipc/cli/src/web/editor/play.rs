@@ -1,6 +1,5 @@
 //! `play`: a battle of the edited scenario, with a scripted policy, as the page that plays a replay.
 
-use super::Files;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
@@ -10,7 +9,7 @@ use smaclite_view::{Recorder, ReplayError, Setup, export_html};
 
 #[derive(Deserialize)]
 pub(super) struct Play {
-    files: Files,
+    files: ScenarioFiles,
     policy: String,
     /// A whole number; as a text, because JavaScript has no 64-bit integers.
     seed: String,
@@ -43,7 +42,7 @@ pub(super) fn play(play: Play) -> Result<Value, PlayError> {
     let rules: Rules = play.rules.parse()?;
     let seed = play.seed.parse().map_err(|_| PlayError::Seed(play.seed))?;
     let mut policy = Scripted::from_name(&play.policy, seed)?;
-    let files = ScenarioFiles::from(play.files);
+    let files = play.files;
     let scenario = files.scenario()?;
     let most = MAX_STEPS.min(MAX_UNIT_STEPS / scenario.units.len() as u32);
     let limit = scenario.episode_limit.map_or(most, |limit| limit.min(most));
@@ -70,7 +69,6 @@ mod tests {
     fn request(name: &str, change: impl Fn(String) -> String) -> Play {
         let (_, mut files) = ScenarioFiles::resolve(name).unwrap();
         files.text = change(files.text);
-        let files = serde_json::from_value(super::super::described(&files)).unwrap();
         Play { files, policy: "nearest".into(), seed: "1".into(), rules: "smaclite".into() }
     }
 

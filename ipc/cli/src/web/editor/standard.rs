@@ -1,5 +1,6 @@
 //! `standard`: the scenarios, terrains, unit types and policies that are built in.
 
+use crate::new::default_scenario;
 use serde_json::{Value, json};
 use smaclite_engine::Rules;
 use smaclite_engine::policy::Scripted;
@@ -14,6 +15,7 @@ pub(super) fn standard() -> Value {
     let preset = |name: &str| Some(json!({"name": name, "rows": rows(&Terrain::preset(name)?)}));
     let unit = |name: &str| Some(json!({"name": name, "text": UnitType::standard_file(name)?}));
     json!({
+        "new": default_scenario("new_scenario"),
         "scenarios": Scenario::standard_names().filter_map(scenario).collect::<Vec<_>>(),
         "presets": Terrain::preset_names().filter_map(preset).collect::<Vec<_>>(),
         "units": UnitType::standard_names().filter_map(unit).collect::<Vec<_>>(),

@@ -1,7 +1,7 @@
 //! What the editor begins with, and the files that it may write: the one that the command names and the unit
 //! files of that scenario, in the same folder.
 
-use super::{Files, described};
+use crate::new::default_scenario;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
@@ -60,14 +60,18 @@ impl Start {
         Ok(Start::File(target))
     }
 
-    /// The files to begin with, null for a new scenario; and the file that `save` writes, if there is one.
+    /// The files to begin with; and the file that `save` writes, if there is one.
     pub(super) fn open(&self) -> Result<Value, TargetError> {
         match self {
-            Start::New => Ok(json!({"files": null, "target": null})),
-            Start::Standard(files) => Ok(json!({"files": described(files), "target": null})),
+            Start::New => Ok(json!({"files": new_files("new_scenario.json"), "target": null})),
+            Start::Standard(files) => Ok(json!({"files": &**files, "target": null})),
             Start::File(target) => {
-                let files = target.read()?;
-                Ok(json!({"files": files.as_ref().map(described), "target": shown_path(&target.path)}))
+                let path = shown_path(&target.path);
+                let (files, exists) = match target.read()? {
+                    Some(files) => (files, true),
+                    None => (new_files(&path), false),
+                };
+                Ok(json!({"files": files, "target": path, "exists": exists}))
             }
         }
     }
@@ -80,9 +84,16 @@ impl Start {
     }
 }
 
+/// A new scenario, named after its file.
+fn new_files(source: &str) -> ScenarioFiles {
+    let name =
+        Path::new(source).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    ScenarioFiles { source: source.to_owned(), text: default_scenario(&name), unit_files: Vec::new() }
+}
+
 #[derive(Deserialize)]
 pub(super) struct Save {
-    files: Files,
+    files: ScenarioFiles,
     /// Whether files are written that were changed by another program since they were read.
     replace: bool,
 }
@@ -132,7 +143,7 @@ impl Target {
     fn save(&self, Save { files, replace }: Save) -> Result<Value, TargetError> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let mut writes = Vec::new();
-        for unit in &files.units {
+        for unit in &files.unit_files {
             let path =
                 match known.units.iter().find(|(name, keys, _)| {
                     *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))

@@ -1,7 +1,7 @@
 //! Saving: which files are written, and which are not.
 
 use super::*;
-use crate::web::editor::Unit;
+use smaclite_scenarios::UnitFile;
 use std::fs;
 use tempfile::TempDir;
 
@@ -19,12 +19,12 @@ fn folder() -> (TempDir, Start) {
     (folder, start)
 }
 
-fn opened(start: &Start) -> Files {
+fn opened(start: &Start) -> ScenarioFiles {
     serde_json::from_value(start.open().unwrap()["files"].clone()).unwrap()
 }
 
-fn unit(name: &str) -> Unit {
-    Unit { name: name.into(), keys: vec![name.into()], text: SCOUT.into() }
+fn unit(name: &str) -> UnitFile {
+    UnitFile { name: name.into(), keys: vec![name.into()], text: SCOUT.into() }
 }
 
 fn names(folder: &TempDir) -> Vec<String> {
@@ -39,10 +39,10 @@ fn names(folder: &TempDir) -> Vec<String> {
 fn only_what_changed_is_written() {
     let (folder, start) = folder();
     let mut files = opened(&start);
-    assert_eq!((files.units.len(), files.units[0].text.as_str()), (1, SCOUT));
-    assert_eq!(files.units[0].keys, ["scout"]);
+    assert_eq!((files.unit_files.len(), files.unit_files[0].text.as_str()), (1, SCOUT));
+    assert_eq!(files.unit_files[0].keys, ["scout"]);
     files.text += "\n";
-    files.units.push(unit("medic"));
+    files.unit_files.push(unit("medic"));
     let text = files.text.clone();
     let answer = start.save(Save { files, replace: false }).unwrap();
     assert_eq!(answer["saved"].as_array().unwrap().len(), 2, "{answer}");
@@ -56,7 +56,7 @@ fn an_invalid_file_is_opened_and_saved() {
     let (folder, start) = folder();
     fs::write(folder.path().join("s.json"), "{ \"groups\": [").unwrap();
     let mut files = opened(&start);
-    assert_eq!((files.text.as_str(), files.units.len()), ("{ \"groups\": [", 0));
+    assert_eq!((files.text.as_str(), files.unit_files.len()), ("{ \"groups\": [", 0));
     files.text += "]";
     start.save(Save { files, replace: false }).unwrap();
     fs::write(folder.path().join("scout.json"), "{").unwrap();
@@ -86,7 +86,7 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     // A file that exists but is not of this scenario.
     fs::write(folder.path().join("medic.json"), "mine").unwrap();
     let mut files = edited();
-    files.units.push(unit("medic"));
+    files.unit_files.push(unit("medic"));
     let answer = start.save(Save { files, replace: false }).unwrap();
     assert!(answer["conflicts"][0].as_str().unwrap().ends_with("medic.json"), "{answer}");
 }
@@ -95,7 +95,7 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
 fn nothing_is_written_outside_the_folder() {
     let (folder, start) = folder();
     let outside = tempfile::tempdir().unwrap();
-    let check = |change: &dyn Fn(&mut Files), expected: &str| {
+    let check = |change: &dyn Fn(&mut ScenarioFiles), expected: &str| {
         let mut files = opened(&start);
         change(&mut files);
         let error = start.save(Save { files, replace: true }).unwrap_err().to_string();
@@ -103,14 +103,14 @@ fn nothing_is_written_outside_the_folder() {
         assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0);
     };
     for name in ["../medic", "a/b", "/tmp/medic", "", ".hidden", "a\0b", &"x".repeat(101)] {
-        check(&|files| files.units.push(unit(name)), "unit type names must be");
+        check(&|files| files.unit_files.push(unit(name)), "unit type names must be");
     }
     let custom = |path: String| {
-        move |files: &mut Files| {
+        move |files: &mut ScenarioFiles| {
             let mut scenario: Value = serde_json::from_str(&files.text).unwrap();
             scenario["custom_unit_path"] = path.clone().into();
             files.text = scenario.to_string();
-            files.units.push(unit("medic"));
+            files.unit_files.push(unit("medic"));
         }
     };
     check(&custom("..".into()), "outside the folder");
@@ -120,7 +120,7 @@ fn nothing_is_written_outside_the_folder() {
     check(&custom("link/deeper".into()), "outside the folder");
     let elsewhere = tempfile::NamedTempFile::new().unwrap();
     std::os::unix::fs::symlink(elsewhere.path(), folder.path().join("medic.json")).unwrap();
-    check(&|files| files.units.push(unit("medic")), "outside the folder");
+    check(&|files| files.unit_files.push(unit("medic")), "outside the folder");
     assert_eq!(fs::read_to_string(elsewhere.path()).unwrap(), "");
     fs::remove_file(folder.path().join("medic.json")).unwrap();
 
@@ -143,8 +143,11 @@ fn what_is_edited_is_a_file_or_a_standard_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new.json");
     let start = Start::of(path.to_str().unwrap()).unwrap();
-    assert_eq!(start.open().unwrap()["files"], json!(null));
-    let files = Files { source: "new.json".into(), text: "{}".into(), units: Vec::new() };
+    let opened = start.open().unwrap();
+    assert_eq!(opened["exists"], false);
+    let text = opened["files"]["text"].as_str().unwrap();
+    assert_eq!(Scenario::from_json(text, "new.json", "".as_ref()).unwrap().name, "new");
+    let files = ScenarioFiles { source: "new.json".into(), text: "{}".into(), unit_files: Vec::new() };
     start.save(Save { files, replace: false }).unwrap();
     assert_eq!(fs::read_to_string(path).unwrap(), "{}");
 }
