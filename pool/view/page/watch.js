@@ -14,6 +14,7 @@ class WatchPage {
       (first, count) => this.look(first, count),
     );
     byId("name").textContent = data.pool;
+    byId("edit").href = `edit/${location.search}`; // with the token
     this.listen();
     this.connection = new Connection({
       open: () => this.open(),

@@ -82,7 +82,9 @@ class EditorPage {
     };
     this.fillChoices();
     this.listen();
-    this.showTab("groups");
+    const hash = new URLSearchParams(location.hash.slice(1));
+    this.group = Number(hash.get("group") ?? -1);
+    this.showTab(TABS.includes(hash.get("tab")) ? hash.get("tab") : "groups");
     this.doc.listeners.push(() => this.refresh());
     this.refresh();
     theme.listeners.push(() => this.redraw());

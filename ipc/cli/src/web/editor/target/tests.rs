@@ -61,7 +61,7 @@ fn an_invalid_file_is_opened_and_saved() {
     start.save(Save { files, replace: false }).unwrap();
     fs::write(folder.path().join("scout.json"), "{").unwrap();
     fs::write(folder.path().join("s.json"), r#"{"groups": [3, {"units": {"scout": 1}}]}"#).unwrap();
-    assert_eq!(opened(&start).units[0].text, "{");
+    assert_eq!(opened(&start).unit_files[0].text, "{");
 }
 
 #[test]
