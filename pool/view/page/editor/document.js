@@ -168,8 +168,8 @@ class ScenarioDocument {
   }
 
   /** Sets a key of the scenario file; undefined removes it. */
-  setKey(path, value, merge, after) {
-    this.edit((file) => (value === undefined ? file.remove(path) : file.set(path, value, after)), merge);
+  setKey(path, value, merge) {
+    this.edit((file) => (value === undefined ? file.remove(path) : file.set(path, value)), merge);
   }
 
   /** Replaces the text of a file: unit file `unit`, or the scenario file if that is -1. */
@@ -213,8 +213,8 @@ class ScenarioDocument {
         if (isNumber(count)) counts[group.get("faction")] += count;
       }
     }
-    let next = file.set(["num_allied_units"], counts.ALLY, "name");
-    next = next.set(["num_enemy_units"], counts.ENEMY, "num_allied_units");
+    let next = file.set(["num_allied_units"], counts.ALLY);
+    next = next.set(["num_enemy_units"], counts.ENEMY);
     return next.value(["num_unit_types"]) >= 1 ? this.withTypeIds(next, types) : next;
   }
 
@@ -230,7 +230,7 @@ class ScenarioDocument {
     for (const type of types) {
       if (isKnown(type)) continue;
       if (!names.length && next.node(["unit_type_ids"]) === null)
-        next = next.set(["unit_type_ids"], { [type]: 0 }, "num_unit_types");
+        next = next.set(["unit_type_ids"], { [type]: 0 });
       else next = next.set(["unit_type_ids", type], names.length);
       names.push(type);
     }
@@ -242,7 +242,7 @@ class ScenarioDocument {
     this.editGroups((file) =>
       file.node(["groups"])
         ? file.insertItem(["groups"], this.groups().length, group)
-        : file.set(["groups"], [group], "num_enemy_units"),
+        : file.set(["groups"], [group]),
     );
   }
 
@@ -252,7 +252,10 @@ class ScenarioDocument {
 
   moveGroup(index, x, y, merge) {
     const tidy = (value) => Math.round(value * 1000) / 1000;
-    this.edit((file) => file.set(["groups", index, "x"], tidy(x)).set(["groups", index, "y"], tidy(y)), merge);
+    this.edit(
+      (file) => file.set(["groups", index, "x"], tidy(x)).set(["groups", index, "y"], tidy(y)),
+      merge,
+    );
   }
 
   setCount(index, key, count, merge) {
@@ -302,7 +305,7 @@ class ScenarioDocument {
       }
       if (list) return next.set(["terrain"], new Raw(rows));
       if (next.node(["terrain_preset"])) return next.rename(["terrain_preset"], "terrain", new Raw(rows));
-      return next.set(["terrain"], new Raw(rows), "attack_point");
+      return next.set(["terrain"], new Raw(rows));
     }, merge);
   }
 
@@ -313,7 +316,7 @@ class ScenarioDocument {
       let next = file;
       for (const key of ["width", "height"])
         if (next.node([key]) && next.value([key]) !== DEFAULT_SIDE) next = next.set([key], DEFAULT_SIDE);
-      if (!next.node(["terrain"])) return next.set(["terrain_preset"], name, "attack_point");
+      if (!next.node(["terrain"])) return next.set(["terrain_preset"], name);
       if (next.node(["terrain_preset"])) return next.remove(["terrain"]).set(["terrain_preset"], name);
       return next.rename(["terrain"], "terrain_preset", name);
     });

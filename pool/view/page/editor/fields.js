@@ -133,7 +133,13 @@ class NumberField extends Field {
 
 class TextField extends Field {
   makeControl({ readonly, placeholder = "" }) {
-    return make("input", { type: "text", autocomplete: "off", spellcheck: false, readOnly: readonly, placeholder });
+    return make("input", {
+      type: "text",
+      autocomplete: "off",
+      spellcheck: false,
+      readOnly: readonly,
+      placeholder,
+    });
   }
 
   value() {
@@ -200,7 +206,10 @@ class FlagsField {
       return [name, box];
     });
     const flags = this.boxes.map(([name, box]) => make("label", {}, [box, titleCase(name)]));
-    this.element = make("fieldset", { className: "flags", title: hint }, [make("legend", {}, label), ...flags]);
+    this.element = make("fieldset", { className: "flags", title: hint }, [
+      make("legend", {}, label),
+      ...flags,
+    ]);
     this.element.dataset.key = fieldKey(unit, path);
     this.element.tabIndex = -1;
   }

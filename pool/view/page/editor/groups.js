@@ -35,8 +35,10 @@ class GroupsPanel extends Panel {
   build() {
     const { doc, group } = this.page;
     const add = (faction) =>
-      button([icon("add"), FACTION_NAMES[faction]], `Add a group of ${FACTION_NAMES[faction].toLowerCase()}`, () =>
-        this.page.addGroup(faction),
+      button(
+        [icon("add"), FACTION_NAMES[faction]],
+        `Add a group of ${FACTION_NAMES[faction].toLowerCase()}`,
+        () => this.page.addGroup(faction),
       );
     const bar = make("div", { className: "row" }, [add("ALLY"), add("ENEMY")]);
     const items = doc.groups().map((_, index) => {
@@ -106,7 +108,11 @@ class GroupsPanel extends Panel {
       number("y", "y", "The group's centre, in squares from the south edge"),
       faction,
     ]);
-    const list = make("div", { className: "units", "data-key": fieldKey(-1, ["groups", index, "units"]) }, rows);
+    const list = make(
+      "div",
+      { className: "units", "data-key": fieldKey(-1, ["groups", index, "units"]) },
+      rows,
+    );
     return make("div", { className: "form" }, [place, list, more, actions]);
   }
 
@@ -163,7 +169,7 @@ class ScenarioPanel extends Panel {
       label,
       path,
       read: () => doc.scenario.value(path),
-      write: (value, merge) => doc.setKey(path, value, kind === "check" ? null : merge, options.after),
+      write: (value, merge) => doc.setKey(path, value, kind === "check" ? null : merge),
       ...options,
     });
   }
@@ -185,7 +191,14 @@ class ScenarioPanel extends Panel {
       const read = () => doc.scenario.value([key]);
       const write = (value, merge) => this.resize(key, value, merge);
       const hint = "Squares, 1 to 1024; other squares keep their place from the south-west";
-      return this.key("number", label, [key], { read, write, step: 1, min: 1, placeholder: DEFAULT_SIDE, hint });
+      return this.key("number", label, [key], {
+        read,
+        write,
+        step: 1,
+        min: 1,
+        placeholder: DEFAULT_SIDE,
+        hint,
+      });
     };
     const limit = "Steps after which an episode ends; empty for no limit";
     return [
@@ -193,10 +206,14 @@ class ScenarioPanel extends Panel {
         "Scenario",
         this.key("text", "Name", ["name"], { wide: true }),
         columns(
-          this.key("number", "Episode limit", ["episode_limit"], { step: 10, min: 1, hint: limit, placeholder: "none" }),
+          this.key("number", "Episode limit", ["episode_limit"], {
+            step: 10,
+            min: 1,
+            hint: limit,
+            placeholder: "none",
+          }),
           this.key("text", "Unit folder", ["custom_unit_path"], {
             hint: "custom_unit_path: the folder of unit files, relative to the scenario file",
-            after: "name",
             placeholder: "beside it",
           }),
         ),
@@ -235,7 +252,7 @@ class ScenarioPanel extends Panel {
         const point = doc.scenario.value(["attack_point"]);
         const next = Array.isArray(point) ? [...point] : [0, 0];
         next[i] = value ?? 0;
-        doc.setKey(["attack_point"], next, merge, "groups");
+        doc.setKey(["attack_point"], next, merge);
       },
     });
   }
@@ -249,7 +266,11 @@ class ScenarioPanel extends Panel {
       hint: "num_unit_types: 0, or the number of types that observations tell apart",
     });
     const ids = this.typeIds().map(([key]) =>
-      this.key("number", typeTitle(key, doc), ["unit_type_ids", key], { step: 1, min: 0, hint: `Id of ${key}` }),
+      this.key("number", typeTitle(key, doc), ["unit_type_ids", key], {
+        step: 1,
+        min: 0,
+        hint: `Id of ${key}`,
+      }),
     );
     const all = button("Ids from the groups", "Number the types of all groups", () =>
       doc.edit((file) => {

@@ -1,11 +1,20 @@
-// JsonText: the text of a JSON file, and where each value is in it. An edit replaces only the characters of the
-// value that it changes, so whatever the editor does not understand stays as it is.
+// JsonText: the text of a JSON file, and where each value is in it. An edit replaces only the characters of
+// the value that it changes, so whatever the editor does not understand stays as it is.
 
 /** As deep as the program reads. */
 const DEEPEST = 127;
 /** Lists and objects are written on one line up to this column. */
 const LAST_COLUMN = 110;
 const INDENT = "    ";
+/** The order in which scenario files and unit files have their keys. */
+const KEY_ORDER = [
+  ...["$schema", "name", "custom_unit_path", "num_allied_units", "num_enemy_units", "groups", "attack_point"],
+  ...["terrain_preset", "terrain", "width", "height", "num_unit_types", "unit_type_ids", "ally_has_shields"],
+  ...["enemy_has_shields", "episode_limit"],
+  ...["hp", "shield", "hp_regen", "energy", "initial_energy", "armor", "damage", "attacks", "bonuses"],
+  ...["cooldown", "speed", "attack_range", "minimum_scan_range", "size", "plane", "combat_type"],
+  ...["valid_targets", "attributes", "targeter", "targeter_kwargs"],
+];
 
 class JsonError extends Error {
   constructor(reason, offset) {
@@ -230,8 +239,8 @@ class JsonText {
     return value instanceof Raw ? value.write(indent) : jsonOf(value, indent, column);
   }
 
-  /** Replaces a value, or adds it as the last one of its object, or behind the key `after`. */
-  set(path, value, after) {
+  /** Replaces a value, or adds it: at its usual place in a file, or as the last one of an inner object. */
+  set(path, value) {
     const node = this.node(path);
     if (node) {
       const indent = this.indentAt(node.start);
@@ -244,8 +253,9 @@ class JsonText {
     const parent = this.node(path.slice(0, -1));
     if (parent?.kind !== "object") return this;
     const name = `${JSON.stringify(path.at(-1))}: `;
-    const found = parent.entries.findIndex((entry) => entry.key === after);
-    const at = found < 0 ? parent.entries.length : found + 1;
+    const rank = path.length === 1 ? KEY_ORDER.indexOf(path[0]) : -1;
+    const isBefore = ({ key }) => KEY_ORDER.includes(key) && KEY_ORDER.indexOf(key) < rank;
+    const at = rank < 0 ? parent.entries.length : parent.entries.findLastIndex(isBefore) + 1;
     const starts = parent.entries.map((entry) => entry.start);
     return this.insert(parent, starts, at, (indent) => name + this.write(value, indent));
   }

@@ -1,9 +1,5 @@
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
-const TOOLS = ["select", "brush", "erase", "rectangle", "line", "fill", "goal", "ally", "enemy"];
-/** Tools that draw on the map. */
-const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
-const LARGEST_BRUSH = 15;
 /** Points snap to multiples of this, in squares, unless Alt is held. */
 const SNAP = 0.5;
 /** How far from the attack point a click still means it, in squares. */
@@ -30,23 +26,12 @@ class StartTrack {
   }
 }
 
-/** The squares on a line between two squares. */
-function squaresBetween([x0, y0], [x1, y1]) {
-  const steps = Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0), 1);
-  return Array.from({ length: steps + 1 }, (_, i) => [
-    Math.round(x0 + ((x1 - x0) * i) / steps),
-    Math.round(y0 + ((y1 - y0) * i) / steps),
-  ]);
-}
-
 class MapEditor extends BattleView {
   constructor(canvas, page) {
     super(canvas, { width: 1, height: 1, obstacles: [], attack_point: [NaN, NaN], types: [], units: [] });
     this.page = page;
     this.wholeMap = true;
-    this.tool = "select";
-    this.paintsBlocked = true;
-    this.size = 1;
+    this.brush = new Brush();
     /** The square that the keyboard draws at; the pointer moves it too. */
     this.square = null;
     /** The first corner of a rectangle or line. */
@@ -168,7 +153,7 @@ class MapEditor extends BattleView {
     if (Number.isNaN(x)) return;
     const { context } = this,
       at = this.toCanvas(x, y),
-      isSelected = this.page.goalSelected || this.tool === "goal";
+      isSelected = this.page.goalSelected || this.brush.tool === "goal";
     // A flag above the units, which may stand on the point.
     context.beginPath();
     context.moveTo(at.x, at.y);
@@ -187,16 +172,16 @@ class MapEditor extends BattleView {
   }
 
   drawBrush() {
-    if (!this.square || !DRAWING.includes(this.tool)) return;
+    if (!this.square || !this.brush.isDrawing) return;
     const { context } = this;
     context.save();
     context.beginPath();
     const map = this.draft ?? this.page.doc.map();
-    for (const [x, y] of this.shape(this.corner ?? this.square, this.square)) {
+    for (const [x, y] of this.brush.shape(this.corner ?? this.square, this.square)) {
       if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
       context.rect(...this.terrain.rect(x, y, x + 1, y + 1));
     }
-    context.fillStyle = theme.faint(this.paints ? "text" : "focus", 0.28);
+    context.fillStyle = theme.faint(this.brush.paints ? "text" : "focus", 0.28);
     context.fill();
     context.lineWidth = 1.2;
     context.strokeStyle = theme.colours.focus;
@@ -204,65 +189,14 @@ class MapEditor extends BattleView {
     context.restore();
   }
 
-  /** Whether the tool makes squares blocked. */
-  get paints() {
-    return this.tool !== "erase" && this.paintsBlocked;
-  }
-
-  /** The squares that the tool covers between two squares. */
-  shape(from, to) {
-    if (this.tool === "rectangle") {
-      const [x0, x1] = [Math.min(from[0], to[0]), Math.max(from[0], to[0])];
-      const [y0, y1] = [Math.min(from[1], to[1]), Math.max(from[1], to[1])];
-      return Array.from({ length: (x1 - x0 + 1) * (y1 - y0 + 1) }, (_, i) => [
-        x0 + (i % (x1 - x0 + 1)),
-        y0 + Math.floor(i / (x1 - x0 + 1)),
-      ]);
-    }
-    if (this.tool === "fill") return [to];
-    const low = -Math.floor((this.size - 1) / 2);
-    return squaresBetween(from, to).flatMap(([x, y]) =>
-      Array.from({ length: this.size ** 2 }, (_, i) => [
-        x + low + (i % this.size),
-        y + low + Math.floor(i / this.size),
-      ]),
-    );
-  }
-
-  /** Draws on a copy of the map. */
-  drawn(map, from, to, isBlocked) {
-    const { width, height } = map,
-      blocked = map.blocked.slice();
-    if (this.tool === "fill") this.flood(blocked, width, height, to, isBlocked);
-    else
-      for (const [x, y] of this.shape(from, to))
-        if (x >= 0 && y >= 0 && x < width && y < height) blocked[y * width + x] = isBlocked ? 1 : 0;
-    return { ...map, blocked };
-  }
-
-  /** Fills the area of equal squares that are connected by their sides. */
-  flood(blocked, width, height, [x, y], isBlocked) {
-    if (x < 0 || y < 0 || x >= width || y >= height) return;
-    const from = blocked[y * width + x],
-      to = isBlocked ? 1 : 0,
-      open = [[x, y]];
-    if (from === to) return;
-    while (open.length) {
-      const [cx, cy] = open.pop();
-      if (cx < 0 || cy < 0 || cx >= width || cy >= height || blocked[cy * width + cx] !== from) continue;
-      blocked[cy * width + cx] = to;
-      open.push([cx + 1, cy], [cx - 1, cy], [cx, cy + 1], [cx, cy - 1]);
-    }
-  }
-
   choose(tool) {
-    this.tool = tool;
+    this.brush.tool = tool;
     this.corner = null;
     this.page.refresh();
   }
 
   resizeBrush(by) {
-    this.size = clamp(this.size + by, 1, LARGEST_BRUSH);
+    this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
     this.page.refresh();
   }
 
@@ -308,10 +242,11 @@ class MapEditor extends BattleView {
     const isPan = event.button === 1 || event.shiftKey;
     const { x, y } = at;
     if (isPan) this.drag = { kind: "pan", last: this.local(event) };
-    else if (DRAWING.includes(this.tool)) this.beginDrawing(at, event.button === 2);
+    else if (this.brush.isDrawing) this.beginDrawing(at, event.button === 2);
     else if (event.button !== 0) this.drag = null;
-    else if (this.tool === "goal") this.drag = { kind: "goal", dx: 0, dy: 0 };
-    else if (this.tool !== "select") this.page.addGroup(this.tool.toUpperCase(), ...this.snap(x, y, event));
+    else if (this.brush.tool === "goal") this.drag = { kind: "goal", dx: 0, dy: 0 };
+    else if (this.brush.tool !== "select")
+      this.page.addGroup(this.brush.tool.toUpperCase(), ...this.snap(x, y, event));
     else this.pick(event, at);
     this.moved(event);
   }
@@ -343,15 +278,20 @@ class MapEditor extends BattleView {
 
   beginDrawing({ square }, isRight) {
     const map = this.page.doc.map();
-    this.drag = { kind: "draw", from: square, map, blocked: isRight ? !this.paints : this.paints };
-    this.corner = ["rectangle", "line"].includes(this.tool) ? square : null;
+    this.drag = {
+      kind: "draw",
+      from: square,
+      map,
+      blocked: isRight ? !this.brush.paints : this.brush.paints,
+    };
+    this.corner = ["rectangle", "line"].includes(this.brush.tool) ? square : null;
     this.draft = map;
     if (!this.corner) this.extend(square);
   }
 
   extend(square) {
     const { from, blocked } = this.drag;
-    this.draft = this.drawn(this.draft, from, square, blocked);
+    this.draft = this.brush.drawn(this.draft, from, square, blocked);
     this.drag.from = square;
     this.page.showMap();
   }
@@ -370,7 +310,7 @@ class MapEditor extends BattleView {
     this.square = at.square;
     this.page.showPointer(at);
     if (!drag) {
-      this.hovered = this.tool === "select" ? this.unitAt(...this.local(event)) : -1;
+      this.hovered = this.brush.tool === "select" ? this.unitAt(...this.local(event)) : -1;
       this.canvas.classList.toggle("over", this.hovered >= 0);
       return this.page.redraw();
     }
@@ -388,13 +328,13 @@ class MapEditor extends BattleView {
       drag.last = here;
       this.page.redraw();
     } else if (drag.kind === "draw") {
-      if (!this.corner && this.tool !== "fill") this.extend(at.square);
+      if (!this.corner && this.brush.tool !== "fill") this.extend(at.square);
       this.page.redraw();
     } else {
       const [x, y] = this.snap(at.x + drag.dx, at.y + drag.dy, event);
       const merge = `drag ${this.serial}`;
       if (drag.kind === "group") this.page.doc.moveGroup(drag.index, x, y, merge);
-      else this.page.doc.setKey(["attack_point"], [x, y], merge, "groups");
+      else this.page.doc.setKey(["attack_point"], [x, y], merge);
     }
   }
 
@@ -403,7 +343,9 @@ class MapEditor extends BattleView {
     this.drag = null;
     if (drag?.kind === "draw") {
       if (event.type === "pointerup") {
-        const map = this.corner ? this.drawn(drag.map, this.corner, this.square, drag.blocked) : this.draft;
+        const map = this.corner
+          ? this.brush.drawn(drag.map, this.corner, this.square, drag.blocked)
+          : this.draft;
         this.draft = null;
         this.commit(map);
       }
@@ -428,9 +370,9 @@ class MapEditor extends BattleView {
     if (event.ctrlKey || event.metaKey) return;
     if (move) {
       event.preventDefault();
-      if (DRAWING.includes(this.tool)) this.moveSquare(move, event.shiftKey ? 5 : 1);
+      if (this.brush.isDrawing) this.moveSquare(move, event.shiftKey ? 5 : 1);
       else this.page.nudge(move[0], move[1], event.altKey ? 0.01 : event.shiftKey ? 5 : SNAP);
-    } else if ((event.key === " " || event.key === "Enter") && DRAWING.includes(this.tool)) {
+    } else if ((event.key === " " || event.key === "Enter") && this.brush.isDrawing) {
       event.preventDefault();
       this.stamp();
     }
@@ -447,9 +389,11 @@ class MapEditor extends BattleView {
   /** Draws at the square: of rectangles and lines first the one end, then the other. */
   stamp() {
     if (!this.square) return this.moveSquare([0, 0], 0);
-    if (["rectangle", "line"].includes(this.tool) && !this.corner) this.corner = this.square;
+    if (["rectangle", "line"].includes(this.brush.tool) && !this.corner) this.corner = this.square;
     else {
-      this.commit(this.drawn(this.page.doc.map(), this.corner ?? this.square, this.square, this.paints));
+      this.commit(
+        this.brush.drawn(this.page.doc.map(), this.corner ?? this.square, this.square, this.brush.paints),
+      );
       this.corner = null;
     }
     this.page.redraw();

@@ -12,7 +12,12 @@ const ATTRIBUTES = [
   "HEROIC",
 ];
 /** The parameters of each targeter, with what a new one begins with. */
-const TARGETERS = { STANDARD: {}, KAMIKAZE: { radius: 2.2 }, LASER_BEAM: { width: 2.8, height: 0.3 }, HEAL: {} };
+const TARGETERS = {
+  STANDARD: {},
+  KAMIKAZE: { radius: 2.2 },
+  LASER_BEAM: { width: 2.8, height: 0.3 },
+  HEAL: {},
+};
 
 /** Numbers of a unit file: key, label, step, default (undefined: required), explanation. */
 const BODY = [
@@ -71,11 +76,16 @@ class TypesPanel extends Panel {
   build() {
     const { doc } = this.page;
     const chip = (name, isOwn) =>
-      button(typeTitle(name, doc), isOwn ? `${name}.json` : "Standard type, read-only", () => this.show(name), {
-        className: isOwn ? "type own" : "type",
-        "aria-pressed": String(name === this.name),
-        "data-key": fieldKey(name, []),
-      });
+      button(
+        typeTitle(name, doc),
+        isOwn ? `${name}.json` : "Standard type, read-only",
+        () => this.show(name),
+        {
+          className: isOwn ? "type own" : "type",
+          "aria-pressed": String(name === this.name),
+          "data-key": fieldKey(name, []),
+        },
+      );
     const own = doc.units.map((unit) => chip(unit.name, true));
     const standard = doc.standard.units
       .filter(({ name }) => !doc.units.some((unit) => unit.name === name))
@@ -84,7 +94,10 @@ class TypesPanel extends Panel {
       this.page.addType(doc.freeName("unit"), doc.standard.units.find(({ name }) => name === "MARINE").text),
     );
     const copy = button([icon("copy"), "Copy as new"], "Add a unit type that begins as this one", () =>
-      this.page.addType(doc.freeName(`my_${this.name.toLowerCase()}`.replace(/^(my_)+/, "my_")), this.file.text),
+      this.page.addType(
+        doc.freeName(`my_${this.name.toLowerCase()}`.replace(/^(my_)+/, "my_")),
+        this.file.text,
+      ),
     );
     return [
       make("div", { className: "row" }, [create, copy]),
@@ -94,7 +107,9 @@ class TypesPanel extends Panel {
         : make("p", { className: "hint" }, "None yet: add one, or copy a standard type."),
       make("h3", {}, "Standard types"),
       make("div", { className: "types" }, standard),
-      ...(this.file.isObject ? this.form() : [make("p", { className: "hint" }, "The JSON text has an error.")]),
+      ...(this.file.isObject
+        ? this.form()
+        : [make("p", { className: "hint" }, "The JSON text has an error.")]),
     ];
   }
 
@@ -262,7 +277,9 @@ class TypesPanel extends Panel {
       { index, file } = this;
     const bonuses = file.value(["bonuses"]);
     const names = bonuses instanceof Map ? [...bonuses.keys()] : [];
-    const fields = names.map((name) => this.key("number", `Bonus: ${titleCase(name)}`, ["bonuses", name], { step: 1, min: 0 }));
+    const fields = names.map((name) =>
+      this.key("number", `Bonus: ${titleCase(name)}`, ["bonuses", name], { step: 1, min: 0 }),
+    );
     const more = make("select", { "aria-label": "Add a bonus", className: "more", disabled: index < 0 }, [
       make("option", { value: "" }, "Add a bonus against\u2026"),
       ...ATTRIBUTES.filter((name) => !names.includes(name)).map((name) =>
@@ -271,7 +288,9 @@ class TypesPanel extends Panel {
     ]);
     more.addEventListener("change", () =>
       doc.setUnit(index, (old) =>
-        old.node(["bonuses"]) ? old.set(["bonuses", more.value], 1) : old.set(["bonuses"], { [more.value]: 1 }),
+        old.node(["bonuses"])
+          ? old.set(["bonuses", more.value], 1)
+          : old.set(["bonuses"], { [more.value]: 1 }),
       ),
     );
     return make("div", { className: "columns", "data-key": fieldKey(this.name, ["bonuses"]), tabIndex: -1 }, [

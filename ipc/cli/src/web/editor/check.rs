@@ -110,7 +110,7 @@ mod tests {
     fn groups_of(files: &ScenarioFiles) -> Vec<Group> {
         let json: Value = serde_json::from_str(&files.text).unwrap();
         let group = |group: &Value| {
-            // One type per group, or two in alphabetical order: what `Value` keeps of the order is enough here.
+            // Types are in alphabetical order here, the only one that `Value` keeps.
             let units = group["units"].as_object().unwrap().iter();
             Group {
                 x: group["x"].as_f64().unwrap(),

@@ -1,6 +1,6 @@
-//! The scenario editor. The page edits the texts of a scenario file and its unit files; this side checks them,
-//! places the units, plays battles, and saves. It keeps no state of a page. The files of a scenario travel as
-//! [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
+//! The scenario editor. The page edits the texts of a scenario file and its unit files; this side checks
+//! them, places the units, plays battles, and saves. It keeps no state of a page. The files of a scenario
+//! travel as [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
 
 mod check;
 mod play;
@@ -71,4 +71,31 @@ fn arguments<T: DeserializeOwned>(request: &Request) -> Result<T, EditorError> {
     let arguments = Value::Object(request.arguments.clone());
     serde_json::from_value(arguments)
         .map_err(|error| EditorError::Arguments { action: request.action.clone(), error })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn requests_that_cannot_be_understood_are_refused() {
+        let editor = Editor::new(Start::New);
+        let files = json!({"source": "s.json", "text": "{", "unit_files": []});
+        let check = |request: Value, expected: &str| {
+            let request: Request = serde_json::from_value(request).unwrap();
+            let error = editor.respond(&request).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        check(json!({"id": 1, "do": "delete"}), "unknown request `delete`; the requests are standard, open,");
+        check(json!({"id": 2, "do": "check", "files": files}), "`check`: missing field `groups`");
+        check(
+            json!({"id": 3, "do": "check", "files": 3, "groups": []}),
+            "`check`: invalid type: integer `3`",
+        );
+        let play =
+            json!({"id": 4, "do": "play", "files": files, "policy": "nearest", "seed": 1, "rules": "paper"});
+        check(play, "`play`: invalid type: integer `1`, expected a string");
+        check(json!({"id": 5, "do": "save", "files": files, "replace": true}), "the command names no file");
+    }
 }

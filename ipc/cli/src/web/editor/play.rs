@@ -37,7 +37,7 @@ pub(super) enum PlayError {
 const MAX_STEPS: u32 = 2000;
 const MAX_UNIT_STEPS: u32 = 200_000;
 
-/// Plays one episode. `cut_at` is the number of steps after which the page ends it, if the scenario would not.
+/// Plays one episode. `cut_at` is the number of steps after which this limit ended it, not the scenario's.
 pub(super) fn play(play: Play) -> Result<Value, PlayError> {
     let rules: Rules = play.rules.parse()?;
     let seed = play.seed.parse().map_err(|_| PlayError::Seed(play.seed))?;
