@@ -66,8 +66,8 @@ figures *args:
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
 
-# Draw the pictures of the documentation, in docs/pictures
-pictures:
+# Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
+pictures: _venv
     cargo build --release --quiet -p smaclite-cli
     mkdir -p {{ pictures }}
     for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
@@ -75,6 +75,8 @@ pictures:
     done
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
+    {{ python }} -m pip install --quiet playwright
+    {{ python }} docs/editor_picture.py {{ program }} {{ pictures }}/editor.png
 
 # Write the JSON Schemas of the documentation, in docs/schemas
 schemas:
