@@ -76,7 +76,7 @@ pictures: _venv
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
     {{ python }} -m pip install --quiet playwright
-    {{ python }} docs/editor_picture.py {{ program }} {{ pictures }}/editor.png
+    {{ python }} docs/editor_picture.py {{ program }} {{ pictures }}/editor.webp
 
 # Write the JSON Schemas of the documentation, in docs/schemas
 schemas:

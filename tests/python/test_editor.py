@@ -338,3 +338,14 @@ def test_every_form_has_names_in_both_themes(browser: Any, file: Path, scheme: s
             assert editor.page.evaluate(nameless) == []
         width = editor.page.evaluate("document.getElementById('map').getBoundingClientRect().width")
         assert editor.page.evaluate("document.getElementById('map').width") == round(2 * width)
+
+
+def test_a_map_that_is_too_large_to_send_is_an_error_and_nothing_else(browser: Any, file: Path) -> None:
+    with Editor(browser, str(file)) as editor:
+        editor.tab("json")
+        text = str(editor.page.input_value("#text"))
+        fill = "(area, text) => { area.value = text; area.dispatchEvent(new Event('input')); }"
+        editor.page.eval_on_selector("#text", fill, text + " " * 5_000_000)
+        editor.wait(lambda: "larger than 4 MiB" in editor.page.inner_text("#message"))
+        editor.page.eval_on_selector("#text", fill, text)
+        editor.wait_for_state("Valid")

@@ -3,6 +3,9 @@
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;
 
+/** Bytes of the longest message that the program reads. */
+const LARGEST_MESSAGE = 2 ** 22;
+
 class Connection {
   /** `handlers` has a function per event, and `open` and `lost`. */
   constructor(handlers) {
@@ -39,8 +42,11 @@ class Connection {
     return new Promise((resolve, reject) => {
       if (this.socket.readyState !== WebSocket.OPEN) return reject(new Error("not connected"));
       const id = this.next++;
+      const message = JSON.stringify({ ...more, id, do: what });
+      const { length } = new TextEncoder().encode(message);
+      if (length > LARGEST_MESSAGE) return reject(new Error("the message is larger than 4 MiB"));
       this.waiting.set(id, { resolve, reject });
-      this.socket.send(JSON.stringify({ ...more, id, do: what }));
+      this.socket.send(message);
     });
   }
 }

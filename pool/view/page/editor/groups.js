@@ -125,7 +125,10 @@ class GroupsPanel extends Panel {
       path: [...path, key, "type"],
       options: names.some(([name]) => name === key) ? names : [[key, typeTitle(key, doc)], ...names],
       read: () => key,
-      write: (value) => doc.setType(index, key, value),
+      write: (value) => {
+        doc.setType(index, key, value);
+        this.page.refresh(); // shows the old type, if the group already has the new one
+      },
     });
     const count = this.field("number", {
       label: "Number",

@@ -1,5 +1,8 @@
 // TextPanel: the JSON texts of the files, which are edited here too.
 
+/** Milliseconds without typing that separate two changes. */
+const PAUSE = 1000;
+
 class TextPanel {
   constructor(page) {
     this.page = page;
@@ -9,7 +12,7 @@ class TextPanel {
     /** The name of the unit type whose file is shown; null for the scenario file. */
     this.name = null;
     this.choice.addEventListener("change", () => this.show(this.choice.value || null));
-    this.area.addEventListener("input", () => this.page.doc.setText(this.index, this.area.value, "text"));
+    this.area.addEventListener("input", () => this.write());
     this.area.addEventListener("blur", () => this.page.doc.settle());
     this.area.addEventListener("scroll", () => (this.lines.scrollTop = this.area.scrollTop));
     this.area.addEventListener("keydown", (event) => this.key(event));
@@ -75,6 +78,14 @@ class TextPanel {
     if (event.key !== "Tab" || event.shiftKey || this.leaves) return;
     event.preventDefault();
     this.area.setRangeText(INDENT, this.area.selectionStart, this.area.selectionEnd, "end");
+    this.write();
+  }
+
+  /** Makes the text the file's. What is typed without a pause is undone as one. */
+  write() {
+    const now = performance.now();
+    if (now - (this.written ?? 0) > PAUSE) this.page.doc.settle();
+    this.written = now;
     this.page.doc.setText(this.index, this.area.value, "text");
   }
 }
