@@ -63,7 +63,7 @@ impl ScenarioFiles {
     /// };
     /// let problems = files.scenario().unwrap_err();
     /// let faction = problems.list().iter().find(|problem| problem.path == "groups[0].faction").unwrap();
-    /// assert_eq!((faction.file.as_str(), faction.line, faction.column), ("duel.json", Some(2), Some(43)));
+    /// assert_eq!((faction.file.as_str(), faction.line, faction.column), ("duel.json", Some(2), Some(42)));
     /// assert!(problems.list().iter().any(|problem| problem.file == "scout.json"));
     /// ```
     ///

@@ -54,8 +54,8 @@ pub(crate) const NAME: Key<Text> = Key::required_as(
 pub(crate) const CUSTOM_UNIT_PATH: Key<Text> = Key::optional(
     "custom_unit_path",
     Text { max_bytes: 4096 },
-    "Folder of unit files, relative to this file or to the working directory. They are also found beside this \
-     file.",
+    "Folder of unit files, relative to this file or to the working directory. They are also found beside \
+     this file.",
 );
 pub(crate) const NUM_ALLIED_UNITS: Key<Whole> = Key::required_as(
     "num_allied_units",
@@ -103,8 +103,8 @@ pub(crate) const NUM_UNIT_TYPES: Key<Whole> = Key::required_as(
 pub(crate) const UNIT_TYPE_IDS: Key<Shape> = Key::optional(
     "unit_type_ids",
     Shape { schema: || json!({}), expected: "an object of unit types and their ids" },
-    "The index of each unit type in the one-hot encoding, from 0 to `num_unit_types` - 1. Without an effect if \
-     `num_unit_types` is 0 or 1.",
+    "The index of each unit type in the one-hot encoding, from 0 to `num_unit_types` - 1. Without an effect \
+     if `num_unit_types` is 0 or 1.",
 );
 pub(crate) const ALLY_HAS_SHIELDS: Key<Flag> =
     Key::required("ally_has_shields", Flag, "Whether observations and state have the shields of allies.");
@@ -151,8 +151,8 @@ impl Scenario {
         schema["$schema"] = SCHEMA_DIALECT.into();
         schema["title"] = "Scenario".into();
         schema["description"] =
-            "A scenario of smaclite-pool: units, start positions and a map. Positions are in squares of the map, \
-             x from the west, y from the south."
+            "A scenario of smaclite-pool: units, start positions and a map. Positions are in squares of the \
+             map, x from the west, y from the south."
                 .into();
         schema["oneOf"] = json!([{ "required": [TERRAIN_PRESET.name] }, { "required": [TERRAIN.name] }]);
         let preset_size = json!({ "const": DEFAULT_SIDE });

@@ -199,7 +199,8 @@ fn kwargs_rule(kind: TargeterKind) -> Schema {
         if kind == TargeterKind::Standard {
             condition = json!({ "properties": { "targeter": { "const": name } } });
         }
-        return json!({ "if": condition, "then": { "properties": { "targeter_kwargs": { "maxProperties": 0 } } } });
+        let no_kwargs = json!({ "properties": { "targeter_kwargs": { "maxProperties": 0 } } });
+        return json!({ "if": condition, "then": no_kwargs });
     }
     let kwargs = object_schema(kind.parameters());
     json!({

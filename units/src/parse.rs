@@ -25,7 +25,7 @@ impl UnitType {
     /// let messages: Vec<String> = problems.list().iter().map(|problem| problem.to_string()).collect();
     /// assert_eq!(messages, [
     ///     "scout.json:2:24: `size` is 0, but must be a number above 0 and at most 1024",
-    ///     "scout.json:2:73: `valid_targets[1]` is \"ARI\", but must be one of GROUND, AIR, COLOSSUS; \
+    ///     "scout.json:2:80: `valid_targets[1]` is \"ARI\", but must be one of GROUND, AIR, COLOSSUS; \
     ///      did you mean `AIR`?",
     /// ]);
     ///

@@ -196,9 +196,20 @@ fn all_problems_of_a_file_are_found() {
 fn problems_are_where_the_mistake_is() {
     // A missing key is at its object, an unknown or duplicate one at the key, a wrong value at the value.
     // Columns are characters; a byte order mark is none.
-    let text = "\u{feff}{\n  \"hp\": 45,\n  \"ö\": 1, \"armor\": -1,\n  \"damage\": 6, \"damage\": 7,\n  \
-                \"cooldown\": 3, \"speed\": 3, \"attack_range\": 3, \"size\": 3,\n  \"attributes\": [\n    \
-                \"LIGHT\",\n    \"HEAVY\"\n  ],\n  \"targeter\": \"KAMIKAZE\", \"targeter_kwargs\":\n    {}\n}\n";
+    let text = r#"{
+  "hp": 45,
+  "ö": 1, "armor": -1,
+  "damage": 6, "damage": 7,
+  "cooldown": 3, "speed": 3, "attack_range": 3, "size": 3,
+  "attributes": [
+    "LIGHT",
+    "HEAVY"
+  ],
+  "targeter": "KAMIKAZE", "targeter_kwargs":
+    {}
+}
+"#;
+    let text = &format!("\u{feff}{text}");
     let problems = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
     let found: Vec<_> = problems
         .list()
@@ -215,8 +226,8 @@ fn problems_are_where_the_mistake_is() {
     ];
     assert_eq!(found, expected);
     let first = problems.to_string().lines().next().map(str::to_owned);
-    let message = "scout.json:1:1: `valid_targets` is missing; it must be a list of keywords out of GROUND, AIR, \
-                   COLOSSUS";
+    let message = "scout.json:1:1: `valid_targets` is missing; it must be a list of keywords out of GROUND, \
+                   AIR, COLOSSUS";
     assert_eq!(first.as_deref(), Some(message));
 }
 

@@ -5,13 +5,25 @@ use super::check;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 use serde_json::json;
-use smaclite_scenarios::{Faction, MAX_UNITS, Problems, Scenario, Terrain};
+use smaclite_scenarios::{Faction, MAX_UNITS, Problems, Scenario};
 use smaclite_units::UnitType;
 use smaclite_units::file::shown_path;
 use std::error::Error;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+
+/// The maps, and on each the centres of agents and enemies: open ground, where a group of a dozen units fits.
+/// CHECKERBOARD is not among them, since no ground unit can leave its square there.
+const MAPS: [(&str, [u32; 2], [u32; 2]); 7] = [
+    ("ALL_GREEN", [9, 16], [23, 16]),
+    ("CORRIDOR", [19, 19], [27, 27]),
+    ("NARROW", [9, 16], [23, 16]),
+    ("OCTAGON", [16, 11], [16, 21]),
+    ("PENTAGON", [14, 10], [14, 19]),
+    ("RAVINE", [9, 16], [23, 16]),
+    ("SIMPLE", [9, 16], [23, 16]),
+];
 
 #[derive(Args)]
 pub(super) struct New {
@@ -33,7 +45,7 @@ struct NewScenario {
     file: PathBuf,
     /// The map
     #[arg(long, value_name = "PRESET", default_value = "SIMPLE",
-        value_parser = PossibleValuesParser::new(Terrain::preset_names()))]
+        value_parser = PossibleValuesParser::new(MAPS.map(|(name, ..)| name)))]
     map: String,
     /// The agents: numbers and types of units, as in `3xMARINE,1xMEDIVAC`; a type is a standard one or the
     /// name of a unit file beside FILE
@@ -86,7 +98,6 @@ impl New {
             Kind::Unit(new) => (&new.file, new.text()?.to_owned()),
         };
         write(file, &text)?;
-        // Not an error of this command: the file was just made from a valid scenario or unit type.
         let (_, content) = check::read(file);
         out!("wrote {}: {}", shown_path(file), content?)?;
         Ok(())
@@ -155,36 +166,41 @@ impl NewScenario {
         Ok(text)
     }
 
-    /// The text of the file. The groups stand where those of most standard scenarios do, 14 squares apart.
-    fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
+    /// The value of `num_unit_types`, and the line of `unit_type_ids` if there are several types.
+    fn unit_type_ids(&self) -> (usize, String) {
         let mut types: Vec<&str> = Vec::new();
         for UnitCount { unit_type, .. } in self.agents.iter().chain(&self.enemies) {
             if !types.contains(&unit_type.as_str()) {
                 types.push(unit_type);
             }
         }
-        let (n_types, ids) = match types.len() {
-            1 => (0, String::new()),
-            n => {
-                let ids: Vec<_> =
-                    types.iter().enumerate().map(|(id, name)| format!("{}: {id}", json!(name))).collect();
-                (n, format!("\n    \"unit_type_ids\": {{ {} }},", ids.join(", ")))
-            }
-        };
+        if types.len() == 1 {
+            return (0, String::new());
+        }
+        let ids = types.iter().enumerate().map(|(id, name)| format!("{}: {id}", json!(name)));
+        let ids = ids.collect::<Vec<_>>().join(", ");
+        (types.len(), format!("\n    \"unit_type_ids\": {{ {ids} }},"))
+    }
+
+    /// The text of the file.
+    fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
+        let (n_types, ids) = self.unit_type_ids();
         let (agents, enemies) = (units_object(&self.agents), units_object(&self.enemies));
         let total = |units: &[UnitCount]| units.iter().map(|unit| u64::from(unit.count)).sum::<u64>();
         let (n_agents, n_enemies) = (total(&self.agents), total(&self.enemies));
         let (name, map) = (json!(name), json!(self.map));
+        let centres = MAPS.iter().find(|(name, ..)| *name == self.map).unwrap_or(&MAPS[0]);
+        let (_, [ax, ay], [ex, ey]) = centres;
         format!(
             r#"{{
     "name": {name},
     "num_allied_units": {n_agents},
     "num_enemy_units": {n_enemies},
     "groups": [
-        {{ "x": 9, "y": 16, "faction": "ALLY", "units": {agents} }},
-        {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {enemies} }}
+        {{ "x": {ax}, "y": {ay}, "faction": "ALLY", "units": {agents} }},
+        {{ "x": {ex}, "y": {ey}, "faction": "ENEMY", "units": {enemies} }}
     ],
-    "attack_point": [9, 16],
+    "attack_point": [{ax}, {ay}],
     "terrain_preset": {map},
     "num_unit_types": {n_types},{ids}
     "ally_has_shields": {ally_has_shields},

@@ -229,7 +229,8 @@ fn wrong_values_are_named() {
     check("/episodes/0/actions/4", (-1).into(), "invalid value: integer `-1`");
     check("/episodes/0/checksum", "+123456789abcdef".into(), "must be 16 hexadecimal digits");
     check("/episodes/0/seed", json!({"more": 1}), "invalid type");
-    check("/scenario/text", "{}".into(), "scenario of the replay: scenarios/data/3m.json: `name` is missing");
+    let expected = "scenario of the replay: scenarios/data/3m.json:1:1: `name` is missing";
+    check("/scenario/text", "{}".into(), expected);
     let unknown = original["scenario"]["text"].as_str().unwrap().replace("MARINE", "GHOST");
     let expected = "GHOST` is neither a standard unit type nor a unit file (tried 0 unit files in memory)";
     check("/scenario/text", unknown.into(), expected);

@@ -84,7 +84,7 @@ impl<'a> Source<'a> {
 
     /// Adds a problem of the byte at index `at`.
     pub(super) fn problem(&self, at: usize, path: &str, message: String) -> Reported {
-        // A closure, since counting the lines of a large file takes time, and only the first problems are kept.
+        // A closure: to count the lines of a large file takes time, and only the first problems are kept.
         self.report.add(|| {
             let at = (0..=at).rev().find(|&at| self.text.is_char_boundary(at)).unwrap_or(0);
             let before = &self.text[..at];

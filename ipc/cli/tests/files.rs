@@ -1,0 +1,183 @@
+//! Scenario and unit files by the program: new, check, schema.
+
+use serde_json::{Value, json};
+use smaclite_scenarios::{Scenario, Terrain};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn run(folder: &Path, arguments: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
+    command.args(arguments.split(' ')).current_dir(folder).output().expect("the program starts")
+}
+
+/// Runs a command that succeeds; returns what it printed.
+fn output(folder: &Path, arguments: &str) -> String {
+    let done = run(folder, arguments);
+    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8(done.stdout).expect("text")
+}
+
+/// Runs a command that fails with this status; returns its message.
+fn error(folder: &Path, arguments: &str, status: i32) -> String {
+    let done = run(folder, arguments);
+    let message = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert_eq!(done.status.code(), Some(status), "{arguments}: {message}");
+    message
+}
+
+/// A folder with `sniper.json`, which has two problems, and `duel.json`, which has one more.
+fn invalid_files() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    output(folder.path(), "new unit sniper.json --like STALKER");
+    output(folder.path(), "new scenario duel.json --agents 2xsniper --enemies 3xZEALOT,1xMEDIVAC");
+    let change = |file: &str, from: &str, to: &str| {
+        let file = folder.path().join(file);
+        let text = fs::read_to_string(&file).expect("a file");
+        assert!(text.contains(from), "{text}");
+        fs::write(file, text.replacen(from, to, 1)).expect("a file");
+    };
+    change("sniper.json", "\"hp\": 80", "\"hp\": 0");
+    change("sniper.json", "\"speed\"", "\"sped\"");
+    change("duel.json", "\"MEDIVAC\": 1", "\"MEDIVAK\": 1");
+    folder
+}
+
+#[test]
+fn check_reports_every_problem_with_its_position() {
+    let folder = invalid_files();
+    output(folder.path(), "new scenario valid.json");
+    let message = error(folder.path(), "check duel.json valid.json sniper.json", 1);
+    let sniper = folder.path().join("sniper.json").canonicalize().expect("a path");
+    let sniper = sniper.display();
+    let of_the_unit = |file: &str| {
+        format!(
+            "{file}:1:1: `speed` is missing; it must be a number from 0 to 1000000\n\
+             {file}:2:11: `hp` is 0, but must be a number above 0 and at most 1000000\n\
+             {file}:8:5: unknown key `sped`; did you mean `speed`?\n"
+        )
+    };
+    let expected = format!(
+        "duel.json:6:58: `groups[0].units.sniper` refers to an invalid unit file, {sniper}\n\
+         duel.json:7:73: `groups[1].units.MEDIVAK` is neither a standard unit type nor a unit file (tried \
+         MEDIVAK.json); did you mean `MEDIVAC`?\n{}{}smaclite-pool: invalid files: 2 of 3\n",
+        of_the_unit(&sniper.to_string()),
+        of_the_unit("sniper.json")
+    );
+    assert_eq!(message, expected);
+    // Other commands say the same.
+    let shown = error(folder.path(), "show duel.json", 1);
+    assert!(shown.contains(&of_the_unit(&sniper.to_string())), "{shown}");
+}
+
+#[test]
+fn check_prints_json() {
+    let folder = invalid_files();
+    output(folder.path(), "new scenario valid.json");
+    fs::write(folder.path().join("broken.json"), "{\n,").expect("a file");
+    let done = run(folder.path(), "check --json valid.json sniper.json broken.json absent.json");
+    assert_eq!(done.status.code(), Some(1));
+    let printed = String::from_utf8(done.stdout).expect("text");
+    let lines: Vec<Value> = printed.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let problem = |file, position: Option<(u32, u32)>, path, message| {
+        let (line, column) = position.unzip();
+        json!({ "file": file, "line": line, "column": column, "path": path, "message": message })
+    };
+    let expected = [
+        json!({
+            "file": "valid.json", "valid": true, "kind": "scenario", "n_agents": 3, "n_enemies": 3,
+            "n_actions": 9, "obs_size": 30, "state_size": 48, "episode_limit": 120, "problems": [],
+            "n_problems": 0,
+        }),
+        json!({
+            "file": "sniper.json", "valid": false, "kind": "unit", "n_problems": 3, "problems": [
+                problem("sniper.json", Some((1, 1)), "speed",
+                    "`speed` is missing; it must be a number from 0 to 1000000"),
+                problem("sniper.json", Some((2, 11)), "hp",
+                    "`hp` is 0, but must be a number above 0 and at most 1000000"),
+                problem("sniper.json", Some((8, 5)), "sped", "unknown key `sped`; did you mean `speed`?"),
+            ],
+        }),
+        json!({
+            "file": "broken.json", "valid": false, "kind": null, "n_problems": 1,
+            "problems": [problem("broken.json", Some((2, 1)), "", "key must be a string")],
+        }),
+        json!({
+            "file": "absent.json", "valid": false, "kind": null, "n_problems": 1,
+            "problems": [problem("absent.json", None, "",
+                "cannot be read: No such file or directory (os error 2)")],
+        }),
+    ];
+    assert_eq!(lines, expected);
+}
+
+#[test]
+fn new_files_are_valid_on_every_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for map in Terrain::preset_names().filter(|map| *map != "CHECKERBOARD") {
+        let file = format!("{map}.json");
+        output(folder.path(), &format!("new scenario {file} --map {map} --agents 5xSTALKER,7xZEALOT"));
+        let scenario = Scenario::load(&folder.path().join(file)).expect("a scenario");
+        assert_eq!(scenario.terrain, Terrain::preset(map).expect("a preset"));
+        for unit in &scenario.units {
+            let [x, y] = unit.position.map(|coordinate| coordinate as i64);
+            assert!(scenario.terrain.is_walkable(x, y), "{map}: a unit starts on a blocked square");
+        }
+        let options = format!("{map}.json --policy nearest --out {map}.smreplay");
+        let recorded = output(folder.path(), &format!("record {options}"));
+        assert!(recorded.contains("won after "), "{map}: no way to the enemies: {recorded}");
+    }
+}
+
+#[test]
+fn a_new_scenario_has_the_units_that_were_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    output(folder.path(), "new unit sniper.json");
+    let options = "--agents 2xsniper,1xMEDIVAC,1xsniper --enemies 4xZEALOT";
+    let printed = output(folder.path(), &format!("new scenario a.json {options}"));
+    let expected = "wrote a.json: scenario: 4 agents against 4 enemies, ";
+    assert!(printed.starts_with(expected), "{printed}");
+    let scenario = Scenario::load(&folder.path().join("a.json")).expect("a scenario");
+    let names: Vec<_> =
+        scenario.units.iter().map(|unit| &*scenario.unit_types[unit.unit_type].name).collect();
+    assert_eq!(names[..4], ["sniper", "sniper", "sniper", "MEDIVAC"]);
+    assert_eq!((scenario.ally_has_shields, scenario.enemy_has_shields), (false, true));
+    assert_eq!((scenario.num_unit_types, scenario.type_ids), (3, vec![0, 1, 2]));
+    output(folder.path(), "record a.json --policy focus_fire --out a.smreplay");
+}
+
+#[test]
+fn what_cannot_be_written_is_an_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("mine.json"), "my work").expect("a file");
+    let check = |arguments: &str, status, expected: &str| {
+        let message = error(folder.path(), arguments, status).replace("\n  ", " ");
+        assert!(message.contains(expected), "{arguments}: expected `{expected}`, got `{message}`");
+    };
+    for kind in ["scenario", "unit"] {
+        check(&format!("new {kind} mine.json"), 1, "mine.json: exists; FILE must be a new file");
+        check(&format!("new {kind} mine"), 1, "FILE must end in .json, got `mine`");
+        check(&format!("new {kind} absent/a.json"), 1, "absent/a.json: No such file or directory");
+    }
+    assert_eq!(fs::read_to_string(folder.path().join("mine.json")).expect("a file"), "my work");
+    let name = "FILE must not have the name of a standard unit type, got `MARINE`";
+    check("new unit MARINE.json", 1, name);
+    check("new unit a.json --like MARIN", 2, "MARINE");
+    check("new scenario a.json --map SIMPEL", 2, "SIMPLE");
+    for units in ["MARINE", "0xMARINE", "1001xMARINE", "x", "3x"] {
+        check(&format!("new scenario a.json --agents {units}"), 2, "must be NUMBERxTYPE, as in 3xMARINE");
+    }
+    check("new scenario a.json --agents 3xMARIN", 1, "did you mean `MARINE`?");
+    check("new scenario a.json --agents 900xMARINE", 1, "outside the 32 x 32 map");
+    assert!(!folder.path().join("a.json").exists());
+}
+
+#[test]
+fn schemas_are_printed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (kind, title) in [("scenario", "Scenario"), ("unit", "Unit type")] {
+        let schema: Value =
+            serde_json::from_str(&output(folder.path(), &format!("schema {kind}"))).expect("JSON");
+        assert_eq!(schema["title"], title);
+    }
+}
