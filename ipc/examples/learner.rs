@@ -23,8 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("usage: learner POOL LANE STEPS_PER_SECOND".into());
     };
     let pause = Duration::from_secs_f64(1.0 / steps_per_s.parse::<f64>()?);
-    let mut client =
-        Client::connect(&RuntimeDir::for_current_user()?, pool, Some(lane), Default::default())?;
+    let mut client = Client::connect(&RuntimeDir::for_current_user()?, pool, Some(lane), Default::default())?;
     let n_actions = client.description().sizes.n_actions;
     let mut actions = choose(&client.reset(Some(1), None, WaitOptions::forever())?, n_actions);
     println!("playing");

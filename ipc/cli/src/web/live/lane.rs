@@ -4,7 +4,8 @@ use super::cells::Cells;
 use serde_json::{Value, json};
 use smaclite_engine::{Arena, FeatureBlock, obs_features};
 use smaclite_ipc::{
-    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator, lane_scenario,
+    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator,
+    lane_scenario,
 };
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::{Scenario, ScenarioError};
@@ -59,7 +60,9 @@ impl WatchedLane {
             return Err(ConnectError::from(ControlError::NoSuchLane { lane, lanes }).into());
         };
         let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
-            Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => Err(full.to_string()),
+            Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
+                Err(full.to_string())
+            }
             connected => Ok(connected?),
         };
         let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);

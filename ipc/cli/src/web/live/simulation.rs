@@ -80,8 +80,7 @@ impl Simulation {
         let (order, observer) = (ExecutionOrder::Drawn, &mut self.observer);
         let observe = |tick: smaclite_engine::Tick<'_>| see(observer.observe(tick.units));
         let played = self.battle.step_observed(&actions, order, &mut self.scratch, observe);
-        self.newest =
-            Some(played.map_err(|error| SimulationError::Action { step: self.step, error })?);
+        self.newest = Some(played.map_err(|error| SimulationError::Action { step: self.step, error })?);
         self.step += 1;
         Ok(())
     }
