@@ -94,6 +94,11 @@ class WatchPage(Page):
         assert others == [] and all(url.startswith(f"ws://{host}/ws?") for url in self.sockets)
         assert self.problems == []
 
+    @property
+    def last(self) -> int:
+        """The last known tick; 0 before the first is known."""
+        return int(self.page.get_attribute("#scrub", "max") or 0)
+
     def follow(self, env: int) -> None:
         self.page.click(f".cell >> nth={env}")
         self.wait(lambda: self.last > 0)
@@ -110,8 +115,10 @@ class WatchPage(Page):
 def colours(page: WatchPage, canvas: str) -> int:
     """Number of different colours on a canvas."""
     script = """canvas => {
-        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-        return new Set(new Uint32Array(data.buffer)).size;
+        const { width, height } = canvas;
+        const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+        copy.drawImage(canvas, 0, 0);
+        return new Set(new Uint32Array(copy.getImageData(0, 0, width, height).data.buffer)).size;
     }"""
     return int(page.page.eval_on_selector(canvas, script))
 
