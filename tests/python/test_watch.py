@@ -196,6 +196,12 @@ def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of
         page.wait(lambda: page.text("#episode-list [aria-current=true] span >> nth=0") != shown)
         page.press("PageUp")
         page.wait(lambda: page.page.locator("#episode-list li").count() > 2)
+        row = page.page.locator("#episode-list li >> nth=2")
+        row.hover()
+        chosen = row.inner_text().split()[0]
+        row.locator("button").click()
+        page.wait(lambda: page.text("#facts dd >> nth=0") == chosen)
+        page.page.mouse.move(300, 300)
         for _ in range(8):
             page.press("+")
         # At the end of an episode the newest one begins.

@@ -26,6 +26,7 @@ class FollowPlayer extends BattlePlayer {
     this.listed = [];
     this.received = 0;
     this.tracks = new Map();
+    this.rows = null;
     this.number = -1;
     this.isFetching = false;
     this.endedAt = 0;
@@ -212,10 +213,16 @@ class FollowPlayer extends BattlePlayer {
       });
       return make("li", {}, button);
     };
-    const list = byId("episode-list"),
-      focused = [...list.children].findIndex((item) => item.contains(document.activeElement));
-    list.replaceChildren(...this.listed.map(row));
-    if (focused >= 0) list.children[focused]?.firstChild.focus();
+    const list = byId("episode-list");
+    // Rows that moved away from the pointer could not be clicked.
+    if (list.matches(":hover, :focus-within") && this.rows) return this.markEpisode();
+    this.rows = new Map(this.listed.map((episode) => [episode.number, row(episode)]));
+    list.replaceChildren(...this.rows.values());
+  }
+
+  markEpisode() {
+    for (const [number, item] of this.rows)
+      item.firstChild.setAttribute("aria-current", String(number === this.number));
   }
 
   command(key, ticks) {

@@ -1,210 +1,16 @@
 //! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
 //! that a page sends harms the program or the pool.
 
+mod kit;
+
+use kit::{PATIENCE, Place, Program, Url};
 use serde_json::{Value, json};
-use smaclite_ipc::{Client, RuntimeDir, Spectator, WaitOptions, status};
-use std::io::{BufRead, BufReader, Read, Write};
+use smaclite_ipc::{Client, Spectator, WaitOptions, status};
+use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
-use tungstenite::client::IntoClientRequest;
-use tungstenite::{Message, WebSocket};
-
-/// Longer than anything takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(30);
-
-/// A runtime directory, and the programs that run in it.
-struct Place {
-    folder: TempDir,
-}
-
-/// A program that is killed when dropped.
-struct Program {
-    child: Child,
-    output: BufReader<std::process::ChildStdout>,
-}
-
-impl Place {
-    fn new() -> Place {
-        Place { folder: tempfile::Builder::new().prefix("sp").tempdir_in("/tmp").expect("a folder") }
-    }
-
-    fn root(&self) -> &Path {
-        self.folder.path()
-    }
-
-    fn runtime_dir(&self) -> RuntimeDir {
-        RuntimeDir::at(self.root().to_owned()).expect("a private folder")
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-        command.args(arguments.split(' ')).env("SMACLITE_POOL_ROOT", self.root());
-        command
-    }
-
-    fn output(&self, arguments: &str) -> Output {
-        self.command(arguments).output().expect("the program starts")
-    }
-
-    fn start(&self, arguments: &str) -> Program {
-        let mut child = self.command(arguments).stdout(Stdio::piped()).spawn().expect("the program starts");
-        let output = BufReader::new(child.stdout.take().expect("a pipe"));
-        Program { child, output }
-    }
-
-    fn serve(&self, arguments: &str) -> Program {
-        let mut pool = self.start(&format!("serve {arguments}"));
-        while !pool.line().starts_with("connect with") {}
-        pool
-    }
-
-    fn watch(&self, arguments: &str) -> (Program, Url) {
-        let mut program = self.start(format!("watch {arguments}").trim_end());
-        let url = Url::new(program.line().trim_end());
-        (program, url)
-    }
-}
-
-impl Program {
-    fn line(&mut self) -> String {
-        let mut line = String::new();
-        assert!(self.output.read_line(&mut line).expect("text") > 0, "the program ended");
-        line
-    }
-
-    /// Ends it as Ctrl-C does; returns its exit status.
-    fn interrupt(&mut self) -> Option<i32> {
-        let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("it runs");
-        self.child.wait().expect("it ends").code()
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// The printed URL in parts.
-struct Url {
-    /// Address and port.
-    host: String,
-    token: String,
-}
-
-impl Url {
-    fn new(text: &str) -> Url {
-        let rest = text.strip_prefix("http://").expect("a URL");
-        let (host, token) = rest.split_once("/?token=").expect("a token");
-        assert!(token.len() == 32 && token.bytes().all(|byte| byte.is_ascii_hexdigit()), "{token}");
-        Url { host: host.to_owned(), token: token.to_owned() }
-    }
-
-    /// The response to a request: its status, and all of it.
-    fn send(&self, request: &str) -> (u16, String) {
-        let mut stream = TcpStream::connect(&self.host).expect("it listens");
-        stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-        write!(stream, "{request}\r\nConnection: close\r\n\r\n").expect("it reads");
-        let mut response = String::new();
-        stream.read_to_string(&mut response).expect("it answers");
-        let status = response.split(' ').nth(1).and_then(|status| status.parse().ok());
-        (status.unwrap_or_else(|| panic!("{request}: {response}")), response)
-    }
-
-    fn get(&self, path: &str) -> (u16, String) {
-        self.send(&format!("GET {path} HTTP/1.1\r\nHost: {}", self.host))
-    }
-
-    /// Whether a connection is served and not closed at once.
-    fn answers(&self) -> bool {
-        let mut stream = TcpStream::connect(&self.host).expect("it listens");
-        let asked = write!(stream, "GET / HTTP/1.1\r\n\r\n");
-        asked.and_then(|()| stream.read(&mut [0])).is_ok_and(|read| read > 0)
-    }
-
-    fn page(&self) -> (u16, String) {
-        self.get(&format!("/?token={}", self.token))
-    }
-
-    fn open(&self) -> OpenPage {
-        let mut request =
-            format!("ws://{}/ws?token={}", self.host, self.token).into_client_request().unwrap();
-        let origin = format!("http://{}", self.host).parse().expect("a header");
-        request.headers_mut().insert("Origin", origin);
-        let stream = TcpStream::connect(&self.host).expect("it listens");
-        stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
-        let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
-        OpenPage { socket, next: 1, events: Vec::new() }
-    }
-}
-
-/// What the scripts of a page do.
-struct OpenPage {
-    socket: WebSocket<TcpStream>,
-    next: u64,
-    /// Events that came while an answer was awaited.
-    events: Vec<Value>,
-}
-
-impl OpenPage {
-    fn say(&mut self, text: &str) {
-        self.socket.send(Message::text(text)).expect("it reads");
-    }
-
-    fn hear(&mut self) -> Value {
-        loop {
-            if let Message::Text(text) = self.socket.read().expect("it talks") {
-                return serde_json::from_str(&text).expect("JSON");
-            }
-        }
-    }
-
-    fn ask(&mut self, what: &str, mut arguments: Value) -> Value {
-        (arguments["id"], arguments["do"]) = (self.next.into(), what.into());
-        self.say(&arguments.to_string());
-        loop {
-            let message = self.hear();
-            if message.get("event").is_none() {
-                assert_eq!(message["id"], self.next, "{message}");
-                self.next += 1;
-                return message;
-            }
-            self.events.push(message);
-        }
-    }
-
-    fn error(&mut self, what: &str, arguments: Value) -> String {
-        let answer = self.ask(what, arguments);
-        answer["error"].as_str().unwrap_or_else(|| panic!("{what}: {answer}")).to_owned()
-    }
-
-    /// The next event of a name that fulfils a condition.
-    fn event(&mut self, name: &str, fits: impl Fn(&Value) -> bool) -> Value {
-        let fits = |event: &Value| event["event"] == name && fits(event);
-        if let Some(at) = self.events.iter().position(fits) {
-            return self.events.drain(..=at).next_back().expect("an event");
-        }
-        self.events.clear();
-        let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
-            let message = self.hear();
-            if fits(&message) {
-                return message;
-            }
-        }
-        panic!("no event {name}")
-    }
-
-    fn show(&mut self, lane: &str, first: usize, count: usize) {
-        self.ask("lane", json!({"name": lane}));
-        self.ask("look", json!({"first": first, "count": count, "visible": true}));
-    }
-}
+use tungstenite::Message;
 
 #[test]
 fn what_cannot_be_watched_is_an_error() {
@@ -421,7 +227,7 @@ fn a_page_sees_what_the_learner_does() {
     let is_complete = |event: &Value| event["episodes"][0]["number"] == ends;
     let episodes = page.event("episodes", is_complete)["episodes"].as_array().expect("a list").clone();
     let mut step = 0;
-    for episode in episodes.iter().rev().filter(|_| ends < 12) {
+    for episode in episodes.iter().rev() {
         let (number, steps) = (&episode["number"], episode["steps"].as_u64().expect("a number"));
         let played = page.ask("steps", json!({"number": number, "step": 0}));
         assert_eq!(
