@@ -38,10 +38,10 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
-# Test the page of replays and the scenario editor in a browser (Debian: apt install chromium)
+# Test the pages of replays and running pools and the scenario editor in a browser (Debian: apt install chromium)
 test-page *args: _venv
     {{ python }} -m pip install --quiet pytest playwright
-    {{ python }} -m pytest tests/python/test_page.py tests/python/test_editor.py {{ args }}
+    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py {{ args }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:

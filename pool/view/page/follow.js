@@ -26,6 +26,7 @@ class FollowPlayer extends BattlePlayer {
     this.listed = [];
     this.received = 0;
     this.tracks = new Map();
+    this.rows = null;
     this.number = -1;
     this.isFetching = false;
     this.endedAt = 0;
@@ -168,8 +169,7 @@ class FollowPlayer extends BattlePlayer {
   describe() {
     const entry = this.tracks.get(this.number);
     if (!entry) return;
-    const atEnd = entry.isOver && this.clock.time >= this.clock.end;
-    const result = atEnd && entry.result ? entry.result : "running";
+    const result = (entry.isOver && entry.result) || "running";
     const isLive = this.isNewest && !entry.isOver && this.clock.time >= this.clock.end - LIVE_WITHIN * 16;
     const waits = isLive && this.age > LIVE_WITHIN;
     const age = waits
@@ -213,10 +213,16 @@ class FollowPlayer extends BattlePlayer {
       });
       return make("li", {}, button);
     };
-    const list = byId("episode-list"),
-      focused = [...list.children].findIndex((item) => item.contains(document.activeElement));
-    list.replaceChildren(...this.listed.map(row));
-    if (focused >= 0) list.children[focused]?.firstChild.focus();
+    const list = byId("episode-list");
+    // Rows that moved away from the pointer could not be clicked.
+    if (list.matches(":hover, :focus-within") && this.rows) return this.markEpisode();
+    this.rows = new Map(this.listed.map((episode) => [episode.number, row(episode)]));
+    list.replaceChildren(...this.rows.values());
+  }
+
+  markEpisode() {
+    for (const [number, item] of this.rows)
+      item.firstChild.setAttribute("aria-current", String(number === this.number));
   }
 
   command(key, ticks) {
@@ -276,13 +282,13 @@ class ObservationCard {
     const width = features.length;
     if (!width || rows === 0) return null;
     const cell = (index) =>
-      make("td", { title: `obs[${index}]`, className: obs[index] ? "" : "zero" }, number(obs[index]));
+      make("td", { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" }, short(obs[index]));
     const lines = Array.from({ length: rows ?? 1 }, (_, row) => {
       const values = features.map((_, at) => cell(start + row * width + at));
       return make("tr", {}, [make("th", {}, rows === null ? "" : String(row)), ...values]);
     });
     const head = make("tr", {}, [
-      make("th", {}, rows === null ? name : `${name}`),
+      make("th", {}, name),
       ...features.map((feature) => make("th", {}, feature)),
     ]);
     return make("div", { className: "obs" }, make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]));
@@ -290,4 +296,4 @@ class ObservationCard {
 }
 
 /** A number in few letters. */
-const number = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(3));
+const short = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(2));

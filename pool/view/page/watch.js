@@ -13,7 +13,7 @@ class WatchPage {
       (env) => this.follow(env),
       (first, count) => this.look(first, count),
     );
-    byId("name").textContent = data.pool;
+    this.pool = byId("name").textContent = data.pool;
     byId("edit").href = `edit/${location.search}`; // with the token
     this.listen();
     this.connection = new Connection({
@@ -86,7 +86,7 @@ class WatchPage {
       this.player.listen();
     }
     this.player.features = event.features;
-    byId("lane-facts").textContent = `${event.scenario.name}, ${event.rules} rules`;
+    byId("lane-facts").textContent = `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
     this.gridNotice = event.no_grid ?? (event.has_state ? "" : "The frames of this lane have no states: the \
 field `state` is left out. Click a battle to follow it.");
     byId("grid-notice").textContent = this.gridNotice;
@@ -137,7 +137,7 @@ field `state` is left out. Click a battle to follow it.");
     this.player?.stop();
     document.body.dataset.mode = "grid";
     document.body.classList.remove("playing");
-    byId("name").textContent = this.lane;
+    byId("name").textContent = this.pool;
     this.sendLook();
     this.remember();
     this.grid.redraw();

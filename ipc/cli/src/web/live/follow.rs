@@ -8,7 +8,7 @@ use smaclite_ipc::{Follower, RuntimeDir};
 use std::sync::Arc;
 
 /// Episodes in the list that a page gets.
-const LISTED: usize = 12;
+const LISTED: usize = 40;
 
 /// Steps in one answer: four seconds at the highest speed of the page.
 const STEPS_PER_ANSWER: usize = 128;
