@@ -38,10 +38,10 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
-# Test the page of replays in a browser (Debian: apt install chromium)
+# Test the pages of replays and running pools and the scenario editor in a browser (Debian: apt install chromium)
 test-page *args: _venv
     {{ python }} -m pip install --quiet pytest playwright
-    {{ python }} -m pytest tests/python/test_page.py {{ args }}
+    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py {{ args }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
@@ -66,8 +66,8 @@ figures *args:
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
 
-# Draw the pictures of the documentation, in docs/pictures
-pictures:
+# Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
+pictures: _venv
     cargo build --release --quiet -p smaclite-cli
     mkdir -p {{ pictures }}
     for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
@@ -76,6 +76,8 @@ pictures:
     {{ program }} show --all --png {{ pictures }}/maps.png
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
+    {{ python }} -m pip install --quiet playwright
+    {{ python }} docs/editor_picture.py {{ program }} {{ pictures }}/editor.webp
 
 # Write the JSON Schemas of the documentation, in docs/schemas
 schemas:

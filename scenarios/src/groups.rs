@@ -1,9 +1,10 @@
 //! The `groups` of a scenario file: the units and their start positions.
 
+use crate::formation::formation;
 use crate::keys::{self, GROUP_KEYS};
 use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Placement, Terrain, formation};
+use crate::{Faction, MAX_UNITS, Placement, Terrain};
 use smaclite_units::file::{Node, Reported};
 use smaclite_units::{Keyword, Plane, UnitType};
 use std::collections::HashSet;
@@ -98,12 +99,8 @@ impl<'a> Roster<'a> {
         let types = group.require(&keys::UNITS).and_then(|units| self.read_units(&units, files));
         let (centre, faction, types) = ([x?, y?], faction?, types?);
         let radii: Vec<f64> = types.iter().map(|&unit_type| self.unit_types[unit_type].radius()).collect();
-        let direction = match faction {
-            Faction::Ally => 1.0,
-            Faction::Enemy => -1.0,
-        };
         let mut placed = Ok(());
-        for (unit_type, position) in types.into_iter().zip(formation::positions(centre, direction, &radii)) {
+        for (unit_type, position) in types.into_iter().zip(formation(centre, faction, &radii)) {
             // One problem per group: its other units are probably in the same situation.
             if let (Ok(()), Some(map)) = (placed, map) {
                 placed = self.check_position(node, unit_type, position, map);

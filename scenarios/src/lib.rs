@@ -23,6 +23,7 @@ mod formation;
 mod groups;
 mod keys;
 mod obstacles;
+mod open;
 mod read;
 mod scenario;
 mod sight;
@@ -32,6 +33,7 @@ mod unit_files;
 
 pub use error::ScenarioError;
 pub use files::{ScenarioFiles, UnitFile};
+pub use formation::formation;
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 /// What is wrong with scenario and unit files.

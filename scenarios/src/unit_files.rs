@@ -64,7 +64,12 @@ impl<'a> UnitFiles<'a> {
 
     /// The unit files that were found in folders.
     pub(crate) fn into_found(self) -> Vec<UnitFile> {
-        self.found.into_inner().into_iter().map(|(_, file)| file).collect()
+        self.into_found_at().into_iter().map(|(_, file)| file).collect()
+    }
+
+    /// The unit files that were found in folders, and where.
+    pub(crate) fn into_found_at(self) -> Vec<(PathBuf, UnitFile)> {
+        self.found.into_inner()
     }
 
     /// The unit type that `name`, the key of entry `node`, refers to. Standard names have priority, except
@@ -139,11 +144,11 @@ impl<'a> UnitFiles<'a> {
         let mut found = self.found.borrow_mut();
         let file = found.iter_mut().find(|(known, _)| known == path).map(|(_, file)| file);
         let name = file.as_ref().map_or_else(String::new, |file| file.name.clone());
-        let unit_type = UnitType::read(&text, &name, &shown_path(path), self.report)?;
+        let unit_type = UnitType::read(&text, &name, &shown_path(path), self.report);
         if let Some(file) = file {
             file.text = text;
         }
-        Ok(unit_type)
+        unit_type
     }
 
     /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself

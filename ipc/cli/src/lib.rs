@@ -13,6 +13,7 @@ macro_rules! out {
 mod bench;
 mod check;
 mod clean;
+mod edit;
 mod list;
 mod new;
 mod picture;
@@ -24,6 +25,8 @@ mod schema;
 mod serve;
 mod show;
 mod table;
+mod watch;
+mod web;
 
 pub use pool_recorder::{PoolRecorder, PoolRecorderError};
 
@@ -69,6 +72,8 @@ enum Command {
     Check(check::Check),
     /// Print the JSON Schema of scenario or unit files, for editors
     Schema(schema::Schema),
+    /// Edit a scenario in the browser
+    Edit(edit::Edit),
     /// Draw a scenario as a map of characters or a picture
     Show(show::Show),
     /// Write a replay: of battles of a scripted policy, or of a running pool
@@ -79,6 +84,8 @@ enum Command {
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
     Status(list::Status),
+    /// Show the battles of a running pool in the browser
+    Watch(watch::Watch),
     /// Remove the files that killed pools and learners left behind
     Clean(clean::Clean),
     /// Measure steps per second
@@ -102,11 +109,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::New(new) => new.run(),
         Command::Check(check) => check.run(),
         Command::Schema(schema) => schema.run(),
+        Command::Edit(edit) => edit.run(),
         Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
+        Command::Watch(watch) => watch.run(),
         Command::Clean(clean) => clean.run(),
         Command::Bench(bench) => bench.run(),
     };

@@ -104,6 +104,14 @@ impl New {
     }
 }
 
+/// The scenario that `new scenario` writes without options.
+pub(crate) fn default_scenario(name: &str) -> String {
+    let marines = vec![UnitCount { count: 3, unit_type: "MARINE".into() }];
+    let new =
+        NewScenario { file: name.into(), map: "SIMPLE".into(), agents: marines.clone(), enemies: marines };
+    new.with_shields(name, [false; 2])
+}
+
 /// Writes a file that does not exist.
 fn write(file: &Path, text: &str) -> CommandResult {
     let refused = |error: std::io::Error| match error.kind() {

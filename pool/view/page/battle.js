@@ -13,7 +13,11 @@ class BattleView {
     this.info = info;
     this.track = new Track(info);
     this.wholeMap = false;
+    /** The rectangle of squares that fitting shows at least, if there is one. */
+    this.area = null;
     this.camera = null;
+    /** Whether the camera is the one of `fit`. */
+    this.isFitted = false;
     this.selected = -1;
     this.hovered = -1;
     this.terrain = new TerrainLayer(this);
@@ -52,6 +56,7 @@ class BattleView {
       this.wholeMap ? Infinity : LARGEST_FIT,
     );
     this.camera = { x: (box.x0 + box.x1) / 2, y: (box.y0 + box.y1) / 2, scale };
+    this.isFitted = true;
   }
 
   mapBox() {
@@ -60,7 +65,7 @@ class BattleView {
 
   battleBox() {
     const { track, info } = this,
-      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity, ...this.area };
     for (let at = 0; at < track.length * track.units; at++) {
       const radius = this.type(at % track.units).radius + FIT_MARGIN;
       box.x0 = Math.min(box.x0, track.x[at] - radius);
@@ -79,7 +84,9 @@ class BattleView {
   zoom(factor, x, y) {
     const fixed = this.toSquares(x, y),
       { camera } = this;
-    camera.scale = clamp(camera.scale * factor, 4, 200);
+    this.isFitted = false;
+    // The whole of a large map is smaller than the least scale.
+    camera.scale = clamp(camera.scale * factor, Math.min(4, camera.scale), 200);
     this.aim();
     const now = this.toSquares(x, y);
     camera.x += fixed.x - now.x;
@@ -87,6 +94,7 @@ class BattleView {
   }
 
   move(dx, dy) {
+    this.isFitted = false;
     this.camera.x -= dx / this.scale;
     this.camera.y += dy / this.scale;
   }

@@ -1,29 +1,17 @@
-// The page of a replay: reads the data in the document, and connects view, clock and controls.
+// The page of a replay: reads the data in the document, and lists its episodes.
 
-const RESULTS = { won: "Won", lost: "Lost", truncated: "Time limit", unfinished: "Unfinished" };
-
-const byId = (id) => document.getElementById(id);
-
-class ReplayPage {
+class ReplayPage extends BattlePlayer {
   constructor(data) {
+    super(data.scenario);
     this.data = data;
-    this.info = data.scenario;
     this.hash = new URLSearchParams(location.hash.slice(1));
     this.tracks = new Map();
-    this.view = new BattleView(byId("battle"), this.info);
-    this.clock = new Clock();
-    this.inspector = new Inspector(this.info, (unit) => this.select(unit));
-    this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
-    this.chart = new HealthChart(byId("chart"), this.view.track, (tick) => this.seek(tick));
     this.episode = -1;
-    this.drawn = "";
   }
 
   async start() {
     const { info } = this;
     byId("name").textContent = info.name;
-    for (const kind of ["shield", "energy"])
-      byId("legend").querySelector(`.${kind}`).hidden = !info.types.some((type) => type[kind] > 0);
     if (!this.data.episodes.length) throw new Error("it has no episodes");
     this.listEpisodes();
     this.listen();
@@ -51,13 +39,8 @@ class ReplayPage {
     this.episode = index;
     if (!this.tracks.has(index)) this.tracks.set(index, await this.decode(episode, index));
     if (this.episode !== index) return;
-    const track = this.tracks.get(index);
-    this.view.track = this.chart.track = track;
-    this.view.camera = null;
-    this.clock.end = track.last;
-    this.clock.seek(0);
+    this.show(this.tracks.get(index));
     this.describe(episode);
-    this.redraw();
   }
 
   async decode(episode, index) {
@@ -113,209 +96,8 @@ class ReplayPage {
       );
   }
 
-  seek(tick) {
-    this.clock.seek(tick);
-    this.redraw();
-  }
-
-  toggle() {
-    this.clock.toggle();
-    this.redraw();
-  }
-
-  select(unit) {
-    this.view.selected = unit === this.view.selected ? -1 : unit;
-    this.redraw();
-  }
-
-  /** Selects the next living unit in a direction. */
-  selectNext(direction) {
-    const { view, clock } = this,
-      n = this.info.units.length;
-    let unit = view.selected < 0 && direction < 0 ? 0 : view.selected;
-    for (let tries = 0; tries < n; tries++) {
-      unit = (unit + direction + n) % n;
-      if (view.track.unitAt(unit, clock.time).alive) {
-        view.selected = unit;
-        return this.redraw();
-      }
-    }
-  }
-
-  fit() {
-    this.view.wholeMap = !this.view.wholeMap;
-    byId("fit").setAttribute("aria-pressed", String(this.view.wholeMap));
-    this.view.camera = null;
-    this.redraw();
-  }
-
-  redraw() {
-    this.drawn = "";
-  }
-
-  frame(now) {
-    const { clock, view } = this;
-    clock.advance(now);
-    const { track } = view,
-      time = clock.time;
-    const box = view.canvas.getBoundingClientRect();
-    const key = [time, box.width, box.height, devicePixelRatio].join();
-    if (key === this.drawn || !track.length) return;
-    if (view.width !== undefined && (box.width !== view.width || box.height !== view.height))
-      view.camera = null;
-    this.drawn = key;
-    view.draw(time);
-    this.chart.draw(time);
-    this.timeline.draw(track, time);
-    const tick = Math.floor(time);
-    this.inspector.update(track, tick, view.selected);
-    this.showControls(track, tick);
-  }
-
-  showControls(track, tick) {
-    const { clock } = this;
-    document.body.classList.toggle("playing", clock.playing);
-    byId("play").setAttribute("aria-label", clock.playing ? "Pause" : "Play");
-    byId("start").hidden = clock.playing || clock.time > 0;
-    byId("speed").textContent = `${clock.speed}\u00d7`;
-    const steps = Math.floor(track.last / TICKS_PER_STEP);
-    const text = [
-      ["step ", `${Math.floor(tick / TICKS_PER_STEP)}`, ` / ${steps}`],
-      ["tick ", `${tick}`, ""],
-      ["", (tick / TICKS_PER_SECOND).toFixed(1), " s"],
-    ];
-    byId("time").replaceChildren(
-      ...text.flatMap(([before, value, after], i) => [
-        i ? " \u00b7 " : "",
-        before,
-        make("b", {}, value),
-        after,
-      ]),
-    );
-  }
-
-  listen() {
-    byId("play").addEventListener("click", () => this.toggle());
-    byId("start").addEventListener("click", () => this.toggle());
-    byId("fit").addEventListener("click", () => this.fit());
-    byId("theme").addEventListener("click", () => theme.toggle());
-    byId("help").addEventListener("click", () => byId("keys").showModal());
-    theme.listeners.push(() => this.redraw());
-    const moves = {
-      home: () => this.seek(0),
-      end: () => this.seek(this.clock.end),
-      back: () => this.step(-TICKS_PER_STEP),
-      forward: () => this.step(TICKS_PER_STEP),
-    };
-    document
-      .querySelectorAll("[data-go]")
-      .forEach((button) => button.addEventListener("click", moves[button.dataset.go]));
-    document
-      .querySelectorAll("[data-speed]")
-      .forEach((button) =>
-        button.addEventListener("click", () => this.changeSpeed(Number(button.dataset.speed))),
-      );
-    addEventListener("keydown", (event) => this.key(event), { capture: true });
-    // After a click the space bar plays again; with the keyboard (detail 0) a button keeps the focus.
-    addEventListener("click", (event) => event.detail > 0 && event.target.closest?.("button")?.blur());
-    this.listenToPointer(byId("battle"));
-  }
-
-  step(ticks) {
-    this.clock.stepTicks(ticks);
-    this.redraw();
-  }
-
-  changeSpeed(direction) {
-    this.clock.changeSpeed(direction);
-    this.redraw();
-  }
-
-  key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
-    const on = event.target instanceof HTMLElement ? event.target.closest("button") : null;
-    // A focused button takes the space bar itself.
-    if (event.key === " " && on) return;
-    const ticks = event.shiftKey ? TICKS_PER_STEP : 1;
-    const commands = {
-      " ": () => this.toggle(),
-      ArrowLeft: () => this.step(-ticks),
-      ArrowRight: () => this.step(ticks),
-      "+": () => this.changeSpeed(1),
-      "=": () => this.changeSpeed(1),
-      "-": () => this.changeSpeed(-1),
-      Home: () => this.seek(0),
-      End: () => this.seek(this.clock.end),
-      Escape: () => this.select(-1),
-      "[": () => this.selectNext(-1),
-      "]": () => this.selectNext(1),
-      m: () => this.fit(),
-      t: () => theme.toggle(),
-      "?": () => byId("keys").showModal(),
-    };
-    const command =
-      commands[event.key] ?? (/^[1-9]$/.test(event.key) ? () => this.open(Number(event.key) - 1) : null);
-    if (!command) return;
-    event.preventDefault();
-    command();
-  }
-
-  listenToPointer(canvas) {
-    const { view } = this;
-    const local = (event) => {
-      const { left, top } = canvas.getBoundingClientRect();
-      return [event.clientX - left, event.clientY - top];
-    };
-    let from = null,
-      moved = false;
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      [from, moved] = [local(event), false];
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      const at = local(event);
-      if (!from) {
-        const unit = view.unitAt(...at);
-        if (unit !== view.hovered) this.redraw();
-        view.hovered = unit;
-        canvas.classList.toggle("over", unit >= 0);
-        return;
-      }
-      const [dx, dy] = [at[0] - from[0], at[1] - from[1]];
-      if (!moved && Math.hypot(dx, dy) < 4) return;
-      moved = true;
-      canvas.classList.add("moving");
-      view.move(dx, dy);
-      from = at;
-      this.redraw();
-    });
-    const release = (event) => {
-      if (event.type === "pointerup" && from && !moved) {
-        const unit = view.unitAt(...local(event));
-        if (unit >= 0 || view.selected >= 0) this.select(unit);
-      }
-      from = null;
-      canvas.classList.remove("moving");
-    };
-    canvas.addEventListener("pointerup", release);
-    canvas.addEventListener("pointercancel", release);
-    canvas.addEventListener("pointerleave", () => {
-      view.hovered = -1;
-      this.redraw();
-    });
-    canvas.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        view.zoom(Math.exp(-event.deltaY * 0.0015), ...local(event));
-        this.redraw();
-      },
-      { passive: false },
-    );
-    canvas.addEventListener("dblclick", () => {
-      view.camera = null;
-      this.redraw();
-    });
+  command(key, ticks) {
+    return /^[1-9]$/.test(key) ? () => this.open(Number(key) - 1) : super.command(key, ticks);
   }
 }
 

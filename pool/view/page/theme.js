@@ -14,6 +14,12 @@ const theme = {
       this.listeners.forEach((listener) => listener());
     };
     dark.addEventListener("change", apply);
+    // Another page of this origin, or one in a frame of this page, changed the choice.
+    addEventListener("storage", (event) => {
+      if (event.key !== "theme") return;
+      chosen = event.newValue;
+      apply();
+    });
     this.toggle = () => {
       chosen = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
       try {

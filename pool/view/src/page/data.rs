@@ -11,14 +11,11 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, Battle};
+use smaclite_engine::{Arena, Battle, SIGHT_RANGE};
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::{Keyword, Targeter, UnitType};
 
 use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment, type_letters};
-
-/// How far agents see, in squares: the distance that observations are divided by.
-const SIGHT_RANGE: f64 = 9.0;
 
 /// Units of the columns of a moment, per square, second, or point.
 const POSITION: f32 = 256.0;
@@ -31,8 +28,6 @@ const DIRECTIONS: i64 = 256;
 pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
     let terrain = &scenario.terrain;
     let rects = terrain.obstacles().iter().map(|rect| [rect.x0, rect.y0, rect.x1, rect.y1]);
-    let types = scenario.unit_types.iter().zip(type_letters(&scenario.unit_types));
-    let types = types.map(|(unit_type, letter)| type_info(unit_type, letter));
     let units = scenario.units.iter().map(|unit| {
         let faction = usize::from(unit.faction == Faction::Enemy);
         json!({"type": unit.unit_type, "faction": faction, "id": unit.id_in_faction})
@@ -43,7 +38,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
         "height": terrain.height(),
         "obstacles": rects.collect::<Vec<_>>(),
         "attack_point": scenario.attack_point,
-        "types": types.collect::<Vec<_>>(),
+        "types": types_info(&scenario.unit_types),
         "units": units.collect::<Vec<_>>(),
         "n_agents": arena.sizes().n_agents,
         "n_actions": arena.sizes().n_actions,
@@ -51,6 +46,12 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
         "sight_range": SIGHT_RANGE,
         "units_per": {"position": POSITION, "points": POINTS, "seconds": SECONDS, "turn": DIRECTIONS},
     })
+}
+
+/// What the page shows of unit types, with the letter of each.
+pub fn types_info(types: &[UnitType]) -> Vec<Value> {
+    let types = types.iter().zip(type_letters(types));
+    types.map(|(unit_type, letter)| type_info(unit_type, letter)).collect()
 }
 
 fn type_info(unit_type: &UnitType, letter: char) -> Value {
@@ -67,6 +68,7 @@ fn type_info(unit_type: &UnitType, letter: char) -> Value {
         "hp": unit_type.hp,
         "shield": unit_type.shield,
         "energy": unit_type.energy,
+        "initial_energy": unit_type.initial_energy,
         "cooldown": unit_type.cooldown,
         "attack_range": unit_type.attack_range,
         "speed": unit_type.speed,

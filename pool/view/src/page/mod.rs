@@ -1,15 +1,26 @@
-//! The page that shows battles in a browser: one HTML document with styles, scripts and data inside.
+//! The pages that show battles in a browser: each one HTML document with styles, scripts and data inside.
 //!
-//! Its parts are in `pool/view/page`, written by hand, and used as they are. It loads nothing from a network,
-//! and its content security policy forbids it.
+//! Their parts are in `pool/view/page`, written by hand, and used as they are. They load nothing from a
+//! network, and their content security policy forbids it. The page of a replay needs nothing else; the live
+//! page talks over a WebSocket with the program that serves it.
 
 mod data;
 
 use serde_json::{Value, json};
 
-pub use data::{encode_moments, encode_step, scenario_info};
+pub use data::{encode_moments, encode_step, scenario_info, types_info};
 
 use crate::{Replay, ReplayError};
+
+/// What the page of a replay may load: nothing.
+macro_rules! policy {
+    () => {
+        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+    };
+}
+
+/// The content security policy of pages that talk with the server that they came from.
+pub const CONNECTED_POLICY: &str = concat!(policy!(), "; connect-src 'self'");
 
 const TEMPLATE: &str = include_str!("../../page/page.html");
 const STYLE: &str = include_str!("../../page/style.css");
@@ -23,12 +34,19 @@ const BATTLE_SCRIPTS: [&str; 5] = [
     include_str!("../../page/battle.js"),
 ];
 
-/// The scripts that play a replay; the last one starts it.
-const REPLAY_SCRIPTS: [&str; 4] = [
+/// The scripts that play a battle, by mouse and keyboard, in the elements of [`PLAYER_PARTS`].
+const PLAYER_SCRIPTS: [&str; 4] = [
     include_str!("../../page/chart.js"),
     include_str!("../../page/inspector.js"),
     include_str!("../../page/transport.js"),
-    include_str!("../../page/replay.js"),
+    include_str!("../../page/player.js"),
+];
+
+/// The elements that the scripts of a player use; a body names them as `{{name}}`.
+const PLAYER_PARTS: [(&str, &str); 3] = [
+    ("stage", include_str!("../../page/stage.html")),
+    ("details", include_str!("../../page/details.html")),
+    ("transport", include_str!("../../page/transport.html")),
 ];
 
 /// A page that plays a replay, and needs no other file. It is checked while it is made: all of its episodes
@@ -47,31 +65,112 @@ pub fn export_html(replay: &Replay) -> Result<String, ReplayError> {
         "scenario": scenario_info(scenario, replay.arena()),
         "episodes": episodes,
     });
-    let scripts: Vec<&str> = BATTLE_SCRIPTS.into_iter().chain(REPLAY_SCRIPTS).collect();
-    Ok(document(&format!("{} replay", scenario.name), &scripts, &data))
+    let document = Document {
+        title: &format!("{} replay", scenario.name),
+        policy: policy!(),
+        body: include_str!("../../page/replay.html"),
+        scripts: &[include_str!("../../page/replay.js")],
+        data: &data,
+    };
+    Ok(document.html())
 }
 
-/// Puts the parts of a page together.
-fn document(title: &str, scripts: &[&str], data: &Value) -> String {
-    // Inside a script element only `<` can end the text early, and JSON may write it by its code.
-    let data = data.to_string().replace('<', "\\u003c");
-    let mut page = String::with_capacity(TEMPLATE.len() + STYLE.len() + data.len() + 65536);
-    let mut rest = TEMPLATE;
+/// The page that watches a running pool. `data` is what its scripts find in the document.
+pub fn watch_html(title: &str, data: &Value) -> String {
+    let document = Document {
+        title,
+        policy: CONNECTED_POLICY,
+        body: include_str!("../../page/watch.html"),
+        scripts: &[
+            include_str!("../../page/connection.js"),
+            include_str!("../../page/grid.js"),
+            include_str!("../../page/plots.js"),
+            include_str!("../../page/follow.js"),
+            include_str!("../../page/watch.js"),
+        ],
+        data,
+    };
+    document.html()
+}
+
+/// The scenario editor. Its battles are played by pages of replays, each in a frame.
+pub fn edit_html() -> String {
+    let document = Document {
+        title: "Scenario editor",
+        policy: CONNECTED_POLICY,
+        body: concat!(
+            "<style>\n",
+            include_str!("../../page/editor/editor.css"),
+            "</style>\n",
+            include_str!("../../page/editor/editor.html"),
+        ),
+        scripts: &[
+            include_str!("../../page/connection.js"),
+            include_str!("../../page/editor/json.js"),
+            include_str!("../../page/editor/document.js"),
+            include_str!("../../page/editor/brush.js"),
+            include_str!("../../page/editor/map.js"),
+            include_str!("../../page/editor/fields.js"),
+            include_str!("../../page/editor/groups.js"),
+            include_str!("../../page/editor/types.js"),
+            include_str!("../../page/editor/text.js"),
+            include_str!("../../page/editor/problems.js"),
+            include_str!("../../page/editor/files.js"),
+            include_str!("../../page/editor/arena.js"),
+            include_str!("../../page/editor/editor.js"),
+        ],
+        data: &Value::Null,
+    };
+    document.html()
+}
+
+/// The parts of a page with a battle player.
+struct Document<'a> {
+    title: &'a str,
+    policy: &'a str,
+    /// What is in the body; it may name [`PLAYER_PARTS`].
+    body: &'a str,
+    /// Scripts after those of the player; the last one starts the page.
+    scripts: &'a [&'a str],
+    data: &'a Value,
+}
+
+impl Document<'_> {
+    fn html(&self) -> String {
+        let scripts = BATTLE_SCRIPTS.iter().chain(&PLAYER_SCRIPTS).chain(self.scripts);
+        let scripts = scripts.copied().collect::<Vec<_>>().join("\n");
+        // Inside a script element only `<` can end the text early, and JSON may write it by its code.
+        let data = self.data.to_string().replace('<', "\\u003c");
+        let title = escaped(self.title);
+        let mut page = String::with_capacity(TEMPLATE.len() + STYLE.len() + scripts.len() + data.len());
+        let own = [
+            ("policy", self.policy),
+            ("title", &title),
+            ("style", STYLE),
+            ("body", self.body),
+            ("scripts", &scripts),
+            ("data", &data),
+        ];
+        fill(TEMPLATE, &own, &mut page);
+        page
+    }
+}
+
+/// Appends a template. The value of `{{body}}` is a template too, of [`PLAYER_PARTS`]; other values are not.
+fn fill(template: &str, values: &[(&str, &str)], page: &mut String) {
+    let mut rest = template;
     while let Some((before, (name, after))) =
         rest.split_once("{{").and_then(|(before, tail)| Some((before, tail.split_once("}}")?)))
     {
         page.push_str(before);
-        match name {
-            "title" => page.push_str(&escaped(title)),
-            "style" => page.push_str(STYLE),
-            "scripts" => page.push_str(&scripts.join("\n")),
-            "data" => page.push_str(&data),
-            _ => {}
+        match values.iter().find(|(other, _)| *other == name) {
+            Some(("body", body)) => fill(body, &PLAYER_PARTS, page),
+            Some((_, value)) => page.push_str(value),
+            None => debug_assert!(false, "no part of a page is named {name}"),
         }
         rest = after;
     }
     page.push_str(rest);
-    page
 }
 
 /// A text as HTML.

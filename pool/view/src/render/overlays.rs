@@ -1,6 +1,7 @@
 //! What a viewer asks for: sight, attack range, targets and ids.
 
 use glam::Vec2;
+use smaclite_engine::SIGHT_RANGE;
 use smaclite_scenarios::Faction;
 use tiny_skia::FillRule;
 
@@ -8,9 +9,6 @@ use super::canvas::Canvas;
 use super::font::Place;
 use super::{Look, Renderer};
 use crate::{Moment, UnitMoment};
-
-/// How far agents see, in squares, as the engine's observations have it.
-const SIGHT_RANGE: f32 = 9.0;
 
 /// The living units and how they look.
 fn living<'a>(
@@ -23,7 +21,7 @@ fn living<'a>(
 /// The area that agents see together.
 pub(super) fn draw_sight(renderer: &Renderer, canvas: &mut Canvas, moment: &Moment) {
     let agents = living(renderer, moment).filter(|(look, _)| look.faction == Faction::Ally);
-    let radius = SIGHT_RANGE * renderer.camera.scale;
+    let radius = SIGHT_RANGE as f32 * renderer.camera.scale;
     let circles: Vec<Circle> = agents.map(|(_, unit)| Circle::new(renderer, unit, radius)).collect();
     draw_union(renderer, canvas, Faction::Ally, &circles, [0.05, 0.35]);
 }

@@ -1,0 +1,179 @@
+//! `check`: the problems of the files, as `smaclite-pool check` prints them, and where the units start.
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+use smaclite_engine::SIGHT_RANGE;
+use smaclite_engine::{Arena, Rules};
+use smaclite_scenarios::{Faction, MAX_UNITS, Problem, ScenarioFiles, formation};
+use smaclite_units::{Keyword, UnitType};
+use smaclite_view::page::types_info;
+
+#[derive(Deserialize)]
+pub(super) struct Check {
+    files: ScenarioFiles,
+    groups: Vec<Group>,
+}
+
+/// A group as the page reads it; the scenario around it may be invalid.
+#[derive(Deserialize)]
+struct Group {
+    x: f64,
+    y: f64,
+    faction: String,
+    units: Vec<(String, u32)>,
+}
+
+pub(super) fn check(Check { files, groups }: Check) -> Value {
+    let problems = problems(&files);
+    let mut types = Types { files: &files, keys: Vec::new(), types: Vec::new() };
+    let mut free = MAX_UNITS as usize;
+    let groups: Vec<Value> = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
+    let summary = problems.is_empty().then(|| summary(&files));
+    json!({
+        "problems": problems,
+        "summary": summary,
+        "types": types_info(&types.types),
+        "groups": groups,
+        "sight": SIGHT_RANGE,
+    })
+}
+
+/// All that is wrong with the scenario, and with unit files that it does not name yet.
+fn problems(files: &ScenarioFiles) -> Vec<Problem> {
+    let mut found = files.scenario().map_or_else(|problems| problems.list().to_vec(), |_| Vec::new());
+    for unit in &files.unit_files {
+        let file = format!("{}.json", unit.name);
+        if !found.iter().any(|problem| problem.file == file)
+            && let Err(problems) = UnitType::from_json(&unit.text, &unit.name, &file)
+        {
+            found.extend_from_slice(problems.list());
+        }
+    }
+    found
+}
+
+/// What `smaclite-pool check` prints of a valid scenario.
+fn summary(files: &ScenarioFiles) -> Option<Value> {
+    let sizes = Arena::new(&files.scenario().ok()?, Rules::default()).sizes();
+    Some(json!({
+        "n_agents": sizes.n_agents,
+        "n_enemies": sizes.n_enemies,
+        "n_actions": sizes.n_actions,
+        "obs_size": sizes.obs_size,
+        "state_size": sizes.state_size,
+    }))
+}
+
+/// The unit types that the groups name.
+struct Types<'a> {
+    files: &'a ScenarioFiles,
+    keys: Vec<String>,
+    types: Vec<UnitType>,
+}
+
+impl Types<'_> {
+    /// The index of the type that a key names.
+    fn index(&mut self, key: &str) -> Option<usize> {
+        let known = self.keys.iter().position(|known| known == key);
+        known.or_else(|| {
+            self.types.push(self.files.unit_type(key)?);
+            self.keys.push(key.to_owned());
+            Some(self.types.len() - 1)
+        })
+    }
+}
+
+/// The units of a group, `[type, x, y]` each, as a battle begins with them; null if a type is unknown or if
+/// there are more than `free` units.
+fn place(group: &Group, types: &mut Types, free: &mut usize) -> Value {
+    let mut units = || {
+        let faction = Faction::from_name(&group.faction)?;
+        let mut of_group = Vec::new();
+        for (key, n) in &group.units {
+            let index = types.index(key)?;
+            let n = *n as usize;
+            *free = free.checked_sub(n)?;
+            of_group.extend(std::iter::repeat_n(index, n));
+        }
+        let radii: Vec<f64> = of_group.iter().map(|&index| types.types[index].radius()).collect();
+        let positions = formation([group.x, group.y], faction, &radii);
+        let units = of_group.iter().zip(positions).map(|(index, [x, y])| json!([index, x, y]));
+        Some(units.collect::<Vec<Value>>())
+    };
+    json!(units())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_scenarios::{Scenario, UnitFile};
+
+    fn groups_of(files: &ScenarioFiles) -> Vec<Group> {
+        let json: Value = serde_json::from_str(&files.text).unwrap();
+        let group = |group: &Value| {
+            // Types are in alphabetical order here, the only one that `Value` keeps.
+            let units = group["units"].as_object().unwrap().iter();
+            Group {
+                x: group["x"].as_f64().unwrap(),
+                y: group["y"].as_f64().unwrap(),
+                faction: group["faction"].as_str().unwrap().to_owned(),
+                units: units.map(|(key, n)| (key.clone(), n.as_u64().unwrap() as u32)).collect(),
+            }
+        };
+        json["groups"].as_array().unwrap().iter().map(group).collect()
+    }
+
+    #[test]
+    fn units_are_shown_where_battles_place_them() {
+        for name in ["2s3z", "3s5z", "27m_vs_30m", "2c_vs_64zg", "6h_vs_8z", "corridor", "bane_vs_bane"] {
+            let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
+            let groups = groups_of(&files);
+            let answer = check(Check { files: files.clone(), groups });
+            assert_eq!(answer["problems"], json!([]), "{name}");
+            let placed =
+                answer["groups"].as_array().unwrap().iter().flat_map(|group| group.as_array().unwrap());
+            let placed: Vec<[f64; 2]> =
+                placed.map(|unit| [unit[1].as_f64().unwrap(), unit[2].as_f64().unwrap()]).collect();
+            let expected: Vec<[f64; 2]> = scenario.units.iter().map(|unit| unit.position).collect();
+            assert_eq!(placed, expected, "{name}");
+            assert_eq!(answer["summary"]["n_agents"], scenario.n_agents());
+        }
+    }
+
+    #[test]
+    fn groups_of_an_invalid_scenario_are_placed_as_far_as_their_types_are_known() {
+        let scout = UnitFile { name: "scout".into(), keys: vec!["scout".into()], text: "{}".into() };
+        let files = ScenarioFiles { source: "s.json".into(), text: "{".into(), unit_files: vec![scout] };
+        let group = |units: &[(&str, u32)], faction: &str| Group {
+            x: 4.0,
+            y: 5.0,
+            faction: faction.into(),
+            units: units.iter().map(|(key, n)| ((*key).to_owned(), *n)).collect(),
+        };
+        let groups = vec![
+            group(&[("MARINE", 1)], "ALLY"),
+            group(&[("scout", 1)], "ALLY"),
+            group(&[("ghost", 1)], "ALLY"),
+            group(&[("ZEALOT", 1)], "NEUTRAL"),
+            group(&[("ZEALOT", 1000)], "ENEMY"),
+            group(&[("ZEALOT", 4_000_000_000)], "ENEMY"),
+        ];
+        let answer = check(Check { files: files.clone(), groups });
+        assert_eq!(answer["groups"], json!([[[0, 4.0, 5.0]], null, null, null, null, null]));
+        assert_eq!(answer["types"].as_array().unwrap().len(), 2);
+        let problems = answer["problems"].as_array().unwrap();
+        assert_eq!((&problems[0]["file"], &problems[0]["line"]), (&json!("s.json"), &json!(1)));
+        assert_eq!((&problems[1]["file"], &problems[1]["path"]), (&json!("scout.json"), &json!("hp")));
+        assert!(problems.len() > 3, "all of them: {problems:?}");
+        assert_eq!(answer["summary"], json!(null));
+    }
+
+    #[test]
+    fn problems_have_the_words_of_the_reader() {
+        let (_, mut files) = ScenarioFiles::resolve("2s3z").unwrap();
+        files.text = files.text.replace("\"ZEALOT\": 3", "\"ZEALOT\": 0");
+        let expected = Scenario::from_json(&files.text, &files.source, "".as_ref()).unwrap_err();
+        assert_eq!(problems(&files), expected.list());
+        assert_eq!(problems(&files)[0].path, "groups[0].units.ZEALOT");
+    }
+}

@@ -1,0 +1,112 @@
+//! `play`: a battle of the edited scenario, with a scripted policy, as the page that plays a replay.
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_engine::{IllegalAction, Rules, UnknownRules};
+use smaclite_scenarios::{Problems, ScenarioFiles};
+use smaclite_view::{Recorder, ReplayError, Setup, export_html};
+
+#[derive(Deserialize)]
+pub(super) struct Play {
+    files: ScenarioFiles,
+    policy: String,
+    /// A whole number; as a text, because JavaScript has no 64-bit integers.
+    seed: String,
+    rules: String,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub(super) enum PlayError {
+    #[error(transparent)]
+    Scenario(#[from] Problems),
+    #[error(transparent)]
+    Policy(#[from] UnknownPolicy),
+    #[error(transparent)]
+    Rules(#[from] UnknownRules),
+    #[error("seed must be a whole number from 0 to {max}, got `{0}`", max = u64::MAX)]
+    Seed(String),
+    #[error(transparent)]
+    Action(#[from] IllegalAction),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+}
+
+/// Limits of a battle that is shown: steps, and steps times units. The second one keeps the battles of a
+/// thousand units to some seconds of work and some MB.
+const MAX_STEPS: u32 = 2000;
+const MAX_UNIT_STEPS: u32 = 200_000;
+
+/// Plays one episode. `cut_at` is the number of steps after which this limit ended it, not the scenario's.
+pub(super) fn play(play: Play) -> Result<Value, PlayError> {
+    let rules: Rules = play.rules.parse()?;
+    let seed = play.seed.parse().map_err(|_| PlayError::Seed(play.seed))?;
+    let mut policy = Scripted::from_name(&play.policy, seed)?;
+    let files = play.files;
+    let scenario = files.scenario()?;
+    let most = MAX_STEPS.min(MAX_UNIT_STEPS / scenario.units.len() as u32);
+    let limit = scenario.episode_limit.map_or(most, |limit| limit.min(most));
+    let mut recorder = Recorder::new(Setup { files, rules, episode_limit: Some(limit) }, seed)?;
+    let mut actions = vec![0; scenario.n_agents()];
+    while !recorder.battle().is_over() {
+        policy.act(recorder.battle(), &mut actions);
+        recorder.step(&actions)?;
+    }
+    let replay = recorder.finish();
+    let outcome = replay.episodes()[0].outcome;
+    let is_cut = outcome.truncated && scenario.episode_limit != Some(limit);
+    Ok(json!({
+        "page": export_html(&replay)?,
+        "steps": outcome.steps,
+        "cut_at": is_cut.then_some(limit),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(name: &str, change: impl Fn(String) -> String) -> Play {
+        let (_, mut files) = ScenarioFiles::resolve(name).unwrap();
+        files.text = change(files.text);
+        Play { files, policy: "nearest".into(), seed: "1".into(), rules: "smaclite".into() }
+    }
+
+    #[test]
+    fn a_battle_is_played_to_its_end() {
+        for policy in Scripted::NAMES {
+            let answer = play(Play { policy: policy.into(), ..request("2s3z", |text| text) }).unwrap();
+            assert!(answer["page"].as_str().unwrap().contains("<!doctype html>"));
+            assert_eq!(answer["cut_at"], json!(null), "{policy}");
+            assert!((1..=120).contains(&answer["steps"].as_u64().unwrap()), "{policy}: {}", answer["steps"]);
+        }
+    }
+
+    #[test]
+    fn a_battle_that_would_not_end_is_cut() {
+        // Both sides fly and cannot attack each other.
+        let medivacs = |text: String| {
+            let text = text.replace("\"STALKER\": 2, \"ZEALOT\": 3", "\"MEDIVAC\": 5");
+            text.replace("\"num_unit_types\": 2", "\"num_unit_types\": 0")
+                .replace(",\n    \"episode_limit\": 120", "")
+        };
+        let answer = play(request("2s3z", medivacs)).unwrap();
+        assert_eq!((&answer["cut_at"], &answer["steps"]), (&json!(2000), &json!(2000)));
+    }
+
+    #[test]
+    fn what_cannot_be_played_is_refused() {
+        let check = |request: Play, expected: &str| {
+            let error = play(request).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        let ok = || request("3m", |text| text);
+        check(Play { policy: "best".into(), ..ok() }, "unknown policy `best`; the policies are random,");
+        check(Play { rules: "go".into(), ..ok() }, "rules must be 'smaclite' or 'paper', got 'go'");
+        check(
+            Play { seed: "-1".into(), ..ok() },
+            "seed must be a whole number from 0 to 18446744073709551615",
+        );
+        check(request("3m", |text| text.replace("MARINE", "MARIN")), "did you mean `MARINE`?");
+    }
+}

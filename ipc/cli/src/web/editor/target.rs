@@ -1,0 +1,248 @@
+//! What the editor begins with, and the files that it may write: the one that the command names and the unit
+//! files of that scenario, in the same folder.
+
+use crate::new::default_scenario;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
+use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// What the editor begins with.
+pub(crate) enum Start {
+    /// A new scenario; saved by download.
+    New,
+    /// A standard scenario; saved by download.
+    Standard(Box<ScenarioFiles>),
+    /// A file, which need not exist yet.
+    File(Target),
+}
+
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum TargetError {
+    #[error(transparent)]
+    Read(#[from] Problems),
+    #[error("{0}: {1}")]
+    Io(String, std::io::Error),
+    #[error("`{0}` is neither a standard scenario nor the name of a file that ends in .json")]
+    Name(String),
+    #[error("the command names no file to save to; download the files instead")]
+    NoFile,
+    #[error("unit type names must be 1 to 100 of the characters A-Z, a-z, 0-9, `_`, `-` and `.`, got `{0}`")]
+    UnitName(String),
+    #[error(
+        "{0} is outside the folder of the scenario file, which is the only one that the editor writes to; \
+         download the files instead"
+    )]
+    Outside(String),
+    #[error("{file}: has {bytes} bytes, but must have at most {max}")]
+    TooLarge { file: String, bytes: usize, max: u64 },
+}
+
+impl Start {
+    /// Of the command's argument.
+    pub(crate) fn of(name: &str) -> Result<Start, TargetError> {
+        if Scenario::standard_names().any(|standard| standard == name) {
+            let files = ScenarioFiles::resolve(name).ok().map(|(_, files)| files);
+            let files = files.ok_or_else(|| TargetError::Name(name.to_owned()))?;
+            return Ok(Start::Standard(Box::new(ScenarioFiles { source: format!("{name}.json"), ..files })));
+        }
+        let path = Path::new(name);
+        if !path.exists() && path.extension().is_none_or(|suffix| suffix != "json") {
+            return Err(TargetError::Name(name.to_owned()));
+        }
+        let target = Target::new(path)?;
+        target.read()?; // a file that cannot be read is reported before a page is opened
+        Ok(Start::File(target))
+    }
+
+    /// The files to begin with; and the file that `save` writes, if there is one.
+    pub(super) fn open(&self) -> Result<Value, TargetError> {
+        match self {
+            Start::New => Ok(json!({"files": new_files("new_scenario.json"), "target": null})),
+            Start::Standard(files) => Ok(json!({"files": &**files, "target": null})),
+            Start::File(target) => {
+                let path = shown_path(&target.path);
+                let (files, exists) = match target.read()? {
+                    Some(files) => (files, true),
+                    None => (new_files(&path), false),
+                };
+                Ok(json!({"files": files, "target": path, "exists": exists}))
+            }
+        }
+    }
+
+    pub(super) fn save(&self, save: Save) -> Result<Value, TargetError> {
+        match self {
+            Start::File(target) => target.save(save),
+            Start::New | Start::Standard(_) => Err(TargetError::NoFile),
+        }
+    }
+}
+
+/// A new scenario, named after its file.
+fn new_files(source: &str) -> ScenarioFiles {
+    let name =
+        Path::new(source).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    ScenarioFiles { source: source.to_owned(), text: default_scenario(&name), unit_files: Vec::new() }
+}
+
+#[derive(Deserialize)]
+pub(super) struct Save {
+    files: ScenarioFiles,
+    /// Whether files are written that were changed by another program since they were read.
+    replace: bool,
+}
+
+/// A scenario file that is edited.
+pub(crate) struct Target {
+    path: PathBuf,
+    /// Its folder, without symbolic links.
+    folder: PathBuf,
+    known: Mutex<Known>,
+}
+
+/// The files as this program last read or wrote them.
+#[derive(Default)]
+struct Known {
+    texts: BTreeMap<PathBuf, String>,
+    /// The unit files: name, keys and path.
+    units: Vec<(String, Vec<String>, PathBuf)>,
+}
+
+impl Target {
+    fn new(path: &Path) -> Result<Target, TargetError> {
+        let parent = match path.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        let folder = parent.canonicalize().map_err(|error| TargetError::Io(shown_path(parent), error))?;
+        Ok(Target { path: path.into(), folder, known: Mutex::default() })
+    }
+
+    /// The file and its unit files; none if it does not exist.
+    fn read(&self) -> Result<Option<ScenarioFiles>, TargetError> {
+        if !self.path.exists() {
+            return Ok(None);
+        }
+        let (files, paths) = ScenarioFiles::open(&self.path)?;
+        let mut known = Known::default();
+        known.texts.insert(self.path.clone(), files.text.clone());
+        for (unit, path) in files.unit_files.iter().zip(paths) {
+            known.texts.insert(path.clone(), unit.text.clone());
+            known.units.push((unit.name.clone(), unit.keys.clone(), path));
+        }
+        *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
+        Ok(Some(files))
+    }
+
+    fn save(&self, Save { files, replace }: Save) -> Result<Value, TargetError> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut writes = Vec::new();
+        for unit in &files.unit_files {
+            let path =
+                match known.units.iter().find(|(name, keys, _)| {
+                    *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
+                }) {
+                    Some((.., path)) => path.clone(),
+                    None => self.new_unit_path(&unit.name, &files.text)?,
+                };
+            writes.push((path, &unit.text, MAX_UNIT_BYTES));
+        }
+        // The scenario file is the last one: it never names a unit file that is not there yet.
+        writes.push((self.path.clone(), &files.text, MAX_SCENARIO_BYTES));
+        let mut conflicts = Vec::new();
+        let mut changed = Vec::new();
+        for (path, text, max) in writes {
+            let file = shown_path(&path);
+            if text.len() as u64 > max {
+                return Err(TargetError::TooLarge { file, bytes: text.len(), max });
+            }
+            let on_disk = if path.exists() { Some(read(&path, max)?) } else { None };
+            if on_disk.as_ref() == Some(text) {
+                continue;
+            }
+            if path != self.path {
+                self.check_inside(&path)?;
+            }
+            if on_disk.is_some() && on_disk.as_ref() != known.texts.get(&path) {
+                conflicts.push(file);
+            }
+            changed.push((path, text));
+        }
+        if !conflicts.is_empty() && !replace {
+            return Ok(json!({"conflicts": conflicts}));
+        }
+        let mut saved = Vec::new();
+        for (path, text) in changed {
+            write_whole(&path, text).map_err(|error| TargetError::Io(shown_path(&path), error))?;
+            saved.push(shown_path(&path));
+            known.texts.insert(path, text.clone());
+        }
+        Ok(json!({"saved": saved}))
+    }
+
+    /// Where a unit type without a file gets one: in the scenario's `custom_unit_path`, or beside it.
+    fn new_unit_path(&self, name: &str, scenario: &str) -> Result<PathBuf, TargetError> {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+        if !(1..=100).contains(&name.len()) || name.starts_with('.') || !name.chars().all(is_plain) {
+            return Err(TargetError::UnitName(name.to_owned()));
+        }
+        let scenario: Value = serde_json::from_str(scenario).unwrap_or_default();
+        let custom = Path::new(scenario["custom_unit_path"].as_str().unwrap_or(""));
+        let stays = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
+        let folder = self.folder.join(custom);
+        // An absolute path may lead to this folder too.
+        if !custom.components().all(stays)
+            && !folder.canonicalize().is_ok_and(|f| f.starts_with(&self.folder))
+        {
+            return Err(TargetError::Outside(shown_path(custom)));
+        }
+        Ok(folder.join(format!("{name}.json")))
+    }
+
+    /// Follows symbolic links: the file itself, or the nearest folder above it that exists, must be in the
+    /// scenario's folder.
+    fn check_inside(&self, path: &Path) -> Result<(), TargetError> {
+        let existing = path.ancestors().find_map(|ancestor| ancestor.canonicalize().ok());
+        match existing {
+            Some(existing) if existing.starts_with(&self.folder) => Ok(()),
+            _ => Err(TargetError::Outside(shown_path(path))),
+        }
+    }
+}
+
+fn read(path: &Path, max_bytes: u64) -> Result<String, Problems> {
+    let report = Report::default();
+    let text = read_text(path, max_bytes, &report);
+    report.finish(text)
+}
+
+/// Writes a file by way of another one in its folder, so that an error leaves the old content.
+fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned()); // a link stays a link
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let name = path.file_name().ok_or(ErrorKind::InvalidFilename)?.to_string_lossy().into_owned();
+    let new = folder.join(format!(".{name}.{}.new", std::process::id()));
+    let written = (|| {
+        let mut file = File::options().write(true).create_new(true).open(&new)?;
+        if let Ok(metadata) = path.metadata() {
+            file.set_permissions(metadata.permissions())?;
+        }
+        file.write_all(text.as_bytes())?;
+        file.sync_all()?;
+        std::fs::rename(&new, &path)
+    })();
+    if written.is_err() {
+        let _ = std::fs::remove_file(&new);
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests;

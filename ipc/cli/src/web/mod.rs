@@ -1,0 +1,186 @@
+//! The web server of the commands that show something in a browser: one document, and a WebSocket over which
+//! it talks with the program. It listens on loopback unless another address is given, and answers only those
+//! that know the token in the printed URL. What is served is an [`App`].
+
+mod connections;
+pub(crate) mod editor;
+mod guard;
+pub(crate) mod live;
+mod page;
+
+pub(crate) use page::{Closed, Page, Request};
+
+use crate::CommandResult;
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{FromRequestParts, State};
+use axum::http::StatusCode;
+use axum::http::request::Parts;
+use axum::middleware;
+use axum::response::{Html, IntoResponse, Response};
+use axum::routing::get;
+use clap::Args;
+use connections::Connections;
+use guard::Guard;
+use std::fs::File;
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::runtime;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::Semaphore;
+
+/// Pages that can be open at the same time.
+const MAX_PAGES: usize = 16;
+
+/// Bytes of the longest message of a page; a scenario with its unit files fits.
+const MAX_MESSAGE: usize = 1 << 22;
+
+/// How long to wait for conversations at the end: one may wait for an answer of a pool that is stopped.
+const MOST_WAIT: Duration = Duration::from_secs(3);
+
+/// Options of the commands that serve a page.
+#[derive(Args)]
+pub(crate) struct ServeOptions {
+    /// Address to listen on; another one than a loopback address lets other machines connect
+    #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
+    host: IpAddr,
+    /// Port to listen on; 0 means any free one
+    #[arg(long, default_value_t = 0)]
+    port: u16,
+    /// Open the page in the default browser, by xdg-open
+    #[arg(long)]
+    open: bool,
+}
+
+/// What is served.
+pub(crate) trait App: Send + Sync + 'static {
+    /// The HTML document, which loads nothing but the WebSocket.
+    fn document(&self) -> String;
+
+    /// Talks with one open page until it is closed. It runs on a separate thread and may block.
+    fn talk(&self, page: Page);
+}
+
+/// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after every [`App::talk`] has, unless one
+/// takes too long.
+pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App>)>) -> CommandResult {
+    let address = SocketAddr::new(options.host, options.port);
+    let listener =
+        TcpListener::bind(address).map_err(|error| format!("cannot listen on {address}: {error}"))?;
+    listener.set_nonblocking(true)?;
+    let token = random_token()?;
+    let url = format!("http://{}/?token={token}", listener.local_addr()?);
+    let runtime = runtime::Builder::new_current_thread()
+        .enable_io()
+        .enable_time() // axum waits with it after errors of accept
+        .max_blocking_threads(MAX_PAGES)
+        .build()?;
+    let pages = Arc::new(Semaphore::new(MAX_PAGES));
+    let guard = Arc::new(Guard::new(token));
+    let mut routes = Router::new();
+    for (path, app) in apps {
+        let served = Arc::new(Served { app, pages: Arc::clone(&pages) });
+        let router = Router::new().route(path, get(document)).route(&format!("{path}ws"), get(web_socket));
+        routes = routes.merge(router.with_state(served));
+    }
+    let routes = routes
+        .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
+    let served = runtime.block_on(async {
+        let mut interrupted = signal(SignalKind::interrupt())?;
+        let mut terminated = signal(SignalKind::terminate())?;
+        let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
+        out!("{url}")?;
+        if !options.host.is_loopback() {
+            eprintln!(
+                "smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted"
+            );
+        }
+        let _opened = options.open.then(|| open_in_browser(&url));
+        tokio::select! {
+            served = axum::serve(listener, routes) => Ok(served?),
+            _ = interrupted.recv() => Ok(()),
+            _ = terminated.recv() => Ok(()),
+        }
+    });
+    // First its tasks end, and with them the conversations; then it waits for their threads.
+    runtime.shutdown_timeout(MOST_WAIT);
+    served
+}
+
+struct Served {
+    app: Box<dyn App>,
+    /// One permit per page that can be opened.
+    pages: Arc<Semaphore>,
+}
+
+async fn document(State(served): State<Arc<Served>>) -> Html<String> {
+    Html(served.app.document())
+}
+
+async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Response {
+    let Ok(permit) = Arc::clone(&served.pages).try_acquire_owned() else {
+        let text = format!("{MAX_PAGES} pages are open; close one\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
+    };
+    let upgrade = upgrade.0.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE);
+    upgrade.on_upgrade(async move |socket| {
+        let talk = move |page| served.app.talk(page);
+        page::converse(socket, talk).await;
+        drop(permit);
+    })
+}
+
+/// The upgrade of a connection to a WebSocket; without one, an error in the words of this program.
+struct Upgrade(WebSocketUpgrade);
+
+impl<S: Send + Sync> FromRequestParts<S> for Upgrade {
+    type Rejection = (StatusCode, &'static str);
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Self::Rejection> {
+        let upgrade = WebSocketUpgrade::from_request_parts(parts, state).await;
+        upgrade.map(Upgrade).map_err(|_| (StatusCode::BAD_REQUEST, "expected a WebSocket\n"))
+    }
+}
+
+/// 128 random bits of the operating system, as hexadecimal digits.
+fn random_token() -> std::io::Result<String> {
+    use rustix::rand::{GetRandomFlags, getrandom};
+    let mut bytes = [0u8; 16];
+    getrandom(&mut bytes[..], GetRandomFlags::empty())?; // up to 256 bytes are never cut short
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// A file that leads a browser to the page; removed when dropped. Other users can read the arguments of a
+/// process, but not this file, so the token is in the file.
+struct Redirect(PathBuf);
+
+impl Drop for Redirect {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+fn open_in_browser(url: &str) -> Option<Redirect> {
+    let opened = write_redirect(url).and_then(|redirect| {
+        let mut command = Command::new("xdg-open");
+        command.arg(&redirect.0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        let mut browser = command.spawn()?;
+        std::thread::spawn(move || browser.wait()); // so that it does not stay as a zombie
+        Ok(redirect)
+    });
+    opened.inspect_err(|error| eprintln!("smaclite-pool: --open: xdg-open: {error}; open the URL")).ok()
+}
+
+fn write_redirect(url: &str) -> std::io::Result<Redirect> {
+    let path = std::env::temp_dir().join(format!("smaclite-pool-{}.html", random_token()?));
+    let mut file: File = File::options().write(true).create_new(true).mode(0o600).open(&path)?;
+    let redirect = Redirect(path);
+    let page = "<!doctype html><title>smaclite-pool</title><meta http-equiv=\"refresh\" content=\"0;url=";
+    write!(file, "{page}{url}\">")?;
+    Ok(redirect)
+}

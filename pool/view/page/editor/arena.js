@@ -1,0 +1,50 @@
+// Arena: plays the scenario, in a frame with the page of a replay.
+
+class Arena {
+  constructor(page) {
+    this.page = page;
+  }
+
+  async play() {
+    if (this.page.checker.problems.length || byId("play").disabled) return;
+    byId("play").disabled = true;
+    const seed = byId("seed").value.trim() || "0";
+    const choice = { policy: byId("policy").value, rules: byId("rules").value, seed };
+    try {
+      const answer = await this.page.connection.ask("play", { files: this.page.doc.files(), ...choice });
+      this.enter(answer);
+    } catch (error) {
+      this.page.tell(`Not played: ${error.message}`, true);
+    } finally {
+      byId("play").disabled = this.page.checker.problems.length > 0;
+    }
+  }
+
+  /** Shows the page of a replay, and starts it. */
+  enter({ page, cut_at: cutAt }) {
+    const frame = make("iframe", { title: "Battle", srcdoc: page });
+    byId("cut").hidden = !cutAt;
+    byId("cut").textContent = `The editor shows the first ${cutAt} steps.`;
+    frame.addEventListener("load", () => {
+      const inner = frame.contentDocument;
+      inner.addEventListener(
+        "keydown",
+        (event) => event.key === "Escape" && !inner.querySelector("dialog[open]") && this.leave(),
+      );
+      const begin = () =>
+        inner.documentElement.dataset.ready === undefined
+          ? setTimeout(begin, 20)
+          : inner.getElementById("start")?.click();
+      begin();
+      frame.contentWindow.focus();
+    });
+    byId("arena").append(frame);
+    byId("arena").hidden = false;
+  }
+
+  leave() {
+    byId("arena").querySelector("iframe")?.remove();
+    byId("arena").hidden = true;
+    byId("play").focus();
+  }
+}

@@ -1,0 +1,78 @@
+// Brush: the squares that a drawing tool covers, and maps that are drawn on.
+
+/** Tools that draw on the map. */
+const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
+const LARGEST_BRUSH = 15;
+
+/** The squares on a line between two squares. */
+function squaresBetween([x0, y0], [x1, y1]) {
+  const steps = Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0), 1);
+  return Array.from({ length: steps + 1 }, (_, i) => [
+    Math.round(x0 + ((x1 - x0) * i) / steps),
+    Math.round(y0 + ((y1 - y0) * i) / steps),
+  ]);
+}
+
+class Brush {
+  constructor() {
+    this.tool = "select";
+    this.paintsBlocked = true;
+    this.size = 1;
+  }
+
+  /** Whether the tool draws on the map. */
+  get isDrawing() {
+    return DRAWING.includes(this.tool);
+  }
+
+  /** Whether it makes squares blocked. */
+  get paints() {
+    return this.tool !== "erase" && this.paintsBlocked;
+  }
+
+  /** The squares that it covers between two squares. */
+  shape(from, to) {
+    if (this.tool === "rectangle") {
+      const [x0, x1] = [Math.min(from[0], to[0]), Math.max(from[0], to[0])];
+      const [y0, y1] = [Math.min(from[1], to[1]), Math.max(from[1], to[1])];
+      return Array.from({ length: (x1 - x0 + 1) * (y1 - y0 + 1) }, (_, i) => [
+        x0 + (i % (x1 - x0 + 1)),
+        y0 + Math.floor(i / (x1 - x0 + 1)),
+      ]);
+    }
+    if (this.tool === "fill") return [to];
+    const low = -Math.floor((this.size - 1) / 2);
+    return squaresBetween(from, to).flatMap(([x, y]) =>
+      Array.from({ length: this.size ** 2 }, (_, i) => [
+        x + low + (i % this.size),
+        y + low + Math.floor(i / this.size),
+      ]),
+    );
+  }
+
+  /** Draws on a copy of the map. */
+  drawn(map, from, to, isBlocked) {
+    const { width, height } = map,
+      blocked = map.blocked.slice();
+    if (this.tool === "fill") this.flood(blocked, width, height, to, isBlocked);
+    else
+      for (const [x, y] of this.shape(from, to))
+        if (x >= 0 && y >= 0 && x < width && y < height) blocked[y * width + x] = isBlocked ? 1 : 0;
+    return { ...map, blocked };
+  }
+
+  /** Fills the area of equal squares that are connected by their sides. */
+  flood(blocked, width, height, [x, y], isBlocked) {
+    if (x < 0 || y < 0 || x >= width || y >= height) return;
+    const from = blocked[y * width + x],
+      to = isBlocked ? 1 : 0,
+      open = [[x, y]];
+    if (from === to) return;
+    while (open.length) {
+      const [cx, cy] = open.pop();
+      if (cx < 0 || cy < 0 || cx >= width || cy >= height || blocked[cy * width + cx] !== from) continue;
+      blocked[cy * width + cx] = to;
+      open.push([cx + 1, cy], [cx - 1, cy], [cx, cy + 1], [cx, cy - 1]);
+    }
+  }
+}

@@ -1,0 +1,84 @@
+// FileStore: opens files of the browser's user, and saves: in place through the program, or by download.
+
+class FileStore {
+  constructor(page, { target, exists }) {
+    this.page = page;
+    /** The file that the program writes, or null. */
+    this.target = target;
+    /** Whether the document is the target's, and whether the target exists. */
+    this.isTargets = target !== null;
+    this.exists = exists;
+  }
+
+  async openFiles(list) {
+    const files = [...list].filter(({ name }) => name.toLowerCase().endsWith(".json"));
+    const read = await Promise.all(files.map(async (file) => ({ name: file.name, text: await file.text() })));
+    const isScenario = ({ text }) => {
+      const file = new JsonText(text);
+      return file.error ? text.includes('"groups"') : file.isObject && file.node(["groups"]) !== null;
+    };
+    const scenarios = read.filter(isScenario);
+    const units = read
+      .filter((file) => !isScenario(file))
+      .map(({ name, text }) => ({ name: stemOf(name), keys: [], text }));
+    if (!read.length || scenarios.length > 1)
+      return this.page.tell(
+        "Open one scenario file and its unit files, or unit files to add; all end in .json.",
+      );
+    if (scenarios.length)
+      return this.page.load({ source: scenarios[0].name, text: scenarios[0].text, unit_files: units });
+    const names = new Set(units.map(({ name }) => name));
+    const kept = this.page.doc.units.filter(({ name }) => !names.has(name));
+    this.page.doc.change({
+      units: [...kept, ...units.map((unit) => ({ ...unit, file: new JsonText(unit.text) }))],
+    });
+    this.page.panels.types.name = units[0].name;
+    this.page.showTab("types");
+  }
+
+  async save(replace = false) {
+    if (this.target === null) return this.download();
+    const name = `${stemOf(this.target)}.json`;
+    if (
+      !this.isTargets &&
+      this.exists &&
+      !replace &&
+      !confirm(`Replace the content of ${name} by this scenario?`)
+    )
+      return;
+    const { state } = this.page.doc;
+    try {
+      const answer = await this.page.connection.ask("save", {
+        files: this.page.doc.files(),
+        replace: replace || (!this.isTargets && this.exists),
+      });
+      if (answer.conflicts) {
+        const files = answer.conflicts.join(", ");
+        if (confirm(`Changed by another program, or not of this scenario: ${files}. Replace?`))
+          await this.save(true);
+        return;
+      }
+      this.isTargets = this.exists = true;
+      this.page.doc.saved = state;
+      const saved = answer.saved.map((file) => `${stemOf(file)}.json`);
+      this.page.tell(
+        saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.",
+      );
+      this.page.refresh();
+    } catch (error) {
+      this.page.tell(`Not saved: ${error.message}`, true);
+    }
+  }
+
+  download() {
+    const { source, text, unit_files: units } = this.page.doc.files();
+    const files = [[stemOf(source), text], ...units.map((unit) => [unit.name, unit.text])];
+    for (const [name, content] of files) {
+      const url = URL.createObjectURL(new Blob([content], { type: "application/json" }));
+      make("a", { href: url, download: `${name}.json` }).click();
+      setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    }
+    this.page.doc.saved = this.page.doc.state;
+    this.page.refresh();
+  }
+}

@@ -1,0 +1,353 @@
+// JsonText: the text of a JSON file, and where each value is in it. An edit replaces only the characters of
+// the value that it changes, so whatever the editor does not understand stays as it is.
+
+/** As deep as the program reads. */
+const DEEPEST = 127;
+/** Lists and objects are written on one line up to this column. */
+const LAST_COLUMN = 110;
+const INDENT = "    ";
+/** The order in which scenario files and unit files have their keys. */
+const KEY_ORDER = [
+  ...["$schema", "name", "custom_unit_path", "num_allied_units", "num_enemy_units", "groups", "attack_point"],
+  ...["terrain_preset", "terrain", "width", "height", "num_unit_types", "unit_type_ids", "ally_has_shields"],
+  ...["enemy_has_shields", "episode_limit"],
+  ...["hp", "shield", "hp_regen", "energy", "initial_energy", "armor", "damage", "attacks", "bonuses"],
+  ...["cooldown", "speed", "attack_range", "minimum_scan_range", "size", "plane", "combat_type"],
+  ...["valid_targets", "attributes", "targeter", "targeter_kwargs"],
+];
+
+class JsonError extends Error {
+  constructor(reason, offset) {
+    super(reason);
+    this.offset = offset;
+  }
+}
+
+/** Reads a text into nodes: { kind, start, end }, with `value`, `items` or `entries` ({ key, start, node }). */
+class JsonReader {
+  constructor(text) {
+    this.text = text;
+    this.at = text.charCodeAt(0) === 0xfeff ? 1 : 0;
+    this.depth = 0;
+  }
+
+  read() {
+    const node = this.value();
+    this.space();
+    if (this.at < this.text.length) this.fail("characters after the end");
+    return node;
+  }
+
+  fail(reason) {
+    throw new JsonError(reason, this.at);
+  }
+
+  space() {
+    while (" \t\n\r".includes(this.text[this.at] ?? "x")) this.at++;
+  }
+
+  /** Whether the next character is this one, which is then passed. */
+  pass(character) {
+    this.space();
+    if (this.text[this.at] !== character) return false;
+    this.at++;
+    return true;
+  }
+
+  value() {
+    this.space();
+    const start = this.at,
+      first = this.text[start];
+    if (first === "{" || first === "[") {
+      if (++this.depth > DEEPEST) this.fail("nested too deeply");
+      this.at++;
+      const node = first === "{" ? this.entries(start) : this.items(start);
+      this.depth--;
+      return { ...node, end: this.at };
+    }
+    return this.scalar(/"(?:[^"\\\u0000-\u001f]|\\.)*"|-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|true|false|null/y);
+  }
+
+  scalar(pattern) {
+    const start = this.at;
+    pattern.lastIndex = start;
+    const text = pattern.exec(this.text)?.[0];
+    if (text === undefined) this.fail("a value is expected");
+    try {
+      const value = JSON.parse(text);
+      this.at += text.length;
+      return { kind: value === null ? "null" : typeof value, start, end: this.at, value };
+    } catch {
+      return this.fail("no JSON value");
+    }
+  }
+
+  items(start) {
+    const items = [];
+    if (this.pass("]")) return { kind: "array", start, items };
+    do items.push(this.value());
+    while (this.pass(","));
+    if (!this.pass("]")) this.fail("`,` or `]` is expected");
+    return { kind: "array", start, items };
+  }
+
+  entries(start) {
+    const entries = [],
+      keys = new Set();
+    if (this.pass("}")) return { kind: "object", start, entries };
+    do {
+      this.space();
+      const key = this.scalar(/"(?:[^"\\\u0000-\u001f]|\\.)*"/y);
+      if (keys.size === keys.add(key.value).size) this.fail("a duplicate key");
+      if (!this.pass(":")) this.fail("`:` is expected");
+      entries.push({ key: key.value, start: key.start, keyEnd: key.end, node: this.value() });
+    } while (this.pass(","));
+    if (!this.pass("}")) this.fail("`,` or `}` is expected");
+    return { kind: "object", start, entries };
+  }
+}
+
+/** A value as text, in the style of the standard scenarios' files; `column` is where it begins. */
+function jsonOf(value, indent = "", column = indent.length) {
+  if (value === null || typeof value !== "object") return JSON.stringify(value);
+  const isList = Array.isArray(value),
+    inner = indent + INDENT;
+  const parts = isList ? value : Object.entries(value);
+  const [open, close] = isList ? "[]" : "{}";
+  if (!parts.length) return open + close;
+  const name = (key) => (isList ? "" : `${JSON.stringify(key)}: `);
+  const texts = parts.map((part) => (isList ? jsonOf(part, inner) : name(part[0]) + jsonOf(part[1], inner)));
+  const line = isList ? `[${texts.join(", ")}]` : `{ ${texts.join(", ")} }`;
+  const hasObjects = isList && value.some((item) => item !== null && typeof item === "object");
+  if (!hasObjects && !line.includes("\n") && column + line.length <= LAST_COLUMN) return line;
+  return `${open}\n${texts.map((text) => inner + text).join(",\n")}\n${indent}${close}`;
+}
+
+/** A list with one item per line, as maps are written. */
+function linesOf(items, indent) {
+  const texts = items.map((item) => `${indent}${INDENT}${JSON.stringify(item)}`);
+  return `[\n${texts.join(",\n")}\n${indent}]`;
+}
+
+/** Text that is written as it is. */
+class Raw {
+  constructor(write) {
+    this.write = write;
+  }
+}
+
+const shortKey = (key) => {
+  const letters = [...key].map((letter) => (/\p{Cc}/u.test(letter) ? "?" : letter));
+  return letters.length > 60 ? `${letters.slice(0, 60).join("")}...` : letters.join("");
+};
+
+class JsonText {
+  constructor(text) {
+    this.text = text;
+    this.root = null;
+    this.error = null;
+    try {
+      this.root = new JsonReader(text).read();
+    } catch (error) {
+      if (!(error instanceof JsonError)) throw error;
+      this.error = error;
+    }
+  }
+
+  /** Whether keys can be read and set. */
+  get isObject() {
+    return this.root?.kind === "object";
+  }
+
+  /** The node at a path of keys and indices. */
+  node(path) {
+    let node = this.root;
+    for (const step of path) {
+      if (node?.kind === "object") node = node.entries.find((entry) => entry.key === step)?.node;
+      else node = node?.kind === "array" ? node.items[step] : undefined;
+    }
+    return node ?? null;
+  }
+
+  /** The value at a path; undefined if there is none. Objects become Maps, which keep the order of all keys. */
+  value(path = []) {
+    const plain = (node) => {
+      if (node.kind === "array") return node.items.map(plain);
+      if (node.kind === "object") return new Map(node.entries.map(({ key, node }) => [key, plain(node)]));
+      return node.value;
+    };
+    const node = this.node(path);
+    return node ? plain(node) : undefined;
+  }
+
+  /** The path that a message writes as in `groups[1].units.MARINE`, as far as it exists. */
+  locate(written) {
+    const follow = (node, rest) => {
+      if (!rest) return [];
+      let best = [];
+      const attempt = (step, child, name) => {
+        if (!rest.startsWith(name)) return;
+        const tail = rest.slice(name.length);
+        if (tail && !".[".includes(tail[0])) return;
+        const path = [step, ...follow(child, tail.replace(/^\./, ""))];
+        if (path.length > best.length) best = path;
+      };
+      if (node.kind === "object")
+        for (const { key, node: child } of node.entries) attempt(key, child, shortKey(key));
+      if (node.kind === "array") node.items.forEach((child, i) => attempt(i, child, `[${i}]`));
+      return best;
+    };
+    return this.root && written ? follow(this.root, written) : [];
+  }
+
+  /** First and last offset of an entry or item, with its key. */
+  span(path) {
+    const node = this.node(path);
+    if (!node) return [0, 0];
+    const parent = this.node(path.slice(0, -1));
+    const entry = path.length && parent.kind === "object" && parent.entries.find((e) => e.node === node);
+    return [entry ? entry.start : node.start, node.end];
+  }
+
+  /** Line and column of an offset, from 1. */
+  position(offset) {
+    const before = this.text.slice(0, offset).split("\n");
+    return { line: before.length, column: before.at(-1).length + 1 };
+  }
+
+  offset(line, column) {
+    const lines = this.text.split("\n").slice(0, line - 1);
+    const start = lines.reduce((sum, text) => sum + text.length + 1, 0);
+    return Math.min(this.text.length, start + Math.max(0, column - 1));
+  }
+
+  /** The whitespace at the start of the line of an offset. */
+  indentAt(offset) {
+    const start = this.text.lastIndexOf("\n", offset - 1) + 1;
+    return /^[ \t]*/.exec(this.text.slice(start, offset))[0];
+  }
+
+  /** This text with pieces replaced: [start, end, text]. */
+  replaced(...pieces) {
+    pieces.sort((a, b) => b[0] - a[0]);
+    return new JsonText(
+      pieces.reduce((text, [start, end, piece]) => text.slice(0, start) + piece + text.slice(end), this.text),
+    );
+  }
+
+  write(value, indent, column) {
+    return value instanceof Raw ? value.write(indent) : jsonOf(value, indent, column);
+  }
+
+  /** Replaces a value, or adds it: at its usual place in a file, or as the last one of an inner object. */
+  set(path, value) {
+    const node = this.node(path);
+    if (node) {
+      const indent = this.indentAt(node.start);
+      const column = node.start - this.text.lastIndexOf("\n", node.start - 1) - 1;
+      const text = this.write(value, indent, column);
+      return text === this.text.slice(node.start, node.end)
+        ? this
+        : this.replaced([node.start, node.end, text]);
+    }
+    const parent = this.node(path.slice(0, -1));
+    if (parent?.kind !== "object") return this;
+    const name = `${JSON.stringify(path.at(-1))}: `;
+    const rank = path.length === 1 ? KEY_ORDER.indexOf(path[0]) : -1;
+    const isBefore = ({ key }) => KEY_ORDER.includes(key) && KEY_ORDER.indexOf(key) < rank;
+    const at = rank < 0 ? parent.entries.length : parent.entries.findLastIndex(isBefore) + 1;
+    const starts = parent.entries.map((entry) => entry.start);
+    return this.insert(parent, starts, at, (indent) => name + this.write(value, indent));
+  }
+
+  /** Inserts an item into a list, before the one at an index. */
+  insertItem(path, index, value) {
+    const list = this.node(path);
+    if (list?.kind !== "array") return this;
+    const starts = list.items.map((item) => item.start);
+    return this.insert(list, starts, index, (indent) => this.write(value, indent));
+  }
+
+  insert(parent, starts, at, write) {
+    const ends = (parent.items ?? parent.entries.map((entry) => entry.node)).map((node) => node.end);
+    const outer = this.indentAt(parent.start);
+    if (!starts.length) {
+      const isList = parent.kind === "array";
+      if (isList || parent === this.root) {
+        const inner = outer + INDENT;
+        const text = `${isList ? "[" : "{"}\n${inner}${write(inner)}\n${outer}${isList ? "]" : "}"}`;
+        return this.replaced([parent.start, parent.end, text]);
+      }
+      return this.replaced([parent.start, parent.end, `{ ${write(outer)} }`]);
+    }
+    const hasLines = this.text.slice(parent.start, starts[0]).includes("\n");
+    const indent = hasLines ? this.indentAt(starts[0]) : outer;
+    const gap = hasLines ? `\n${indent}` : " ";
+    if (at === 0) return this.replaced([starts[0], starts[0], `${write(indent)},${gap}`]);
+    return this.replaced([ends[at - 1], ends[at - 1], `,${gap}${write(indent)}`]);
+  }
+
+  /** Removes an entry or item, if it is there. */
+  remove(path) {
+    const node = this.node(path),
+      parent = this.node(path.slice(0, -1));
+    if (!node || !path.length) return this;
+    const nodes = parent.items ?? parent.entries.map((entry) => entry.node);
+    const starts = parent.items ? parent.items.map((item) => item.start) : parent.entries.map((e) => e.start);
+    const at = nodes.indexOf(node);
+    if (nodes.length === 1) return this.replaced([parent.start + 1, parent.end - 1, ""]);
+    if (at > 0) return this.replaced([nodes[at - 1].end, node.end, ""]);
+    return this.replaced([starts[0], starts[1], ""]);
+  }
+
+  /** Gives an entry another key, and another value if one is given. */
+  rename(path, key, value) {
+    const parent = this.node(path.slice(0, -1));
+    const entry = parent?.entries?.find((entry) => entry.key === path.at(-1));
+    if (!entry || (key !== entry.key && parent.entries.some((other) => other.key === key))) return this;
+    const text = value === undefined ? null : this.write(value, this.indentAt(entry.start));
+    const pieces = [[entry.start, entry.keyEnd, JSON.stringify(key)]];
+    if (text !== null) pieces.push([entry.node.start, entry.node.end, text]);
+    return this.replaced(...pieces);
+  }
+
+  /** Exchanges two neighbours of an object or list: the ones at `index` and `index + 1`. */
+  exchange(path, index) {
+    const parent = this.node(path);
+    const part = (i) => {
+      const entry = parent.entries?.[i],
+        node = entry?.node ?? parent.items?.[i];
+      return node && [entry?.start ?? node.start, node.end];
+    };
+    const [first, second] = [part(index), part(index + 1)];
+    if (!first || !second) return this;
+    const texts = [first, second].map(([start, end]) => this.text.slice(start, end));
+    return this.replaced([...first, texts[1]], [...second, texts[0]]);
+  }
+
+  /** The same content in the style of the standard scenarios' files. */
+  formatted() {
+    if (!this.isObject) return this;
+    const { text } = this;
+    const write = (node, indent, column, rows = false) => {
+      const parts = node.entries ?? node.items;
+      if (!parts) return text.slice(node.start, node.end);
+      const inner = indent + INDENT,
+        isList = node.kind === "array";
+      const texts = parts.map((part) => {
+        const name = isList ? "" : `${text.slice(part.start, part.keyEnd)}: `;
+        const isMap = node === this.root && part.key === "terrain";
+        return name + write(isList ? part : part.node, inner, inner.length + name.length, isMap);
+      });
+      if (!parts.length) return isList ? "[]" : "{}";
+      const line = isList ? `[${texts.join(", ")}]` : `{ ${texts.join(", ")} }`;
+      const isLong = line.includes("\n") || column + line.length > LAST_COLUMN;
+      const hasObjects = isList && parts.some((part) => part.entries || part.items);
+      if (node !== this.root && !rows && !hasObjects && !isLong) return line;
+      const [open, close] = isList ? "[]" : "{}";
+      return `${open}\n${texts.map((item) => inner + item).join(",\n")}\n${indent}${close}`;
+    };
+    const formatted = `${write(this.root, "", 0)}\n`;
+    return formatted === text ? this : new JsonText(formatted);
+  }
+}

@@ -1,0 +1,401 @@
+// MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
+
+/** Points snap to multiples of this, in squares, unless Alt is held. */
+const SNAP = 0.5;
+/** How far from the attack point a click still means it, in squares. */
+const GOAL_REACH = 0.6;
+
+/** The moment before a battle: every unit at its start. */
+class StartTrack {
+  constructor(info, places) {
+    this.info = info;
+    this.places = places;
+    this.units = info.units.length;
+    this.length = this.units ? 1 : 0;
+    this.last = 0;
+    this.attacks = [[]];
+    this.deaths = [];
+  }
+
+  unitAt(unit) {
+    const { type, faction } = this.info.units[unit],
+      { hp, shield, energy, initial_energy: initial } = this.info.types[type],
+      [x, y] = this.places[unit];
+    const state = { unit, x, y, hp, shield, cooldown: 0, target: -1, alive: true };
+    return { ...state, energy: energy ? initial : 0, facing: faction ? Math.PI : 0 };
+  }
+}
+
+class MapEditor extends BattleView {
+  constructor(canvas, page) {
+    super(canvas, { width: 1, height: 1, obstacles: [], attack_point: [NaN, NaN], types: [], units: [] });
+    this.page = page;
+    this.wholeMap = true;
+    this.brush = new Brush();
+    /** The square that the keyboard draws at; the pointer moves it too. */
+    this.square = null;
+    /** The first corner of a rectangle or line. */
+    this.corner = null;
+    /** The map while it is drawn on. */
+    this.draft = null;
+    this.serial = 0;
+    this.listen();
+  }
+
+  /** Shows the document; `layout` is the program's last answer about the units of its groups. */
+  update(doc, layout) {
+    const map = this.draft ?? doc.map();
+    const goal = doc.scenario.value(["attack_point"]);
+    const isPoint = Array.isArray(goal) && goal.length === 2 && goal.every(isNumber);
+    if (map.width !== this.info.width || map.height !== this.info.height) this.camera = null;
+    const units = [],
+      places = [];
+    this.groupOf = [];
+    this.unplaced = [];
+    doc.groups().forEach((group, index) => {
+      const known = layout?.find(group, index);
+      if (!known) return this.unplaced.push(index);
+      for (const [type, x, y] of known.units) {
+        units.push({ type, faction: FACTIONS.indexOf(group.faction), id: 0 });
+        places.push([x + group.x - known.x, y + group.y - known.y]);
+        this.groupOf.push(index);
+      }
+    });
+    const counts = [0, 0];
+    for (const unit of units) unit.id = counts[unit.faction]++;
+    this.info = {
+      width: map.width,
+      height: map.height,
+      obstacles: rectanglesOf(map),
+      attack_point: isPoint ? goal : [NaN, NaN],
+      types: layout?.types ?? [],
+      units,
+      sight_range: layout?.sight ?? 9,
+    };
+    this.track = new StartTrack(this.info, places);
+    this.hovered = this.selected = -1;
+    this.terrain.key = "";
+  }
+
+  draw() {
+    const box = this.canvas.getBoundingClientRect();
+    if (this.isFitted && (box.width !== this.width || box.height !== this.height)) this.camera = null;
+    super.draw(0);
+    this.drawUnplaced();
+    this.drawSelection();
+    this.drawGoal();
+    this.drawBrush();
+  }
+
+  /** Groups whose units are unknown, because their types are. */
+  drawUnplaced() {
+    const { context } = this;
+    for (const index of this.unplaced) {
+      const { x, y, faction } = this.page.doc.groups()[index];
+      if (!isNumber(x) || !isNumber(y)) continue;
+      const at = this.toCanvas(x, y);
+      context.beginPath();
+      context.arc(at.x, at.y, 13, 0, 2 * Math.PI);
+      context.setLineDash([4, 3]);
+      context.lineWidth = 2;
+      context.strokeStyle = theme.colours[faction === "ENEMY" ? "enemy" : "ally"];
+      context.stroke();
+      context.setLineDash([]);
+      context.fillStyle = theme.colours.text;
+      context.font = "700 14px system-ui, sans-serif";
+      [context.textAlign, context.textBaseline] = ["center", "middle"];
+      context.fillText("?", at.x, at.y + 1);
+    }
+  }
+
+  drawSelection() {
+    const group = this.page.doc.groups()[this.page.group];
+    if (!group || !isNumber(group.x) || !isNumber(group.y)) return;
+    const { context, states } = this;
+    const box = [group.x, group.x, group.y, group.y];
+    states.forEach(({ unit, x, y }) => {
+      if (this.groupOf[unit] !== this.page.group) return;
+      const { radius } = this.type(unit);
+      box[0] = Math.min(box[0], x - radius);
+      box[1] = Math.max(box[1], x + radius);
+      box[2] = Math.min(box[2], y - radius);
+      box[3] = Math.max(box[3], y + radius);
+    });
+    const from = this.toCanvas(box[0], box[3]),
+      to = this.toCanvas(box[1], box[2]),
+      gap = 9;
+    context.beginPath();
+    context.roundRect(from.x - gap, from.y - gap, to.x - from.x + 2 * gap, to.y - from.y + 2 * gap, 8);
+    context.setLineDash([6, 4]);
+    context.lineWidth = 2;
+    context.strokeStyle = theme.colours.focus;
+    context.stroke();
+    context.setLineDash([]);
+    const at = this.toCanvas(group.x, group.y);
+    context.beginPath();
+    for (const [dx, dy] of [
+      [1, 0],
+      [0, 1],
+    ]) {
+      context.moveTo(at.x - 7 * dx, at.y - 7 * dy);
+      context.lineTo(at.x + 7 * dx, at.y + 7 * dy);
+    }
+    context.lineWidth = 4;
+    context.strokeStyle = theme.colours.bg;
+    context.stroke();
+    context.lineWidth = 2;
+    context.strokeStyle = theme.colours.focus;
+    context.stroke();
+  }
+
+  drawGoal() {
+    const [x, y] = this.info.attack_point;
+    if (Number.isNaN(x)) return;
+    const { context } = this,
+      at = this.toCanvas(x, y),
+      isSelected = this.page.goalSelected || this.brush.tool === "goal";
+    // A flag above the units, which may stand on the point.
+    context.beginPath();
+    context.moveTo(at.x, at.y);
+    context.lineTo(at.x, at.y - 26);
+    context.lineTo(at.x + 15, at.y - 20.5);
+    context.lineTo(at.x, at.y - 15);
+    context.lineJoin = "round";
+    context.lineWidth = 4;
+    context.strokeStyle = theme.colours.panel;
+    context.stroke();
+    context.fillStyle = theme.colours[isSelected ? "focus" : "enemy"];
+    context.fill();
+    context.lineWidth = 2;
+    context.strokeStyle = context.fillStyle;
+    context.stroke();
+  }
+
+  drawBrush() {
+    if (!this.square || !this.brush.isDrawing) return;
+    const { context } = this;
+    context.save();
+    context.beginPath();
+    const map = this.draft ?? this.page.doc.map();
+    for (const [x, y] of this.brush.shape(this.corner ?? this.square, this.square)) {
+      if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
+      context.rect(...this.terrain.rect(x, y, x + 1, y + 1));
+    }
+    context.fillStyle = theme.faint(this.brush.paints ? "text" : "focus", 0.28);
+    context.fill();
+    context.lineWidth = 1.2;
+    context.strokeStyle = theme.colours.focus;
+    if (this.scale > 6) context.stroke();
+    context.restore();
+  }
+
+  choose(tool) {
+    this.brush.tool = tool;
+    this.corner = null;
+    this.page.refresh();
+  }
+
+  resizeBrush(by) {
+    this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
+    this.page.refresh();
+  }
+
+  listen() {
+    const { canvas } = this;
+    canvas.addEventListener("pointerdown", (event) => this.press(event));
+    canvas.addEventListener("pointermove", (event) => this.moved(event));
+    for (const name of ["pointerup", "pointercancel"])
+      canvas.addEventListener(name, (event) => this.release(event));
+    canvas.addEventListener("pointerleave", () => {
+      this.hovered = -1;
+      this.square = null;
+      this.page.redraw();
+    });
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("dblclick", (event) => this.page.doubleClick(this.unitAt(...this.local(event))));
+    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    canvas.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  local({ clientX, clientY }) {
+    const { left, top } = this.canvas.getBoundingClientRect();
+    return [clientX - left, clientY - top];
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    this.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));
+    this.page.redraw();
+  }
+
+  /** The point of the map under the pointer, and its square. */
+  point(event) {
+    const { x, y } = this.toSquares(...this.local(event));
+    return { x, y, square: [Math.floor(x), Math.floor(y)] };
+  }
+
+  press(event) {
+    this.canvas.focus({ preventScroll: true });
+    this.canvas.setPointerCapture(event.pointerId);
+    const at = this.point(event);
+    this.serial++;
+    const isPan = event.button === 1 || event.shiftKey;
+    const { x, y } = at;
+    if (isPan) this.drag = { kind: "pan", last: this.local(event) };
+    else if (this.brush.isDrawing) this.beginDrawing(at, event.button === 2);
+    else if (event.button !== 0) this.drag = null;
+    else if (this.brush.tool === "goal") this.drag = { kind: "goal", dx: 0, dy: 0 };
+    else if (this.brush.tool !== "select")
+      this.page.addGroup(this.brush.tool.toUpperCase(), ...this.snap(x, y, event));
+    else this.pick(event, at);
+    this.moved(event);
+  }
+
+  /** Begins to move what is under the pointer, or else the map. */
+  pick(event, { x, y }) {
+    const unit = this.unitAt(...this.local(event));
+    const goal = this.info.attack_point,
+      { doc } = this.page;
+    const marker = this.unplaced.find((index) => {
+      const group = doc.groups()[index];
+      return Math.hypot(group.x - x, group.y - y) * this.scale < 14;
+    });
+    const index = unit >= 0 ? this.groupOf[unit] : marker;
+    const flag = this.toCanvas(...goal),
+      [px, py] = this.local(event);
+    const onFlag = px > flag.x - 5 && px < flag.x + 17 && py > flag.y - 28 && py < flag.y - 12;
+    if (index !== undefined && !onFlag) {
+      const group = doc.groups()[index];
+      this.page.selectGroup(index);
+      this.drag = { kind: "group", index, dx: group.x - x, dy: group.y - y, from: this.local(event) };
+    } else if (onFlag || Math.hypot(goal[0] - x, goal[1] - y) < GOAL_REACH) {
+      this.page.selectGoal();
+      this.drag = { kind: "goal", dx: goal[0] - x, dy: goal[1] - y, from: this.local(event) };
+    } else {
+      this.drag = { kind: "pan", last: this.local(event), clears: true };
+    }
+  }
+
+  beginDrawing({ square }, isRight) {
+    const map = this.page.doc.map();
+    this.drag = {
+      kind: "draw",
+      from: square,
+      map,
+      blocked: isRight ? !this.brush.paints : this.brush.paints,
+    };
+    this.corner = ["rectangle", "line"].includes(this.brush.tool) ? square : null;
+    this.draft = map;
+    if (!this.corner) this.extend(square);
+  }
+
+  extend(square) {
+    const { from, blocked } = this.drag;
+    this.draft = this.brush.drawn(this.draft, from, square, blocked);
+    this.drag.from = square;
+    this.page.showMap();
+  }
+
+  /** A point on the grid of half squares, or with Alt anywhere, at whole hundredths. */
+  snap(x, y, event) {
+    const step = event.altKey ? 0.01 : SNAP;
+    const { width, height } = this.info;
+    const tidy = (value, most) => clamp(Math.round(Math.round(value / step) * step * 100) / 100, 0, most);
+    return [tidy(x, width), tidy(y, height)];
+  }
+
+  moved(event) {
+    const at = this.point(event),
+      { drag } = this;
+    this.square = at.square;
+    this.page.showPointer(at);
+    if (!drag) {
+      this.hovered = this.brush.tool === "select" ? this.unitAt(...this.local(event)) : -1;
+      this.canvas.classList.toggle("over", this.hovered >= 0);
+      return this.page.redraw();
+    }
+    const here = this.local(event);
+    if (drag.from && drag.kind !== "draw") {
+      // A click that trembles moves nothing.
+      if (Math.hypot(here[0] - drag.from[0], here[1] - drag.from[1]) < 4) return;
+      drag.from = null;
+    }
+    if (drag.kind === "pan") {
+      const [dx, dy] = [here[0] - drag.last[0], here[1] - drag.last[1]];
+      if (drag.clears && Math.hypot(dx, dy) < 4) return;
+      drag.clears = false;
+      this.move(dx, dy);
+      drag.last = here;
+      this.page.redraw();
+    } else if (drag.kind === "draw") {
+      if (!this.corner && this.brush.tool !== "fill") this.extend(at.square);
+      this.page.redraw();
+    } else {
+      const [x, y] = this.snap(at.x + drag.dx, at.y + drag.dy, event);
+      const merge = `drag ${this.serial}`;
+      if (drag.kind === "group") this.page.doc.moveGroup(drag.index, x, y, merge);
+      else this.page.doc.setKey(["attack_point"], [x, y], merge);
+    }
+  }
+
+  release(event) {
+    const { drag } = this;
+    this.drag = null;
+    if (drag?.kind === "draw") {
+      if (event.type === "pointerup") {
+        const map = this.corner
+          ? this.brush.drawn(drag.map, this.corner, this.square, drag.blocked)
+          : this.draft;
+        this.draft = null;
+        this.commit(map);
+      }
+      this.draft = this.corner = null;
+      this.page.showMap();
+    }
+    if (drag?.kind === "pan" && drag.clears) this.page.selectGroup(-1);
+    this.page.doc.settle();
+    this.page.redraw();
+  }
+
+  /** Makes a drawn map the document's, if it differs. */
+  commit(map) {
+    const before = this.page.doc.map();
+    if (map.blocked.some((square, i) => square !== before.blocked[i])) this.page.doc.setMap(map);
+  }
+
+  /** Keys of the focused map: arrows move what is selected, or the square at which Space draws. */
+  key(event) {
+    const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    const move = moves[event.key];
+    if (event.ctrlKey || event.metaKey) return;
+    if (move) {
+      event.preventDefault();
+      if (this.brush.isDrawing) this.moveSquare(move, event.shiftKey ? 5 : 1);
+      else this.page.nudge(move[0], move[1], event.altKey ? 0.01 : event.shiftKey ? 5 : SNAP);
+    } else if ((event.key === " " || event.key === "Enter") && this.brush.isDrawing) {
+      event.preventDefault();
+      this.stamp();
+    }
+  }
+
+  moveSquare([dx, dy], by) {
+    const { width, height } = this.info;
+    const [x, y] = this.square ?? [Math.floor(width / 2), Math.floor(height / 2)];
+    this.square = [clamp(x + dx * by, 0, width - 1), clamp(y + dy * by, 0, height - 1)];
+    this.page.showPointer({ x: this.square[0], y: this.square[1], square: this.square });
+    this.page.redraw();
+  }
+
+  /** Draws at the square: of rectangles and lines first the one end, then the other. */
+  stamp() {
+    if (!this.square) return this.moveSquare([0, 0], 0);
+    if (["rectangle", "line"].includes(this.brush.tool) && !this.corner) this.corner = this.square;
+    else {
+      this.commit(
+        this.brush.drawn(this.page.doc.map(), this.corner ?? this.square, this.square, this.brush.paints),
+      );
+      this.corner = null;
+    }
+    this.page.redraw();
+  }
+}

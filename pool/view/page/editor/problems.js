@@ -1,0 +1,193 @@
+// Checker: asks the program what is wrong with the files, and shows it in the list, the fields and the tabs.
+
+/** Milliseconds without a change after which the files are checked. */
+const CHECK_AFTER = 120;
+
+/** The program's answer about the units of groups. */
+class Layout {
+  constructor(groups, answer) {
+    this.types = answer.types;
+    this.sight = answer.sight;
+    this.entries = groups.map((group, i) => ({
+      key: Layout.key(group),
+      x: group.x,
+      y: group.y,
+      units: answer.groups[i],
+    }));
+  }
+
+  static key({ faction, units }) {
+    return JSON.stringify([faction, units]);
+  }
+
+  /** The units of a group as it was then, though it may have moved since. */
+  find(group, index) {
+    const key = Layout.key(group);
+    const isSame = (entry) => entry?.key === key && entry.units !== null;
+    if (!isNumber(group.x) || !isNumber(group.y)) return null;
+    return isSame(this.entries[index]) ? this.entries[index] : this.entries.find(isSame);
+  }
+}
+
+class Checker {
+  constructor(page) {
+    this.page = page;
+    /** What is wrong with the files, as far as the program has answered. */
+    this.problems = [];
+    /** The state of the document that it is about. */
+    this.checked = null;
+    /** Sizes of a valid scenario. */
+    this.summary = null;
+  }
+
+  soon() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.check(), CHECK_AFTER);
+  }
+
+  async check() {
+    const { state } = this.page.doc,
+      groups = this.page.doc.groups();
+    const isReadable = ({ x, y, faction, units }) =>
+      isNumber(x) &&
+      isNumber(y) &&
+      typeof faction === "string" &&
+      units.every(([, n]) => Number.isInteger(n) && n >= 0 && n < 2 ** 32);
+    const unknown = { x: 0, y: 0, faction: "", units: [] };
+    const asked = groups.map((group) => (isReadable(group) ? group : unknown));
+    try {
+      const answer = await this.page.connection.ask("check", { files: this.page.doc.files(), groups: asked });
+      if (state !== this.page.doc.state) return;
+      this.checked = state;
+      this.page.layout = new Layout(groups, answer);
+      this.problems = answer.problems.map((problem) => this.placed(problem));
+      this.summary = answer.summary;
+    } catch (error) {
+      if (this.page.connection.socket.readyState === WebSocket.OPEN)
+        this.page.tell(`The files cannot be checked: ${error.message}`, true);
+      return;
+    }
+    this.show();
+    this.page.showMap();
+  }
+
+  /** A problem with the file, path and offsets that it is about. `unit` is null for the scenario file. */
+  placed(problem) {
+    const unit = this.page.doc.units.find(({ name }) => problem.file === `${name}.json`);
+    const isScenario = problem.file === this.page.doc.state.source || !unit;
+    const file = isScenario ? this.page.doc.scenario : unit.file;
+    const path = file.locate(problem.path);
+    let [start, end] = file.span(path);
+    let { line, column } = problem;
+    if (line && !problem.path) start = end = file.offset(line, column);
+    else if (!line) ({ line, column } = file.position(start));
+    return {
+      ...problem,
+      unit: isScenario ? null : unit.name,
+      path: problem.path,
+      steps: path,
+      start,
+      end,
+      line,
+      column,
+    };
+  }
+
+  show() {
+    const { problems } = this,
+      n = problems.length;
+    const state = byId("state");
+    const isCurrent = this.checked === this.page.doc.state;
+    state.className = `badge ${n ? "invalid" : isCurrent ? "valid" : ""}`;
+    state.textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : isCurrent ? "Valid" : "checking\u2026";
+    byId("play").disabled = n > 0;
+    byId("problems").classList.toggle("invalid", n > 0);
+    byId("problems").querySelector("h2").textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : "No problems";
+    const key = JSON.stringify(problems);
+    if (key !== this.listed) {
+      this.listed = key;
+      const item = (problem) => {
+        const where = make("small", {}, `${stemOf(problem.file)}.json:${problem.line}:${problem.column}`);
+        const title = "Show where this is";
+        return make(
+          "li",
+          {},
+          button([where, problem.message], title, () => this.goTo(problem)),
+        );
+      };
+      byId("problems")
+        .querySelector("ol")
+        .replaceChildren(...problems.map(item));
+    }
+    const { summary } = this;
+    byId("summary").textContent =
+      isCurrent && summary
+        ? `${summary.n_agents} agents, ${summary.n_enemies} enemies, ${summary.n_actions} actions, ` +
+          `obs ${summary.obs_size}, state ${summary.state_size}`
+        : "";
+    const tabs = new Set(problems.map((problem) => this.tabOf(problem)));
+    for (const tab of TABS)
+      document.querySelector(`[data-tab="${tab}"]`).classList.toggle("wrong", tabs.has(tab));
+    this.markFields();
+    this.page.panels.json.mark(problems);
+  }
+
+  /** Marks the fields that have problems. */
+  markFields() {
+    const panel = byId(this.page.tab);
+    panel.querySelectorAll("[aria-invalid]").forEach((element) => element.removeAttribute("aria-invalid"));
+    panel.querySelectorAll(".why").forEach((element) => element.remove());
+    for (const problem of this.problems) {
+      const element = this.fieldOf(problem, panel);
+      if (!element) continue;
+      element.setAttribute("aria-invalid", "true");
+      if (element.classList.contains("group")) continue;
+      const why = make("p", { className: "why" }, problem.message);
+      (element.closest(".unit-row, .field") ?? element).append(why);
+    }
+  }
+
+  /** The element of a panel for a problem: that of its key, or of the nearest key around it. */
+  fieldOf({ unit, path, steps }, panel) {
+    // A key that is missing has a path too.
+    const written = path.match(/[^.[\]]+/g) ?? [];
+    const paths = [written.map((step) => (/^\d+$/.test(step) ? Number(step) : step))];
+    paths.push(...steps.map((_, i) => steps.slice(0, steps.length - i)));
+    if (path.startsWith("terrain")) paths.push(["terrain_preset"]);
+    for (const candidate of paths) {
+      const key = fieldKey(unit ?? -1, candidate);
+      const found = [...panel.querySelectorAll("[data-key]")].find((element) => element.dataset.key === key);
+      if (found) return found;
+    }
+    return null;
+  }
+
+  tabOf({ unit, path, steps }) {
+    if (unit !== null) return path ? "types" : "json";
+    if (!path) return "json";
+    if (path.startsWith("groups")) return steps.length ? "groups" : "json";
+    return "scenario";
+  }
+
+  /** Selects what a problem is about. */
+  goTo(problem) {
+    const { unit, steps } = problem;
+    let tab = this.page.tab === "json" ? "json" : this.tabOf(problem);
+    if (tab === "groups" && isNumber(steps[1])) this.page.selectGroup(steps[1]);
+    if (tab === "types") this.page.panels.types.name = unit;
+    if (tab !== "json") {
+      this.page.showTab(tab);
+      const element = this.fieldOf(problem, byId(tab));
+      if (element) {
+        element.focus();
+        element.scrollIntoView({ block: "center" });
+        return;
+      }
+      // A key without a field.
+      tab = "json";
+    }
+    this.page.panels.json.name = unit;
+    this.page.showTab("json");
+    this.page.panels.json.select(problem.start, problem.end);
+  }
+}

@@ -1,0 +1,91 @@
+// TextPanel: the JSON texts of the files, which are edited here too.
+
+/** Milliseconds without typing that separate two changes. */
+const PAUSE = 1000;
+
+class TextPanel {
+  constructor(page) {
+    this.page = page;
+    this.choice = byId("file");
+    this.area = byId("text");
+    this.lines = byId("lines");
+    /** The name of the unit type whose file is shown; null for the scenario file. */
+    this.name = null;
+    this.choice.addEventListener("change", () => this.show(this.choice.value || null));
+    this.area.addEventListener("input", () => this.write());
+    this.area.addEventListener("blur", () => this.page.doc.settle());
+    this.area.addEventListener("scroll", () => (this.lines.scrollTop = this.area.scrollTop));
+    this.area.addEventListener("keydown", (event) => this.key(event));
+    byId("format").addEventListener("click", () => {
+      const file = this.file.formatted();
+      if (this.index < 0) this.page.doc.change({ scenario: file });
+      else this.page.doc.setUnit(this.index, () => file);
+    });
+  }
+
+  get index() {
+    return this.name === null ? -1 : this.page.doc.units.findIndex((unit) => unit.name === this.name);
+  }
+
+  get file() {
+    const { doc } = this.page;
+    return this.index < 0 ? doc.scenario : doc.units[this.index].file;
+  }
+
+  show(name) {
+    this.name = name;
+    this.refresh();
+  }
+
+  refresh() {
+    const { doc } = this.page;
+    if (this.name !== null && this.index < 0) this.name = null;
+    const names = [["", stemOf(doc.state.source)], ...doc.units.map((unit) => [unit.name, unit.name])];
+    const key = JSON.stringify(names);
+    if (key !== this.names) {
+      this.names = key;
+      this.choice.replaceChildren(...names.map(([value, name]) => make("option", { value }, `${name}.json`)));
+    }
+    this.choice.value = this.name ?? "";
+    const { text } = this.file;
+    if (this.area.value !== text) this.area.value = text;
+    const lines = text.split("\n").length;
+    if (this.lines.childElementCount !== lines)
+      this.lines.replaceChildren(...Array.from({ length: lines }, (_, i) => make("i", {}, String(i + 1))));
+  }
+
+  /** Marks the lines with problems. */
+  mark(problems) {
+    const wrong = new Set(problems.filter(({ unit }) => unit === this.name).map(({ line }) => line));
+    [...this.lines.children].forEach((line, i) => line.classList.toggle("wrong", wrong.has(i + 1)));
+  }
+
+  /** Selects a range of the text and scrolls to it. */
+  select(start, end) {
+    const { area } = this;
+    area.focus();
+    area.setSelectionRange(start, end);
+    const line = this.file.position(start).line - 1;
+    const height = parseFloat(getComputedStyle(area).lineHeight);
+    area.scrollTop = Math.max(0, line * height - area.clientHeight / 3);
+    this.lines.scrollTop = area.scrollTop;
+  }
+
+  /** Tab indents, after Escape it leaves the text. */
+  key(event) {
+    if (event.key === "Escape") this.leaves = true;
+    else if (event.key !== "Tab") this.leaves = false;
+    if (event.key !== "Tab" || event.shiftKey || this.leaves) return;
+    event.preventDefault();
+    this.area.setRangeText(INDENT, this.area.selectionStart, this.area.selectionEnd, "end");
+    this.write();
+  }
+
+  /** Makes the text the file's. What is typed without a pause is undone as one. */
+  write() {
+    const now = performance.now();
+    if (now - (this.written ?? 0) > PAUSE) this.page.doc.settle();
+    this.written = now;
+    this.page.doc.setText(this.index, this.area.value, "text");
+  }
+}

@@ -1,0 +1,58 @@
+//! Scenarios that are edited: their files may be invalid, and their unit types are looked up one by one.
+
+use crate::keys::{CUSTOM_UNIT_PATH, GROUPS, UNIT_TYPE_IDS, UNITS};
+use crate::unit_files::{Origin, UnitFiles};
+use crate::{Problems, ScenarioFiles};
+use smaclite_units::UnitType;
+use smaclite_units::file::{Document, MAX_SCENARIO_BYTES, Node, Report, Reported, read_text, shown_path};
+use std::path::{Path, PathBuf};
+
+impl ScenarioFiles {
+    /// The texts of a scenario file and of the unit files that it names, whether they are valid or not, and
+    /// the path of each of the unit files. Unit types without a file are left out.
+    ///
+    /// # Errors
+    /// [`Problems`] if the scenario file cannot be read as text.
+    pub fn open(path: &Path) -> Result<(ScenarioFiles, Vec<PathBuf>), Problems> {
+        let report = Report::default();
+        let text = read_text(path, MAX_SCENARIO_BYTES, &report);
+        let (text, source) = (report.finish(text)?, shown_path(path));
+        let base_dir = path.parent().unwrap_or(Path::new(""));
+        let report = Report::default(); // of problems that the editor shows by `scenario`
+        let found = unit_files(&text, &source, base_dir, &report).unwrap_or_default();
+        let (paths, unit_files) = found.into_iter().unzip();
+        Ok((ScenarioFiles { source, text, unit_files }, paths))
+    }
+
+    /// The unit type that a key of the scenario file names, if it is valid.
+    pub fn unit_type(&self, key: &str) -> Option<UnitType> {
+        let report = Report::default();
+        let document = Document::parse("null", &self.source, &report).ok()?;
+        let files = UnitFiles::new(Origin::Texts(&self.unit_files), Ok(None), &report);
+        let found = files.find(key, &document.root()).ok()?;
+        files.load(&found, &document.root()).ok()
+    }
+}
+
+fn unit_files(
+    text: &str,
+    source: &str,
+    base_dir: &Path,
+    report: &Report,
+) -> Result<Vec<(PathBuf, crate::UnitFile)>, Reported> {
+    let document = Document::parse(text, source, report)?;
+    let file = document.root().object(&[])?;
+    let files = UnitFiles::new(Origin::Folder(base_dir), file.read_optional(&CUSTOM_UNIT_PATH), report);
+    let groups = file.get(&GROUPS).and_then(|groups| groups.items().ok()).unwrap_or_default();
+    let named = groups.iter().filter_map(units_of).chain(file.get(&UNIT_TYPE_IDS));
+    for (key, node) in named.filter_map(|named| named.entries().ok()).flatten() {
+        if let Ok(found) = files.find(key, &node) {
+            let _ = files.load(&found, &node); // notes the text, also of an invalid file
+        }
+    }
+    Ok(files.into_found_at())
+}
+
+fn units_of<'a>(group: &Node<'a>) -> Option<Node<'a>> {
+    group.object(&[]).ok()?.get(&UNITS)
+}

@@ -1,0 +1,351 @@
+"""The scenario editor in a real browser: by mouse, by keyboard and by text, and the files that it saves."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_page import REPOSITORY, browser, pytestmark
+
+__all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
+
+PROGRAM = ["cargo", "run", "--release", "--quiet", "-p", "smaclite-cli", "--"]
+SIDE = 32
+
+
+def run(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*PROGRAM, *args], cwd=REPOSITORY, capture_output=True, text=True, timeout=600)
+
+
+class Editor:
+    """`smaclite-pool edit` and its page, which must not report an error."""
+
+    def __init__(self, browser: Any, *args: str, state: str = "Valid", **options: Any) -> None:
+        command = [*PROGRAM, "edit", *args]
+        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        url = self.process.stdout.readline().strip()
+        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
+        self.page = browser.new_page(**options)
+        self.problems: list[str] = []
+        self.page.on("console", lambda message: self.problems.append(message.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("dialog", lambda dialog: dialog.accept())
+        self.page.goto(url)
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+        self.wait_for_state(state)
+
+    def __enter__(self) -> Editor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.page.close()
+        self.process.terminate()
+        try:
+            self.process.wait(20)
+        finally:
+            self.process.kill()
+        assert self.problems == []
+
+    def settle(self) -> None:
+        """Waits until two more pictures are drawn."""
+        self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def wait(self, is_done: Callable[[], bool]) -> None:
+        end = time.monotonic() + 20
+        while not is_done():
+            assert time.monotonic() < end, self.page.inner_text("#problems")
+            self.settle()
+
+    def wait_for_state(self, text: str) -> None:
+        self.wait(lambda: str(self.page.inner_text("#state")) == text)
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.page.keyboard.press(key)
+        self.settle()
+
+    def tab(self, name: str) -> None:
+        self.page.click(f"[data-tab={name}]")
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of a map of 32 x 32 squares is in the window: with 8 pixels around the map."""
+        box = self.page.locator("#map").bounding_box()
+        scale = (min(box["width"], box["height"]) - 16) / SIDE
+        middle = SIDE / 2
+        return (
+            box["x"] + box["width"] / 2 + (x - middle) * scale,
+            box["y"] + box["height"] / 2 - (y - middle) * scale,
+        )
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], **options: Any) -> None:
+        self.page.mouse.move(*self.at(*start))
+        self.page.mouse.down(**options)
+        self.page.mouse.move(*self.at(*end), steps=6)
+        self.page.mouse.up(**options)
+        self.settle()
+
+    def text(self) -> str:
+        """The text of the scenario file, which its form shows; then the form that was shown before."""
+        before = self.page.get_attribute("[data-tab][aria-selected=true]", "data-tab")
+        focused = self.page.evaluate_handle("document.activeElement")
+        # Without the mouse, which the map follows.
+        show = "(name) => document.querySelector(`[data-tab=${name}]`).click()"
+        self.page.evaluate(show, "json")
+        text = str(self.page.input_value("#text"))
+        self.page.evaluate(show, before)
+        focused.evaluate("(element) => element.focus()")
+        self.settle()
+        return text
+
+    def json(self) -> Any:
+        return json.loads(self.text())
+
+    def field(self, *path: str | int, unit: str | int = -1) -> Any:
+        key = f"{unit}:{json.dumps(list(path), separators=(',', ':'))}"
+        return self.page.locator(f"[data-key='{key}']")
+
+    def problem_list(self) -> list[str]:
+        return [str(text) for text in self.page.locator("#problems li").all_inner_texts()]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A copy of 2s3z."""
+    return Path(shutil.copy(REPOSITORY / "scenarios/data/2s3z.json", tmp_path / "mine.json"))
+
+
+def test_a_scenario_is_edited_played_and_saved(browser: Any, file: Path) -> None:
+    before = file.read_text()
+    with Editor(browser, str(file)) as editor:
+        # Terrain: a wall by brush, and a rectangle; the preset becomes a drawn map.
+        editor.press("b")
+        editor.drag((12.5, 12.5), (12.5, 18.5))
+        editor.press("r")
+        editor.drag((18.5, 9.5), (20.5, 10.5))
+        assert '"terrain_preset"' not in editor.text()
+        rows = editor.json()["terrain"]
+        assert len(rows) == SIDE
+        assert [y for y in range(SIDE) if rows[y][12] == "X" and rows[y][13] == "_"] == list(range(12, 19))
+        assert rows[9][17:22] == rows[10][17:22] == "_XXX_"
+
+        # A group, by mouse, on the grid of half squares.
+        editor.press("v")
+        editor.drag((23, 16.6), (24, 14.1))
+        assert editor.json()["groups"][1] == {
+            "x": 24,
+            "y": 13.5,
+            "faction": "ENEMY",
+            "units": {"STALKER": 2, "ZEALOT": 3},
+        }
+        editor.wait_for_state("Valid")
+
+        # A mistake, its message, and its repair.
+        editor.field("groups", 1, "units", "ZEALOT").fill("0")
+        editor.wait_for_state("1 problem")
+        (problem,) = editor.problem_list()
+        assert "`groups[1].units.ZEALOT` is 0, but must be a whole number from 1 to 1000" in problem
+        assert editor.page.is_disabled("#play")
+        editor.tab("scenario")
+        editor.page.click("#problems li button")
+        focused = editor.page.evaluate("document.activeElement.dataset.key")
+        assert focused == '-1:["groups",1,"units","ZEALOT"]'
+        editor.page.keyboard.press("ControlOrMeta+A")
+        editor.page.keyboard.type("4")
+        editor.wait_for_state("Valid")
+        assert editor.json()["num_enemy_units"] == 6
+
+        # The battle, to its end.
+        editor.page.select_option("#policy", "focus_fire")
+        editor.page.fill("#seed", "3")
+        editor.page.click("#play")
+        battle = editor.page.frame_locator("#arena iframe")
+        editor.wait(lambda: editor.page.locator("#arena iframe").count() == 1)
+        battle.locator("html[data-ready]").wait_for(state="attached")
+        assert battle.locator("h1").inner_text() == "2s3z"
+        for _ in range(4):
+            battle.locator("[data-speed='1']").click()
+        last = battle.locator("#scrub").get_attribute("max")
+        editor.wait(lambda: battle.locator("#scrub").input_value() == last)
+        assert battle.locator("#result").inner_text() in ("Won", "Lost", "Time limit")
+        assert "3" in battle.locator("#facts").inner_text() and int(last) > 8
+        editor.page.keyboard.press("Escape")
+        editor.wait(lambda: not editor.page.is_visible("#arena"))
+
+        # Undo to the beginning and back.
+        edited = editor.text()
+        for _ in range(20):
+            editor.press("ControlOrMeta+z")
+        assert editor.text() == before
+        for _ in range(20):
+            editor.press("ControlOrMeta+Shift+z")
+        assert editor.text() == edited
+
+        assert file.read_text() == before
+        editor.press("ControlOrMeta+s")
+        editor.wait(lambda: "Saved mine.json" in editor.page.inner_text("#message"))
+    assert file.read_text() == edited
+    checked = run("check", str(file))
+    assert checked.returncode == 0 and "5 agents against 6 enemies" in checked.stdout, checked
+
+
+def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
+    with Editor(browser, str(file)) as editor:
+        editor.tab("types")
+        editor.page.click("#types button:text-is('Stalker')")
+        hp = editor.field("hp", unit="STALKER")
+        assert hp.input_value() == "80" and not hp.is_editable()
+        editor.page.click("text=Copy as new")
+        unit = "my_stalker"
+        editor.field("hp", unit=unit).fill("1e2")
+        editor.field("attack_range", unit=unit).fill("many")
+        editor.wait_for_state("1 problem")
+        message = "`attack_range` is \"many\", but must be a number from 0 to 1000000 or \"MELEE\""
+        assert editor.problem_list()[0].startswith("my_stalker.json:") and message in editor.problem_list()[0]
+        editor.field("attack_range", unit=unit).fill("7")
+        editor.field("bonuses", unit=unit).locator("select").select_option("LIGHT")
+        editor.field("bonuses", "LIGHT", unit=unit).fill("3")
+        editor.field("attributes", "PSIONIC", unit=unit).check()
+        editor.field("targeter", unit=unit).select_option("KAMIKAZE")
+        editor.field("targeter_kwargs", "radius", unit=unit).fill("1.5")
+
+        editor.tab("groups")
+        editor.page.click(".groups .group >> nth=0")
+        editor.field("groups", 0, "units", "STALKER", "type").select_option(unit)
+        editor.wait_for_state("Valid")
+        scenario = editor.json()
+        assert scenario["groups"][0]["units"] == {unit: 2, "ZEALOT": 3}
+        assert scenario["unit_type_ids"] == {"STALKER": 0, "ZEALOT": 1, unit: 2}
+        assert scenario["num_unit_types"] == 3
+
+        # A new name here is a new name everywhere.
+        editor.tab("types")
+        name = editor.page.locator("#types section input >> nth=0")
+        name.fill("sniper")
+        name.press("Enter")
+        editor.wait_for_state("Valid")
+        assert editor.json()["groups"][0]["units"] == {"sniper": 2, "ZEALOT": 3}
+        editor.page.click("#save")
+        editor.wait(lambda: "Saved sniper.json, mine.json" in editor.page.inner_text("#message"))
+    saved = json.loads((file.parent / "sniper.json").read_text())
+    assert (saved["hp"], saved["attack_range"], saved["bonuses"]["LIGHT"]) == (100, 7, 3)
+    assert saved["targeter_kwargs"] == {"radius": 1.5} and "PSIONIC" in saved["attributes"]
+    checked = run("check", str(file), str(file.parent / "sniper.json"))
+    assert checked.returncode == 0, checked
+
+
+def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
+    # What the editor does not know, and how the text is written, stays.
+    odd = file.read_text().replace('"name": "2s3z",', '"name": "odd",   "a.b": [1.50, {"c": null}],')
+    file.write_text(odd)
+    with Editor(browser, str(file), state="1 problem") as editor:
+        assert "unknown key `a.b`" in editor.problem_list()[0]
+        editor.tab("scenario")
+        editor.field("episode_limit").fill("7")
+        editor.field("attack_point", 0).fill("")
+        editor.field("attack_point", 0).fill("9.5")
+        expected = odd.replace('"episode_limit": 120', '"episode_limit": 7')
+        assert editor.text() == expected.replace("[9, 16],\n", "[9.5, 16],\n")
+        editor.page.click("#problems li button")
+        selected = "(e) => e.value.slice(e.selectionStart, e.selectionEnd)"
+        assert editor.page.eval_on_selector("#text", selected).startswith('"a.b": [1.50')
+
+        # Text that is no JSON keeps its place; then the forms follow the text.
+        editor.page.fill("#text", '{ "name": ')
+        editor.wait(lambda: "mine.json:1:" in editor.problem_list()[0])
+        text = expected.replace('   "a.b": [1.50, {"c": null}],', "").replace('"x": 9,', '"x": 11,')
+        editor.page.fill("#text", text)
+        editor.wait_for_state("Valid")
+        editor.page.click("#format")
+        editor.tab("groups")
+        assert editor.page.locator(".groups .group >> nth=0").inner_text().endswith("11, 16")
+
+
+def test_the_keyboard_alone(browser: Any, file: Path) -> None:
+    with Editor(browser, str(file)) as editor:
+        editor.page.focus("#map")
+        editor.press("n", "n", "ArrowRight", "Shift+ArrowUp", "Alt+ArrowLeft")
+        group = editor.json()["groups"][1]
+        assert (group["x"], group["y"]) == (23.49, 21)
+        editor.press("ControlOrMeta+d")
+        assert len(editor.json()["groups"]) == 3
+        editor.press("Delete")
+        assert len(editor.json()["groups"]) == 2
+        # From the middle of the map: a line of three squares, then a fill around it is undone.
+        editor.page.focus("#map")
+        editor.press("l", "ArrowRight", "Space", "ArrowUp", "ArrowUp", "Space")
+        rows = editor.json()["terrain"]
+        assert [y for y in range(8, 24) if "X" in rows[y][:32]] == [16, 17, 18]
+        editor.press("f", "ArrowRight", "Space")
+        assert all("_" not in row for row in editor.json()["terrain"])
+        editor.press("ControlOrMeta+z")
+        assert editor.json()["terrain"] == rows
+        editor.press("x", "e", "ArrowLeft", "Space")
+        assert "X" not in editor.json()["terrain"][18]
+        editor.press("?")
+        assert editor.page.is_visible("#keys")
+        editor.press("Escape")
+
+
+def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
+    scout = (REPOSITORY / "units/data/MARINE.json").read_text()
+    files = {
+        "duel.json": (REPOSITORY / "scenarios/data/3m.json").read_text().replace("MARINE", "units/scout"),
+        "scout.json": scout,
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    with Editor(browser) as editor:
+        assert editor.page.inner_text("h1") == "new_scenario"
+        editor.page.set_input_files("#files", [tmp_path / name for name in files])
+        editor.wait(lambda: str(editor.page.inner_text("h1")) == "3m")
+        editor.wait_for_state("Valid")
+        downloads: list[Any] = []
+        editor.page.on("download", lambda download: downloads.append(download))
+        editor.page.click("#save")
+        editor.wait(lambda: len(downloads) == 2)
+        for download in downloads:
+            assert Path(download.path()).read_text() == files[download.suggested_filename]
+        editor.page.click("#new")
+        editor.page.click("#choices button:text-is('corridor')")
+        editor.wait(lambda: str(editor.page.inner_text("h1")) == "corridor")
+        editor.wait_for_state("Valid")
+        editor.tab("scenario")
+        assert editor.field("terrain_preset").input_value() == "CORRIDOR"
+        editor.field("terrain_preset").select_option("NARROW")
+        assert editor.json()["terrain_preset"] == "NARROW"
+        editor.field("terrain_preset").select_option("")
+        editor.field("width").fill("40")
+        assert {len(row) for row in editor.json()["terrain"]} == {40} and editor.json()["width"] == 40
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_form_has_names_in_both_themes(browser: Any, file: Path, scheme: str) -> None:
+    with Editor(browser, str(file), color_scheme=scheme, device_scale_factor=2) as editor:
+        assert editor.page.get_attribute("html", "data-theme") == scheme
+        nameless = """() => [...document.querySelectorAll("button, input, select, textarea, canvas")]
+            .filter((e) => !e.getAttribute("aria-label") && !e.textContent.trim() && !e.closest("label")
+                && !e.hidden)
+            .map((e) => e.outerHTML.slice(0, 80))"""
+        for tab in ("groups", "scenario", "types", "json"):
+            editor.tab(tab)
+            assert editor.page.evaluate(nameless) == []
+        width = editor.page.evaluate("document.getElementById('map').getBoundingClientRect().width")
+        assert editor.page.evaluate("document.getElementById('map').width") == round(2 * width)
+
+
+def test_a_map_that_is_too_large_to_send_is_an_error_and_nothing_else(browser: Any, file: Path) -> None:
+    with Editor(browser, str(file)) as editor:
+        editor.tab("json")
+        text = str(editor.page.input_value("#text"))
+        fill = "(area, text) => { area.value = text; area.dispatchEvent(new Event('input')); }"
+        editor.page.eval_on_selector("#text", fill, text + " " * 5_000_000)
+        editor.wait(lambda: "larger than 4 MiB" in editor.page.inner_text("#message"))
+        editor.page.eval_on_selector("#text", fill, text)
+        editor.wait_for_state("Valid")
