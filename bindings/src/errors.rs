@@ -45,6 +45,8 @@ pub fn client_error(error: ClientError) -> PyErr {
         ClientError::NotAccepted { .. }
         | ClientError::Interrupted
         | ClientError::FramesLost { .. }
+        | ClientError::Control(_)
+        | ClientError::Refused(_)
         | ClientError::Ipc(_) => class::PoolError::new_err(text),
     }
 }

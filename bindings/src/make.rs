@@ -15,7 +15,7 @@ use smaclite_ipc::{
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::ScenarioFiles;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -44,6 +44,8 @@ const MAX_THREADS: usize = 1024;
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
 ///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
+///     spectators: number of spectators at the same time, 0 to 64, such as `smaclite-pool watch`; each needs
+///         shared memory for two more batches.
 ///     wait: how the learner and idle workers wait: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     name: the pool's name; a unique one by default.
 ///
@@ -57,10 +59,11 @@ const MAX_THREADS: usize = 1024;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
-    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), wait="adaptive", name=None))]
+    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
+    wait="adaptive", name=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
     autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
-    wait='adaptive', name=None)")]
+    spectators=1, wait='adaptive', name=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -74,6 +77,7 @@ pub fn make(
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
     max_held_batches: IntArg,
+    spectators: IntArg,
     wait: &str,
     name: Option<String>,
 ) -> PyResult<Envs> {
@@ -83,6 +87,7 @@ pub fn make(
     let batch_size = batch_size.map_or(Ok(num_envs), |n| to_unsigned("batch_size", n))?;
     let seed = to_unsigned("seed", seed)?;
     let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
+    let spectators = to_unsigned("spectators", spectators)?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
     let limit = to_episode_limit(episode_limit)?;
     let fields = match fields {
@@ -92,15 +97,15 @@ pub fn make(
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
     let _pending = PendingCall::new()?;
     let start = move |is_cancelled: IsCancelled<'_>| {
-        let scenario = Scenario::resolve(&scenario.to_string_lossy());
-        let scenario = scenario.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
-        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), scenario.clone(), num_envs);
+        let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
+        let resolved = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        let scenario = resolved.0.clone();
+        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), resolved, num_envs);
         if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
             (*lane_rules, *episode_limit) = (rules, limit);
         }
-        lane.spectators = 0; // other processes do not know the pool's name
         let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
-        let lane = LaneConfig { settings, max_held_batches, ..lane };
+        let lane = LaneConfig { settings, max_held_batches, spectators, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;

@@ -6,13 +6,13 @@
 //!
 //! ```
 //! use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions};
-//! use smaclite_scenarios::Scenario;
+//! use smaclite_scenarios::ScenarioFiles;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
 //! # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
 //! // Usually another process: `smaclite-pool serve 2s3z:4 --name train`.
-//! let lanes = vec![LaneConfig::new("2s3z", Scenario::resolve("2s3z")?, 4)];
+//! let lanes = vec![LaneConfig::new("2s3z", ScenarioFiles::resolve("2s3z")?, 4)];
 //! let (name, options) = ("train".to_owned(), Default::default());
 //! let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
@@ -37,6 +37,7 @@ mod clean;
 mod client;
 pub mod control;
 mod error;
+mod follower;
 mod memory;
 mod name;
 mod process_owned;
@@ -56,13 +57,14 @@ pub use clean::{CleanError, CleanReport, clean};
 pub use client::{Client, ClientError, ConnectError};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
+pub use follower::{FollowedPart, Follower, LaneScenario, lane_scenario};
 pub use memory::TooLittleMemory;
 pub use name::{NameError, check_name};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
 pub use shm_dir::iceoryx;
-pub use smaclite_pool::WaitStrategy;
+pub use smaclite_pool::{EpisodePart, WaitStrategy};
 pub use spectator::Spectator;
 pub use supervisor::{
     LaneConfig, LaneConfigError, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig,
@@ -71,7 +73,7 @@ pub use supervisor::{
 pub use variant::PoolService;
 pub use wait_options::WaitOptions;
 
-use control::client::{ControlClient, RESPONSE_TIMEOUT};
+use control::client::ControlClient;
 use control::protocol::{ControlRequest, ControlResponse};
 use std::time::Duration;
 
@@ -80,11 +82,7 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The status of a pool, which has 10 seconds to answer.
 pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, ConnectError> {
-    status_within(
-        runtime_dir,
-        pool,
-        WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false },
-    )
+    status_within(runtime_dir, pool, WaitOptions::for_response())
 }
 
 /// The status of a pool, if it answers in time.

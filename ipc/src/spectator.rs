@@ -3,7 +3,7 @@
 
 use crate::batch::Batch;
 use crate::client::{ClientError, ConnectError, checked_layout};
-use crate::control::client::{ControlClient, RESPONSE_TIMEOUT};
+use crate::control::client::ControlClient;
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room};
 use crate::process_owned::ProcessOwned;
@@ -37,8 +37,8 @@ impl Spectator {
         pool: &str,
         lane: Option<&str>,
     ) -> Result<Spectator, ConnectError> {
-        let wait = WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted: &mut || false };
         let request = ControlRequest::Watch { lane: lane.map(str::to_owned) };
+        let wait = WaitOptions::for_response();
         let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let description = match response {
             ControlResponse::Lane(lane) => *lane,

@@ -1,5 +1,6 @@
 //! How long a call may wait, and what may interrupt it.
 
+use crate::control::client::RESPONSE_TIMEOUT;
 use std::time::Duration;
 
 /// How to wait.
@@ -11,6 +12,11 @@ pub struct WaitOptions<'a> {
 }
 
 impl WaitOptions<'static> {
+    /// As long as a supervisor may take to answer.
+    pub(crate) fn for_response() -> Self {
+        WaitOptions { timeout: Some(RESPONSE_TIMEOUT), ..WaitOptions::forever() }
+    }
+
     /// No timeout and no interruption.
     pub fn forever() -> Self {
         // A closure that captures nothing takes no memory, so nothing leaks.

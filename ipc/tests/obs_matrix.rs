@@ -1,14 +1,14 @@
 //! The matrix view of observations, which needs the feature `faer`.
 
 use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::ScenarioFiles;
 use std::error::Error;
 
 #[test]
 fn a_row_of_the_matrix_is_the_observation_of_an_agent() -> Result<(), Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-    let lanes = vec![LaneConfig::new("2s3z", Scenario::resolve("2s3z")?, 4)];
+    let lanes = vec![LaneConfig::new("2s3z", ScenarioFiles::resolve("2s3z")?, 4)];
     let (name, options) = ("train".to_owned(), Default::default());
     let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
     let _supervisor = Supervisor::start(config)?;

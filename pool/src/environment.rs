@@ -1,7 +1,7 @@
 //! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows
 //! nothing of units or rules.
 
-use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Step};
+use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Snapshot, Step};
 
 /// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong
 /// to the pool. Users run [`Battle`]s; tests and benches have other environments.
@@ -32,6 +32,10 @@ pub trait Environment: Send {
     fn episode_return(&self) -> f64;
     /// Steps of this episode so far.
     fn episode_length(&self) -> u32;
+    /// The present state, if the environment is a battle. Only battles can be followed.
+    fn save(&self) -> Option<Snapshot> {
+        None
+    }
 }
 
 impl Environment for Battle {
@@ -73,6 +77,9 @@ impl Environment for Battle {
     }
     fn episode_length(&self) -> u32 {
         Battle::episode_length(self)
+    }
+    fn save(&self) -> Option<Snapshot> {
+        Some(Battle::save(self))
     }
 }
 

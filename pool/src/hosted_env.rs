@@ -2,6 +2,7 @@
 
 use crate::autoreset::Autoreset;
 use crate::environment::Environment;
+use crate::episode_log::{EpisodeLog, EpisodePart, LogCursor};
 use crate::fields::Field;
 use crate::lane::Ticket;
 use crate::slot::Slot;
@@ -28,12 +29,14 @@ pub(crate) struct HostedEnv {
     pub(crate) busy: Option<Ticket>,
     /// The episode ended and the environment was not reset since.
     pub(crate) is_over: bool,
+    /// What it did, if it has followers.
+    log: Option<Box<EpisodeLog>>,
 }
 
 impl HostedEnv {
     pub(crate) fn new(env: Box<dyn Environment>) -> HostedEnv {
         let actions = vec![0; env.sizes().n_agents];
-        HostedEnv { env, actions, busy: None, is_over: false }
+        HostedEnv { env, actions, busy: None, is_over: false, log: None }
     }
 
     /// Carries a task out, up to the point where its slot is needed.
@@ -47,6 +50,12 @@ impl HostedEnv {
             Task::Step => {
                 let step = self.env.step_checked(&self.actions, scratch);
                 self.is_over = step.terminated || step.truncated;
+                if let Some(log) = &mut self.log {
+                    log.step(&self.actions, self.is_over);
+                    if log.is_full() {
+                        self.begin_log();
+                    }
+                }
                 Some(step)
             }
             Task::Reset { seed } => {
@@ -93,6 +102,39 @@ impl HostedEnv {
     fn reset(&mut self) {
         self.env.reset();
         self.is_over = false;
+        if self.log.is_some() {
+            self.begin_log();
+        }
+    }
+
+    /// Begins a new episode of the log with the present state.
+    fn begin_log(&mut self) {
+        if let (Some(log), Some(now)) = (&mut self.log, self.env.save()) {
+            log.begin(now);
+        }
+    }
+
+    /// Adds a follower, with whom the log begins; `false` if the environment cannot be followed.
+    pub(crate) fn follow(&mut self) -> bool {
+        let Some(now) = self.env.save() else { return false };
+        let log = self.log.get_or_insert_with(|| Box::new(EpisodeLog::new(self.actions.len(), now)));
+        log.followers += 1;
+        true
+    }
+
+    /// Removes a follower; with the last one the log ends.
+    pub(crate) fn unfollow(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.followers -= 1;
+            if log.followers == 0 {
+                self.log = None;
+            }
+        }
+    }
+
+    /// What happened since `cursor`, which moves on.
+    pub(crate) fn read_log(&self, cursor: &mut LogCursor) -> Vec<EpisodePart> {
+        self.log.as_ref().map_or(Vec::new(), |log| log.read(cursor))
     }
 
     fn write_outcome(&self, step: Option<Step>, slot: &mut Slot<'_>) {

@@ -18,6 +18,7 @@ pub mod slot;
 pub mod transport;
 
 mod autoreset;
+mod episode_log;
 mod frame_assembler;
 mod hosted_env;
 #[allow(unsafe_code)]
@@ -29,6 +30,7 @@ mod wait_strategy;
 mod workers;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
+pub use episode_log::{EpisodePart, LogCursor};
 pub use lane::{LaneSpec, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS};
 pub use rejection::Rejection;

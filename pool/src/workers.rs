@@ -1,6 +1,7 @@
 //! The worker threads. A worker takes a run of its environments and serves it; an idle one leads or follows
 //! (`leader_followers`).
 
+use crate::episode_log::{EpisodePart, LogCursor};
 use crate::lane::{Entry, Lane, LaneSpec, LaneStats, Received, panic_text};
 use crate::leader_followers::{Leadership, Wakeup, WorkQueues};
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
@@ -85,6 +86,31 @@ impl<T: Transport> Pool<T> {
     /// Makes lane `lane` serve the requests of `session`, beginning with a reset; `None` is no learner.
     pub fn set_session(&self, lane: usize, session: Option<SessionId>) {
         self.shared.lanes[lane].set_session(session);
+    }
+
+    /// Adds a follower to an environment, which from now on keeps a log of its episodes; `false` if the
+    /// environment cannot be followed.
+    ///
+    /// # Panics
+    /// If there is no such lane or environment.
+    pub fn follow(&self, lane: usize, env: usize) -> bool {
+        self.shared.lanes[lane].follow(env)
+    }
+
+    /// Removes a follower of an environment.
+    ///
+    /// # Panics
+    /// As [`follow`](Pool::follow).
+    pub fn unfollow(&self, lane: usize, env: usize) {
+        self.shared.lanes[lane].unfollow(env);
+    }
+
+    /// What a followed environment did since `cursor`, which moves on.
+    ///
+    /// # Panics
+    /// As [`follow`](Pool::follow).
+    pub fn read_log(&self, lane: usize, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
+        self.shared.lanes[lane].read_log(env, cursor)
     }
 
     /// A lane's statistics.

@@ -2,6 +2,7 @@
 
 use crate::unit_files::Origin;
 use crate::{Scenario, ScenarioError};
+use serde::{Deserialize, Serialize};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, read_text, shown_path};
 use std::path::Path;
 
@@ -13,7 +14,7 @@ use std::path::Path;
 /// let (scenario, files) = ScenarioFiles::resolve("2s3z").unwrap();
 /// assert_eq!(files.scenario().unwrap(), scenario);
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScenarioFiles {
     /// What error messages call the scenario file.
     pub source: String,
@@ -24,7 +25,7 @@ pub struct ScenarioFiles {
 }
 
 /// The text of a unit file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnitFile {
     /// The name of the unit type: the stem of the file.
     pub name: String,

@@ -8,7 +8,7 @@ use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrat
 use smaclite_pool::environment::MakeEnvironment;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, PoolOptions};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
 use std::sync::Arc;
 
 /// A pool.
@@ -153,8 +153,8 @@ impl LanePlan {
     /// Battles as a user's lane has them, unless an environment has a fault.
     fn envs(&self, battles: LaneEnvs) -> LaneEnvs {
         match battles {
-            LaneEnvs::Battle { scenario, rules, .. } if self.faults.is_empty() => {
-                LaneEnvs::Battle { scenario, rules, episode_limit: Some(self.episode_limit) }
+            LaneEnvs::Battle { scenario, files, rules, .. } if self.faults.is_empty() => {
+                LaneEnvs::Battle { scenario, files, rules, episode_limit: Some(self.episode_limit) }
             }
             _ => LaneEnvs::Other { name: self.scenario.clone(), sizes: self.sizes(), make: self.make() },
         }
@@ -165,11 +165,11 @@ impl LanePlan {
     }
 
     fn arena(&self) -> Arc<Arena> {
-        Arc::new(Arena::new(&self.resolve(), Rules::Smaclite).with_episode_limit(self.episode_limit))
+        Arc::new(Arena::new(&self.resolve().0, Rules::Smaclite).with_episode_limit(self.episode_limit))
     }
 
-    fn resolve(&self) -> Scenario {
-        Scenario::resolve(&self.scenario).expect("a standard scenario")
+    fn resolve(&self) -> (Scenario, ScenarioFiles) {
+        ScenarioFiles::resolve(&self.scenario).expect("a standard scenario")
     }
 
     fn field_set(&self) -> FieldSet {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use smaclite_engine::Arena;
 use smaclite_ipc::{ClientError, ConnectError, RuntimeDirError, StartError};
 use smaclite_pool::PoolOptions;
-use smaclite_scenarios::{Scenario, ScenarioError};
+use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
 use std::process::{Command, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,6 +48,8 @@ impl Mode {
 pub struct Workload {
     /// The scenario.
     pub scenario: Scenario,
+    /// The texts that it was read from.
+    pub files: ScenarioFiles,
     /// The scenario as the user named it: a standard name or a file. A second process gets it.
     pub scenario_argument: String,
     /// How actions are chosen.
@@ -70,8 +72,10 @@ impl Workload {
     /// # Errors
     /// If there is no such scenario or its file is invalid.
     pub fn new(scenario: &str) -> Result<Workload, ScenarioError> {
+        let (resolved, files) = ScenarioFiles::resolve(scenario)?;
         Ok(Workload {
-            scenario: Scenario::resolve(scenario)?,
+            scenario: resolved,
+            files,
             scenario_argument: scenario.to_owned(),
             policy: Policy::Sampled,
             mode: Mode::Embedded,

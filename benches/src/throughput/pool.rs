@@ -73,7 +73,8 @@ impl Workload {
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
-        let mut lane = LaneConfig::new("bench", self.scenario.clone(), self.num_envs);
+        let scenario = (self.scenario.clone(), self.files.clone());
+        let mut lane = LaneConfig::new("bench", scenario, self.num_envs);
         lane.settings.batch_size = self.batch_size;
         Supervisor::start(SupervisorConfig {
             name: name.to_owned(),

@@ -236,6 +236,7 @@ def make(
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
     max_held_batches: int = 4,
+    spectators: int = 1,
     wait: _Wait = "adaptive",
     name: str | None = None,
 ) -> Envs: ...

@@ -49,7 +49,7 @@ impl Record {
         let mut actions = vec![0; scenario.n_agents()];
         for episode in 0..self.episodes {
             if episode > 0 {
-                recorder.reset()?;
+                recorder.reset();
             }
             while !recorder.battle().is_over() {
                 policy.act(recorder.battle(), &mut actions);

@@ -10,7 +10,7 @@ use smaclite_ipc::{
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::ScenarioFiles;
 use std::error::Error;
 
 #[derive(Args)]
@@ -120,8 +120,8 @@ impl Serve {
             }
             None => (rest, DEFAULT_ENVS),
         };
-        let scenario = Scenario::resolve(scenario)?;
-        let name = name.unwrap_or_else(|| scenario.name.clone());
+        let scenario = ScenarioFiles::resolve(scenario)?;
+        let name = name.unwrap_or_else(|| scenario.0.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let mut lane = LaneConfig::new(name, scenario, num_envs);
         if let LaneEnvs::Battle { rules, episode_limit, .. } = &mut lane.envs {

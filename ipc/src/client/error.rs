@@ -72,6 +72,20 @@ pub enum ClientError {
     Forked { owner: u32 },
     #[error(transparent)]
     Ipc(#[from] IpcError),
+    #[error(transparent)]
+    Control(ControlSocketError),
+    #[error("{0}")]
+    Refused(#[from] ControlError),
+}
+
+impl ClientError {
+    /// The error of a later request on the control socket.
+    pub(crate) fn of_socket(error: ControlSocketError) -> ClientError {
+        match error {
+            ControlSocketError::Gone { pool } => ClientError::PoolDied { pool },
+            other => ClientError::Control(other),
+        }
+    }
 }
 
 impl From<NotOwner> for ClientError {

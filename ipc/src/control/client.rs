@@ -169,15 +169,32 @@ impl ControlClient {
         check_name(pool)?;
         let mut waiting = Waiting { begin: Instant::now(), wait, pool: pool.to_owned(), pid: None };
         let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
-        waiting.pid = client.pid;
+        let response = client.exchange(request, &mut waiting)?;
+        Ok((client, response))
+    }
+
+    /// Sends another request and returns the response.
+    pub(crate) fn ask(
+        &mut self,
+        request: &ControlRequest,
+        wait: WaitOptions<'_>,
+    ) -> Result<ControlResponse, ControlSocketError> {
+        let pool = self.pool.clone();
+        self.exchange(request, &mut Waiting { begin: Instant::now(), wait, pool, pid: None })
+    }
+
+    fn exchange(
+        &mut self,
+        request: &ControlRequest,
+        waiting: &mut Waiting<'_>,
+    ) -> Result<ControlResponse, ControlSocketError> {
+        waiting.pid = self.pid;
         let mut line = serde_json::to_vec(request).expect("requests are plain data");
         line.push(b'\n');
-        client.write(&line, &mut waiting)?;
-        let answer = client.read_line(&mut waiting)?;
-        let answer = serde_json::from_slice(&answer);
-        let answer =
-            answer.map_err(|source| ControlSocketError::UnknownResponse { pool: pool.to_owned(), source })?;
-        Ok((client, answer))
+        self.write(&line, waiting)?;
+        let response = self.read_line(waiting)?;
+        serde_json::from_slice(&response)
+            .map_err(|source| ControlSocketError::UnknownResponse { pool: self.pool.clone(), source })
     }
 
     fn connect(

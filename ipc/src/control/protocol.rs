@@ -7,6 +7,7 @@ use smaclite_engine::Sizes;
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
+use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes.
 pub const PROTOCOL_VERSION: u32 = 1;
@@ -36,6 +37,36 @@ pub enum ControlRequest {
         /// The lane's name.
         lane: Option<String>,
     },
+    /// The scenario of a lane, or of the only lane if none is named.
+    Scenario {
+        /// The lane's name.
+        lane: Option<String>,
+    },
+    /// Become a follower of environments of a lane, or of the only lane if none is named, until the
+    /// connection ends.
+    Follow {
+        /// The lane's name.
+        lane: Option<String>,
+        /// The environments.
+        env_ids: Vec<usize>,
+    },
+    /// What the followed environments did since the last such request of this connection.
+    ReadEpisodes,
+}
+
+/// A part of an episode as the socket carries it ([`EpisodePart`](smaclite_pool::EpisodePart)).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeMessage {
+    /// The environment.
+    pub env_id: usize,
+    /// The number of the episode.
+    pub number: u64,
+    /// The snapshot in the format of `postcard`, which keeps the bits of numbers, as base64.
+    pub start: Option<String>,
+    /// The joint actions, `[steps, n_agents]`.
+    pub actions: Vec<u16>,
+    /// Whether the episode ended with the last of these steps.
+    pub is_over: bool,
 }
 
 /// A supervisor's response.
@@ -53,6 +84,18 @@ pub enum ControlResponse {
     },
     /// To [`ControlRequest::Watch`].
     Lane(Box<LaneDescription>),
+    /// To [`ControlRequest::Scenario`] and [`ControlRequest::Follow`].
+    Scenario {
+        /// The lane.
+        lane: Box<LaneDescription>,
+        /// The scenario of its battles.
+        files: Box<ScenarioFiles>,
+    },
+    /// To [`ControlRequest::ReadEpisodes`].
+    Episodes {
+        /// What happened, by environment and in order.
+        parts: Vec<EpisodeMessage>,
+    },
     /// To any request that was refused.
     Refused(ControlError),
 }
@@ -66,6 +109,14 @@ pub enum ControlError {
     LaneTaken { lane: String, learner_pid: u32 },
     #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
+    #[error("lane `{lane}` already has its {limit} followers; end one of them")]
+    TooManyFollowers { lane: String, limit: usize },
+    #[error("a follower must follow between 1 and {limit} environments, got {given}")]
+    FollowedEnvs { given: usize, limit: usize },
+    #[error("env_id must be below {num_envs}, the number of environments of lane `{lane}`, got {env_id}")]
+    NoSuchEnv { lane: String, env_id: usize, num_envs: usize },
+    #[error("lane `{lane}` has no battles that can be seen: its environments are not those of a scenario")]
+    NoBattles { lane: String },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
     #[error("the pool has several lanes; say which one: {}", names(lanes))]

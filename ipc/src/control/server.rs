@@ -3,15 +3,15 @@
 
 use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
-    ControlError, ControlRequest, ControlResponse, LaneDescription, LaneStatus, MAX_REQUEST,
-    PROTOCOL_VERSION, PoolStatus,
+    ControlError, ControlRequest, ControlResponse, MAX_REQUEST, PROTOCOL_VERSION, PoolStatus,
 };
+use super::served_lane::ServedLane;
 use crate::CHECK_INTERVAL;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use smaclite_pool::transport::SessionId;
-use smaclite_pool::{LaneStats, Pool};
+use smaclite_pool::{LogCursor, Pool};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
@@ -40,31 +40,7 @@ pub(crate) struct ControlServer {
     pub(crate) ipc_node: IpcNode,
 }
 
-/// A lane as the control thread sees it.
-pub(crate) struct ServedLane {
-    pub(crate) description: LaneDescription,
-    learner_pid: Option<u32>,
-    spectators: usize,
-    /// Statistics and time of the last measurement, for the rates.
-    seen: (LaneStats, Instant),
-    steps_per_s: f64,
-    queue_wait_us: f64,
-}
-
-impl ServedLane {
-    pub(crate) fn new(description: LaneDescription) -> Self {
-        ServedLane {
-            description,
-            learner_pid: None,
-            spectators: 0,
-            seen: (LaneStats::default(), Instant::now()),
-            steps_per_s: 0.0,
-            queue_wait_us: 0.0,
-        }
-    }
-}
-
-struct Connection {
+pub(super) struct Connection {
     /// Non-blocking.
     stream: UnixStream,
     /// The peer's process; `None` if it is in another process namespace.
@@ -77,15 +53,17 @@ struct Connection {
     unwritten: VecDeque<u8>,
     /// When it was last active.
     active: Instant,
-    role: Role,
+    pub(super) role: Role,
 }
 
 /// What a connection holds; lanes by index.
-#[derive(Clone, Copy, PartialEq)]
-enum Role {
+#[derive(PartialEq)]
+pub(super) enum Role {
     None,
     Learner(usize),
     Spectator(usize),
+    /// With the environments, and how far the log of each is read.
+    Follower(usize, Vec<(usize, LogCursor)>),
 }
 
 /// Serves until `stop` is shut down at the other end.
@@ -220,7 +198,7 @@ impl Connection {
     }
 
     /// The peer becomes the learner or spectator of a lane: from now on the end of its process is detected.
-    fn take_role(&mut self, role: Role) {
+    pub(super) fn take_role(&mut self, role: Role) {
         self.process = self.pid.and_then(watch_process);
         self.role = role;
     }
@@ -248,15 +226,17 @@ impl ControlServer {
             }
             let Some(line) = connection.next_line() else { return open };
             let response = match serde_json::from_slice::<ControlRequest>(&line) {
-                Ok(ControlRequest::Status) => ControlResponse::Status(self.status()),
-                Ok(ControlRequest::Watch { lane }) => {
-                    self.watch(connection, lane).unwrap_or_else(ControlResponse::Refused)
-                }
+                Ok(ControlRequest::Status) => Ok(ControlResponse::Status(self.status())),
                 Ok(ControlRequest::Attach { version, lane }) => {
-                    self.attach(connection, version, lane, sessions).unwrap_or_else(ControlResponse::Refused)
+                    self.attach(connection, version, lane, sessions)
                 }
-                Err(error) => ControlResponse::Refused(ControlError::Malformed { what: error.to_string() }),
+                Ok(ControlRequest::Watch { lane }) => self.watch(connection, lane),
+                Ok(ControlRequest::Scenario { lane }) => self.scenario(lane),
+                Ok(ControlRequest::Follow { lane, env_ids }) => self.follow(connection, lane, env_ids),
+                Ok(ControlRequest::ReadEpisodes) => self.read_episodes(connection),
+                Err(error) => Err(ControlError::Malformed { what: error.to_string() }),
             };
+            let response = response.unwrap_or_else(ControlResponse::Refused);
             let mut line = serde_json::to_vec(&response).expect("responses are plain data");
             line.push(b'\n');
             connection.unwritten = line.into();
@@ -309,14 +289,14 @@ impl ControlServer {
     }
 
     /// The process of a connection that may become a learner or spectator.
-    fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
+    pub(super) fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
         if connection.role != Role::None {
             return Err(ControlError::Malformed { what: "this connection already has a lane".to_owned() });
         }
         connection.pid.ok_or_else(|| ControlError::OtherNamespace { pool: self.name.clone() })
     }
 
-    fn find(&self, lane: Option<String>) -> Result<usize, ControlError> {
+    pub(super) fn find(&self, lane: Option<String>) -> Result<usize, ControlError> {
         let names = || self.lanes.iter().map(|l| l.description.lane.clone()).collect::<Vec<_>>();
         match lane {
             None if self.lanes.len() == 1 => Ok(0),
@@ -333,6 +313,7 @@ impl ControlServer {
         match connection.role {
             Role::None => {}
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
+            Role::Follower(index, ref followed) => self.unfollow(index, followed),
             Role::Learner(index) => {
                 // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
@@ -348,14 +329,8 @@ impl ControlServer {
     }
 
     fn status(&self) -> PoolStatus {
-        let lane = |(index, lane): (usize, &ServedLane)| LaneStatus {
-            description: lane.description.clone(),
-            learner_pid: lane.learner_pid,
-            spectators: lane.spectators,
-            stats: self.pool.stats(index),
-            steps_per_s: lane.steps_per_s,
-            queue_wait_us: lane.queue_wait_us,
-            failure: self.pool.failure(index).map(str::to_owned),
+        let lane = |(index, lane): (usize, &ServedLane)| {
+            lane.status(self.pool.stats(index), self.pool.failure(index))
         };
         PoolStatus {
             pool: self.name.clone(),
@@ -367,18 +342,9 @@ impl ControlServer {
         }
     }
 
-    /// Refreshes the rates once a second.
     fn measure(&mut self) {
         for (index, lane) in self.lanes.iter_mut().enumerate() {
-            let (before, since) = lane.seen;
-            let seconds = since.elapsed().as_secs_f64();
-            if seconds >= 1.0 {
-                let now = self.pool.stats(index);
-                lane.steps_per_s = (now.steps - before.steps) as f64 / seconds;
-                let requests = (now.accepted - before.accepted).max(1);
-                lane.queue_wait_us = (now.waited_ns - before.waited_ns) as f64 / 1e3 / requests as f64;
-                lane.seen = (now, Instant::now());
-            }
+            lane.measure(self.pool.stats(index));
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::runtime_dir::RuntimeDir;
 use smaclite_engine::{Arena, Battle, Rules, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -19,6 +19,8 @@ pub enum LaneEnvs {
     Battle {
         /// The scenario.
         scenario: Box<Scenario>,
+        /// The texts that it was read from, for spectators.
+        files: ScenarioFiles,
         /// The rules of the battles.
         rules: Rules,
         /// `Some` replaces the scenario's own limit; `Some(None)` is no limit.
@@ -68,8 +70,16 @@ pub struct PreparedPool {
     pub(super) runtime_dir: RuntimeDir,
     pub(super) options: PoolOptions,
     pub(super) instance: String,
-    pub(super) lanes: Vec<(LaneSpec, LaneDescription)>,
+    pub(super) lanes: Vec<PreparedLane>,
     pub(super) shared_memory: usize,
+}
+
+/// A lane whose settings are checked.
+pub(super) struct PreparedLane {
+    pub(super) spec: LaneSpec,
+    pub(super) description: LaneDescription,
+    /// The scenario of its battles, if it has battles.
+    pub(super) files: Option<ScenarioFiles>,
 }
 
 /// What the descriptions of all lanes of a pool share.
@@ -86,15 +96,20 @@ struct PreparedEnvs {
     episode_limit: Option<u32>,
     sizes: Sizes,
     make: MakeEnvironment,
+    files: Option<ScenarioFiles>,
 }
 
 impl LaneConfig {
     /// A synchronous lane of a scenario with every other setting at its default.
-    pub fn new(name: impl Into<String>, scenario: Scenario, num_envs: usize) -> LaneConfig {
+    pub fn new(
+        name: impl Into<String>,
+        (scenario, files): (Scenario, ScenarioFiles),
+        num_envs: usize,
+    ) -> LaneConfig {
         let (scenario, rules) = (Box::new(scenario), Rules::default());
         LaneConfig {
             name: name.into(),
-            envs: LaneEnvs::Battle { scenario, rules, episode_limit: None },
+            envs: LaneEnvs::Battle { scenario, files, rules, episode_limit: None },
             settings: LaneSettings::new(num_envs),
             max_held_batches: 4,
             spectators: 1,
@@ -114,9 +129,10 @@ impl LaneConfig {
     }
 
     /// Splits the configuration into what the pool builds and what learners receive.
-    fn prepare(self, pool: &PoolInfo<'_>) -> (LaneSpec, LaneDescription) {
+    fn prepare(self, pool: &PoolInfo<'_>) -> PreparedLane {
         let settings = LaneSettings { fields: self.settings.frame_fields(), ..self.settings };
-        let PreparedEnvs { scenario, rules, episode_limit, sizes, make } = self.envs.prepare(settings.seed);
+        let PreparedEnvs { scenario, rules, episode_limit, sizes, make, files } =
+            self.envs.prepare(settings.seed);
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
@@ -131,14 +147,14 @@ impl LaneConfig {
             capacity: Capacity::new(&settings, pool.threads, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
-        (LaneSpec { name: self.name, sizes, settings, make }, description)
+        PreparedLane { spec: LaneSpec { name: self.name, sizes, settings, make }, description, files }
     }
 }
 
 impl LaneEnvs {
     fn prepare(self, seed: u64) -> PreparedEnvs {
         match self {
-            LaneEnvs::Battle { scenario, rules, episode_limit } => {
+            LaneEnvs::Battle { scenario, files, rules, episode_limit } => {
                 let mut arena = Arena::new(&scenario, rules);
                 if let Some(limit) = episode_limit {
                     arena = arena.with_episode_limit(limit);
@@ -149,10 +165,12 @@ impl LaneEnvs {
                 let make = move |i: usize| -> Box<dyn Environment> {
                     Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
                 };
-                PreparedEnvs { scenario, rules, episode_limit, sizes, make: Box::new(make) }
+                let (make, files) = (Box::new(make), Some(files));
+                PreparedEnvs { scenario, rules, episode_limit, sizes, make, files }
             }
             LaneEnvs::Other { name, sizes, make } => {
-                PreparedEnvs { scenario: name, rules: String::new(), episode_limit: None, sizes, make }
+                let (rules, episode_limit, files) = (String::new(), None, None);
+                PreparedEnvs { scenario: name, rules, episode_limit, sizes, make, files }
             }
         }
     }
@@ -172,11 +190,12 @@ impl SupervisorConfig {
         let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
         let pool = PoolInfo { name: &name, instance: &instance, threads: options.threads };
         let lanes: Vec<_> = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect();
-        let frames = lanes.iter().map(|(spec, lane)| lane.capacity.frame_memory(&spec.layout()));
+        let frames = lanes.iter().map(|lane| lane.description.capacity.frame_memory(&lane.spec.layout()));
         let shared_memory = frames.sum();
-        let clients = lanes.iter().map(|(spec, lane)| {
-            let requests = lane.capacity.request_memory(&spec.layout(), spec.settings.num_envs);
-            requests + (2 + lane.capacity.spectators) * PORTS
+        let clients = lanes.iter().map(|PreparedLane { spec, description, .. }| {
+            let capacity = description.capacity;
+            let requests = capacity.request_memory(&spec.layout(), spec.settings.num_envs);
+            requests + (2 + capacity.spectators) * PORTS
         });
         check_room(
             shared_memory + clients.sum::<usize>(),

@@ -6,12 +6,14 @@ mod control_thread;
 mod error;
 mod name_lock;
 
+use config::PreparedLane;
 pub use config::{LaneConfig, LaneEnvs, PreparedPool, SupervisorConfig};
 pub use error::{LaneConfigError, StartError};
 pub(crate) use name_lock::NameLock;
 
 use crate::control::protocol::LaneDescription;
-use crate::control::server::{ControlServer, ServedLane};
+use crate::control::served_lane::ServedLane;
+use crate::control::server::ControlServer;
 use crate::memory::reserve_segments;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
@@ -19,7 +21,7 @@ use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use control_thread::ControlThread;
 use iceoryx2::prelude::Node;
-use smaclite_pool::{LaneSpec, Pool, PoolOptions};
+use smaclite_pool::{Pool, PoolOptions};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -60,7 +62,9 @@ impl Supervisor {
         let threads = options.threads;
         let _name_lock = NameLock::acquire(&runtime_dir, &name)?;
         let ipc_node = open_node(&runtime_dir, &name)?;
-        let descriptions: Vec<_> = lanes.iter().map(|(_, description)| description.clone()).collect();
+        let descriptions: Vec<_> = lanes.iter().map(|lane| lane.description.clone()).collect();
+        let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.files.clone()));
+        let served = served.collect();
         let started = start_pool(&ipc_node.node, &instance, lanes, options);
         let (pool, services) = started.map_err(|error| match error {
             StartError::Ipc(error) => StartError::Ipc(error.at(&runtime_dir)),
@@ -71,7 +75,7 @@ impl Supervisor {
         }
         let server = ControlServer {
             pool,
-            lanes: descriptions.iter().cloned().map(ServedLane::new).collect(),
+            lanes: served,
             name: name.clone(),
             threads,
             shared_memory,
@@ -117,14 +121,14 @@ type Services = (WorkEvent, Vec<LaneServices>);
 fn start_pool(
     node: &Node<Ipc>,
     instance: &str,
-    lanes: Vec<(LaneSpec, LaneDescription)>,
+    lanes: Vec<PreparedLane>,
     options: PoolOptions,
 ) -> Result<(Pool<Iceoryx>, Services), StartError> {
     let work = WorkEvent::create(node, instance, lanes.len())?;
     let bell = WorkBell { listener: work.listener()?, notifier: work.notifier()? };
     let mut services = Vec::new();
     let mut parts = Vec::new();
-    for (spec, description) in lanes {
+    for PreparedLane { spec, description, .. } in lanes {
         let capacity = description.capacity;
         let layout = Arc::new(spec.layout());
         let lane = LaneServices::create(node, instance, &spec.name, capacity)?;

@@ -61,6 +61,16 @@ impl Battle {
         self.generator = Generator::new(seed);
     }
 
+    /// The generator of execution orders.
+    pub fn generator(&self) -> &Generator {
+        &self.generator
+    }
+
+    /// Sets the generator of execution orders; the episode continues.
+    pub fn set_generator(&mut self, generator: Generator) {
+        self.generator = generator;
+    }
+
     /// Begins a new episode. The generator is not reset.
     pub fn reset(&mut self) {
         self.units.reset(&self.arena);

@@ -68,7 +68,7 @@ pub use battle::Battle;
 pub use command::{IllegalAction, action};
 pub use encode::{FeatureBlock, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
-pub use random::Generator;
+pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
 pub use snapshot::{Snapshot, SnapshotError};

@@ -10,6 +10,7 @@
 //! are removed by descending slot. Slots are a second numbering: a plane's units begin an episode in the
 //! slots 0, 1, ... by ascending id, and when a unit dies the unit in the last slot moves to its slot.
 
+use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 
 use crate::arena::Arena;
@@ -19,14 +20,14 @@ use crate::units::{Units, refill};
 const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];
 
 /// The living units of each plane, in the orders of collision avoidance.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NeighbourOrder {
     /// By plane: `GROUND`, `AIR`, `COLOSSUS`.
     pub planes: [PlaneOrder; PLANES.len()],
 }
 
 /// The living units of one plane by battle-wide id, in two orders.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PlaneOrder {
     /// The list that the tree partitions.
     pub list: Vec<u32>,

@@ -7,15 +7,53 @@ use std::hint::select_unpredictable;
 
 use rand::Rng;
 use rand_pcg::Pcg64;
+use serde::{Deserialize, Serialize};
 
 /// A random generator with the output of `numpy.random.Generator(PCG64(seed))`.
 ///
-/// Equal generators have equal further outputs.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Equal generators have equal further outputs. It is serialised as its [`StreamPosition`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "StreamPosition", into = "StreamPosition")]
 pub struct Generator {
     pcg: Pcg64,
     /// The high half of the last 64-bit output, not yet used.
     high_half: Option<u32>,
+    position: StreamPosition,
+}
+
+/// How far a generator has come: its seed, and how much it has drawn since.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StreamPosition {
+    /// The seed.
+    pub seed: u64,
+    /// Number of 32-bit words that were drawn since seeding.
+    pub draws: u64,
+}
+
+impl StreamPosition {
+    /// The position after seeding.
+    pub fn start(seed: u64) -> StreamPosition {
+        StreamPosition { seed, draws: 0 }
+    }
+}
+
+impl From<StreamPosition> for Generator {
+    /// The generator at that position; all positions cost about the same.
+    fn from(position: StreamPosition) -> Generator {
+        let mut generator = Generator::new(position.seed);
+        // Each 64-bit output is two words.
+        generator.pcg.advance(u128::from(position.draws / 2));
+        if position.draws % 2 == 1 {
+            generator.next_word();
+        }
+        Generator { position, ..generator }
+    }
+}
+
+impl From<Generator> for StreamPosition {
+    fn from(generator: Generator) -> StreamPosition {
+        generator.position
+    }
 }
 
 impl Generator {
@@ -26,12 +64,19 @@ impl Generator {
         Generator {
             pcg: Pcg64::new(join(state_high, state_low), join(stream_high, stream_low)),
             high_half: None,
+            position: StreamPosition::start(seed),
         }
+    }
+
+    /// How far it has come.
+    pub fn position(&self) -> StreamPosition {
+        self.position
     }
 
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         let mut last = items.len().saturating_sub(1);
+        let mut draws = 0;
         while last > 0 {
             // NumPy's Fisher-Yates shuffle draws a uniform number up to `last` by rejection under the
             // smallest mask of ones that covers it. A rejection is as likely as up to one half, so a branch
@@ -42,7 +87,9 @@ impl Generator {
             let fits = word <= last;
             items.swap(last, select_unpredictable(fits, word, last));
             last -= usize::from(fits);
+            draws += 1;
         }
+        self.position.draws = self.position.draws.wrapping_add(draws);
     }
 
     fn next_word(&mut self) -> u32 {
@@ -133,6 +180,22 @@ mod tests {
         let mut sixteen: Vec<u32> = (0..16).collect();
         generator.shuffle(&mut sixteen);
         assert_eq!(sixteen, [12, 1, 11, 6, 10, 7, 13, 15, 3, 4, 5, 8, 0, 9, 14, 2]);
+    }
+
+    #[test]
+    fn a_position_gives_the_generator_that_came_there() {
+        for n_words in 0..5 {
+            let mut generator = Generator::new(7);
+            // A shuffle of two items draws one word, of which it never rejects one.
+            (0..n_words).for_each(|_| generator.shuffle(&mut [0, 1]));
+            let position = StreamPosition { seed: 7, draws: n_words };
+            assert_eq!((generator.position(), &generator), (position, &Generator::from(position)));
+        }
+        let mut generator = Generator::new(7);
+        let mut items: Vec<u32> = (0..100).collect();
+        (0..50).for_each(|_| generator.shuffle(&mut items));
+        assert!(generator.position().draws > 50 * 99, "rejected words count too");
+        assert_eq!(Generator::from(generator.position()), generator);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The state of a battle between two steps, as plain data, and the check that it fits an arena.
 
+use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 use thiserror::Error;
 
@@ -10,7 +11,9 @@ use crate::units::Units;
 
 /// All of a battle that changes. It can be edited, or created from a recording;
 /// [`Battle::restore`](crate::Battle::restore) checks it.
-#[derive(Clone, Debug, PartialEq)]
+///
+/// Serialised in a binary format that keeps the bits of numbers, it is the same after deserialisation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,

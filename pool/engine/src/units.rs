@@ -3,13 +3,14 @@
 //! What never changes about a unit (its type, its faction) is in the arena.
 
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 
 use crate::arena::Arena;
 
 /// The changing part of every unit of a battle, indexed by battle-wide id; all columns have equal lengths.
 ///
 /// A dead unit keeps its last values.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Units {
     /// Position in terrain squares; x grows east, y north.
     pub pos: Vec<Vec2>,

@@ -10,6 +10,7 @@ pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
+use crate::episode_log::{EpisodePart, LogCursor};
 use crate::frame_assembler::{FrameAssembler, SlotClaim};
 use crate::hosted_env::HostedEnv;
 use crate::lane_settings::LaneSettings;
@@ -92,6 +93,19 @@ impl<T: Transport> Lane<T> {
         let mut intake = lock(&self.intake);
         let epoch = intake.begin_session(session);
         self.begin_epoch(epoch);
+    }
+
+    /// Adds a follower to an environment; `false` if it cannot be followed.
+    pub(crate) fn follow(&self, env: usize) -> bool {
+        lock(&self.envs[env]).follow()
+    }
+
+    pub(crate) fn unfollow(&self, env: usize) {
+        lock(&self.envs[env]).unfollow();
+    }
+
+    pub(crate) fn read_log(&self, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
+        lock(&self.envs[env]).read_log(cursor)
     }
 
     pub(crate) fn stats(&self) -> LaneStats {

@@ -14,7 +14,7 @@ fn record(files: ScenarioFiles, episodes: usize) -> Replay {
     let mut recorder = Recorder::new(Setup { files, rules: Rules::Smaclite, episode_limit }, 1).unwrap();
     let mut actions = vec![0; recorder.battle().arena().sizes().n_agents];
     for _ in 0..episodes {
-        recorder.reset().unwrap();
+        recorder.reset();
         while !recorder.battle().is_over() {
             policy::nearest(recorder.battle(), &mut actions);
             recorder.step(&actions).unwrap();

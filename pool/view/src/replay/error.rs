@@ -79,15 +79,6 @@ pub enum ReplayError {
         /// Number of steps of the episode.
         steps: usize,
     },
-    /// The generator of a battle has moved on too far to be named by seed and draws.
-    #[error(
-        "a recording must have at most {max} draws per seed, and seed {seed} has more; begin with a new seed",
-        max = super::Start::MAX_DRAWS
-    )]
-    TooManyDraws {
-        /// The seed.
-        seed: u64,
-    },
     /// An action of the replay is not available.
     #[error("episode {episode}, step {step}: {error}")]
     IllegalAction {

@@ -12,10 +12,10 @@ use flate2::Compression;
 use flate2::bufread::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::Rules;
+use smaclite_engine::{Rules, StreamPosition};
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
 
-use super::{Episode, Outcome, Replay, ReplayError, Setup, Start};
+use super::{Episode, Outcome, Replay, ReplayError, Setup};
 
 /// The suffix of replay files.
 pub const SUFFIX: &str = "smreplay";
@@ -218,8 +218,6 @@ impl EpisodeText {
     }
 
     fn episode(self, check: &Check, n_agents: usize, n_actions: usize) -> Result<Episode, ReplayError> {
-        let most_draws = format!("at most {}", Start::MAX_DRAWS);
-        check.that(self.draws <= Start::MAX_DRAWS, "draws", &most_draws, self.draws)?;
         check.that(self.steps > 0, "steps", "at least 1", self.steps)?;
         let n_checksums = self.step_checksums.len();
         let expected = format!("a list of length {}, the value of `steps`", self.steps);
@@ -236,7 +234,7 @@ impl EpisodeText {
             self.checksum.len() == 16 && self.checksum.bytes().all(|digit| digit.is_ascii_hexdigit());
         let checksum = u64::from_str_radix(&self.checksum, 16).ok().filter(|_| is_hex);
         Ok(Episode {
-            start: Start { seed: self.seed, draws: self.draws },
+            start: StreamPosition { seed: self.seed, draws: self.draws },
             actions: self.actions,
             outcome: Outcome {
                 steps: self.steps,

@@ -32,7 +32,7 @@ mod recorder;
 
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, Generator, Rules};
+use smaclite_engine::{Arena, Rules, StreamPosition};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 
 pub use error::ReplayError;
@@ -51,62 +51,11 @@ pub struct Setup {
     pub episode_limit: Option<u32>,
 }
 
-/// The beginning of an episode: every unit is at its start, and the generator of execution orders is that of
-/// `seed` after `draws` draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Start {
-    /// The seed of the battle.
-    pub seed: u64,
-    /// Number of 32-bit words that were drawn from the generator before the episode, at most
-    /// [`Start::MAX_DRAWS`]; 0 in the first episode after seeding.
-    pub draws: u64,
-}
-
-impl Start {
-    /// The largest number of draws, about 40 million steps of ten units: they are made one by one.
-    pub const MAX_DRAWS: u64 = 1 << 32;
-
-    /// The first episode after seeding.
-    pub fn seeded(seed: u64) -> Start {
-        Start { seed, draws: 0 }
-    }
-
-    /// The generator at the start.
-    pub fn generator(self) -> Generator {
-        let mut generator = Generator::new(self.seed);
-        (0..self.draws).for_each(|_| draw(&mut generator));
-        generator
-    }
-
-    /// This start moved on to where its generator equals `generator`, if that is at most `MAX_DRAWS` draws
-    /// after the seed.
-    pub fn moved_to(self, generator: &Generator) -> Option<Start> {
-        self.moved_on(&mut self.generator(), generator)
-    }
-
-    /// As [`moved_to`](Self::moved_to); `own` is the generator of this start, and moves on with it.
-    fn moved_on(self, own: &mut Generator, generator: &Generator) -> Option<Start> {
-        let found = (self.draws..=Start::MAX_DRAWS).find(|_| {
-            let found = own == generator;
-            if !found {
-                draw(own);
-            }
-            found
-        });
-        found.map(|draws| Start { draws, ..self })
-    }
-}
-
-/// Draws one word: a shuffle of two items needs one bit, and so never rejects a word.
-fn draw(generator: &mut Generator) {
-    generator.shuffle(&mut [(); 2]);
-}
-
 /// A recorded episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// How it begins.
-    pub start: Start,
+    /// The generator of execution orders at its beginning, when every unit is at its start.
+    pub start: StreamPosition,
     /// The action of every agent in every step: `[steps, n_agents]`, row by row.
     pub actions: Vec<u16>,
     /// How it ended.

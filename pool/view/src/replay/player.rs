@@ -43,21 +43,17 @@ impl<'a> Player<'a> {
     pub(super) fn new(replay: &'a Replay, index: usize) -> Player<'a> {
         let start = replay.episodes[index].start;
         let mut battle = Battle::new(replay.arena.clone(), start.seed);
-        let mut snapshot = battle.save();
-        snapshot.generator = start.generator();
-        // A battle's own state with another generator fits.
-        let restored = battle.restore(&snapshot);
-        debug_assert_eq!(restored, Ok(()));
+        battle.set_generator(start.into());
         let observer = Observer::new(&replay.scenario, battle.units());
         let first = observer.moment().clone();
         Player {
             replay,
             index,
-            battle,
             scratch: Scratch::new(),
             checksum: Checksum::default(),
             step: 0,
-            snapshots: vec![(snapshot, observer.clone(), Checksum::default())],
+            snapshots: vec![(battle.save(), observer.clone(), Checksum::default())],
+            battle,
             observer,
             moments: VecDeque::from([first]),
             is_failed: false,

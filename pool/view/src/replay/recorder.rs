@@ -1,23 +1,21 @@
 //! Recording: a battle that notes its seed and actions.
 
-use smaclite_engine::{Battle, ExecutionOrder, Generator, IllegalAction, Scratch, Step, Units};
+use smaclite_engine::{Battle, ExecutionOrder, IllegalAction, Scratch, Step, StreamPosition, Units};
 use smaclite_scenarios::Scenario;
 
 use super::checksum::Checksum;
-use super::{Episode, Outcome, Replay, ReplayError, Setup, Start, this_program};
+use super::{Episode, Outcome, Replay, ReplayError, Setup, this_program};
 
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
 /// To record a battle that runs elsewhere, step the recorder with the same actions; what it
-/// [plays](Self::battle) is the same to the bit if it began with the same [`Start`].
+/// [plays](Self::battle) is the same to the bit if it began at the same [`StreamPosition`].
 pub struct Recorder {
     replay: Replay,
     battle: Battle,
     scratch: Scratch,
-    /// The start of this episode.
-    start: Start,
-    /// The generator at that start.
-    generator: Generator,
+    /// The generator's position at the start of this episode.
+    start: StreamPosition,
     actions: Vec<u16>,
     checksum: Checksum,
     step_checksums: Vec<u16>,
@@ -35,8 +33,7 @@ impl Recorder {
             battle: Battle::new(replay.arena.clone(), seed),
             replay,
             scratch: Scratch::new(),
-            start: Start::seeded(seed),
-            generator: Generator::new(seed),
+            start: StreamPosition::start(seed),
             actions: Vec::new(),
             checksum: Checksum::default(),
             step_checksums: Vec::new(),
@@ -86,31 +83,16 @@ impl Recorder {
 
     /// Ends the episode and begins the next one, with the generator as it is. An episode without a step is
     /// not recorded.
-    ///
-    /// # Errors
-    /// [`ReplayError::TooManyDraws`] after more steps with one seed than a [`Start`] can express; then
-    /// nothing is changed, and [`begin`](Self::begin) with another seed continues.
-    pub fn reset(&mut self) -> Result<(), ReplayError> {
-        let seed = self.start.seed;
-        let mut generator = self.generator.clone();
-        let start = self.start.moved_on(&mut generator, &self.battle.save().generator);
-        let start = start.ok_or(ReplayError::TooManyDraws { seed })?;
-        self.end_episode();
-        self.battle.reset();
-        (self.start, self.generator) = (start, generator);
-        Ok(())
+    pub fn reset(&mut self) {
+        self.begin(self.battle.generator().position());
     }
 
-    /// Ends the episode and begins one with that start.
-    pub fn begin(&mut self, start: Start) {
+    /// Ends the episode and begins one with the generator at that position.
+    pub fn begin(&mut self, start: StreamPosition) {
         self.end_episode();
+        self.battle.set_generator(start.into());
         self.battle.reset();
-        let mut snapshot = self.battle.save();
-        snapshot.generator = start.generator();
-        // A battle's own state with another generator fits.
-        let restored = self.battle.restore(&snapshot);
-        debug_assert_eq!(restored, Ok(()));
-        (self.start, self.generator) = (start, snapshot.generator);
+        self.start = start;
     }
 
     /// The recording, including the episode that is not over.

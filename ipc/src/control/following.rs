@@ -1,0 +1,100 @@
+//! Following environments: the control thread's part. The log of a followed environment is in the pool; it
+//! is read only when a follower requests it.
+
+use super::protocol::{ControlError, ControlResponse, EpisodeMessage};
+use super::server::{Connection, ControlServer, Role};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use smaclite_engine::Snapshot;
+use smaclite_pool::{EpisodePart, LogCursor};
+
+/// The most followers of a lane at once, and the most environments that one of them follows: limits of the
+/// memory of logs.
+const MAX_FOLLOWERS: usize = 16;
+const MAX_FOLLOWED_ENVS: usize = 64;
+
+impl ControlServer {
+    /// The scenario of a lane.
+    pub(super) fn scenario(&self, lane: Option<String>) -> Result<ControlResponse, ControlError> {
+        let lane = &self.lanes[self.find(lane)?];
+        let no_battles = || ControlError::NoBattles { lane: lane.description.lane.clone() };
+        let files = lane.files.clone().ok_or_else(no_battles)?;
+        Ok(ControlResponse::Scenario { lane: Box::new(lane.description.clone()), files: Box::new(files) })
+    }
+
+    /// Makes a connection the follower of environments.
+    pub(super) fn follow(
+        &mut self,
+        connection: &mut Connection,
+        lane: Option<String>,
+        env_ids: Vec<usize>,
+    ) -> Result<ControlResponse, ControlError> {
+        self.candidate(connection)?;
+        let index = self.find(lane)?;
+        let description = &self.lanes[index].description;
+        let (name, num_envs) = (description.lane.clone(), description.settings.num_envs);
+        let response = self.scenario(Some(name.clone()))?;
+        if env_ids.is_empty() || env_ids.len() > MAX_FOLLOWED_ENVS {
+            let (given, limit) = (env_ids.len(), MAX_FOLLOWED_ENVS);
+            return Err(ControlError::FollowedEnvs { given, limit });
+        }
+        if let Some(&env_id) = env_ids.iter().find(|env_id| **env_id >= num_envs) {
+            return Err(ControlError::NoSuchEnv { lane: name, env_id, num_envs });
+        }
+        if self.lanes[index].followers == MAX_FOLLOWERS {
+            return Err(ControlError::TooManyFollowers { lane: name, limit: MAX_FOLLOWERS });
+        }
+        let mut followed: Vec<(usize, LogCursor)> = Vec::new();
+        for env_id in env_ids {
+            if !followed.iter().any(|(known, _)| *known == env_id) && self.pool.follow(index, env_id) {
+                followed.push((env_id, LogCursor::default()));
+            }
+        }
+        self.lanes[index].followers += 1;
+        connection.take_role(Role::Follower(index, followed));
+        Ok(response)
+    }
+
+    pub(super) fn unfollow(&mut self, index: usize, followed: &[(usize, LogCursor)]) {
+        followed.iter().for_each(|(env_id, _)| self.pool.unfollow(index, *env_id));
+        self.lanes[index].followers -= 1;
+    }
+
+    /// What the environments that a connection follows did since its last request.
+    pub(super) fn read_episodes(&self, connection: &mut Connection) -> Result<ControlResponse, ControlError> {
+        let Role::Follower(index, followed) = &mut connection.role else {
+            return Err(ControlError::Malformed {
+                what: "this connection follows no environment".to_owned(),
+            });
+        };
+        let mut parts = Vec::new();
+        for (env_id, cursor) in followed {
+            let read = self.pool.read_log(*index, *env_id, cursor);
+            parts.extend(read.into_iter().map(|part| message(*env_id, part)));
+        }
+        Ok(ControlResponse::Episodes { parts })
+    }
+}
+
+fn message(env_id: usize, part: EpisodePart) -> EpisodeMessage {
+    let EpisodePart { number, start, actions, is_over } = part;
+    EpisodeMessage { env_id, number, start: start.map(|start| encoded(&start)), actions, is_over }
+}
+
+fn encoded(snapshot: &Snapshot) -> String {
+    STANDARD.encode(postcard::to_stdvec(snapshot).expect("snapshots are plain data"))
+}
+
+/// The part of an episode in a message.
+pub(crate) fn episode_part(message: EpisodeMessage) -> Result<(usize, EpisodePart), ControlError> {
+    let EpisodeMessage { env_id, number, start, actions, is_over } = message;
+    let start = start.map(|text| decoded(&text)).transpose()?;
+    Ok((env_id, EpisodePart { number, start, actions, is_over }))
+}
+
+fn decoded(text: &str) -> Result<Snapshot, ControlError> {
+    let malformed =
+        |error: String| ControlError::Malformed { what: format!("the start of an episode: {error}") };
+    let bytes = STANDARD.decode(text).map_err(|error| malformed(error.to_string()))?;
+    postcard::from_bytes(&bytes).map_err(|error| malformed(error.to_string()))
+}
