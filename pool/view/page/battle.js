@@ -13,7 +13,11 @@ class BattleView {
     this.info = info;
     this.track = new Track(info);
     this.wholeMap = false;
+    /** The rectangle of squares that fitting shows at least, if there is one. */
+    this.area = null;
     this.camera = null;
+    /** Whether the camera is the one of `fit`. */
+    this.isFitted = false;
     this.selected = -1;
     this.hovered = -1;
     this.terrain = new TerrainLayer(this);
@@ -52,6 +56,7 @@ class BattleView {
       this.wholeMap ? Infinity : LARGEST_FIT,
     );
     this.camera = { x: (box.x0 + box.x1) / 2, y: (box.y0 + box.y1) / 2, scale };
+    this.isFitted = true;
   }
 
   mapBox() {
@@ -60,14 +65,16 @@ class BattleView {
 
   battleBox() {
     const { track, info } = this,
-      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity, ...this.area };
     for (let at = 0; at < track.length * track.units; at++) {
+      if (!track.alive[at]) continue;
       const radius = this.type(at % track.units).radius + FIT_MARGIN;
       box.x0 = Math.min(box.x0, track.x[at] - radius);
       box.x1 = Math.max(box.x1, track.x[at] + radius);
       box.y0 = Math.min(box.y0, track.y[at] - radius);
       box.y1 = Math.max(box.y1, track.y[at] + radius);
     }
+    if (box.x1 < box.x0) return this.mapBox();
     return {
       x0: Math.max(0, box.x0),
       y0: Math.max(0, box.y0),
@@ -79,6 +86,7 @@ class BattleView {
   zoom(factor, x, y) {
     const fixed = this.toSquares(x, y),
       { camera } = this;
+    this.isFitted = false;
     camera.scale = clamp(camera.scale * factor, 4, 200);
     this.aim();
     const now = this.toSquares(x, y);
@@ -87,6 +95,7 @@ class BattleView {
   }
 
   move(dx, dy) {
+    this.isFitted = false;
     this.camera.x -= dx / this.scale;
     this.camera.y += dy / this.scale;
   }

@@ -1,9 +1,9 @@
 // HealthChart: the share of health that each team has left, over time, with a cursor.
 
 class HealthChart {
-  constructor(canvas, track, seek) {
+  constructor(canvas, seek) {
     this.canvas = canvas;
-    this.track = track;
+    this.track = null;
     const go = (event) => {
       const { left, width } = canvas.getBoundingClientRect();
       seek(

@@ -6,13 +6,19 @@ const byId = (id) => document.getElementById(id);
 
 class BattlePlayer {
   constructor(info) {
+    this.clock = new Clock();
+    this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
+    this.chart = new HealthChart(byId("chart"), (tick) => this.seek(tick));
+    this.use(info);
+  }
+
+  /** Shows battles of a scenario from now on. */
+  use(info) {
     this.info = info;
     this.view = new BattleView(byId("battle"), info);
-    this.clock = new Clock();
     this.inspector = new Inspector(info, (unit) => this.select(unit));
-    this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
-    this.chart = new HealthChart(byId("chart"), this.view.track, (tick) => this.seek(tick));
-    this.drawn = "";
+    this.chart.track = this.view.track;
+    this.redraw();
     for (const kind of ["shield", "energy"])
       byId("legend").querySelector(`.${kind}`).hidden = !info.types.some((type) => type[kind] > 0);
   }
@@ -176,7 +182,6 @@ class BattlePlayer {
   }
 
   listenToPointer(canvas) {
-    const { view } = this;
     const local = (event) => {
       const { left, top } = canvas.getBoundingClientRect();
       return [event.clientX - left, event.clientY - top];
@@ -190,9 +195,9 @@ class BattlePlayer {
     canvas.addEventListener("pointermove", (event) => {
       const at = local(event);
       if (!from) {
-        const unit = view.unitAt(...at);
-        if (unit !== view.hovered) this.redraw();
-        view.hovered = unit;
+        const unit = this.view.unitAt(...at);
+        if (unit !== this.view.hovered) this.redraw();
+        this.view.hovered = unit;
         canvas.classList.toggle("over", unit >= 0);
         return;
       }
@@ -200,14 +205,14 @@ class BattlePlayer {
       if (!moved && Math.hypot(dx, dy) < 4) return;
       moved = true;
       canvas.classList.add("moving");
-      view.move(dx, dy);
+      this.view.move(dx, dy);
       from = at;
       this.redraw();
     });
     const release = (event) => {
       if (event.type === "pointerup" && from && !moved) {
-        const unit = view.unitAt(...local(event));
-        if (unit >= 0 || view.selected >= 0) this.select(unit);
+        const unit = this.view.unitAt(...local(event));
+        if (unit >= 0 || this.view.selected >= 0) this.select(unit);
       }
       from = null;
       canvas.classList.remove("moving");
@@ -215,20 +220,20 @@ class BattlePlayer {
     canvas.addEventListener("pointerup", release);
     canvas.addEventListener("pointercancel", release);
     canvas.addEventListener("pointerleave", () => {
-      view.hovered = -1;
+      this.view.hovered = -1;
       this.redraw();
     });
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        view.zoom(Math.exp(-event.deltaY * 0.0015), ...local(event));
+        this.view.zoom(Math.exp(-event.deltaY * 0.0015), ...local(event));
         this.redraw();
       },
       { passive: false },
     );
     canvas.addEventListener("dblclick", () => {
-      view.camera = null;
+      this.view.camera = null;
       this.redraw();
     });
   }

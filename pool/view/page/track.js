@@ -4,10 +4,12 @@
 const ATTACK_KINDS = ["shot", "beam", "explosion", "heal"];
 const COLUMNS = ["x", "y", "facing", "hp", "shield", "energy", "cooldown", "target", "alive"];
 
+/** The bytes of base64 text. */
+const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
 /** The bytes of base64 text that was compressed by deflate. */
 async function inflate(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+  const stream = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 

@@ -13,6 +13,8 @@ class Clock {
     this.playing = false;
     this.speed = 1;
     this.before = 0;
+    /** Whether more may follow the end, so that the clock waits there. */
+    this.isOpen = false;
   }
 
   /** Moves on to now, in milliseconds. */
@@ -21,11 +23,11 @@ class Clock {
     this.before = now;
     if (!this.playing) return;
     this.time = Math.min(this.end, this.time + elapsed * TICKS_PER_SECOND * this.speed);
-    if (this.time >= this.end) this.playing = false;
+    if (this.time >= this.end && !this.isOpen) this.playing = false;
   }
 
   toggle() {
-    if (!this.playing && this.time >= this.end) this.time = 0;
+    if (!this.playing && this.time >= this.end && !this.isOpen) this.time = 0;
     this.playing = !this.playing;
   }
 

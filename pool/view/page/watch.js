@@ -1,1 +1,235 @@
-new Connection({ open() {}, lost() {} });
+// The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
+
+class WatchPage {
+  constructor(data) {
+    this.hash = new URLSearchParams(location.hash.slice(1));
+    this.lane = this.hash.get("lane") ?? data.lane;
+    this.env = -1;
+    this.player = null;
+    this.visible = [0, 0];
+    this.panel = new LanePanel(byId("panel"));
+    this.grid = new Grid(
+      byId("grid"),
+      (env) => this.follow(env),
+      (first, count) => this.look(first, count),
+    );
+    this.pool = byId("name").textContent = data.pool;
+    this.listen();
+    this.connection = new Connection({
+      open: () => this.open(),
+      lost: (event) => this.lost(event?.error),
+      lane: (event) => this.showLane(event),
+      grid: (event) => this.grid.take(event.cells, performance.now()),
+      status: (event) => this.showStatus(event),
+      episodes: (event) => this.player?.env >= 0 && this.player.hear(event.episodes),
+    });
+  }
+
+  start() {
+    const frame = (now) => {
+      if (this.env < 0) {
+        this.grid.frame(now);
+        this.panel.draw();
+      } else if (this.player) {
+        this.player.frame(now);
+      }
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  /** Sends a request whose answer says nothing. */
+  tell(what, more) {
+    this.connection.ask(what, more).catch((error) => console.warn(error.message));
+  }
+
+  open() {
+    this.panel.clear();
+    this.tell("lane", { name: this.lane });
+    this.sendLook();
+  }
+
+  /** The pool is gone, or with no error the program that serves this page. */
+  lost(error) {
+    this.state(
+      error ? "Pool gone" : "Disconnected",
+      "lost",
+      error
+        ? `${error}. This page goes on when the pool runs again.`
+        : "The connection to smaclite-pool watch is lost. Trying again.",
+    );
+  }
+
+  state(text, kind, notice = "") {
+    byId("state").textContent = text;
+    byId("state").className = `badge ${kind}`;
+    if (byId("notice").textContent !== notice) byId("notice").textContent = notice;
+    byId("notice").hidden = !notice;
+  }
+
+  chooseLane(name) {
+    this.lane = name;
+    this.overview();
+    this.panel.clear();
+    this.grid.show(null, 0);
+    this.tell("lane", { name });
+    this.remember();
+  }
+
+  /** The lane is connected, at first or again. */
+  showLane(event) {
+    this.info = event;
+    if (this.player) this.player.use(event.scenario);
+    else {
+      this.player = new FollowPlayer(event.scenario, (what, more) => this.connection.ask(what, more));
+      this.player.listen();
+    }
+    this.player.features = event.features;
+    byId("lane-facts").textContent = `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
+    this.gridNotice = event.no_grid ?? (event.has_state ? "" : "The frames of this lane have no states: the \
+field `state` is left out. Click a battle to follow it.");
+    byId("grid-notice").textContent = this.gridNotice;
+    byId("grid-notice").hidden = !this.gridNotice;
+    this.showCells(Math.min(this.grid.first, event.num_envs - 1));
+    const env = this.env >= 0 ? this.env : Number(this.hash.get("env") ?? -1);
+    this.hash.delete("env");
+    if (env >= 0 && env < event.num_envs) this.follow(env);
+    else this.overview();
+    document.documentElement.dataset.ready = "";
+  }
+
+  /** Shows the page of cells that has an environment. */
+  showCells(env) {
+    const { num_envs, scenario } = this.info,
+      first = Math.floor(env / MOST_CELLS) * MOST_CELLS;
+    this.grid.show(scenario, num_envs, first);
+    byId("pager").hidden = num_envs <= MOST_CELLS;
+    byId("range").textContent = `battles ${first} to ${first + this.grid.cells.length - 1} of ${num_envs}`;
+    byId("previous").disabled = first === 0;
+    byId("next").disabled = first + MOST_CELLS >= num_envs;
+  }
+
+  turn(direction) {
+    const first = this.grid.first + direction * MOST_CELLS;
+    if (first >= 0 && first < this.info.num_envs) this.showCells(first);
+  }
+
+  follow(env) {
+    this.env = env;
+    document.body.dataset.mode = "battle";
+    byId("name").textContent = `Battle ${env}`;
+    this.player.begin(env);
+    this.player.view.area = this.grid.area;
+    this.connection.ask("follow", { env }).catch((error) => {
+      byId("message").hidden = false;
+      byId("message").textContent = `Battle ${env} cannot be followed: ${error.message}`;
+    });
+    this.sendLook();
+    this.remember();
+  }
+
+  /** Back to the grid. */
+  overview() {
+    if (this.env >= 0) this.tell("unfollow");
+    const cell = this.grid.cells[this.env - this.grid.first];
+    this.env = -1;
+    this.player?.stop();
+    document.body.dataset.mode = "grid";
+    document.body.classList.remove("playing");
+    byId("name").textContent = this.pool;
+    this.sendLook();
+    this.remember();
+    this.grid.redraw();
+    this.panel.isDrawn = false;
+    cell?.button.focus();
+  }
+
+  remember() {
+    const hash = new URLSearchParams({ lane: this.lane, ...(this.env >= 0 ? { env: this.env } : {}) });
+    history.replaceState(null, "", `#${hash}`);
+  }
+
+  look(first, count) {
+    this.visible = [first, count];
+    this.sendLook();
+  }
+
+  /** Says what is visible; the program sends nothing else. */
+  sendLook() {
+    if (this.connection?.socket.readyState !== WebSocket.OPEN) return;
+    const [first, count] = this.env < 0 ? this.visible : [0, 0];
+    this.tell("look", { first, count, visible: !document.hidden });
+  }
+
+  showStatus(event) {
+    this.panel.take(event.points);
+    if (event.error) return this.lost(event.error);
+    this.listLanes(event.lanes);
+    const { lane, pid } = event;
+    if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
+    const learner = lane.learner_pid ? `process ${lane.learner_pid}` : "none";
+    const facts = {
+      learner,
+      supervisor: `process ${pid}, ${event.threads} thread${event.threads === 1 ? "" : "s"}`,
+      "running for": seconds(event.uptime_s),
+      steps: compact(lane.stats.steps),
+      episodes: compact(lane.stats.episodes),
+      spectators: lane.spectators,
+      "refused requests": lane.stats.rejected,
+      "queue wait": `${lane.queue_wait_us.toFixed(0)} \u00b5s`,
+    };
+    byId("lane-status").replaceChildren(
+      ...Object.entries(facts).flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]),
+    );
+    if (lane.failure) this.state("Failed", "lost", `The lane failed: ${lane.failure}`);
+    else if (!lane.learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
+    else if (lane.steps_per_s === 0)
+      this.state("Idle", "idle", `The learner, process ${lane.learner_pid}, has made no step in the last second.`);
+    else this.state("Live", "won");
+  }
+
+  listLanes(names) {
+    const select = byId("lane");
+    select.hidden = names.length < 2;
+    if ([...select.options].map((option) => option.value).join() !== names.join())
+      select.replaceChildren(...names.map((name) => make("option", { value: name }, name)));
+    if (select.value !== this.lane) select.value = this.lane;
+  }
+
+  listen() {
+    byId("back").addEventListener("click", () => this.overview());
+    byId("newest").addEventListener("click", () => this.player.newest());
+    byId("previous").addEventListener("click", () => this.turn(-1));
+    byId("next").addEventListener("click", () => this.turn(1));
+    byId("lane").addEventListener("change", (event) => this.chooseLane(event.target.value));
+    document.addEventListener("visibilitychange", () => this.sendLook());
+    addEventListener("keydown", (event) => this.key(event), { capture: true });
+  }
+
+  /** Keys that concern the page; the others go to the player. */
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
+    if (event.target instanceof HTMLSelectElement) return event.stopImmediatePropagation();
+    const grid = {
+      ArrowLeft: () => this.grid.focus(-1, 0),
+      ArrowRight: () => this.grid.focus(1, 0),
+      ArrowUp: () => this.grid.focus(0, -1),
+      ArrowDown: () => this.grid.focus(0, 1),
+      PageUp: () => this.turn(-1),
+      PageDown: () => this.turn(1),
+      t: () => theme.toggle(),
+      "?": () => byId("keys").showModal(),
+    };
+    const battle = { g: () => this.overview() };
+    if (this.player?.view.selected < 0) battle.Escape = battle.g;
+    const command = (this.env < 0 ? grid : battle)[event.key];
+    if (command) {
+      event.preventDefault();
+      command();
+    }
+    if (command || this.env < 0) event.stopImmediatePropagation();
+  }
+}
+
+theme.start();
+new WatchPage(JSON.parse(byId("data").textContent)).start();

@@ -81,7 +81,13 @@ pub fn watch_html(title: &str, data: &Value) -> String {
         title,
         policy: CONNECTED_POLICY,
         body: include_str!("../../page/watch.html"),
-        scripts: &[include_str!("../../page/connection.js"), include_str!("../../page/watch.js")],
+        scripts: &[
+            include_str!("../../page/connection.js"),
+            include_str!("../../page/grid.js"),
+            include_str!("../../page/plots.js"),
+            include_str!("../../page/follow.js"),
+            include_str!("../../page/watch.js"),
+        ],
         data,
     };
     document.html()

@@ -1,0 +1,299 @@
+// FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
+
+/** Ticks that are fetched ahead of the clock. */
+const AHEAD = 1024;
+/** Decoded episodes that are kept. */
+const MOST_TRACKS = 24;
+/** Milliseconds for which the end of an episode is shown before the newest one begins. */
+const PAUSE_AT_END = 900;
+/** Milliseconds to wait for an episode's start, if only the rest of one is known. */
+const WAIT_FOR_START = 1500;
+/** An episode that is shown no later than this many seconds is live. */
+const LIVE_WITHIN = 2;
+
+class FollowPlayer extends BattlePlayer {
+  constructor(info, ask) {
+    super(info);
+    this.ask = ask;
+    this.clock.isOpen = true;
+    this.observation = new ObservationCard(byId("obs"), ask);
+    this.stop();
+  }
+
+  /** Forgets the environment. */
+  stop() {
+    this.env = -1;
+    this.listed = [];
+    this.received = 0;
+    this.tracks = new Map();
+    this.rows = null;
+    this.number = -1;
+    this.isFetching = false;
+    this.endedAt = 0;
+    this.clock.playing = false;
+  }
+
+  begin(env) {
+    this.stop();
+    this.env = env;
+    this.began = performance.now();
+    this.view.track = this.chart.track = new Track(this.info);
+    this.clock.playing = true;
+    byId("result").textContent = "Waiting";
+    byId("result").className = "badge";
+    byId("facts").replaceChildren();
+    byId("episode-list").replaceChildren();
+    byId("message").hidden = true;
+  }
+
+  /** Takes the list of episodes, the newest first. */
+  hear(episodes) {
+    this.listed = episodes;
+    this.received = performance.now();
+    const isWhole = episodes[0]?.first_step === 0,
+      waits = performance.now() - this.began < WAIT_FOR_START;
+    if (this.number < 0 && episodes.length && (isWhole || !waits)) this.newest();
+    this.listEpisodes();
+    this.fetch();
+  }
+
+  get known() {
+    return this.listed.find((episode) => episode.number === this.number);
+  }
+
+  get isNewest() {
+    return this.listed.length > 0 && this.listed[0].number === this.number;
+  }
+
+  /** Plays the newest episode, or what is newest of it. */
+  newest() {
+    if (!this.listed.length) return;
+    this.clock.playing = true;
+    if (!this.isNewest) this.open(this.listed[0].number);
+    else this.clock.seek(this.clock.end);
+    this.redraw();
+  }
+
+  open(number) {
+    if (number === this.number) return;
+    this.number = number;
+    this.endedAt = 0;
+    if (!this.tracks.has(number)) {
+      const track = new Track(this.info);
+      track.serial = number;
+      this.tracks.set(number, { track, steps: 0, isOver: false, result: null, episodeReturn: 0, length: 0 });
+      if (this.tracks.size > MOST_TRACKS) this.tracks.delete(this.tracks.keys().next().value);
+    }
+    this.show(this.tracks.get(number).track);
+    this.listEpisodes();
+    this.fetch();
+  }
+
+  openNext(direction) {
+    const at = this.listed.findIndex((episode) => episode.number === this.number);
+    const next = this.listed[at - direction];
+    if (next) this.open(next.number);
+  }
+
+  /** Fetches steps until enough are there. */
+  async fetch() {
+    const { number } = this,
+      entry = this.tracks.get(number),
+      known = this.known;
+    if (this.isFetching || !entry || !known) return;
+    if (entry.isOver || (entry.track.length && entry.steps >= known.steps)) return;
+    if (entry.track.length && entry.track.last > this.clock.time + AHEAD) return;
+    this.isFetching = true;
+    try {
+      this.append(entry, await this.ask("steps", { number, step: entry.steps }));
+    } catch (error) {
+      // An episode that the program has forgotten; the list says which ones there are.
+      if (number === this.number && !this.isNewest) this.newest();
+      else console.warn(error.message);
+    } finally {
+      this.isFetching = false;
+    }
+    this.fetch();
+  }
+
+  append(entry, answer) {
+    const { track } = entry;
+    if (answer.step !== entry.steps || this.tracks.get(answer.number) !== entry) return;
+    if (answer.n_moments) track.append(bytesOf(answer.moments), answer.n_moments);
+    track.appendDecisions(bytesOf(answer.decisions));
+    entry.steps += answer.steps;
+    Object.assign(entry, {
+      isOver: answer.is_over,
+      result: answer.result,
+      episodeReturn: answer.return,
+      length: answer.length,
+    });
+    if (answer.number !== this.number) return;
+    this.clock.end = track.last;
+    // A view that the mouse has not changed follows the units.
+    if (this.view.isFitted) this.view.camera = null;
+    this.listEpisodes();
+    this.redraw();
+  }
+
+  seek(tick) {
+    this.endedAt = 0;
+    super.seek(tick);
+    this.fetch();
+  }
+
+  frame(now) {
+    const time = this.clock.time;
+    super.frame(now);
+    this.observation.update(this, Math.floor(this.clock.time));
+    if (this.clock.time !== time) this.fetch();
+    this.describe();
+    const entry = this.tracks.get(this.number);
+    if (!entry || !this.clock.playing || this.clock.time < this.clock.end) return (this.endedAt = 0);
+    // An episode that was reset before its end has a newer one after it, and gets no more steps.
+    const isComplete = entry.isOver || (!this.isNewest && entry.steps >= (this.known?.steps ?? 0));
+    if (!isComplete || this.isNewest) return;
+    this.endedAt ||= now;
+    if (now - this.endedAt > PAUSE_AT_END) this.newest();
+  }
+
+  /** Seconds since the shown moment happened. */
+  get age() {
+    const { known, clock } = this;
+    if (!known) return 0;
+    const part = known.steps ? clamp(clock.time / TICKS_PER_STEP / known.steps) : 1;
+    const since = (performance.now() - this.received) / 1000;
+    return known.newest_s + (known.began_s - known.newest_s) * (1 - part) + since;
+  }
+
+  describe() {
+    const entry = this.tracks.get(this.number);
+    if (!entry) return;
+    const result = (entry.isOver && entry.result) || "running";
+    const isLive = this.isNewest && !entry.isOver && this.clock.time >= this.clock.end - LIVE_WITHIN * 16;
+    const waits = isLive && this.age > LIVE_WITHIN;
+    const age = waits
+      ? `waiting for the learner, ${seconds(this.age)}`
+      : isLive
+        ? "live"
+        : `${seconds(this.age)} ago`;
+    const first = this.known?.first_step;
+    const key = [this.number, result, age, first, entry.episodeReturn].join();
+    if (key === this.described) return;
+    this.described = key;
+    byId("result").textContent = result === "running" ? "Running" : RESULTS[result];
+    byId("result").className = `badge ${result}`;
+    byId("age").textContent = age;
+    byId("age").className = isLive && !waits ? "live" : "";
+    const facts = {
+      episode: first ? `${this.number}, from step ${first}` : this.number,
+      return: entry.isOver ? entry.episodeReturn.toFixed(2) : `${entry.episodeReturn.toFixed(2)} so far`,
+      steps: entry.length,
+    };
+    byId("facts").replaceChildren(
+      ...Object.entries(facts).map(([name, value]) =>
+        make("div", {}, [make("dt", {}, name), make("dd", {}, String(value))]),
+      ),
+    );
+  }
+
+  listEpisodes() {
+    const row = ({ number, steps, is_over, newest_s }) => {
+      const result = this.tracks.get(number)?.result ?? (is_over ? "over" : "running");
+      const cells = [String(number), RESULTS[result] ?? titleCase(result), `${steps} steps`];
+      cells.push(is_over ? `${seconds(newest_s)} ago` : "now");
+      const button = make(
+        "button",
+        { type: "button", "aria-current": String(number === this.number) },
+        cells.map((cell, at) => make("span", { className: at === 1 ? `dot ${result}` : "" }, cell)),
+      );
+      button.addEventListener("click", () => {
+        this.clock.playing = true;
+        this.open(number);
+      });
+      return make("li", {}, button);
+    };
+    const list = byId("episode-list");
+    // Rows that moved away from the pointer could not be clicked.
+    if (list.matches(":hover, :focus-within") && this.rows) return this.markEpisode();
+    this.rows = new Map(this.listed.map((episode) => [episode.number, row(episode)]));
+    list.replaceChildren(...this.rows.values());
+  }
+
+  markEpisode() {
+    for (const [number, item] of this.rows)
+      item.firstChild.setAttribute("aria-current", String(number === this.number));
+  }
+
+  command(key, ticks) {
+    return (
+      {
+        n: () => this.newest(),
+        PageUp: () => this.openNext(-1),
+        PageDown: () => this.openNext(1),
+      }[key] ?? super.command(key, ticks)
+    );
+  }
+}
+
+const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
+
+/** Milliseconds between two requests for observations. */
+const OBSERVE_EVERY = 250;
+
+/** The observation of the selected agent before the shown step, with the name of every feature. */
+class ObservationCard {
+  constructor(element, ask) {
+    this.element = element;
+    this.ask = ask;
+    this.shown = "";
+    this.asked = -OBSERVE_EVERY;
+  }
+
+  update(player, tick) {
+    const unit = player.info.units[player.view.selected],
+      isAgent = unit?.faction === 0;
+    this.element.hidden = !isAgent;
+    if (!isAgent) {
+      this.shown = "";
+      return;
+    }
+    const entry = player.tracks.get(player.number),
+      step = Math.floor(tick / TICKS_PER_STEP),
+      key = [player.number, step, unit.id].join();
+    const now = performance.now();
+    if (!entry || key === this.shown || now - this.asked < OBSERVE_EVERY || step > entry.steps) return;
+    [this.shown, this.asked] = [key, now];
+    this.ask("observe", { number: player.number, step, agent: unit.id })
+      .then(({ obs }) => this.shown === key && this.draw(player.features, step, obs))
+      .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
+  }
+
+  draw(blocks, step, obs) {
+    const title = make("h2", {}, `Observation before step ${step}`);
+    const tables = blocks.map((block) => this.table(block, obs));
+    // The scroll positions of the tables stay.
+    const tops = [...this.element.querySelectorAll(".obs")].map((table) => table.scrollTop);
+    this.element.replaceChildren(title, ...tables.filter(Boolean));
+    this.element.querySelectorAll(".obs").forEach((table, i) => (table.scrollTop = tops[i] ?? 0));
+  }
+
+  table({ name, start, rows, features }, obs) {
+    const width = features.length;
+    if (!width || rows === 0) return null;
+    const cell = (index) =>
+      make("td", { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" }, short(obs[index]));
+    const lines = Array.from({ length: rows ?? 1 }, (_, row) => {
+      const values = features.map((_, at) => cell(start + row * width + at));
+      return make("tr", {}, [make("th", {}, rows === null ? "" : String(row)), ...values]);
+    });
+    const head = make("tr", {}, [
+      make("th", {}, name),
+      ...features.map((feature) => make("th", {}, feature)),
+    ]);
+    return make("div", { className: "obs" }, make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]));
+  }
+}
+
+/** A number in few letters. */
+const short = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(2));

@@ -1,0 +1,182 @@
+// Grid: many battles of a lane, each from the newest frame that showed it, and moving between two frames.
+
+/** Milliseconds per picture that the grid may draw; cells that do not fit wait for the next picture. */
+const GRID_BUDGET = 8;
+/** The shortest and the longest time in which a cell moves from one frame to the next, in milliseconds. */
+const SHORTEST_MOVE = 60,
+  LONGEST_MOVE = 600;
+/** Cells of one page. */
+const MOST_CELLS = 64;
+
+/** The last two moments of an environment. */
+class CellTrack extends Track {
+  constructor(info) {
+    super(info);
+    this.attacks = [[], []];
+  }
+
+  /** Takes the next moment; a jump forgets the one before. */
+  push(bytes, jumps) {
+    if (this.length === 2) for (const name of COLUMNS) this[name].copyWithin(0, this.units, 2 * this.units);
+    this.length = Math.min(this.length, 1);
+    if (jumps) this.length = 0;
+    this.append(bytes, 1);
+    this.attacks = [[], []];
+  }
+
+  summarise() {
+    // A cell has no curves and no marks.
+  }
+}
+
+class Cell {
+  constructor(env, info, follow) {
+    this.env = env;
+    this.canvas = make("canvas", { "aria-hidden": "true" });
+    this.label = make("span", { className: "steps" });
+    this.score = make("span", { className: "score" });
+    this.dot = make("i", { className: "dot" });
+    this.button = make("button", { type: "button", className: "cell" }, [
+      this.canvas,
+      make("span", { className: "row" }, [this.dot, make("b", {}, String(env)), this.label, this.score]),
+    ]);
+    this.button.addEventListener("click", () => follow(env));
+    this.view = new BattleView(this.canvas, info);
+    this.view.track = new CellTrack(info);
+    this.length = -1;
+    this.arrived = 0;
+    this.move = SHORTEST_MOVE;
+    this.isVisible = false;
+    this.isDrawn = false;
+  }
+
+  /** Takes the environment's row of a frame. */
+  take(row, now) {
+    const jumps = row.length === null || row.length < this.length || this.outcome;
+    this.length = row.length ?? 0;
+    this.outcome = row.outcome;
+    if (row.moment) {
+      this.move = clamp(now - this.arrived, SHORTEST_MOVE, LONGEST_MOVE);
+      this.arrived = now;
+      this.view.track.push(bytesOf(row.moment), jumps);
+      this.isDrawn = false;
+    }
+    this.label.textContent = row.length === null ? "" : `step ${row.length}`;
+    this.score.textContent = row.return === null ? "" : row.return.toFixed(1);
+    const result = row.outcome ?? row.last;
+    this.dot.className = `dot ${result ?? ""}`;
+    this.button.classList.toggle("over", Boolean(row.outcome));
+    const outcome = result ? `, last episode: ${RESULTS[result].toLowerCase()}` : "";
+    this.button.title = `Battle ${this.env}${outcome}`;
+    this.button.setAttribute(
+      "aria-label",
+      `Follow battle ${this.env}, ${this.label.textContent}, return ${this.score.textContent}${outcome}`,
+    );
+  }
+
+  draw(now) {
+    const { track } = this.view;
+    if (!track.length) return;
+    const part = clamp((now - this.arrived) / this.move);
+    this.view.draw(part * track.last);
+    this.isDrawn = part === 1;
+  }
+}
+
+class Grid {
+  /** `look` is called with the first environment that is visible and the number of them. */
+  constructor(element, follow, look) {
+    this.element = element;
+    this.follow = follow;
+    this.look = look;
+    this.cells = [];
+    this.first = 0;
+    this.cursor = 0;
+    this.observer = new IntersectionObserver((entries) => this.notice(entries), { rootMargin: "80px" });
+    new ResizeObserver(() => this.redraw()).observe(element);
+    theme.listeners.push(() => this.redraw());
+  }
+
+  /** Shows the environments of a lane from one on. */
+  show(info, numEnvs, first = 0) {
+    this.info = info;
+    this.numEnvs = numEnvs;
+    this.first = first;
+    this.area = null;
+    this.observer.disconnect();
+    const n = Math.min(MOST_CELLS, numEnvs - first);
+    this.cells = Array.from({ length: n }, (_, i) => new Cell(first + i, info, this.follow));
+    this.element.replaceChildren(...this.cells.map((cell) => cell.button));
+    for (const cell of this.cells) this.observer.observe(cell.button);
+  }
+
+  notice(entries) {
+    const cells = new Map(this.cells.map((cell) => [cell.button, cell]));
+    for (const { target, isIntersecting } of entries) {
+      const cell = cells.get(target);
+      if (cell) cell.isVisible = isIntersecting;
+    }
+    const visible = this.cells.filter((cell) => cell.isVisible);
+    if (!visible.length) return this.look(0, 0);
+    const [from, to] = [visible[0].env, visible.at(-1).env];
+    this.look(from, to - from + 1);
+  }
+
+  redraw() {
+    for (const cell of this.cells) {
+      cell.view.camera = null;
+      cell.isDrawn = false;
+    }
+  }
+
+  take(rows, now) {
+    for (const row of rows) {
+      const cell = this.cells[row.env - this.first];
+      cell?.take(row, now);
+      if (cell) this.widen(cell.view.track);
+    }
+  }
+
+  /** All cells show the same part of the map: the one where units were. */
+  widen(track) {
+    const margin = 1.5,
+      { info } = this,
+      old = this.area,
+      area = old ? { ...old } : { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
+    for (let at = 0; at < track.length * track.units; at++) {
+      if (!track.alive[at]) continue;
+      area.x0 = Math.min(area.x0, Math.max(0, Math.floor(track.x[at] - margin)));
+      area.x1 = Math.max(area.x1, Math.min(info.width, Math.ceil(track.x[at] + margin)));
+      area.y0 = Math.min(area.y0, Math.max(0, Math.floor(track.y[at] - margin)));
+      area.y1 = Math.max(area.y1, Math.min(info.height, Math.ceil(track.y[at] + margin)));
+    }
+    if (!(area.x1 > area.x0)) return;
+    const isWider = !old || ["x0", "x1", "y0", "y1"].some((side) => area[side] !== old[side]);
+    if (!isWider) return;
+    this.area = area;
+    const aspect = clamp((area.x1 - area.x0) / (area.y1 - area.y0), 1, 2);
+    this.element.style.setProperty("--aspect", aspect.toFixed(2));
+    for (const cell of this.cells) cell.view.area = area;
+    this.redraw();
+  }
+
+  /** Draws the cells that moved, as many as there is time for. */
+  frame(now) {
+    const end = performance.now() + GRID_BUDGET;
+    for (let i = 0; i < this.cells.length; i++) {
+      this.cursor = (this.cursor + 1) % this.cells.length;
+      const cell = this.cells[this.cursor];
+      if (!cell.isVisible || cell.isDrawn) continue;
+      cell.draw(now);
+      if (performance.now() > end) return;
+    }
+  }
+
+  /** Moves the focus from cell to cell. */
+  focus(dx, dy) {
+    const at = this.cells.findIndex((cell) => cell.button === document.activeElement);
+    const columns = getComputedStyle(this.element).gridTemplateColumns.split(" ").length;
+    const next = at < 0 ? 0 : clamp(at + dx + dy * columns, 0, this.cells.length - 1);
+    this.cells[next]?.button.focus();
+  }
+}

@@ -1,0 +1,156 @@
+// LanePanel: what a lane does, as numbers and as curves over the last minutes.
+
+/** Seconds of the window of rates and means. */
+const WINDOW = 15;
+/** Seconds that the curves show, and the fewest. */
+const LONGEST_PLOT = 600,
+  SHORTEST_PLOT = 30;
+
+const compact = (value) =>
+  value >= 1e6
+    ? `${(value / 1e6).toFixed(2)} M`
+    : value >= 1e4
+      ? `${(value / 1e3).toFixed(0)} k`
+      : value >= 1e3
+        ? `${(value / 1e3).toFixed(1)} k`
+        : value.toFixed(0);
+
+/** The curves: each a function of the points of a window, from the oldest to the newest; null is a gap. */
+const PLOTS = [
+  { id: "steps", title: "Steps per second", from: 0, text: compact, value: (points) => points.at(-1).stepsPerS },
+  {
+    id: "wins",
+    title: "Win rate",
+    from: 0,
+    to: 1,
+    text: (value) => `${(value * 100).toFixed(value > 0 && value < 0.1 ? 1 : 0)}%`,
+    value: ([first, ...rest]) => ratio(rest.at(-1)?.wins - first.wins, rest.at(-1)?.episodes - first.episodes),
+  },
+  {
+    id: "returns",
+    title: "Return",
+    text: (value) => value.toFixed(2),
+    value: (points) => ratio(sum(points, "returns"), sum(points, "nReturns")),
+  },
+  {
+    id: "lengths",
+    title: "Episode length",
+    from: 0,
+    text: (value) => value.toFixed(0),
+    value: ([first, ...rest]) => ratio(rest.at(-1)?.steps - first.steps, rest.at(-1)?.episodes - first.episodes),
+  },
+];
+
+const ratio = (part, all) => (all > 0 ? part / all : null);
+const sum = (points, key) => points.reduce((total, point) => total + point[key], 0);
+
+class LanePanel {
+  constructor(element) {
+    this.points = [];
+    this.plots = PLOTS.map((plot) => {
+      const number = make("b", {}, "–"),
+        canvas = make("canvas", { role: "img", "aria-label": `${plot.title} over the last minutes` });
+      element.append(
+        make("section", { className: "card plot", id: `plot-${plot.id}` }, [
+          make("h2", {}, plot.title),
+          number,
+          canvas,
+        ]),
+      );
+      return { ...plot, number, canvas, values: [] };
+    });
+    this.isDrawn = false;
+    theme.listeners.push(() => (this.isDrawn = false));
+    new ResizeObserver(() => (this.isDrawn = false)).observe(element);
+  }
+
+  clear() {
+    this.points = [];
+    for (const plot of this.plots) plot.values = [];
+    this.isDrawn = false;
+  }
+
+  /** Takes points of the history: rows in the order of the server. */
+  take(rows) {
+    for (const [time, pid, stepsPerS, steps, episodes, wins, returns, nReturns] of rows) {
+      const point = { time, pid, stepsPerS, steps, episodes, wins, returns, nReturns };
+      this.points.push(point);
+      // Counts of another pool begin again.
+      const window = this.points.filter((other) => other.pid === pid && other.time >= time - WINDOW);
+      for (const plot of this.plots) plot.values.push({ time, value: plot.value(window) });
+    }
+    const now = this.points.at(-1)?.time ?? 0;
+    while (this.points.length && this.points[0].time < now - LONGEST_PLOT) {
+      this.points.shift();
+      for (const plot of this.plots) plot.values.shift();
+    }
+    for (const plot of this.plots) {
+      const value = plot.values.at(-1)?.value ?? null;
+      plot.number.textContent = value === null ? "–" : plot.text(value);
+    }
+    this.isDrawn = false;
+  }
+
+  draw() {
+    if (this.isDrawn) return;
+    this.isDrawn = true;
+    for (const plot of this.plots) this.drawPlot(plot);
+  }
+
+  drawPlot({ canvas, values, from, to, text }) {
+    const { context, width, height } = fitCanvas(canvas),
+      { colours } = theme;
+    context.clearRect(0, 0, width, height);
+    const known = values.filter(({ value }) => value !== null);
+    if (!known.length) return;
+    const all = known.map(({ value }) => value);
+    let [low, high] = [from ?? Math.min(...all), to ?? Math.max(...all)];
+    if (!(high > low)) [low, high] = [from ?? low - 1, low + 1];
+    if (to === undefined) high += (high - low) * 0.08;
+    const newest = values.at(-1).time,
+      span = clamp(newest - values[0].time, SHORTEST_PLOT, LONGEST_PLOT);
+    const [left, right, top, bottom] = [38, width - 4, 8, height - 16];
+    const x = (time) => right - ((newest - time) / span) * (right - left);
+    const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
+    this.drawAxes(context, { left, right, bottom, height, span, top: y(high), high: text(high), low: text(low) });
+    context.beginPath();
+    let isGap = true;
+    for (const { time, value } of values) {
+      if (value !== null) isGap ? context.moveTo(x(time), y(value)) : context.lineTo(x(time), y(value));
+      isGap = value === null;
+    }
+    context.lineWidth = 1.8;
+    context.lineJoin = "round";
+    context.strokeStyle = colours.ally;
+    context.stroke();
+    const last = values.at(-1);
+    if (last.value === null) return;
+    context.beginPath();
+    context.arc(x(last.time), y(last.value), 3, 0, 2 * Math.PI);
+    context.fillStyle = colours.ally;
+    context.fill();
+  }
+
+  drawAxes(context, { left, right, bottom, height, span, top, high, low }) {
+    const { colours } = theme;
+    context.font = '10.5px system-ui, "DejaVu Sans", sans-serif';
+    context.fillStyle = colours.dim;
+    context.strokeStyle = colours.line;
+    context.lineWidth = 1;
+    for (const at of [top, bottom]) {
+      context.beginPath();
+      context.moveTo(left, Math.round(at) + 0.5);
+      context.lineTo(right, Math.round(at) + 0.5);
+      context.stroke();
+    }
+    context.textBaseline = "middle";
+    context.textAlign = "right";
+    context.fillText(high, left - 5, top);
+    context.fillText(low, left - 5, bottom);
+    context.textBaseline = "alphabetic";
+    context.textAlign = "left";
+    context.fillText(`\u2212${span >= 90 ? `${Math.round(span / 60)} min` : `${Math.round(span)} s`}`, left, height - 3);
+    context.textAlign = "right";
+    context.fillText("now", right, height - 3);
+  }
+}
