@@ -11,7 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// Connections that can be open at the same time; the next ones wait.
+/// Connections that can be open at the same time; the next ones are closed.
 const MAX_CONNECTIONS: usize = 128;
 
 pub(super) struct Connections {
@@ -30,10 +30,13 @@ impl Listener for Connections {
     type Addr = SocketAddr;
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
-        let permit = Arc::clone(&self.free).acquire_owned().await.expect("never closed");
-        let (stream, address) = Listener::accept(&mut self.listener).await;
-        let _ = stream.set_nodelay(true); // a delay is no error
-        (Connection { stream, _permit: permit }, address)
+        loop {
+            let (stream, address) = Listener::accept(&mut self.listener).await;
+            let _ = stream.set_nodelay(true); // a delay is no error
+            if let Ok(permit) = Arc::clone(&self.free).try_acquire_owned() {
+                return (Connection { stream, _permit: permit }, address);
+            }
+        }
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {

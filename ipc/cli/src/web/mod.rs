@@ -28,15 +28,20 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::runtime;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
 
 /// Pages that can be open at the same time.
 const MAX_PAGES: usize = 16;
 
 /// Bytes of the longest message of a page; a scenario with its unit files fits.
 const MAX_MESSAGE: usize = 1 << 22;
+
+/// How long to wait for conversations at the end: one may wait for an answer of a pool that is stopped.
+const MOST_WAIT: Duration = Duration::from_secs(3);
 
 /// Options of the commands that serve a page.
 #[derive(Args)]
@@ -61,7 +66,8 @@ pub(crate) trait App: Send + Sync + 'static {
     fn talk(&self, page: Page);
 }
 
-/// Prints the URL and serves until SIGINT or SIGTERM. Returns after every [`App::talk`] has.
+/// Prints the URL and serves until SIGINT or SIGTERM. Returns after every [`App::talk`] has, unless one
+/// takes too long.
 pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
     let address = SocketAddr::new(options.host, options.port);
     let listener =
@@ -74,38 +80,52 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
         .enable_time() // axum waits with it after errors of accept
         .max_blocking_threads(MAX_PAGES)
         .build()?;
-    let served = Arc::new(Served { app, pages: Arc::new(Semaphore::new(MAX_PAGES)) });
+    let pages = Arc::new(Semaphore::new(MAX_PAGES));
+    let (end, ended) = watch::channel(());
+    let served = Arc::new(Served { app, pages: Arc::clone(&pages), ended });
     let guard = Arc::new(Guard::new(token));
     let routes = Router::new()
         .route("/", get(document))
         .route("/ws", get(web_socket))
         .with_state(served)
         .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
-    runtime.block_on(async {
-        let mut interrupted = signal(SignalKind::interrupt())?;
-        let mut terminated = signal(SignalKind::terminate())?;
-        let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
-        out!("{url}")?;
-        if !options.host.is_loopback() {
-            eprintln!(
-                "smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted"
-            );
-        }
-        let _opened = options.open.then(|| open_in_browser(&url));
-        tokio::select! {
-            served = axum::serve(listener, routes) => Ok(served?),
-            _ = interrupted.recv() => Ok(()),
-            _ = terminated.recv() => Ok(()),
-        }
-    })
-    // Here the runtime is dropped: first its tasks, which ends the conversations, then it waits for their
-    // threads.
+    let served = runtime.block_on(async {
+        let served = serve_until_signal(listener, routes, &url, options).await;
+        drop(end);
+        let _all_ended = timeout(MOST_WAIT, pages.acquire_many(MAX_PAGES as u32)).await;
+        served
+    });
+    runtime.shutdown_background(); // does not wait for a conversation that took too long
+    served
+}
+
+async fn serve_until_signal(
+    listener: TcpListener,
+    routes: Router,
+    url: &str,
+    options: &ServeOptions,
+) -> CommandResult {
+    let mut interrupted = signal(SignalKind::interrupt())?;
+    let mut terminated = signal(SignalKind::terminate())?;
+    let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
+    out!("{url}")?;
+    if !options.host.is_loopback() {
+        eprintln!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
+    }
+    let _opened = options.open.then(|| open_in_browser(url));
+    tokio::select! {
+        served = axum::serve(listener, routes) => Ok(served?),
+        _ = interrupted.recv() => Ok(()),
+        _ = terminated.recv() => Ok(()),
+    }
 }
 
 struct Served<A> {
     app: A,
     /// One permit per page that can be opened.
     pages: Arc<Semaphore>,
+    /// Changes when the server ends.
+    ended: watch::Receiver<()>,
 }
 
 async fn document<A: App>(State(served): State<Arc<Served<A>>>) -> Html<String> {
@@ -119,8 +139,8 @@ async fn web_socket<A: App>(State(served): State<Arc<Served<A>>>, upgrade: Upgra
     };
     let upgrade = upgrade.0.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE);
     upgrade.on_upgrade(async move |socket| {
-        let talk = move |page| served.app.talk(page);
-        page::converse(socket, talk).await;
+        let ended = served.ended.clone();
+        page::converse(socket, ended, move |page| served.app.talk(page)).await;
         drop(permit);
     })
 }

@@ -1,0 +1,115 @@
+//! The cells of the grid: the newest row of every environment, as far as frames showed it.
+
+use super::lane::Battles;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Value, json};
+use smaclite_ipc::Batch;
+use smaclite_pool::fields::Field;
+use smaclite_view::Moment;
+use smaclite_view::page::encode_moments;
+use std::ops::Range;
+
+pub(super) struct Cells {
+    cells: Vec<Cell>,
+    /// The frame that was taken last.
+    sequence: u64,
+    /// Sum and number of the returns of episodes whose end was seen.
+    returns: (f64, u32),
+}
+
+/// An environment.
+#[derive(Clone, Default)]
+struct Cell {
+    /// The frame that showed it, or 0.
+    sequence: u64,
+    length: Option<i32>,
+    episode_return: Option<f32>,
+    /// How the episode ended that the row shows the end of.
+    outcome: Option<&'static str>,
+    /// How the last episode ended whose end was seen.
+    last_outcome: Option<&'static str>,
+    state: Vec<f32>,
+    /// The encoded moment of the state.
+    encoded: Option<String>,
+    /// Where the units are; the dead stay where they were.
+    moment: Option<Moment>,
+}
+
+impl Cells {
+    pub(super) fn new(num_envs: usize) -> Cells {
+        Cells { cells: vec![Cell::default(); num_envs], sequence: 0, returns: (0.0, 0) }
+    }
+
+    /// Takes the rows of a frame.
+    pub(super) fn take(&mut self, batch: &Batch) {
+        if batch.sequence() == self.sequence {
+            return;
+        }
+        self.sequence = batch.sequence();
+        let lengths = batch.field::<i32>(Field::EpisodeLength);
+        let returns = batch.field::<f32>(Field::EpisodeReturn);
+        let won = batch.field::<u8>(Field::BattleWon);
+        let state_size = batch.layout().sizes().state_size;
+        let states = batch.field::<f32>(Field::State);
+        for (slot, &env) in batch.env_id().iter().enumerate() {
+            let Some(cell) = usize::try_from(env).ok().and_then(|env| self.cells.get_mut(env)) else {
+                continue; // a reset of some environments leaves slots empty
+            };
+            cell.sequence = batch.sequence();
+            cell.length = lengths.map(|lengths| lengths[slot]);
+            cell.episode_return = returns.map(|returns| returns[slot]);
+            cell.outcome = match (batch.terminated()[slot], batch.truncated()[slot]) {
+                (0, 0) => None,
+                (0, _) => Some("truncated"),
+                _ => won.map(|won| if won[slot] == 1 { "won" } else { "lost" }),
+            };
+            cell.last_outcome = cell.outcome.or(cell.last_outcome);
+            if let (Some(episode_return), Some(_)) = (cell.episode_return, cell.outcome) {
+                self.returns = (self.returns.0 + f64::from(episode_return), self.returns.1 + 1);
+            }
+            if let Some(states) = states {
+                let row = &states[slot * state_size..(slot + 1) * state_size];
+                cell.state.clear();
+                cell.state.extend_from_slice(row);
+                cell.encoded = None;
+            }
+        }
+    }
+
+    pub(super) fn take_returns(&mut self) -> (f64, u32) {
+        std::mem::take(&mut self.returns)
+    }
+
+    /// The cells of some environments that changed after a frame, and the newest frame.
+    pub(super) fn news(&mut self, envs: Range<usize>, after: u64, battles: &Battles) -> (Vec<Value>, u64) {
+        let envs = envs.start.min(self.cells.len())..envs.end.min(self.cells.len());
+        let first = envs.start;
+        let changed = self.cells[envs].iter_mut().enumerate().filter(|(_, cell)| cell.sequence > after);
+        let news = changed.map(|(i, cell)| cell.news(first + i, battles)).collect();
+        (news, self.sequence)
+    }
+}
+
+impl Cell {
+    fn news(&mut self, env: usize, battles: &Battles) -> Value {
+        if self.encoded.is_none() && !self.state.is_empty() {
+            let mut moment = Moment::from_state(&battles.scenario, &self.state);
+            for (id, unit) in moment.units.iter_mut().enumerate().filter(|(_, unit)| !unit.alive) {
+                let before = self.moment.as_ref().map(|moment| moment.units[id].pos);
+                unit.pos = before.unwrap_or(glam::Vec2::ZERO);
+            }
+            self.encoded = Some(STANDARD.encode(encode_moments(std::slice::from_ref(&moment))));
+            self.moment = Some(moment);
+        }
+        let (length, episode_return) = (self.length, self.episode_return);
+        json!({
+            "env": env,
+            "length": length,
+            "return": episode_return,
+            "outcome": self.outcome,
+            "last": self.last_outcome,
+            "moment": self.encoded,
+        })
+    }
+}

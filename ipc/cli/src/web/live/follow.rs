@@ -1,0 +1,132 @@
+//! Following one environment for one page: its log, and the episode that is shown.
+
+use super::episodes::{Episode, Episodes};
+use super::lane::Battles;
+use super::simulation::{Simulation, SimulationError};
+use serde_json::{Value, json};
+use smaclite_ipc::{Follower, RuntimeDir};
+use std::sync::Arc;
+
+/// Episodes in the list that a page gets.
+const LISTED: usize = 40;
+
+/// Steps in one answer: four seconds at the highest speed of the page.
+const STEPS_PER_ANSWER: usize = 128;
+
+pub(super) struct Follow {
+    follower: Follower,
+    battles: Arc<Battles>,
+    episodes: Episodes,
+    /// The episode that is shown, as far as the page has it.
+    shown: Option<(u64, Simulation)>,
+    /// An episode at the step whose observations were requested last.
+    observed: Option<(u64, Simulation)>,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub(super) enum FollowError {
+    #[error("episode {0} is not in the log any more")]
+    Forgotten(u64),
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    #[error("step {step} is not in the log; episode {number} has {steps}")]
+    NoSuchStep { number: u64, step: usize, steps: usize },
+    #[error("agent must be below {n_agents}, got {agent}")]
+    NoSuchAgent { agent: usize, n_agents: usize },
+}
+
+impl Follow {
+    pub(super) fn connect(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: &str,
+        env: usize,
+        battles: Arc<Battles>,
+    ) -> Result<Follow, String> {
+        let follower = Follower::connect(runtime_dir, pool, Some(lane), &[env]);
+        let follower = follower.map_err(|error| error.to_string())?;
+        Ok(Follow { follower, battles, episodes: Episodes::default(), shown: None, observed: None })
+    }
+
+    /// Reads what happened; whether anything did.
+    pub(super) fn read(&mut self) -> Result<bool, String> {
+        let parts = self.follower.read().map_err(|error| error.to_string())?;
+        let is_new = !parts.is_empty();
+        parts.into_iter().for_each(|followed| self.episodes.add(followed.part));
+        self.episodes.trim(self.shown.as_ref().map(|(number, _)| *number));
+        Ok(is_new)
+    }
+
+    /// The newest episodes, and the one that is shown.
+    pub(super) fn list(&self) -> Value {
+        let n_agents = self.n_agents();
+        let shown = self.shown.as_ref().map(|(number, _)| *number);
+        let row = |(i, episode): (usize, &Episode)| {
+            (i < LISTED || Some(episode.number) == shown).then(|| {
+                json!({
+                    "number": episode.number,
+                    "steps": episode.actions.len() / n_agents,
+                    "first_step": episode.start.episode_length,
+                    "is_over": episode.is_over,
+                    "began_s": episode.began.elapsed().as_secs_f64(),
+                    "newest_s": episode.newest.elapsed().as_secs_f64(),
+                })
+            })
+        };
+        json!({"episodes": self.episodes.recent().enumerate().filter_map(row).collect::<Vec<_>>()})
+    }
+
+    fn n_agents(&self) -> usize {
+        self.battles.arena.sizes().n_agents
+    }
+
+    /// Steps of an episode, from one on, as moments and decisions.
+    pub(super) fn steps(&mut self, number: u64, step: usize) -> Result<Value, FollowError> {
+        let episode = self.episodes.get(number).ok_or(FollowError::Forgotten(number))?;
+        let simulation = at_step(&mut self.shown, &self.battles, episode, step)?;
+        let mut answer = simulation.encode(STEPS_PER_ANSWER, &episode.actions)?;
+        answer["number"] = number.into();
+        answer["is_over"] = (episode.is_over && simulation.step() == steps_of(episode, &self.battles)).into();
+        Ok(answer)
+    }
+
+    /// What an agent observes before a step.
+    pub(super) fn observation(
+        &mut self,
+        number: u64,
+        step: usize,
+        agent: usize,
+    ) -> Result<Vec<f32>, FollowError> {
+        let n_agents = self.n_agents();
+        if agent >= n_agents {
+            return Err(FollowError::NoSuchAgent { agent, n_agents });
+        }
+        let episode = self.episodes.get(number).ok_or(FollowError::Forgotten(number))?;
+        let simulation = at_step(&mut self.observed, &self.battles, episode, step)?;
+        Ok(simulation.observation(agent))
+    }
+}
+
+fn steps_of(episode: &Episode, battles: &Battles) -> usize {
+    episode.actions.len() / battles.arena.sizes().n_agents
+}
+
+/// The simulation of an episode at a step: the one in the slot, played on, or a new one.
+fn at_step<'a>(
+    slot: &'a mut Option<(u64, Simulation)>,
+    battles: &Battles,
+    episode: &Episode,
+    step: usize,
+) -> Result<&'a mut Simulation, FollowError> {
+    let (number, steps) = (episode.number, steps_of(episode, battles));
+    if step > steps {
+        return Err(FollowError::NoSuchStep { number, step, steps });
+    }
+    let present = slot.take().filter(|(other, simulation)| *other == number && simulation.step() <= step);
+    let mut simulation = match present {
+        Some((_, simulation)) => simulation,
+        None => Simulation::new(battles, &episode.start)?,
+    };
+    simulation.play_to(step, &episode.actions)?;
+    Ok(&mut slot.insert((number, simulation)).1)
+}

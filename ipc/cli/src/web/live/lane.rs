@@ -1,0 +1,132 @@
+//! A lane that is watched: the newest frame of its spectator.
+
+use super::cells::Cells;
+use serde_json::{Value, json};
+use smaclite_engine::{Arena, FeatureBlock, obs_features};
+use smaclite_ipc::{
+    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator,
+    lane_scenario,
+};
+use smaclite_pool::fields::Field;
+use smaclite_scenarios::{Scenario, ScenarioError};
+use smaclite_view::page::scenario_info;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How often frames are read, for all pages together.
+const READ_INTERVAL: Duration = Duration::from_millis(50);
+
+/// What the battles of a lane have in common.
+pub(super) struct Battles {
+    pub(super) scenario: Scenario,
+    pub(super) arena: Arc<Arena>,
+}
+
+impl Battles {
+    fn of(lane: &LaneScenario) -> Result<Battles, ScenarioError> {
+        let (scenario, arena) = lane.arena()?;
+        Ok(Battles { scenario, arena: Arc::new(arena) })
+    }
+}
+
+/// Why a lane cannot be watched.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WatchError {
+    #[error("{0}")]
+    Connect(#[from] ConnectError),
+    #[error("the pool is of another release: {0}")]
+    Scenario(#[from] ScenarioError),
+}
+
+pub(super) struct WatchedLane {
+    description: LaneDescription,
+    /// Reads frames, or says why it cannot: the lane has as many spectators as it may have.
+    spectator: Result<Spectator, String>,
+    battles: Arc<Battles>,
+    cells: Cells,
+    read: Instant,
+    is_alive: bool,
+}
+
+impl WatchedLane {
+    pub(super) fn connect(
+        runtime_dir: &RuntimeDir,
+        pool: &PoolStatus,
+        lane: &str,
+    ) -> Result<WatchedLane, WatchError> {
+        let lanes = pool.lanes.iter().map(|status| &status.description);
+        let Some(description) = lanes.clone().find(|description| description.lane == lane).cloned() else {
+            let (lane, lanes) = (lane.to_owned(), lanes.map(|other| other.lane.clone()).collect());
+            return Err(ConnectError::from(ControlError::NoSuchLane { lane, lanes }).into());
+        };
+        let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
+            Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
+                Err(full.to_string())
+            }
+            connected => Ok(connected?),
+        };
+        let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);
+        let cells = Cells::new(description.settings.num_envs);
+        Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
+    }
+
+    /// The supervisor's process.
+    pub(super) fn pid(&self) -> u32 {
+        self.description.pid
+    }
+
+    /// Whether its pool ran when it was last read.
+    pub(super) fn is_alive(&self) -> bool {
+        self.is_alive
+    }
+
+    pub(super) fn battles(&self) -> &Arc<Battles> {
+        &self.battles
+    }
+
+    /// What a page needs to know before it shows the lane.
+    pub(super) fn info(&self) -> Value {
+        let lane = &self.description;
+        let blocks = obs_features(&self.battles.scenario);
+        json!({
+            "scenario": scenario_info(&self.battles.scenario, &self.battles.arena),
+            "lane": lane.lane,
+            "pid": lane.pid,
+            "num_envs": lane.settings.num_envs,
+            "batch_size": lane.settings.batch_size,
+            "autoreset": lane.settings.autoreset,
+            "rules": lane.rules,
+            "no_grid": self.spectator.as_ref().err(),
+            "has_state": lane.settings.fields.contains(Field::State),
+            "features": blocks.iter().map(feature_block).collect::<Vec<_>>(),
+        })
+    }
+
+    /// Reads the newest frame, if the last reading was long enough ago.
+    pub(super) fn read(&mut self) -> Result<&mut Cells, String> {
+        if let Ok(spectator) = &mut self.spectator
+            && self.read.elapsed() >= READ_INTERVAL
+        {
+            self.read = Instant::now();
+            match spectator.latest() {
+                Ok(Some(batch)) => self.cells.take(batch),
+                Ok(None) => {}
+                Err(error) => {
+                    self.is_alive = false;
+                    return Err(error.to_string());
+                }
+            }
+        }
+        Ok(&mut self.cells)
+    }
+
+    /// The sum and the number of the returns that were seen since the last call.
+    pub(super) fn take_returns(&mut self) -> (f64, u32) {
+        let _ = self.read(); // what fails is said to those who read cells
+        self.cells.take_returns()
+    }
+}
+
+fn feature_block(block: &FeatureBlock) -> Value {
+    json!({"name": block.name, "start": block.start, "rows": block.rows, "features": block.features})
+}
