@@ -38,10 +38,10 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
-# Test the page of replays in a browser (Debian: apt install chromium)
+# Test the pages of replays and of running pools in a browser (Debian: apt install chromium)
 test-page *args: _venv
     {{ python }} -m pip install --quiet pytest playwright
-    {{ python }} -m pytest tests/python/test_page.py {{ args }}
+    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py {{ args }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
@@ -75,6 +75,13 @@ pictures:
     done
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
+
+# Take the picture of a running pool's page, which `pictures` does not draw (Debian: apt install chromium)
+picture-of-watch: _venv
+    cargo build --release --quiet -p smaclite-cli --bins
+    cargo build --release --quiet -p smaclite-ipc --example learner
+    {{ python }} -m pip install --quiet playwright
+    {{ python }} docs/watch_picture.py
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:

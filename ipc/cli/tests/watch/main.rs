@@ -1,0 +1,343 @@
+//! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
+//! that a page sends harms the program or the pool.
+
+mod kit;
+
+use kit::{PATIENCE, Place, Program, Url};
+use serde_json::{Value, json};
+use smaclite_ipc::{Client, Spectator, WaitOptions, status};
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+use tungstenite::Message;
+
+#[test]
+fn what_cannot_be_watched_is_an_error() {
+    let place = Place::new();
+    let check = |arguments: &str, expected: &str| {
+        let done = place.output(arguments);
+        let error = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(1), "{arguments}: {error}");
+        assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
+    };
+    check("watch", "no pool is running; start one with `smaclite-pool serve`");
+    check("watch train", "no pool named `train` runs here; start one with `smaclite-pool serve");
+    let _one = place.serve("3m:2 2s3z:2 --name one");
+    check("watch two", "no pool named `two` runs here; running: one");
+    check("watch --lane 4m", "there is no lane `4m`; the pool has `3m`, `2s3z`");
+    let _two = place.serve("3m:2 --name two");
+    check("watch", "several pools run; name one of them: one, two");
+    let (_watch, url) = place.watch("two");
+    let port = url.host.split_once(':').expect("a port").1;
+    check(&format!("watch two --port {port}"), &format!("cannot listen on 127.0.0.1:{port}: Address"));
+}
+
+#[test]
+fn the_page_is_for_those_who_know_the_token() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    assert!(url.host.starts_with("127.0.0.1:"), "{}", url.host);
+    let other_address = url.host.replace("127.0.0.1", "127.0.0.2");
+    assert!(TcpStream::connect(other_address).is_err(), "it listens on one address");
+
+    let Url { host, token } = &url;
+    let other_token = token.chars().rev().collect::<String>();
+    let localhost = host.replace("127.0.0.1", "localhost");
+    let get = |path: &str, headers: &str| format!("GET {path} HTTP/1.1\r\n{headers}");
+    let right = format!("/?token={token}");
+    let socket =
+        "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==";
+    let upgrade = |origin: &str| format!("Host: {host}\r\n{socket}{origin}");
+    let ws = format!("/ws?token={token}");
+    for (request, status, expected) in [
+        (get(&right, &format!("Host: {host}")), 200, "<!doctype html>"),
+        (get(&right, &format!("Host: {localhost}")), 200, "<!doctype html>"),
+        (get(&right, "Host: localhost:1"), 200, "<!doctype html>"), // a forwarded port
+        (get("/", &format!("Host: {host}")), 403, "the token in the URL is missing or wrong"),
+        (get("/?token=", &format!("Host: {host}")), 403, "the token"),
+        (get(&format!("/?token={other_token}"), &format!("Host: {host}")), 403, "the token"),
+        (get(&format!("/?token={}", &token[1..]), &format!("Host: {host}")), 403, "the token"),
+        (get("/other", &format!("Host: {host}")), 403, "the token"),
+        (get(&format!("/other?token={token}"), &format!("Host: {host}")), 404, ""),
+        (get(&right, "Host: evil.example"), 403, "open the page by an IP address or as localhost"),
+        (get(&right, "Host: 127.0.0.1.evil.example:80"), 403, "open the page by an IP address"),
+        (format!("POST {right} HTTP/1.1\r\nHost: {host}"), 405, ""),
+        (get(&ws, &upgrade("")), 403, "the WebSocket is for this server's own page"),
+        (get(&ws, &upgrade("\r\nOrigin: http://evil.example")), 403, "the WebSocket is for"),
+        (get(&ws, &upgrade("\r\nOrigin: null")), 403, "the WebSocket is for"),
+        (get("/ws", &upgrade(&format!("\r\nOrigin: http://{host}"))), 403, "the token"),
+        (get(&ws, &format!("Host: {host}\r\nOrigin: http://{host}")), 400, "expected a WebSocket"),
+    ] {
+        let (answered, response) = url.send(&request);
+        assert!(answered == status && response.contains(expected), "{request}: {response:.300}");
+        for header in [
+            "content-security-policy: default-src 'none'; script-src 'unsafe-inline'; \
+             style-src 'unsafe-inline'; img-src data:; connect-src 'self'\r\n",
+            "cache-control: no-store\r\n",
+            "x-content-type-options: nosniff\r\n",
+            "referrer-policy: no-referrer\r\n",
+            "x-frame-options: DENY\r\n",
+        ] {
+            assert!(response.contains(header), "{request}: {header}: {response:.300}");
+        }
+        assert!(!response.contains(token.as_str()), "{request}: the token is in the response");
+    }
+}
+
+#[test]
+fn a_warning_says_that_other_machines_can_connect() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let mut command = place.command("watch train --host 0.0.0.0");
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut errors = BufReader::new(child.stderr.take().expect("a pipe"));
+    let output = BufReader::new(child.stdout.take().expect("a pipe"));
+    let mut program = Program { child, output };
+    assert!(program.line().starts_with("http://0.0.0.0:"));
+    let mut warning = String::new();
+    errors.read_line(&mut warning).expect("text");
+    assert!(warning.contains("warning: other machines can connect"), "{warning}");
+}
+
+#[test]
+fn requests_that_make_no_sense_are_refused() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (mut watch, url) = place.watch("train");
+    let mut page = url.open();
+    for (text, expected) in [
+        ("", "expected a request"),
+        ("{", "expected a request"),
+        ("[]", "expected a request"),
+        ("{\"do\": \"lane\"}", "missing field `id`"),
+        ("{\"id\": -1, \"do\": \"lane\"}", "invalid value"),
+    ] {
+        page.say(text);
+        let error = page.hear();
+        assert!(error["error"].as_str().is_some_and(|error| error.contains(expected)), "{text}: {error}");
+    }
+    page.socket.send(Message::binary(vec![1, 2])).expect("it reads");
+    assert_eq!(page.hear()["error"], "expected text, got bytes");
+    assert_eq!(page.error("fly", json!({})), "there is no request `fly`");
+    assert_eq!(page.error("lane", json!({"name": 3})), "`name` must be a text");
+    assert_eq!(page.error("look", json!({"first": -1})), "`first` must be a whole number, 0 or more");
+    assert_eq!(page.error("follow", json!({"env": 0})), "choose a lane first");
+    assert_eq!(page.error("steps", json!({"number": 0, "step": 0})), "no environment is followed");
+    assert_eq!(page.error("observe", json!({"number": 0, "step": 0})), "no environment is followed");
+    page.show("4m", 0, 1);
+    let lost = page.event("lost", |_| true);
+    assert!(lost["error"].as_str().is_some_and(|error| error.contains("no lane `4m`")), "{lost}");
+
+    // As many cells as a number can say, and a message that is longer than any valid one.
+    page.show("3m", usize::MAX, usize::MAX);
+    page.event("lane", |_| true);
+    assert!(page.error("follow", json!({"env": 2})).contains("environment"), "there are two");
+    page.socket.send(Message::text("x".repeat(1 << 23))).ok();
+    assert!((0..1000).any(|_| page.socket.read().is_err()), "the page is closed");
+    url.open().show("3m", 0, 2);
+    assert_eq!(watch.interrupt(), Some(0));
+}
+
+#[test]
+fn many_connections_do_not_exhaust_the_program() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    let others: Vec<_> = (0..1000).map(|_| TcpStream::connect(&url.host)).collect();
+    page.show("3m", 0, 2);
+    page.event("lane", |_| true);
+    page.event("status", |event| event.get("error").is_none());
+    drop(others);
+    let begin = Instant::now();
+    while !url.answers() {
+        assert!(begin.elapsed() < PATIENCE, "the closed connections are free again");
+    }
+    assert_eq!(url.page().0, 200);
+    let pages: Vec<_> = (0..15).map(|_| url.open()).collect();
+    let request = format!(
+        "GET /ws?token={} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nConnection: upgrade",
+        url.token,
+        host = url.host
+    );
+    let mut stream = TcpStream::connect(&url.host).expect("it listens");
+    write!(stream, "{request}\r\n\r\n").expect("it reads");
+    let mut status = String::new();
+    BufReader::new(stream).read_line(&mut status).expect("text");
+    assert!(status.contains("503"), "{status}");
+    drop(pages);
+}
+
+/// An attached learner that plays the first legal action of every agent.
+struct Learner {
+    client: Client,
+    actions: Vec<i32>,
+}
+
+impl Learner {
+    fn new(place: &Place) -> Learner {
+        let mut client =
+            Client::connect(&place.runtime_dir(), "train", Some("3m"), Default::default()).expect("a lane");
+        client.reset(Some(1), None, WaitOptions::forever()).expect("a batch");
+        let actions = vec![0; client.description().settings.num_envs * client.description().sizes.n_agents];
+        Learner { client, actions }
+    }
+
+    /// Steps; returns the observations after it and the episode length of environment 1.
+    fn step(&mut self) -> (Vec<f32>, i32) {
+        self.client.sample_actions(None, &mut self.actions).expect("actions");
+        let batch = self.client.step(&self.actions, None, WaitOptions::forever()).expect("a batch");
+        let length = batch.field::<i32>(smaclite_pool::fields::Field::EpisodeLength).expect("a field")[1];
+        let row = batch.obs().len() / batch.env_id().len();
+        (batch.obs()[row..2 * row].to_vec(), length)
+    }
+}
+
+#[test]
+fn a_page_sees_what_the_learner_does() {
+    let place = Place::new();
+    let _pool = place.serve("3m:4 --name train");
+    let (mut watch, url) = place.watch("");
+    let mut learner = Learner::new(&place);
+    let mut page = url.open();
+    page.show("3m", 1, 2);
+    let lane = page.event("lane", |_| true);
+    let sizes = learner.client.description().sizes;
+    assert_eq!((&lane["num_envs"], &lane["scenario"]["name"]), (&4.into(), &"3m".into()));
+    let features = lane["features"].as_array().expect("blocks");
+    let n_features = features.iter().map(|block| {
+        block["rows"].as_u64().unwrap_or(1) as usize * block["features"].as_array().map_or(0, Vec::len)
+    });
+    assert_eq!(n_features.sum::<usize>(), sizes.obs_size);
+
+    assert_eq!(page.ask("follow", json!({"env": 1})).get("error"), None);
+    let seen: Vec<_> = (0..200).map(|_| learner.step()).collect();
+    let grid = page.event("grid", |event| event["cells"][0]["length"] == seen[199].1);
+    assert_eq!((&grid["cells"][0]["env"], &grid["cells"][1]["env"]), (&1.into(), &2.into()), "{grid}");
+    assert!(grid["cells"].as_array().is_some_and(|cells| cells.len() == 2));
+    let status = page.event("status", |event| event["lane"]["stats"]["steps"].as_u64() > Some(700));
+    assert_eq!(status["lane"]["learner_pid"], std::process::id());
+
+    // The log of environment 1 begins after its reset, so its episodes are those that the learner saw.
+    let ends = seen.iter().zip(&seen[1..]).filter(|((_, length), (_, next))| next < length).count();
+    let is_complete = |event: &Value| event["episodes"][0]["number"] == ends;
+    let episodes = page.event("episodes", is_complete)["episodes"].as_array().expect("a list").clone();
+    let mut step = 0;
+    for episode in episodes.iter().rev() {
+        let (number, steps) = (&episode["number"], episode["steps"].as_u64().expect("a number"));
+        let played = page.ask("steps", json!({"number": number, "step": 0}));
+        assert_eq!(
+            (played["steps"].as_u64(), played["n_moments"].as_u64()),
+            (Some(steps), Some(steps * 8 + 1))
+        );
+        for k in 1..=steps {
+            let (obs, length) = &seen[step];
+            assert_eq!(u64::try_from(*length), Ok(k), "of episode {number}");
+            for (agent, row) in obs.chunks(sizes.obs_size).enumerate() {
+                let observed = page.ask("observe", json!({"number": number, "step": k, "agent": agent}));
+                // JSON has the shortest digits that give the same f32; reading them as f64 may round.
+                let values = observed["obs"].as_array().expect("a row").iter();
+                let values = values.map(|value| value.as_f64().expect("a number") as f32).collect::<Vec<_>>();
+                assert_eq!(values, row, "of agent {agent} after step {k} of episode {number}");
+            }
+            step += 1;
+        }
+        step += 1; // the reset at the end of an episode is a step of the learner
+    }
+    assert!(step >= seen.len(), "all steps were compared, got {step}");
+
+    let refused = page.error("steps", json!({"number": ends, "step": 1000}));
+    assert!(refused.contains("step 1000 is not in the log"), "{refused}");
+    assert_eq!(
+        page.error("steps", json!({"number": 99, "step": 0})),
+        "episode 99 is not in the log any more"
+    );
+    let refused = page.error("observe", json!({"number": ends, "step": 0, "agent": 3}));
+    assert_eq!(refused, "agent must be below 3, got 3");
+    assert_eq!(watch.interrupt(), Some(0));
+    let after = status_of(&place);
+    assert_eq!((after["spectators"].as_u64(), after["stats"]["rejected"].as_u64()), (Some(0), Some(0)));
+}
+
+fn status_of(place: &Place) -> Value {
+    let pool = status(&place.runtime_dir(), "train").expect("a status");
+    serde_json::to_value(&pool.lanes[0]).expect("JSON")
+}
+
+#[test]
+fn a_hidden_page_is_sent_nothing_and_holds_nothing() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    page.event("lane", |_| true);
+    page.ask("look", json!({"first": 0, "count": 2, "visible": false}));
+    page.socket.get_mut().set_read_timeout(Some(Duration::from_millis(1500))).expect("a timeout");
+    let silence = page.socket.read();
+    assert!(matches!(silence, Err(tungstenite::Error::Io(_))), "{silence:?}");
+}
+
+#[test]
+fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let _spectator = Spectator::connect(&place.runtime_dir(), "train", None).expect("the only one");
+    let mut learner = Learner::new(&place);
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    let lane = page.event("lane", |_| true);
+    assert!(
+        lane["no_grid"].as_str().is_some_and(|why| why.contains("already has its 1 spectators")),
+        "{lane}"
+    );
+    page.ask("follow", json!({"env": 1}));
+    learner.step();
+    page.event("episodes", |event| event["episodes"][0]["steps"] == 1);
+}
+
+#[test]
+fn a_pool_that_runs_again_is_shown_again() {
+    let place = Place::new();
+    let mut pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    let first = page.event("lane", |_| true);
+    page.ask("follow", json!({"env": 0}));
+    page.event("episodes", |_| true);
+    assert_eq!(pool.interrupt(), Some(0));
+    page.event("lost", |_| true);
+    page.event("status", |event| {
+        event["error"].as_str().is_some_and(|error| error.contains("no pool named"))
+    });
+    let _again = place.serve("3m:2 --name train");
+    let second = page.event("lane", |_| true);
+    assert_ne!(first["pid"], second["pid"]);
+    page.event("status", |event| event["pid"] == second["pid"]);
+    page.ask("follow", json!({"env": 0}));
+    page.event("episodes", |_| true);
+}
+
+/// The program once waited for its conversations without ending them, and then left the files of its
+/// spectator behind.
+#[test]
+fn an_interrupt_ends_the_program_while_a_page_is_open() {
+    let place = Place::new();
+    let mut pool = place.serve("3m:2 --name train");
+    let (mut watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    page.event("lane", |_| true);
+    page.ask("follow", json!({"env": 0}));
+    page.event("episodes", |_| true);
+    assert_eq!(status_of(&place)["spectators"], 1);
+    assert_eq!((pool.interrupt(), watch.interrupt()), (Some(0), Some(0)));
+    let left = std::fs::read_dir(place.root()).expect("a folder").map(|file| file.expect("a file").path());
+    assert_eq!(left.collect::<Vec<_>>(), Vec::<std::path::PathBuf>::new());
+}

@@ -1,0 +1,306 @@
+"""The page of a running pool in a real browser: pool, learner and page are separate processes."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import test_page
+from test_page import REPOSITORY, Page, browser
+
+pytestmark = test_page.pytestmark
+__all__ = ["browser"]  # a fixture
+
+RELEASE = REPOSITORY / "target" / "release"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs() -> None:
+    """Builds the program, and the learner that plays."""
+    build = ["cargo", "build", "--release", "--quiet", "-p"]
+    for package in (["smaclite-cli", "--bins"], ["smaclite-ipc", "--example", "learner"]):
+        subprocess.run([*build, *package], cwd=REPOSITORY, check=True, timeout=1800)
+
+
+class Programs:
+    """Processes of this test, which end with it."""
+
+    def __init__(self) -> None:
+        self.running: list[subprocess.Popen[str]] = []
+
+    def start(self, *command: str | Path) -> subprocess.Popen[str]:
+        process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE, text=True)
+        self.running.append(process)
+        return process
+
+    def serve(self, *lanes: str) -> subprocess.Popen[str]:
+        pool = self.start(RELEASE / "smaclite-pool", "serve", *lanes, "--name", "train", "--threads", "1")
+        assert pool.stdout is not None
+        assert any(line.startswith("connect with") for line in pool.stdout)
+        return pool
+
+    def learn(self, lane: str, steps_per_s: float) -> subprocess.Popen[str]:
+        learner = self.start(RELEASE / "examples" / "learner", "train", lane, str(steps_per_s))
+        assert learner.stdout is not None and learner.stdout.readline() == "playing\n"
+        return learner
+
+    def watch(self, *options: str) -> str:
+        watch = self.start(RELEASE / "smaclite-pool", "watch", "train", *options)
+        assert watch.stdout is not None
+        return watch.stdout.readline().strip()
+
+    def stop(self, process: subprocess.Popen[str]) -> int:
+        process.send_signal(signal.SIGINT)
+        assert process.stdout is not None
+        process.stdout.close()
+        self.running.remove(process)
+        return process.wait(30)
+
+
+@pytest.fixture
+def programs_of_test(runtime_dir: Path) -> Iterator[Programs]:
+    programs = Programs()
+    yield programs
+    for process in reversed(programs.running[:]):
+        programs.stop(process)
+
+
+class WatchPage(Page):
+    """A live page, which must neither report an error nor load another file."""
+
+    def __init__(self, browser: Any, url: str, state: str = "", **options: Any) -> None:
+        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
+        self.page = browser.new_page(**options)
+        self.problems: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.problems.append(message.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.sockets: list[str] = []
+        self.page.on("websocket", lambda socket: self.sockets.append(socket.url))
+        self.url = url
+        self.page.goto(f"{url}#{state}")
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+
+    def __exit__(self, *_: object) -> None:
+        self.page.close()
+        others = [url for url in self.requests if not url.startswith((self.url, "data:"))]
+        host = self.url.removeprefix("http://").split("/")[0]
+        assert others == [] and all(url.startswith(f"ws://{host}/ws?") for url in self.sockets)
+        assert self.problems == []
+
+    @property
+    def last(self) -> int:
+        """The last known tick; 0 before the first is known."""
+        return int(self.page.get_attribute("#scrub", "max") or 0)
+
+    def follow(self, env: int) -> None:
+        self.page.click(f".cell >> nth={env}")
+        self.wait(lambda: self.last > 0)
+
+    def number(self, selector: str) -> float:
+        """The first number in a text; NaN if there is none."""
+        found = re.search(r"-?\d+(\.\d+)?", self.text(selector))
+        return float(found[0]) if found else float("nan")
+
+    def shown(self, selector: str) -> bool:
+        return bool(self.page.is_visible(selector))
+
+
+def colours(page: WatchPage, canvas: str) -> int:
+    """Number of different colours on a canvas."""
+    script = """canvas => {
+        const { width, height } = canvas;
+        const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+        copy.drawImage(canvas, 0, 0);
+        return new Set(new Uint32Array(copy.getImageData(0, 0, width, height).data.buffer)).size;
+    }"""
+    return int(page.page.eval_on_selector(canvas, script))
+
+
+def test_the_grid_shows_every_battle_and_the_panel_what_the_lane_does(
+    browser: Any, programs_of_test: Programs
+) -> None:
+    programs_of_test.serve("2s3z:70", "3m:2")
+    learner = programs_of_test.learn("2s3z", 30)
+    with WatchPage(browser, programs_of_test.watch()) as page:
+        assert page.text("h1") == "train" and page.text("#lane-facts") == "70 battles of 2s3z, smaclite rules"
+        assert page.page.locator(".cell").count() == 64
+        page.wait(lambda: "step" in page.text(".cell >> nth=0"))
+        page.wait(lambda: colours(page, ".cell canvas >> nth=0") > 20)
+        # Cells move on: at least five of the next numbers differ.
+        steps = set()
+        page.wait(lambda: steps.add(page.text(".cell >> nth=1")) or len(steps) > 5)
+        page.wait(lambda: page.page.locator(".cell .dot.lost, .cell .dot.won").count() > 10)
+
+        assert page.text("#state") == "Live"
+        assert f"process {learner.pid}" in page.text("#lane-status")
+        ranges = {"steps": (100, 3000), "wins": (0, 100), "returns": (0, 20), "lengths": (5, 121)}
+        for plot, (low, high) in ranges.items():
+            page.wait(lambda plot=plot: re.search(r"\d", page.text(f"#plot-{plot} b")) is not None)
+            value = page.number(f"#plot-{plot} b") * (1000 if " k" in page.text(f"#plot-{plot} b") else 1)
+            assert low <= value <= high, plot
+            page.wait(lambda plot=plot: colours(page, f"#plot-{plot} canvas") > 5)
+
+        page.press("PageDown")
+        assert page.text("#range") == "battles 64 to 69 of 70" and page.page.locator(".cell").count() == 6
+        page.wait(lambda: "step" in page.text(".cell >> nth=5"))
+        page.page.click("#previous")
+        page.press("ArrowRight", "ArrowRight", "ArrowDown", "ArrowLeft", "Enter")
+        assert page.text("h1").startswith("Battle ") and page.shown("#battle")
+        page.press("Escape")
+        assert page.text("h1") == "train" and not page.shown("#battle")
+
+        page.page.select_option("#lane", "3m")
+        page.wait(lambda: page.text("#lane-facts").startswith("2 battles of 3m"))
+        page.wait(lambda: page.text("#state") == "No learner")
+        assert "No learner is attached" in page.text("#notice")
+        programs_of_test.stop(learner)
+
+
+def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of_test: Programs) -> None:
+    programs_of_test.serve("2s3z:4")
+    programs_of_test.learn("2s3z", 60)
+    with WatchPage(browser, programs_of_test.watch()) as page:
+        page.follow(2)
+        assert page.text("h1") == "Battle 2" and "env=2" in page.page.evaluate("location.hash")
+        page.wait(lambda: "ago" in page.text("#age") and page.tick > 0)
+        page.wait(lambda: page.text("#result") == "Lost" or page.text("#result") == "Won")
+        assert page.colours() > 50 and page.text("#facts").startswith("episode")
+
+        # Pause, ticks, steps, ends, scrubbing and speed are those of a replay.
+        page.press(" ")
+        paused = page.tick
+        page.press("ArrowRight")
+        assert page.tick == paused + 1
+        page.press("Home")
+        assert page.tick == 0
+        page.press("Shift+ArrowRight")
+        assert page.tick == 8
+        page.scrub(33)
+        assert page.tick == 33
+        for _ in range(8):
+            page.press("+")
+        assert page.text("#speed") == "16×"
+        for _ in range(8):
+            page.press("-")
+        assert page.text("#speed") == "0.25×"
+
+        # An earlier episode, and back to the newest.
+        shown = page.text("#episode-list [aria-current=true] span >> nth=0")
+        page.press("n")
+        page.wait(lambda: page.text("#episode-list [aria-current=true] span >> nth=0") != shown)
+        page.press("PageUp")
+        page.wait(lambda: page.page.locator("#episode-list li").count() > 2)
+        row = page.page.locator("#episode-list li >> nth=2")
+        row.hover()
+        chosen = row.inner_text().split()[0]
+        row.locator("button").click()
+        page.wait(lambda: page.text("#facts dd >> nth=0") == chosen)
+        page.page.mouse.move(300, 300)
+        for _ in range(8):
+            page.press("+")
+        # At the end of an episode the newest one begins.
+        seen = set()
+        page.wait(lambda: seen.add(page.text("#facts dd >> nth=0")) or len(seen) > 2)
+        page.press("g")
+        assert not page.shown("#battle")
+
+
+def test_a_slow_learner_is_followed_live(browser: Any, programs_of_test: Programs) -> None:
+    programs_of_test.serve("3m:2")
+    learner = programs_of_test.learn("3m", 4)
+    with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
+        page.wait(lambda: page.text("#age") == "live")
+        page.wait(lambda: page.last > 24)
+        programs_of_test.stop(learner)
+        page.wait(lambda: page.text("#age").startswith("waiting for the learner"))
+
+
+def test_an_agent_shows_its_numbers_and_its_observation_by_name(
+    browser: Any, programs_of_test: Programs
+) -> None:
+    programs_of_test.serve("2s3z:4")
+    programs_of_test.learn("2s3z", 60)
+    with WatchPage(browser, programs_of_test.watch(), "env=0") as page:
+        page.wait(lambda: page.last > 100)
+        page.press(" ")
+        page.scrub(40)
+        page.press("]")
+        assert page.text("#unit .who") == "agent 0" and "stop" in page.text("#unit .actions")
+        page.wait(lambda: page.text("#obs h2") == "Observation before step 5")
+        names = page.page.locator("#obs thead th").all_inner_texts()
+        assert names[:5] == ["moves", "north", "south", "east", "west"]
+        assert names[5:10] == ["enemies", "targetable", "distance", "dx", "dy"]
+        assert page.page.locator("#obs td").count() == 80, "the size of the observation"
+        # What the card says of the agent's health is what the observation says.
+        health = page.text("#unit .meter >> nth=0").split()
+        own = page.page.locator("#obs table >> nth=3").locator("td").all_inner_texts()
+        assert abs(float(own[0]) - float(health[1]) / float(health[3])) < 0.02
+        page.press("ArrowRight", "Shift+ArrowRight")
+        page.wait(lambda: page.text("#obs h2") == "Observation before step 6")
+        page.press("[")
+        assert page.text("#unit .who") == "enemy 4" and not page.shown("#obs")
+        page.press("Escape")
+        assert "Click a unit" in page.text("#unit") and page.shown("#battle")
+
+
+def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_of_test: Programs) -> None:
+    pool = programs_of_test.serve("3m:3")
+    learner = programs_of_test.learn("3m", 20)
+    with WatchPage(browser, programs_of_test.watch()) as page:
+        page.follow(1)
+        assert programs_of_test.stop(pool) == 0
+        programs_of_test.stop(learner)
+        page.wait(lambda: "no pool named `train`" in page.text("#notice"))
+        assert "This page goes on when the pool runs again." in page.text("#notice")
+        programs_of_test.serve("3m:3")
+        programs_of_test.learn("3m", 20)
+        page.wait(lambda: not page.shown("#notice"))
+        page.wait(lambda: page.text("h1") == "Battle 1" and page.last > 0)
+        page.press("g")
+        page.wait(lambda: "step" in page.text(".cell >> nth=2") and page.text("#state") == "Live")
+
+
+def test_a_wrong_token_is_refused(browser: Any, programs_of_test: Programs) -> None:
+    programs_of_test.serve("3m:1")
+    url = programs_of_test.watch()
+    page = browser.new_page()
+    response = page.goto(url[:-1] + ("0" if url[-1] != "0" else "1"))
+    assert response.status == 403 and "token" in page.inner_text("body")
+    page.goto("about:blank")
+    host = url.removeprefix("http://").split("/")[0]
+    opened = f"""new Promise((done) => {{
+        const socket = new WebSocket("ws://{host}/ws?{url.split("?")[1]}");
+        socket.onopen = () => done("open");
+        socket.onerror = () => done("refused");
+    }})"""
+    assert page.evaluate(opened) == "refused", "a page of another origin"
+    page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_every_view_fits_its_window(
+    browser: Any, programs_of_test: Programs, scheme: str, width: int
+) -> None:
+    programs_of_test.serve("MMM:4")
+    programs_of_test.learn("MMM", 60)
+    options = {"viewport": {"width": width, "height": 800}, "color_scheme": scheme, "device_scale_factor": 2}
+    nameless = """() => [...document.querySelectorAll("button, input, select, canvas:not([aria-hidden])")]
+        .filter((e) => !e.getAttribute("aria-label") && !e.textContent.trim())
+        .map((e) => e.outerHTML.slice(0, 80))"""
+    wide = "document.documentElement.scrollWidth - innerWidth"
+    with WatchPage(browser, programs_of_test.watch(), **options) as page:
+        page.wait(lambda: colours(page, ".cell canvas >> nth=0") > 20)
+        assert page.page.get_attribute("html", "data-theme") == scheme
+        assert page.page.evaluate(nameless) == [] and page.page.evaluate(wide) <= 0
+        page.follow(0)
+        page.press("]")
+        page.wait(lambda: page.shown("#obs table"))
+        assert page.page.evaluate(nameless) == [] and page.page.evaluate(wide) <= 0
