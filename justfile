@@ -87,6 +87,13 @@ schemas:
         {{ program }} schema $kind > {{ justfile_directory() }}/docs/schemas/$kind.schema.json || exit; \
     done
 
+# Take the picture of a running pool's page, which `pictures` does not draw (Debian: apt install chromium)
+picture-of-watch: _venv
+    cargo build --release --quiet -p smaclite-cli --bins
+    cargo build --release --quiet -p smaclite-ipc --example learner
+    {{ python }} -m pip install --quiet playwright
+    {{ python }} docs/watch_picture.py
+
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:
     cargo run --release --quiet -p smaclite-tests --bin chaos -- {{ minutes }} {{ seed }}

@@ -1,5 +1,5 @@
-//! A learner without learning: it attaches to a pool and plays. An agent attacks the first target that it
-//! can, else it walks east, where the enemies of the standard scenarios are.
+//! A learner without learning: it attaches to a pool and plays. An agent attacks the first target that it can
+//! and else waits for the enemy; one action in eight is random.
 //!
 //! ```sh
 //! smaclite-pool serve 2s3z:16 --name train &
@@ -14,7 +14,6 @@ use std::time::{Duration, Instant};
 
 /// The first action that has a target; the actions before it are no-op, stop and four moves.
 const FIRST_TARGET: usize = 6;
-const EAST: usize = 4;
 const STOP: usize = 1;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -25,20 +24,25 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let pause = Duration::from_secs_f64(1.0 / steps_per_s.parse::<f64>()?);
     let mut client = Client::connect(&RuntimeDir::for_current_user()?, pool, Some(lane), Default::default())?;
     let n_actions = client.description().sizes.n_actions;
-    let mut actions = choose(&client.reset(Some(1), None, WaitOptions::forever())?, n_actions);
+    let mut batch = client.reset(Some(1), None, WaitOptions::forever())?;
+    let mut random = vec![0; batch.env_id().len() * client.description().sizes.n_agents];
     println!("playing");
-    loop {
+    for step in 0.. {
         let begin = Instant::now();
-        actions = choose(&client.step(&actions, None, WaitOptions::forever())?, n_actions);
+        client.sample_actions(None, &mut random)?;
+        let actions = choose(&batch, n_actions).into_iter().zip(&random).enumerate();
+        let mixed = actions.map(|(i, (chosen, random))| if (i + step) % 8 == 0 { *random } else { chosen });
+        batch = client.step(&mixed.collect::<Vec<_>>(), None, WaitOptions::forever())?;
         std::thread::sleep(pause.saturating_sub(begin.elapsed()));
     }
+    Ok(())
 }
 
 fn choose(batch: &Batch, n_actions: usize) -> Vec<i32> {
     let available = batch.field::<u8>(Field::AvailActions).expect("the lane has this field");
     let choose = |available: &[u8]| {
-        let targets = (FIRST_TARGET..n_actions).chain([EAST, STOP]);
-        targets.into_iter().find(|&action| available[action] == 1).unwrap_or(0) as i32
+        let mut wanted = (FIRST_TARGET..n_actions).chain([STOP]);
+        wanted.find(|&action| available[action] == 1).unwrap_or(0) as i32
     };
     available.chunks(n_actions).map(choose).collect()
 }

@@ -140,7 +140,8 @@ def test_the_grid_shows_every_battle_and_the_panel_what_the_lane_does(
 
         assert page.text("#state") == "Live"
         assert f"process {learner.pid}" in page.text("#lane-status")
-        for plot, low, high in (("steps", 100, 3000), ("wins", 0, 100), ("returns", 0, 20), ("lengths", 5, 121)):
+        ranges = {"steps": (100, 3000), "wins": (0, 100), "returns": (0, 20), "lengths": (5, 121)}
+        for plot, (low, high) in ranges.items():
             page.wait(lambda plot=plot: re.search(r"\d", page.text(f"#plot-{plot} b")) is not None)
             value = page.number(f"#plot-{plot} b") * (1000 if " k" in page.text(f"#plot-{plot} b") else 1)
             assert low <= value <= high, plot

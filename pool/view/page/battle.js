@@ -67,12 +67,14 @@ class BattleView {
     const { track, info } = this,
       box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity, ...this.area };
     for (let at = 0; at < track.length * track.units; at++) {
+      if (!track.alive[at]) continue;
       const radius = this.type(at % track.units).radius + FIT_MARGIN;
       box.x0 = Math.min(box.x0, track.x[at] - radius);
       box.x1 = Math.max(box.x1, track.x[at] + radius);
       box.y0 = Math.min(box.y0, track.y[at] - radius);
       box.y1 = Math.max(box.y1, track.y[at] + radius);
     }
+    if (box.x1 < box.x0) return this.mapBox();
     return {
       x0: Math.max(0, box.x0),
       y0: Math.max(0, box.y0),

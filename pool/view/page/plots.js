@@ -1,6 +1,6 @@
 // LanePanel: what a lane does, as numbers and as curves over the last minutes.
 
-/** Seconds over which rates and means are taken. */
+/** Seconds of the window of rates and means. */
 const WINDOW = 15;
 /** Seconds that the curves show, and the fewest. */
 const LONGEST_PLOT = 600,
@@ -109,7 +109,7 @@ class LanePanel {
     if (to === undefined) high += (high - low) * 0.08;
     const newest = values.at(-1).time,
       span = clamp(newest - values[0].time, SHORTEST_PLOT, LONGEST_PLOT);
-    const [left, right, top, bottom] = [2, width - 3, 8, height - 16];
+    const [left, right, top, bottom] = [38, width - 4, 8, height - 16];
     const x = (time) => right - ((newest - time) / span) * (right - left);
     const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
     this.drawAxes(context, { left, right, bottom, height, span, top: y(high), high: text(high), low: text(low) });
@@ -143,12 +143,12 @@ class LanePanel {
       context.lineTo(right, Math.round(at) + 0.5);
       context.stroke();
     }
-    context.textBaseline = "top";
-    context.textAlign = "left";
-    context.fillText(high, left, top + 3);
-    context.textBaseline = "bottom";
-    context.fillText(low, left, bottom - 2);
+    context.textBaseline = "middle";
+    context.textAlign = "right";
+    context.fillText(high, left - 5, top);
+    context.fillText(low, left - 5, bottom);
     context.textBaseline = "alphabetic";
+    context.textAlign = "left";
     context.fillText(`\u2212${span >= 90 ? `${Math.round(span / 60)} min` : `${Math.round(span)} s`}`, left, height - 3);
     context.textAlign = "right";
     context.fillText("now", right, height - 3);

@@ -39,8 +39,8 @@ impl Guard {
     }
 }
 
-/// A name may lead here although its owner is another site (DNS rebinding); an address and `localhost` cannot.
-/// The port is not compared: it may be forwarded from another one.
+/// A name may lead here although its owner is another site (DNS rebinding); an address and `localhost`
+/// cannot. The port is not compared: it may be forwarded from another one.
 fn is_trusted(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,

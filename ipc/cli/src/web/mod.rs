@@ -32,7 +32,8 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime;
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
 
 /// Pages that can be open at the same time.
 const MAX_PAGES: usize = 16;
@@ -66,8 +67,8 @@ pub(crate) trait App: Send + Sync + 'static {
     fn talk(&self, page: Page);
 }
 
-/// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after every [`App::talk`] has, unless one
-/// takes too long.
+/// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after
+/// every [`App::talk`] has, unless one takes too long.
 pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App>)>) -> CommandResult {
     let address = SocketAddr::new(options.host, options.port);
     let listener =
@@ -81,41 +82,53 @@ pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App
         .max_blocking_threads(MAX_PAGES)
         .build()?;
     let pages = Arc::new(Semaphore::new(MAX_PAGES));
+    let (end, ended) = watch::channel(());
     let guard = Arc::new(Guard::new(token));
     let mut routes = Router::new();
     for (path, app) in apps {
-        let served = Arc::new(Served { app, pages: Arc::clone(&pages) });
+        let served = Arc::new(Served { app, pages: Arc::clone(&pages), ended: ended.clone() });
         let router = Router::new().route(path, get(document)).route(&format!("{path}ws"), get(web_socket));
         routes = routes.merge(router.with_state(served));
     }
     let routes = routes
         .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
     let served = runtime.block_on(async {
-        let mut interrupted = signal(SignalKind::interrupt())?;
-        let mut terminated = signal(SignalKind::terminate())?;
-        let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
-        out!("{url}")?;
-        if !options.host.is_loopback() {
-            eprintln!(
-                "smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted"
-            );
-        }
-        let _opened = options.open.then(|| open_in_browser(&url));
-        tokio::select! {
-            served = axum::serve(listener, routes) => Ok(served?),
-            _ = interrupted.recv() => Ok(()),
-            _ = terminated.recv() => Ok(()),
-        }
+        let served = serve_until_signal(listener, routes, &url, options).await;
+        drop(end);
+        let _all_ended = timeout(MOST_WAIT, pages.acquire_many(MAX_PAGES as u32)).await;
+        served
     });
-    // First its tasks end, and with them the conversations; then it waits for their threads.
-    runtime.shutdown_timeout(MOST_WAIT);
+    runtime.shutdown_background(); // does not wait for a conversation that took too long
     served
+}
+
+async fn serve_until_signal(
+    listener: TcpListener,
+    routes: Router,
+    url: &str,
+    options: &ServeOptions,
+) -> CommandResult {
+    let mut interrupted = signal(SignalKind::interrupt())?;
+    let mut terminated = signal(SignalKind::terminate())?;
+    let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
+    out!("{url}")?;
+    if !options.host.is_loopback() {
+        eprintln!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
+    }
+    let _opened = options.open.then(|| open_in_browser(url));
+    tokio::select! {
+        served = axum::serve(listener, routes) => Ok(served?),
+        _ = interrupted.recv() => Ok(()),
+        _ = terminated.recv() => Ok(()),
+    }
 }
 
 struct Served {
     app: Box<dyn App>,
     /// One permit per page that can be opened.
     pages: Arc<Semaphore>,
+    /// Changes when the server ends.
+    ended: watch::Receiver<()>,
 }
 
 async fn document(State(served): State<Arc<Served>>) -> Html<String> {
@@ -129,8 +142,8 @@ async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Resp
     };
     let upgrade = upgrade.0.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE);
     upgrade.on_upgrade(async move |socket| {
-        let talk = move |page| served.app.talk(page);
-        page::converse(socket, talk).await;
+        let ended = served.ended.clone();
+        page::converse(socket, ended, move |page| served.app.talk(page)).await;
         drop(permit);
     })
 }

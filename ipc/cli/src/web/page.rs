@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::time::Instant;
 use tokio::sync::mpsc::{Sender, channel};
+use tokio::sync::watch;
 
 /// Requests that wait until the app has time; a page that sends more is closed.
 const MAX_WAITING: usize = 256;
@@ -86,13 +87,19 @@ impl Page {
     }
 }
 
-/// Carries messages between a WebSocket and `talk`, which runs on another thread, until either ends.
-pub(super) async fn converse(mut socket: WebSocket, talk: impl FnOnce(Page) + Send + 'static) {
+/// Carries messages between a WebSocket and `talk`, which runs on another thread, until either or the server
+/// ends.
+pub(super) async fn converse(
+    mut socket: WebSocket,
+    mut ended: watch::Receiver<()>,
+    talk: impl FnOnce(Page) + Send + 'static,
+) {
     let (request_sender, requests) = sync_channel(MAX_WAITING);
     let (messages, mut unsent) = channel(MAX_UNSENT);
     let talking = tokio::task::spawn_blocking(move || talk(Page { requests, messages }));
     loop {
         tokio::select! {
+            _ = ended.changed() => break,
             received = socket.recv() => {
                 let Some(Ok(message)) = received else { break };
                 let refusal = match message {

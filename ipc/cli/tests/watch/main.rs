@@ -73,8 +73,8 @@ fn the_page_is_for_those_who_know_the_token() {
         let (answered, response) = url.send(&request);
         assert!(answered == status && response.contains(expected), "{request}: {response:.300}");
         for header in [
-            "content-security-policy: default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
-             img-src data:; connect-src 'self'\r\n",
+            "content-security-policy: default-src 'none'; script-src 'unsafe-inline'; \
+             style-src 'unsafe-inline'; img-src data:; connect-src 'self'\r\n",
             "cache-control: no-store\r\n",
             "x-content-type-options: nosniff\r\n",
             "referrer-policy: no-referrer\r\n",
@@ -322,4 +322,22 @@ fn a_pool_that_runs_again_is_shown_again() {
     page.event("status", |event| event["pid"] == second["pid"]);
     page.ask("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
+}
+
+/// The program once waited for its conversations without ending them, and then left the files of its
+/// spectator behind.
+#[test]
+fn an_interrupt_ends_the_program_while_a_page_is_open() {
+    let place = Place::new();
+    let mut pool = place.serve("3m:2 --name train");
+    let (mut watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    page.event("lane", |_| true);
+    page.ask("follow", json!({"env": 0}));
+    page.event("episodes", |_| true);
+    assert_eq!(status_of(&place)["spectators"], 1);
+    assert_eq!((pool.interrupt(), watch.interrupt()), (Some(0), Some(0)));
+    let left = std::fs::read_dir(place.root()).expect("a folder").map(|file| file.expect("a file").path());
+    assert_eq!(left.collect::<Vec<_>>(), Vec::<std::path::PathBuf>::new());
 }

@@ -1,5 +1,5 @@
-//! What one page asks for, and what it is sent while it is visible: cells of the grid, the status of the pool,
-//! and the list of a followed environment's episodes.
+//! What one page asks for, and what it is sent while it is visible: cells of the grid, the status of the
+//! pool, and the list of a followed environment's episodes.
 
 use super::follow::Follow;
 use super::lane::WatchedLane;
