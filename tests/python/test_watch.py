@@ -214,7 +214,8 @@ def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of
 
 def test_a_slow_learner_is_followed_live(browser: Any, programs_of_test: Programs) -> None:
     programs_of_test.serve("3m:2")
-    learner = programs_of_test.learn("3m", 4)
+    # A battle has 2 steps per second, so the page keeps up with this learner.
+    learner = programs_of_test.learn("3m", 1.5)
     with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
         page.wait(lambda: page.text("#age") == "live")
         page.wait(lambda: page.last > 24)
