@@ -177,3 +177,24 @@ time.sleep(0.3)
     for _ in range(3):
         done = run_script(script)
         assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("batch_size", [6, 4])
+def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
+    with sp.make("3m", 6, batch_size=batch_size, autoreset="same_step", threads=2) as envs:
+        batch, steps, returns, wins = envs.reset(seed=3), 0, [], 0
+        while len(returns) < 40:
+            envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
+            batch = envs.recv()
+            steps += len(batch.env_id)
+            ended = batch.terminated | batch.truncated
+            returns += batch.episode_return[ended].tolist()
+            wins += int(batch.battle_won[ended].sum())
+        if batch_size < 6:
+            envs.reset()  # waits for the environments that are under way
+        stats = sp.status(envs.name)["lanes"][0]["stats"]
+    if batch_size == 6:
+        assert (stats["steps"], stats["episodes"], stats["wins"]) == (steps, len(returns), wins)
+        assert stats["returns"] == pytest.approx(sum(returns), abs=1e-3)
+    else:
+        assert stats["episodes"] >= len(returns) and stats["returns"] >= sum(returns) - 1e-3

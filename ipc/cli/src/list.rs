@@ -96,6 +96,7 @@ fn print_lanes(lanes: &[LaneStatus]) -> std::io::Result<()> {
         "steps",
         "episodes",
         "win rate",
+        "mean return",
         "refused requests",
     ]);
     for lane in lanes {
@@ -108,6 +109,7 @@ fn print_lanes(lanes: &[LaneStatus]) -> std::io::Result<()> {
             lane.stats.steps.to_string(),
             lane.stats.episodes.to_string(),
             win_rate(lane),
+            mean_return(lane),
             lane.stats.rejected.to_string(),
         ]);
     }
@@ -130,6 +132,13 @@ fn win_rate(lane: &LaneStatus) -> String {
     match lane.stats.episodes {
         0 => "-".to_owned(),
         episodes => format!("{:.1} %", 100.0 * lane.stats.wins as f64 / episodes as f64),
+    }
+}
+
+fn mean_return(lane: &LaneStatus) -> String {
+    match lane.stats.episodes {
+        0 => "-".to_owned(),
+        episodes => format!("{:.2}", lane.stats.returns / episodes as f64),
     }
 }
 

@@ -182,8 +182,7 @@ impl<T: Transport> Lane<T> {
         for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
             let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
             for entry in run {
-                let step = self.step(entry, scratch);
-                counts.count(step);
+                let step = self.step(entry, scratch, counts);
                 let slot = claim.map(|claim| (claim.memory, entry.env as usize));
                 self.write(entry, step, slot, scratch);
             }
@@ -200,8 +199,7 @@ impl<T: Transport> Lane<T> {
         counts: &mut StepCounts,
     ) -> Result<(), TransportError> {
         for entry in run {
-            let step = self.step(entry, scratch);
-            counts.count(step);
+            let step = self.step(entry, scratch, counts);
             let claim = self.with_frame(|frames| frames.claim(entry.epoch, 1))?;
             self.write(entry, step, claim.map(|claim| (claim.memory, claim.first)), scratch);
             self.complete(claim);
@@ -209,8 +207,11 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    fn step(&self, entry: &Entry, scratch: &mut Scratch) -> Option<Step> {
-        lock(&self.envs[entry.env as usize]).run(entry.task, self.autoreset, scratch)
+    fn step(&self, entry: &Entry, scratch: &mut Scratch, counts: &mut StepCounts) -> Option<Step> {
+        let mut hosted = lock(&self.envs[entry.env as usize]);
+        let step = hosted.run(entry.task, self.autoreset, scratch)?;
+        counts.count(&step, hosted.env.episode_return());
+        Some(step)
     }
 
     /// Writes an environment's results into its slot, or discards them if their epoch is over. Since

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 use smaclite_engine::Step;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Counts of a lane since its pool started.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LaneStats {
     /// Steps of single environments, without resets.
     pub steps: u64,
@@ -14,6 +14,8 @@ pub struct LaneStats {
     pub episodes: u64,
     /// Episodes that the agents won.
     pub wins: u64,
+    /// Sum of the returns of the episodes that ended, to the millionth.
+    pub returns: f64,
     /// Frames published with a batch.
     pub frames: u64,
     /// Refused requests.
@@ -30,17 +32,22 @@ pub(crate) struct StepCounts {
     pub(crate) steps: u64,
     pub(crate) episodes: u64,
     pub(crate) wins: u64,
+    pub(crate) returns: f64,
 }
 
 impl StepCounts {
-    pub(crate) fn count(&mut self, step: Option<Step>) {
-        if let Some(step) = step {
-            self.steps += 1;
-            self.episodes += u64::from(step.terminated || step.truncated);
+    /// Counts a step, after which the return of the episode is `episode_return`.
+    pub(crate) fn count(&mut self, step: &Step, episode_return: f64) {
+        self.steps += 1;
+        if step.terminated || step.truncated {
+            self.episodes += 1;
             self.wins += u64::from(step.battle_won);
+            self.returns += episode_return;
         }
     }
 }
+
+const MILLION: f64 = 1e6;
 
 /// The counts while workers add to them.
 #[derive(Default)]
@@ -48,6 +55,8 @@ pub(super) struct Counters {
     steps: AtomicU64,
     episodes: AtomicU64,
     wins: AtomicU64,
+    /// In millionths: atomic sums are of whole numbers.
+    returns: AtomicI64,
     frames: AtomicU64,
     rejected: AtomicU64,
     accepted: AtomicU64,
@@ -61,6 +70,7 @@ impl Counters {
             steps: read(&self.steps),
             episodes: read(&self.episodes),
             wins: read(&self.wins),
+            returns: self.returns.load(Ordering::Relaxed) as f64 / MILLION,
             frames: read(&self.frames),
             rejected: read(&self.rejected),
             accepted: read(&self.accepted),
@@ -72,6 +82,9 @@ impl Counters {
         add(&self.steps, counts.steps);
         add(&self.episodes, counts.episodes);
         add(&self.wins, counts.wins);
+        if counts.episodes > 0 {
+            self.returns.fetch_add((counts.returns * MILLION).round() as i64, Ordering::Relaxed);
+        }
     }
 
     pub(super) fn published(&self) {

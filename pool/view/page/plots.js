@@ -30,7 +30,7 @@ const PLOTS = [
     id: "returns",
     title: "Return",
     text: (value) => value.toFixed(2),
-    value: (points) => ratio(sum(points, "returns"), sum(points, "nReturns")),
+    value: ([first, ...rest]) => ratio(rest.at(-1)?.returns - first.returns, rest.at(-1)?.episodes - first.episodes),
   },
   {
     id: "lengths",
@@ -42,7 +42,6 @@ const PLOTS = [
 ];
 
 const ratio = (part, all) => (all > 0 ? part / all : null);
-const sum = (points, key) => points.reduce((total, point) => total + point[key], 0);
 
 class LanePanel {
   constructor(element) {
@@ -72,8 +71,8 @@ class LanePanel {
 
   /** Takes points of the history: rows in the order of the server. */
   take(rows) {
-    for (const [time, pid, stepsPerS, steps, episodes, wins, returns, nReturns] of rows) {
-      const point = { time, pid, stepsPerS, steps, episodes, wins, returns, nReturns };
+    for (const [time, pid, stepsPerS, steps, episodes, wins, returns] of rows) {
+      const point = { time, pid, stepsPerS, steps, episodes, wins, returns };
       this.points.push(point);
       // Counts of another pool begin again.
       const window = this.points.filter((other) => other.pid === pid && other.time >= time - WINDOW);

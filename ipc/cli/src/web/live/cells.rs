@@ -14,8 +14,6 @@ pub(super) struct Cells {
     cells: Vec<Cell>,
     /// The frame that was taken last.
     sequence: u64,
-    /// Sum and number of the returns of episodes whose end was seen.
-    returns: (f64, u32),
 }
 
 /// An environment.
@@ -38,7 +36,7 @@ struct Cell {
 
 impl Cells {
     pub(super) fn new(num_envs: usize) -> Cells {
-        Cells { cells: vec![Cell::default(); num_envs], sequence: 0, returns: (0.0, 0) }
+        Cells { cells: vec![Cell::default(); num_envs], sequence: 0 }
     }
 
     /// Takes the rows of a frame.
@@ -65,9 +63,6 @@ impl Cells {
                 _ => won.map(|won| if won[slot] == 1 { "won" } else { "lost" }),
             };
             cell.last_outcome = cell.outcome.or(cell.last_outcome);
-            if let (Some(episode_return), Some(_)) = (cell.episode_return, cell.outcome) {
-                self.returns = (self.returns.0 + f64::from(episode_return), self.returns.1 + 1);
-            }
             if let Some(states) = states {
                 let row = &states[slot * state_size..(slot + 1) * state_size];
                 cell.state.clear();
@@ -75,10 +70,6 @@ impl Cells {
                 cell.encoded = None;
             }
         }
-    }
-
-    pub(super) fn take_returns(&mut self) -> (f64, u32) {
-        std::mem::take(&mut self.returns)
     }
 
     /// The cells of some environments that changed after a frame, and the newest frame.

@@ -119,12 +119,6 @@ impl WatchedLane {
         }
         Ok(&mut self.cells)
     }
-
-    /// The sum and the number of the returns that were seen since the last call.
-    pub(super) fn take_returns(&mut self) -> (f64, u32) {
-        let _ = self.read(); // what fails is said to those who read cells
-        self.cells.take_returns()
-    }
 }
 
 fn feature_block(block: &FeatureBlock) -> Value {

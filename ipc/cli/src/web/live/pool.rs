@@ -3,6 +3,7 @@
 use super::lane::{WatchError, WatchedLane};
 use serde_json::{Value, json};
 use smaclite_ipc::{LaneStatus, PoolStatus, RuntimeDir, WaitOptions, status_within};
+use smaclite_pool::LaneStats;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
@@ -43,20 +44,17 @@ struct Point {
     steps: u64,
     episodes: u64,
     wins: u64,
-    /// The returns of the episodes that frames showed the end of, since the last point: their sum and number.
-    returns: (f64, u32),
+    returns: f64,
 }
 
 impl Point {
-    fn new(time: f64, pid: u32, lane: &LaneStatus, returns: (f64, u32)) -> Point {
-        let stats = &lane.stats;
-        let (steps, episodes, wins) = (stats.steps, stats.episodes, stats.wins);
+    fn new(time: f64, pid: u32, lane: &LaneStatus) -> Point {
+        let LaneStats { steps, episodes, wins, returns, .. } = lane.stats;
         Point { time, pid, steps_per_s: lane.steps_per_s, steps, episodes, wins, returns }
     }
 
     fn row(&self) -> Value {
-        let (sum, number) = self.returns;
-        json!([self.time, self.pid, self.steps_per_s, self.steps, self.episodes, self.wins, sum, number])
+        json!([self.time, self.pid, self.steps_per_s, self.steps, self.episodes, self.wins, self.returns])
     }
 }
 
@@ -111,18 +109,12 @@ impl WatchedPool {
         let time = self.begin.elapsed().as_secs_f64();
         for lane in &pool.lanes {
             let name = &lane.description.lane;
-            let returns = self.watched(name).map_or((0.0, 0), |lane| lock(&lane).take_returns());
             let points = status.history.entry(name.clone()).or_default();
-            points.push_back(Point::new(time, pool.pid, lane, returns));
+            points.push_back(Point::new(time, pool.pid, lane));
             if points.len() > MAX_POINTS {
                 points.pop_front();
             }
         }
-    }
-
-    /// The lane, if a page watches it.
-    fn watched(&self, name: &str) -> Option<Arc<Mutex<WatchedLane>>> {
-        lock(&self.lanes).get(name)?.upgrade()
     }
 
     /// Watches a lane, or shares it with the pages that do.
