@@ -3,7 +3,6 @@
 
 use crate::client::{ClientError, ConnectError};
 use crate::control::client::ControlClient;
-use crate::control::following::episode_part;
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
@@ -106,10 +105,7 @@ impl Follower {
         let response = connection.ask(&ControlRequest::ReadEpisodes, WaitOptions::for_response());
         match response.map_err(ClientError::of_socket)? {
             ControlResponse::Episodes { parts } => {
-                let parts = parts
-                    .into_iter()
-                    .map(|message| episode_part(message).map(|(env_id, part)| FollowedPart { env_id, part }));
-                Ok(parts.collect::<Result<_, _>>()?)
+                Ok(parts.into_iter().map(FollowedPart::try_from).collect::<Result<_, _>>()?)
             }
             ControlResponse::Refused(refusal) => Err(refusal.into()),
             other => Err(ControlError::unexpected(&other).into()),

@@ -21,6 +21,7 @@ pub fn run_if_child() {
     let (role, argument) = text.split_once(' ').unwrap_or((&text, ""));
     let status = match role {
         "supervisor" => supervisor(argument),
+        #[cfg(feature = "program")]
         "program" => program(argument),
         "learner" => learner(argument),
         "spectator" => spectator(argument),
@@ -44,6 +45,7 @@ pub(crate) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<
     }
 }
 
+#[cfg(feature = "program")]
 fn program(arguments: &str) -> i32 {
     let arguments = std::iter::once("smaclite-pool").chain(arguments.split(' '));
     smaclite_cli::run(arguments.map(Into::into))

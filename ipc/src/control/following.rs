@@ -3,6 +3,7 @@
 
 use super::protocol::{ControlError, ControlResponse, EpisodeMessage};
 use super::server::{Connection, ControlServer, Role};
+use crate::follower::FollowedPart;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::Snapshot;
@@ -85,11 +86,14 @@ fn encoded(snapshot: &Snapshot) -> String {
     STANDARD.encode(postcard::to_stdvec(snapshot).expect("snapshots are plain data"))
 }
 
-/// The part of an episode in a message.
-pub(crate) fn episode_part(message: EpisodeMessage) -> Result<(usize, EpisodePart), ControlError> {
-    let EpisodeMessage { env_id, number, start, actions, is_over } = message;
-    let start = start.map(|text| decoded(&text)).transpose()?;
-    Ok((env_id, EpisodePart { number, start, actions, is_over }))
+impl TryFrom<EpisodeMessage> for FollowedPart {
+    type Error = ControlError;
+
+    fn try_from(message: EpisodeMessage) -> Result<FollowedPart, ControlError> {
+        let EpisodeMessage { env_id, number, start, actions, is_over } = message;
+        let start = start.map(|text| decoded(&text)).transpose()?;
+        Ok(FollowedPart { env_id, part: EpisodePart { number, start, actions, is_over } })
+    }
 }
 
 fn decoded(text: &str) -> Result<Snapshot, ControlError> {

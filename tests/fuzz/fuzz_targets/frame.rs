@@ -8,7 +8,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use smaclite_engine::Sizes;
-use smaclite_ipc::control::protocol::{ControlResponse, ControlRequest};
+use smaclite_ipc::FollowedPart;
+use smaclite_ipc::control::protocol::{ControlRequest, ControlResponse};
 use smaclite_ipc::wire::{FrameHeader, MAGIC, ReceivedFrame, frames_lost, read_frame};
 use smaclite_pool::fields::{Dtype, FieldSet};
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
@@ -67,6 +68,12 @@ fn read_response(line: &[u8]) {
     match serde_json::from_slice::<ControlResponse>(line) {
         Ok(ControlResponse::Attached { lane, .. } | ControlResponse::Lane(lane)) => {
             drop(lane.layout().map_err(|e| e.to_string()))
+        }
+        Ok(ControlResponse::Scenario { lane, files }) => {
+            drop((lane.layout().map_err(|e| e.to_string()), files.scenario().map_err(|e| e.to_string())))
+        }
+        Ok(ControlResponse::Episodes { parts }) => {
+            parts.into_iter().for_each(|part| drop(FollowedPart::try_from(part).map_err(|e| e.to_string())))
         }
         Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),
         Ok(ControlResponse::Status(_)) | Err(_) => {}
