@@ -10,7 +10,7 @@ use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
