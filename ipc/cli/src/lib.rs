@@ -13,6 +13,7 @@ macro_rules! out {
 mod bench;
 mod check;
 mod clean;
+mod evaluate;
 mod list;
 mod picture;
 mod pool_recorder;
@@ -22,6 +23,7 @@ mod scenarios;
 mod serve;
 mod show;
 mod table;
+mod train;
 
 pub use pool_recorder::{PoolRecorder, PoolRecorderError};
 
@@ -69,6 +71,10 @@ enum Command {
     Record(record::Record),
     /// Verify a replay, or convert it to a page, an animation or pictures
     Replay(replay::Replay),
+    /// Train a team
+    Train(Box<train::Train>),
+    /// Play a trained team: win rate and return
+    Evaluate(evaluate::Evaluate),
     /// List your pools on this machine, with their lanes and learners
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
@@ -97,6 +103,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),
+        Command::Train(train) => train.run(),
+        Command::Evaluate(evaluate) => evaluate.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
         Command::Clean(clean) => clean.run(),
