@@ -5,7 +5,9 @@ use clap::Args;
 use smaclite_benches::process::interrupt_flag;
 use smaclite_engine::Rules;
 use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
-use smaclite_learn::{Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario};
+use smaclite_learn::{
+    Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
+};
 use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::io::{IsTerminal, Write};
@@ -166,9 +168,10 @@ impl Train {
     }
 
     fn scenario(&self, runtime_dir: &RuntimeDir) -> Result<LaneScenario, Box<dyn Error>> {
-        let of_pool = self.pool.as_deref().map(|pool| {
-            lane_scenario(runtime_dir, pool, self.lane.first().map(String::as_str))
-        });
+        let of_pool = self
+            .pool
+            .as_deref()
+            .map(|pool| lane_scenario(runtime_dir, pool, self.lane.first().map(String::as_str)));
         let of_pool = of_pool.transpose()?;
         let Some(map) = &self.map else {
             return of_pool.ok_or_else(|| "a MAP or --pool is required".into());

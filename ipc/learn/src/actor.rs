@@ -52,9 +52,8 @@ impl Actor {
         let Actor { workspace, masks, actions, log_probs, .. } = self;
         let rows = workspace.output().chunks_exact_mut(padded).zip(masks.chunks_exact(padded));
         let chosen = actions.iter_mut().zip(log_probs.iter_mut());
-        let mut generators = (0..).map(|env: u64| {
-            generator(draw.seed, draw.purpose, [draw.step, draw.first_env as u64 + env])
-        });
+        let mut generators = (0..)
+            .map(|env: u64| generator(draw.seed, draw.purpose, [draw.step, draw.first_env as u64 + env]));
         let mut current = generators.next();
         vectorised(|| {
             for (row, ((outputs, mask), (action, log_prob))) in rows.zip(chosen).enumerate() {

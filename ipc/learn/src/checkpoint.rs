@@ -127,12 +127,13 @@ fn write_arrays(path: &Path, arrays: &[Array]) -> Result<(), FileError> {
 
 /// Writes the weights of both networks, `actor.0.weight` and so on, in the shapes of PyTorch.
 pub(crate) fn write_weights(path: &Path, team: &Team) -> Result<(), FileError> {
-    let arrays = [("actor", &team.actor), ("critic", &team.critic)].into_iter().flat_map(|(prefix, network)| {
-        network.mlp.tensors().into_iter().map(move |tensor| {
-            let name = format!("{prefix}.{}", tensor.name);
-            Array::new(name, &tensor.shape, &network.params[tensor.range])
-        })
-    });
+    let arrays =
+        [("actor", &team.actor), ("critic", &team.critic)].into_iter().flat_map(|(prefix, network)| {
+            network.mlp.tensors().into_iter().map(move |tensor| {
+                let name = format!("{prefix}.{}", tensor.name);
+                Array::new(name, &tensor.shape, &network.params[tensor.range])
+            })
+        });
     write_arrays(path, &arrays.collect::<Vec<_>>())
 }
 

@@ -132,7 +132,12 @@ fn run_name(run: &RunDescription) -> String {
     scenario.map_or(String::new(), |scenario| scenario.name)
 }
 
-fn result(scenario: String, evaluation: Evaluation, num_envs: usize, counted: &[Episode]) -> EvaluationResult {
+fn result(
+    scenario: String,
+    evaluation: Evaluation,
+    num_envs: usize,
+    counted: &[Episode],
+) -> EvaluationResult {
     let Evaluation { episodes, seed, greedy, .. } = evaluation;
     let mean = |value: &dyn Fn(&Episode) -> f64| {
         counted.iter().map(value).sum::<f64>() / counted.len().max(1) as f64

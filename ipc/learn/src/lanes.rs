@@ -6,8 +6,8 @@
 
 use smaclite_engine::{Rules, Sizes};
 use smaclite_ipc::{
-    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario, RuntimeDir,
-    StartError, Supervisor, SupervisorConfig, WaitOptions, lane_scenario,
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario,
+    RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -23,7 +23,9 @@ const TIMEOUT: Duration = Duration::from_secs(120);
 pub enum LaneError {
     #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
     MissingField { lane: String, field: &'static str },
-    #[error("lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`")]
+    #[error(
+        "lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`"
+    )]
     Autoreset { lane: String, given: &'static str },
     #[error(
         "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
@@ -121,7 +123,8 @@ impl Lanes {
         static COUNT: std::sync::atomic::AtomicU64 = std::sync::atomic::AtomicU64::new(0);
         let count = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed); // publishes nothing
         let name = format!("learn-{}-{count}", std::process::id());
-        let config = SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
+        let config =
+            SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let pool = Supervisor::start(config)?;
         let names: Vec<String> = names.into_iter().map(|(name, _)| name.to_owned()).collect();
         let mut lanes = Lanes::attach(scenario, runtime_dir, &name, &names)?;
@@ -141,8 +144,11 @@ impl Lanes {
     ) -> Result<Lanes, LaneError> {
         let (parsed, arena) = scenario.arena()?;
         let sizes = arena.sizes();
-        let names: Vec<Option<&str>> =
-            if names.is_empty() { vec![None] } else { names.iter().map(|name| Some(name.as_str())).collect() };
+        let names: Vec<Option<&str>> = if names.is_empty() {
+            vec![None]
+        } else {
+            names.iter().map(|name| Some(name.as_str())).collect()
+        };
         let (mut lanes, mut first_env) = (Vec::new(), 0);
         for name in names {
             let client = Client::connect(runtime_dir, pool, name, Default::default())?;

@@ -8,8 +8,7 @@ fn policy_loss(loss: &PolicyLoss, row: &PolicyRow<'_>, outputs: &[f64]) -> f64 {
     let available = |j: usize| row.mask[j] != 0;
     let total: f64 = (0..outputs.len()).filter(|j| available(*j)).map(|j| outputs[j].exp()).sum();
     let p = |j: usize| if available(j) { outputs[j].exp() / total } else { 0.0 };
-    let entropy: f64 =
-        (0..outputs.len()).map(p).filter(|p| *p > 0.0).map(|p| -p * p.ln()).sum();
+    let entropy: f64 = (0..outputs.len()).map(p).filter(|p| *p > 0.0).map(|p| -p * p.ln()).sum();
     let (ratio, clip) = (p(row.action) / f64::from(row.old_log_prob).exp(), f64::from(loss.clip));
     let advantage = f64::from(row.advantage);
     let surrogate = (ratio * advantage).min(ratio.clamp(1.0 - clip, 1.0 + clip) * advantage);
@@ -41,7 +40,11 @@ fn the_policy_gradient_equals_finite_differences() {
                 policy_loss(&loss, &row, &outputs)
             };
             let expected = 0.5 * (at(1e-6) - at(-1e-6)) / 2e-6;
-            assert!((f64::from(gradient[j]) - expected).abs() < 2e-5, "{round} {j}: {} {expected}", gradient[j]);
+            assert!(
+                (f64::from(gradient[j]) - expected).abs() < 2e-5,
+                "{round} {j}: {} {expected}",
+                gradient[j]
+            );
         }
         let total = stats.loss - f64::from(entropy) * stats.entropy;
         assert!((total - policy_loss(&loss, &row, &wide)).abs() < 1e-5);

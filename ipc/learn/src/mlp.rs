@@ -155,8 +155,7 @@ impl Mlp {
         let mut params = vec![0.0; self.n_params];
         for (i, layer) in self.layers.iter().enumerate() {
             let is_last = i + 1 == self.layers.len();
-            let (n_out, gain) =
-                if is_last { (self.n_out, last_gain) } else { (layer.n_out, 2.0f64.sqrt()) };
+            let (n_out, gain) = if is_last { (self.n_out, last_gain) } else { (layer.n_out, 2.0f64.sqrt()) };
             let weights = orthogonal(n_out, layer.n_in, generator);
             for (param, weight) in params[layer.weight.clone()].iter_mut().zip(weights) {
                 *param = (gain * weight) as f32;

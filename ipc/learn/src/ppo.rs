@@ -196,7 +196,8 @@ fn estimate(
     let steps = Steps { rewards, terminated, truncated, num_envs: *num_envs };
     let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
     advantages(&steps, &values, config.gamma, config.lambda, &mut estimated);
-    let returns: Vec<f32> = estimated.iter().zip(&values).map(|(advantage, value)| advantage + value).collect();
+    let returns: Vec<f32> =
+        estimated.iter().zip(&values).map(|(advantage, value)| advantage + value).collect();
     let of_rows = |values: &[f32]| value_rows.iter().map(|row| values[*row as usize]).collect::<Vec<f32>>();
     let (learnt_returns, learnt_errors) = (of_rows(&returns), of_rows(&estimated));
     let (_, spread) = mean_and_deviation(learnt_returns.iter().copied());
@@ -252,3 +253,7 @@ impl Sums {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "ppo_tests.rs"]
+mod tests;

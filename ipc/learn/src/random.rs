@@ -32,7 +32,9 @@ fn mix(x: u64) -> u64 {
 pub(crate) fn seed(seed: u64, purpose: Purpose, counters: [u64; 2]) -> u64 {
     const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
     let parts = [seed, purpose as u64, counters[0], counters[1]];
-    parts.into_iter().fold(0, |hash: u64, part| mix(hash.wrapping_add(GOLDEN) ^ mix(part.wrapping_add(GOLDEN))))
+    parts
+        .into_iter()
+        .fold(0, |hash: u64, part| mix(hash.wrapping_add(GOLDEN) ^ mix(part.wrapping_add(GOLDEN))))
 }
 
 /// A generator by purpose and counters.

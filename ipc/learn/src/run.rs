@@ -99,8 +99,7 @@ impl Run {
         }
         let description = RunDescription::new(&config, scenario);
         let training = Training::new(config, lanes, threads)?;
-        fs::create_dir_all(folder)
-            .map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
+        fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         write_description(folder, &description)?;
         Run::open(folder, training)
     }
@@ -110,7 +109,12 @@ impl Run {
     ///
     /// # Errors
     /// If its files are damaged or do not fit the lanes.
-    pub fn resume(folder: &Path, steps: Option<u64>, lanes: Lanes, threads: usize) -> Result<Run, TrainError> {
+    pub fn resume(
+        folder: &Path,
+        steps: Option<u64>,
+        lanes: Lanes,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
         let mut description = RunDescription::read(folder)?;
         description.config.steps = steps.unwrap_or(description.config.steps);
         let path = folder.join("checkpoint.safetensors");

@@ -86,7 +86,8 @@ fn varint(message: &mut Vec<u8>, mut value: u64) {
 
 fn framed(data: &[u8]) -> Vec<u8> {
     let length = (data.len() as u64).to_le_bytes();
-    let checksum = |bytes: &[u8]| crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes();
+    let checksum =
+        |bytes: &[u8]| crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes();
     [&length[..], &checksum(&length), data, &checksum(data)].concat()
 }
 
