@@ -55,15 +55,18 @@ impl Actor {
         let mut generators = (0..)
             .map(|env: u64| generator(draw.seed, draw.purpose, [draw.step, draw.first_env as u64 + env]));
         let mut current = generators.next();
-        vectorised(|| {
-            for (row, ((outputs, mask), (action, log_prob))) in rows.zip(chosen).enumerate() {
-                if row > 0 && row % n_agents == 0 {
-                    current = generators.next();
+        vectorised(
+            #[inline(always)]
+            || {
+                for (row, ((outputs, mask), (action, log_prob))) in rows.zip(chosen).enumerate() {
+                    if row > 0 && row % n_agents == 0 {
+                        current = generators.next();
+                    }
+                    let random = current.as_mut().map_or(0.0, uniform);
+                    let (choice, log) = choose(outputs, mask, choice, random);
+                    (*action, *log_prob) = (choice as i32, log);
                 }
-                let random = current.as_mut().map_or(0.0, uniform);
-                let (choice, log) = choose(outputs, mask, choice, random);
-                (*action, *log_prob) = (choice as i32, log);
-            }
-        });
+            },
+        );
     }
 }

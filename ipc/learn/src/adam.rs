@@ -35,13 +35,16 @@ impl Adam {
         let (new_1, new_2) = ((1.0 - BETA_1) as f32, (1.0 - BETA_2) as f32);
         let moments = self.mean.iter_mut().zip(&mut self.square);
         let all = params.iter_mut().zip(gradient).zip(moments);
-        vectorised(|| {
-            all.for_each(|((param, g), (mean, square))| {
-                *mean = keep_1 * *mean + new_1 * g;
-                *square = keep_2 * *square + new_2 * (g * g);
-                *param -= step_size * *mean / (square.sqrt() * correction + eps);
-            });
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                all.for_each(|((param, g), (mean, square))| {
+                    *mean = keep_1 * *mean + new_1 * g;
+                    *square = keep_2 * *square + new_2 * (g * g);
+                    *param -= step_size * *mean / (square.sqrt() * correction + eps);
+                });
+            },
+        );
     }
 }
 
@@ -50,7 +53,10 @@ pub(crate) fn clip(gradient: &mut [f32], max: f64) -> f64 {
     let norm = sum_of_squares(gradient).sqrt();
     if norm > max {
         let factor = (max / norm) as f32;
-        vectorised(|| gradient.iter_mut().for_each(|g| *g *= factor));
+        vectorised(
+            #[inline(always)]
+            || gradient.iter_mut().for_each(|g| *g *= factor),
+        );
     }
     norm
 }

@@ -163,18 +163,21 @@ fn differentiate_policy(
         network.forward(x, ids, workspace);
         let outputs = workspace.output();
         let stats = &mut result.policy_stats;
-        vectorised(|| {
-            for (row, outputs) in rows.iter().zip(outputs.chunks_exact_mut(padded_actions)) {
-                let row = *row as usize;
-                let policy_row = PolicyRow {
-                    mask: &data.rollout.masks[row * padded_actions..][..padded_actions],
-                    action: usize::from(data.rollout.actions[row]),
-                    old_log_prob: data.rollout.log_probs[row],
-                    advantage: data.advantages[row / agents_per_value],
-                };
-                minibatch.policy.differentiate(&policy_row, outputs, stats);
-            }
-        });
+        vectorised(
+            #[inline(always)]
+            || {
+                for (row, outputs) in rows.iter().zip(outputs.chunks_exact_mut(padded_actions)) {
+                    let row = *row as usize;
+                    let policy_row = PolicyRow {
+                        mask: &data.rollout.masks[row * padded_actions..][..padded_actions],
+                        action: usize::from(data.rollout.actions[row]),
+                        old_log_prob: data.rollout.log_probs[row],
+                        advantage: data.advantages[row / agents_per_value],
+                    };
+                    minibatch.policy.differentiate(&policy_row, outputs, stats);
+                }
+            },
+        );
         network.mlp.backward(&network.params, x, ids, workspace, &mut result.gradient);
     }
 }

@@ -79,15 +79,15 @@ impl PolicyLoss {
         // ln p_j = ln(exp(z_j - m)) - ln S. It is multiplied by p_j, so its value for p_j = 0 does not matter,
         // and the exponential of an available action is at least exp(-87).
         let mut entropies = [0.0; WIDTH];
-        for outputs in outputs.chunks_exact(WIDTH) {
+        let chunks = outputs.as_chunks_mut::<WIDTH>().0;
+        for outputs in &mut *chunks {
             for i in 0..WIDTH {
-                let p = outputs[i] * inverse;
-                entropies[i] -= p * log(p);
+                outputs[i] *= inverse;
+                entropies[i] -= outputs[i] * log(outputs[i]);
             }
         }
         let entropy = sum(entropies);
-        for p in outputs.iter_mut() {
-            *p *= inverse;
+        for p in chunks.as_flattened_mut() {
             *p *= self.scale * (g + self.entropy * (log(*p) + entropy));
         }
         outputs[row.action] -= self.scale * g;

@@ -2,8 +2,8 @@
 //!
 //! A loop over a slice is vectorised if its steps are independent; a sum of floats is not, because its order
 //! would change. So sums are kept in [`WIDTH`] partial sums, and rows of outputs are padded to a multiple of
-//! [`WIDTH`]. [`vectorised`] compiles a closure for the widest vectors of the CPU; every function called in it
-//! must be `#[inline(always)]`. The results do not depend on the width: the order of every sum is fixed here,
+//! [`WIDTH`]. [`vectorised`] compiles a closure for the widest vectors of the CPU; the closure and every
+//! function called in it must be `#[inline(always)]`, or they are compiled for any CPU. The results do not depend on the width: the order of every sum is fixed here,
 //! and no multiplication is fused with an addition.
 
 /// Partial sums of a reduction, and the unit of padding.
@@ -53,22 +53,28 @@ pub(crate) fn sum(parts: [f32; WIDTH]) -> f32 {
 
 /// The sum of squares, in f64 and in a fixed order.
 pub(crate) fn sum_of_squares(values: &[f32]) -> f64 {
-    vectorised(|| {
-        let mut parts = [0.0f64; WIDTH];
-        let chunks = values.chunks_exact(WIDTH);
-        let rest: f64 = chunks.remainder().iter().map(|value| f64::from(*value) * f64::from(*value)).sum();
-        for chunk in chunks {
-            for (part, value) in parts.iter_mut().zip(chunk) {
-                *part += f64::from(*value) * f64::from(*value);
+    vectorised(
+        #[inline(always)]
+        || {
+            let mut parts = [0.0f64; WIDTH];
+            let square = |value: f32| f64::from(value) * f64::from(value);
+            let (chunks, rest) = values.as_chunks::<WIDTH>();
+            for chunk in chunks {
+                for i in 0..WIDTH {
+                    parts[i] += square(chunk[i]);
+                }
             }
-        }
-        parts.iter().sum::<f64>() + rest
-    })
+            parts.iter().sum::<f64>() + rest.iter().map(|value| square(*value)).sum::<f64>()
+        },
+    )
 }
 
 /// Adds `values` to `to`, element by element.
 pub(crate) fn add(to: &mut [f32], values: &[f32]) {
-    vectorised(|| to.iter_mut().zip(values).for_each(|(to, value)| *to += value));
+    vectorised(
+        #[inline(always)]
+        || to.iter_mut().zip(values).for_each(|(to, value)| *to += value),
+    );
 }
 
 /// Mean and standard deviation in f64; (0, 1) without values.

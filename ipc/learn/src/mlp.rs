@@ -179,7 +179,10 @@ impl Mlp {
             let bias = &params[layer.bias.clone()];
             let id_bias = if i == 0 { &params[self.id_bias.clone()] } else { &[] };
             let activation = (i + 1 < self.layers.len()).then_some(self.activation);
-            vectorised(|| add_bias(z, bias, id_bias, ids, activation));
+            vectorised(
+                #[inline(always)]
+                || add_bias(z, bias, id_bias, ids, activation),
+            );
         }
     }
 
@@ -204,15 +207,24 @@ impl Mlp {
             let g = matrix(delta, rows, layer.n_out);
             let into = matrix_mut(&mut gradient[layer.weight.clone()], layer.n_out, layer.n_in);
             multiply(into, Accum::Add, g.transpose(), input);
-            vectorised(|| sum_rows(&mut gradient[layer.bias.clone()], delta));
+            vectorised(
+                #[inline(always)]
+                || sum_rows(&mut gradient[layer.bias.clone()], delta),
+            );
             if let (Some(below), Some(lower)) = (below, lower.last_mut()) {
                 let lower = &mut lower[..rows * layer.n_in];
                 let weight = matrix(&params[layer.weight.clone()], layer.n_out, layer.n_in);
                 multiply(matrix_mut(lower, rows, layer.n_in), Accum::Replace, g, weight);
-                vectorised(|| differentiate(lower, below, self.activation));
+                vectorised(
+                    #[inline(always)]
+                    || differentiate(lower, below, self.activation),
+                );
             } else {
                 let id_gradient = &mut gradient[self.id_bias.clone()];
-                vectorised(|| sum_rows_by_id(id_gradient, delta, ids, layer.n_out));
+                vectorised(
+                    #[inline(always)]
+                    || sum_rows_by_id(id_gradient, delta, ids, layer.n_out),
+                );
             }
         }
     }

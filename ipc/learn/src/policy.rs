@@ -21,16 +21,17 @@ pub(crate) enum Choice {
 /// Replaces a row of outputs by exp(z_j - m), 0 for unavailable actions, and returns m and S.
 #[inline(always)]
 pub(crate) fn exponentials(outputs: &mut [f32], mask: &[u8]) -> (f32, f32) {
+    let (outputs, mask) = (outputs.as_chunks_mut::<WIDTH>().0, mask.as_chunks::<WIDTH>().0);
     let mut largest = [UNAVAILABLE; WIDTH];
-    for (outputs, mask) in outputs.chunks_exact_mut(WIDTH).zip(mask.chunks_exact(WIDTH)) {
+    for (outputs, mask) in outputs.iter_mut().zip(mask) {
         for i in 0..WIDTH {
             outputs[i] = if mask[i] != 0 { outputs[i] } else { UNAVAILABLE };
-            largest[i] = largest[i].max(outputs[i]);
+            largest[i] = if largest[i] > outputs[i] { largest[i] } else { outputs[i] };
         }
     }
     let largest = largest.into_iter().fold(UNAVAILABLE, f32::max);
     let mut sums = [0.0; WIDTH];
-    for (outputs, mask) in outputs.chunks_exact_mut(WIDTH).zip(mask.chunks_exact(WIDTH)) {
+    for (outputs, mask) in outputs.iter_mut().zip(mask) {
         for i in 0..WIDTH {
             let power = exp(outputs[i] - largest);
             outputs[i] = if mask[i] != 0 { power } else { 0.0 };
