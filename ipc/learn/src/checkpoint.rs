@@ -107,7 +107,7 @@ impl Checkpoint {
         let recent = recent.chunks_exact(3).map(episode).collect();
         let checkpoint = Checkpoint { team, progress, recent, actions: arrays.values("actions")? };
         let per_step = config.num_envs * sizes.n_agents;
-        if checkpoint.actions.len() % per_step != 0 {
+        if !checkpoint.actions.len().is_multiple_of(per_step) {
             let why = format!("its actions are not those of {per_step} agents");
             return Err(FileError::OtherRun { path: path.to_owned(), why });
         }

@@ -1,5 +1,5 @@
-//! Fills a rollout: lane by lane, a batch is stored, the policy acts on it in place, and its actions are sent.
-//! The workers step one lane while the policy acts on the other.
+//! Fills a rollout: lane by lane, a batch is stored, the policy acts on it in place, and its actions are
+//! sent. The workers step one lane while the policy acts on the other.
 
 use crate::actor::{Actor, Draw};
 use crate::lanes::Lanes;

@@ -76,7 +76,7 @@ pub enum EvaluateError {
     Client(#[from] ClientError),
 }
 
-/// Plays the team in the folder, and calls `on_episode` for every episode that counts, as they end.
+/// Plays the team in the folder, and calls `on_episode` for every episode that counts, when it ends.
 ///
 /// # Errors
 /// If the folder holds no valid run, or the pool fails; `ClientError::Interrupted` if `interrupted` returned

@@ -8,9 +8,9 @@
 //!   state, as in any other step. The same holds at the end of the rollout.
 //! - Either way the errors that follow belong to another episode, so A_{t+1} counts as 0.
 //!
-//! Under next-step autoreset the observation after step t is always that of the same episode, so V_{t+1} needs
-//! no special case. The step that follows the last one of an episode only resets the environment. Nothing is
-//! learnt from it, and its advantage reaches no other step.
+//! Under next-step autoreset the observation after step t is always that of the same episode, so V_{t+1}
+//! needs no special case. The step that follows the last one of an episode only resets the environment.
+//! Nothing is learnt from it, and its advantage reaches no other step.
 
 /// What GAE needs to know of a rollout of `horizon` steps of `num_envs` environments.
 pub(crate) struct Steps<'a> {
@@ -23,7 +23,8 @@ pub(crate) struct Steps<'a> {
     pub num_envs: usize,
 }
 
-/// Writes the advantages, `[horizon, num_envs, values per environment]`, of `values`, which have one more step.
+/// Writes the advantages, `[horizon, num_envs, values per environment]`, of `values`, which have one more
+/// step.
 pub(crate) fn advantages(steps: &Steps<'_>, values: &[f32], gamma: f64, lambda: f64, out: &mut [f32]) {
     let Steps { rewards, terminated, truncated, num_envs } = *steps;
     let horizon = rewards.len() / num_envs;

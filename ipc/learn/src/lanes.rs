@@ -54,8 +54,8 @@ pub enum LaneError {
 /// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
 const DEFAULT_LIMIT: u32 = 1000;
 
-/// A standard scenario or a scenario file as a lane plays it. Without an episode limit, its episodes end after
-/// 1000 steps.
+/// A standard scenario or a scenario file as a lane plays it. Without an episode limit, its episodes end
+/// after 1000 steps.
 ///
 /// # Errors
 /// If the scenario cannot be read.
@@ -197,8 +197,8 @@ impl Lanes {
         Ok(())
     }
 
-    /// The next batch of a lane, for which it waits if it is not there yet, and the number of the lane's first
-    /// environment. It is kept until [`send`](Lanes::send) replaces it.
+    /// The next batch of a lane, for which it waits if it is not there yet, and the number of the lane's
+    /// first environment. It is kept until [`send`](Lanes::send) replaces it.
     pub(crate) fn batch(
         &mut self,
         lane: usize,

@@ -1,5 +1,5 @@
-//! A learner in Rust: proximal policy optimisation (PPO) of a team whose agents share one policy. It runs in a
-//! process attached to a pool, as any learner does, and knows nothing of a command line (`smaclite_cli`).
+//! A learner in Rust: proximal policy optimisation (PPO) of a team whose agents share one policy. It runs in
+//! a process attached to a pool, as any learner does, and knows nothing of a command line (`smaclite_cli`).
 //!
 //! One update, in the order of the modules:
 //!
@@ -8,8 +8,8 @@
 //!    a `rollout`.
 //! 2. `ppo` values every state with the critic; `gae` estimates advantages and returns from the values, and
 //!    `normaliser` scales them.
-//! 3. For some epochs of minibatches, `gradient` computes the gradient: `mlp` the passes through the networks,
-//!    `loss` what lies between. `adam` clips it and makes a step.
+//! 3. For some epochs of minibatches, `gradient` computes the gradient: `mlp` the passes through the
+//!    networks, `loss` what lies between. `adam` clips it and makes a step.
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), and `evaluate` plays a
 //! trained team. `team` is what is trained. `random`, `parallel`, `math` and `tensors` serve the others.

@@ -1,8 +1,8 @@
 //! The losses of PPO (Schulman et al., 2017) and their gradients with respect to the outputs of the networks.
 //! Each function takes one row and overwrites its outputs by the gradient.
 //!
-//! **Policy.** With the probability ratio ρ = exp(ln p_a - ln p_a,old) of the taken action a and its advantage
-//! A, the loss of a row is
+//! **Policy.** With the probability ratio ρ = exp(ln p_a - ln p_a,old) of the chosen action a and its
+//! advantage A, the loss of a row is
 //!
 //!   L = -min(ρ A, clip(ρ, 1 - ε, 1 + ε) A) - c H,    H = -Σ_j p_j ln p_j.
 //!
@@ -36,7 +36,7 @@ pub(crate) struct PolicyRow<'a> {
     /// Available actions, padded.
     pub mask: &'a [u8],
     pub action: usize,
-    /// ln p_a when the action was taken.
+    /// ln p_a when the action was chosen.
     pub old_log_prob: f32,
     pub advantage: f32,
 }
@@ -76,8 +76,8 @@ impl PolicyLoss {
         let surrogate = ratio * row.advantage;
         let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip) * row.advantage;
         let g = if surrogate <= clipped { surrogate } else { 0.0 };
-        // ln p_j = ln(exp(z_j - m)) - ln S. It is multiplied by p_j, so its value for p_j = 0 does not matter,
-        // and the exponential of an available action is at least exp(-87).
+        // ln p_j = ln(exp(z_j - m)) - ln S. It is multiplied by p_j, so its value for p_j = 0 does not
+        // matter, and the exponential of an available action is at least exp(-87).
         let mut entropies = [0.0; WIDTH];
         let chunks = outputs.as_chunks_mut::<WIDTH>().0;
         for outputs in &mut *chunks {
@@ -129,9 +129,9 @@ impl ValueLoss {
 
 /// The natural logarithm of 0 < p <= 1, to about 1e-6; finite for p = 0.
 ///
-/// With p = 2^n f, where f is between √½ and √2, ln p = n ln 2 + ln f; and with s = (f - 1) / (f + 1), at most
-/// 0.172, ln f = 2 (s + s³/3 + s⁵/5 + ...), of which four terms suffice. Subtracting the bits of √½ makes n
-/// the exponent of the result.
+/// With p = 2^n f, where f is between √½ and √2, ln p = n ln 2 + ln f; and with s = (f - 1) / (f + 1), at
+/// most 0.172, ln f = 2 (s + s³/3 + s⁵/5 + ...), of which four terms suffice. Subtracting the bits of √½
+/// makes n the exponent of the result.
 #[inline(always)]
 fn log(p: f32) -> f32 {
     let offset = p.to_bits().wrapping_sub(std::f32::consts::FRAC_1_SQRT_2.to_bits()) as i32;

@@ -3,8 +3,9 @@
 //! A loop over a slice is vectorised if its steps are independent; a sum of floats is not, because its order
 //! would change. So sums are kept in [`WIDTH`] partial sums, and rows of outputs are padded to a multiple of
 //! [`WIDTH`]. [`vectorised`] compiles a closure for the widest vectors of the CPU; the closure and every
-//! function called in it must be `#[inline(always)]`, or they are compiled for any CPU. The results do not depend on the width: the order of every sum is fixed here,
-//! and no multiplication is fused with an addition.
+//! function called in it must be `#[inline(always)]`, or they are compiled for any CPU. The results do not
+//! depend on the width: the order of every sum is fixed here, and no multiplication is fused with an
+//! addition.
 
 /// Partial sums of a reduction, and the unit of padding.
 pub(crate) const WIDTH: usize = 8;
@@ -18,9 +19,9 @@ pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
 /// The exponential of `x`, to about 1e-7 relative; `x` is limited to -87..=88, where the result is a normal
 /// number.
 ///
-/// With n = round(x / ln 2) and r = x - n ln 2, exp(x) = 2^n exp(r). |r| is at most 0.35, where seven terms of
-/// the Taylor series suffice. ln 2 is subtracted in two parts, the first of which has so few bits that n times
-/// it is exact. Adding and subtracting 1.5 * 2^23 rounds to an integer, and leaves it in the low bits.
+/// With n = round(x / ln 2) and r = x - n ln 2, exp(x) = 2^n exp(r). |r| is at most 0.35, where seven terms
+/// of the Taylor series suffice. ln 2 is subtracted in two parts, the first of which has so few bits that n
+/// times it is exact. Adding and subtracting 1.5 * 2^23 rounds to an integer, and leaves it in the low bits.
 #[inline(always)]
 pub(crate) fn exp(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23

@@ -148,9 +148,10 @@ impl Mlp {
         tensors
     }
 
-    /// First parameters: orthogonal weights, scaled by √2 in hidden layers and by `last_gain` in the last, and
-    /// zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the half that
-    /// max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli, 2013).
+    /// First parameters: orthogonal weights, scaled by √2 in hidden layers and by `last_gain` in the last,
+    /// and zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the half
+    /// that max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli,
+    /// 2013).
     pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
         let mut params = vec![0.0; self.n_params];
         for (i, layer) in self.layers.iter().enumerate() {
@@ -164,8 +165,8 @@ impl Mlp {
         params
     }
 
-    /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the agent
-    /// of each row, or nothing if the network has no agents.
+    /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the
+    /// agent of each row, or nothing if the network has no agents.
     pub fn forward(&self, params: &[f32], x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
         let rows = x.nrows();
         assert!(self.id_bias.is_empty() || ids.len() == rows, "one agent per row");
@@ -186,8 +187,9 @@ impl Mlp {
         }
     }
 
-    /// Adds the gradient of the loss with respect to the parameters to `gradient`. The forward pass of `x` was
-    /// the last of this workspace, and its output now is the gradient of the loss with respect to the output.
+    /// Adds the gradient of the loss with respect to the parameters to `gradient`. The forward pass of `x`
+    /// was the last of this workspace, and its output now is the gradient of the loss with respect to the
+    /// output.
     pub fn backward(
         &self,
         params: &[f32],
@@ -297,9 +299,9 @@ fn differentiate(delta: &mut [f32], outputs: &[f32], activation: Activation) {
     }
 }
 
-/// A random `[rows, columns]` matrix, row-major, with orthonormal rows or, if there are more rows than columns,
-/// orthonormal columns: Gaussian vectors, made orthogonal one after the other (Gram and Schmidt). The second
-/// pass removes what rounding left of the first.
+/// A random `[rows, columns]` matrix, row-major, with orthonormal rows or, if there are more rows than
+/// columns, orthonormal columns: Gaussian vectors, made orthogonal one after the other (Gram and Schmidt).
+/// The second pass removes what rounding left of the first.
 fn orthogonal(rows: usize, columns: usize, generator: &mut Pcg64Mcg) -> Vec<f64> {
     let (count, len) = (rows.min(columns), rows.max(columns));
     let mut vectors: Vec<Vec<f64>> = Vec::with_capacity(count);

@@ -1,8 +1,8 @@
 //! Actions of a policy: a categorical distribution over the available actions, from the outputs of the actor.
 //!
-//! The probability of action j is p_j = exp(z_j - m) / S, where m is the largest output of an available action
-//! and S the sum of the exponentials; that of an unavailable one is 0. Rows of outputs and of masks are padded
-//! to a multiple of [`WIDTH`] with actions that are unavailable.
+//! The probability of action j is p_j = exp(z_j - m) / S, where m is the largest output of an available
+//! action and S the sum of the exponentials; that of an unavailable one is 0. Rows of outputs and of masks
+//! are padded to a multiple of [`WIDTH`] with actions that are unavailable.
 
 use crate::math::{WIDTH, exp, sum};
 

@@ -86,7 +86,8 @@ impl Rollout {
         rows.filter(|row| choices(*row) > 1).map(|row| row as u32).collect()
     }
 
-    /// The rows of values, `values_per_env` in a sample, from which the critic learns: all but those of resets.
+    /// The rows of values, `values_per_env` in a sample, from which the critic learns: all but those of
+    /// resets.
     pub fn value_rows(&self, values_per_env: usize) -> Vec<u32> {
         let rows = 0..self.rewards.len() * values_per_env;
         rows.filter(|row| !self.is_reset[row / values_per_env]).map(|row| row as u32).collect()

@@ -126,7 +126,7 @@ impl Training {
     ) -> Result<Training, TrainError> {
         config.check()?;
         let mut training = Training::with_state(config, lanes, threads, state)?;
-        if training.state.progress.updates % RESTART_INTERVAL != 0 {
+        if !training.state.progress.updates.is_multiple_of(RESTART_INTERVAL) {
             training.restart_environments()?;
             let per_step = training.config.num_envs * training.lanes.sizes().n_agents;
             for actions in training.state.actions.chunks(per_step) {
@@ -159,12 +159,12 @@ impl Training {
         self.state.progress.steps >= self.config.steps
     }
 
-    /// Collects a rollout and learns from it. If that is interrupted, the state is that before the update, and
-    /// the run can only be resumed.
+    /// Collects a rollout and learns from it. If that is interrupted, the state is that before the update,
+    /// and the run can only be resumed.
     pub fn update(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<Record, TrainError> {
         let (begin, cpu_begin) = (Instant::now(), cpu_time());
         let updates = self.state.progress.updates;
-        if updates % RESTART_INTERVAL == 0 {
+        if updates.is_multiple_of(RESTART_INTERVAL) {
             self.restart_environments()?;
             self.state.actions.clear();
         }
