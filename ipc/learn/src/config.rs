@@ -153,6 +153,8 @@ impl Config {
         ensure((1..=1 << 48).contains(&self.steps), "steps", "between 1 and 2^48", &self.steps)?;
         count("num_envs", self.num_envs, "between 1 and 65536", 1 << 16)?;
         count("horizon", self.horizon, "between 1 and 65536", 1 << 16)?;
+        let samples = self.num_envs * self.horizon;
+        ensure(samples <= 1 << 20, "num_envs times horizon", "at most 1048576", &samples)?;
         count("epochs", self.epochs, "between 1 and 1000", 1000)?;
         count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
         let layers = (1..=8).contains(&self.hidden.len());

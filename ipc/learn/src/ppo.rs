@@ -89,76 +89,62 @@ impl Ppo {
         let mut value_rows = rollout.value_rows(values_per_env);
         let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
-        let per_value = rollout.sizes.n_agents / values_per_env;
-        let advantages = normalise(estimates.advantages, &policy_rows, per_value);
+        let agents_per_value = rollout.sizes.n_agents / values_per_env;
         let data = Data {
             rollout,
             critic_inputs,
             critic_size,
             values_per_env,
-            advantages: &advantages,
+            advantages: &normalise(estimates.advantages, &policy_rows, agents_per_value),
             old_values: &estimates.old_values,
             targets: &estimates.targets,
         };
-        let lr_factor = config.annealed(1.0, config.lr_end, steps);
-        let entropy = config.annealed(config.entropy, config.entropy_end, steps);
+        let settings = StepSettings::new(config, update, steps);
         let mut sums = Sums::default();
         for epoch in 0..config.epochs as u64 {
             let mut generator = generator(config.seed, Purpose::Minibatches, [update, epoch]);
             policy_rows.shuffle(&mut generator);
             value_rows.shuffle(&mut generator);
             for i in 0..config.minibatches {
-                let minibatch = Minibatch {
-                    policy_rows: part(&policy_rows, i, config.minibatches),
-                    value_rows: part(&value_rows, i, config.minibatches),
-                    policy: PolicyLoss { clip: config.clip as f32, entropy: entropy as f32, scale: 1.0 },
-                    value: ValueLoss {
-                        clip: config.value_clip as f32,
-                        huber: config.huber as f32,
-                        scale: 1.0,
-                    },
-                };
-                self.learn(team, &data, minibatch.scaled(), config, lr_factor, update, &mut sums)?;
+                let part = |rows| part(rows, i, config.minibatches);
+                let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
+                self.step(team, &data, &minibatch, &settings, &mut sums)?;
             }
         }
-        let policy_rows = policy_rows.len() as f64 / rollout.actions.len() as f64;
         Ok(UpdateStats {
-            policy_rows,
+            policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
             explained_variance: estimates.explained_variance,
-            actor_lr: config.actor_lr * lr_factor,
-            entropy_weight: entropy,
+            actor_lr: settings.actor_lr,
+            entropy_weight: settings.entropy,
             ..sums.stats()
         })
     }
 
     /// One gradient step of both networks.
-    #[allow(clippy::too_many_arguments)] // the parts of `update`
-    fn learn(
+    fn step(
         &mut self,
         team: &mut Team,
         data: &Data<'_>,
-        minibatch: Minibatch<'_>,
-        config: &Config,
-        lr_factor: f64,
-        update: u64,
+        minibatch: &Minibatch<'_>,
+        settings: &StepSettings<'_>,
         sums: &mut Sums,
     ) -> Result<(), Diverged> {
-        self.gradients.compute(team, data, &minibatch, &mut self.threads);
+        self.gradients.compute(team, data, minibatch, &mut self.threads);
         let Gradients { actor, critic, policy_stats, value_loss, .. } = &mut self.gradients;
         let step = |network: &mut Network, gradient: &mut [f32], lr: f64, name| {
-            let norm = clip(gradient, config.max_grad_norm);
+            let norm = clip(gradient, settings.config.max_grad_norm);
             if !norm.is_finite() {
-                return Err(Diverged { network: name, update });
+                return Err(Diverged { network: name, update: settings.update });
             }
-            network.adam.step(&mut network.params, gradient, lr * lr_factor, config.adam_eps);
+            network.adam.step(&mut network.params, gradient, lr, settings.config.adam_eps);
             Ok(norm)
         };
         if !minibatch.policy_rows.is_empty() {
-            sums.actor_norms += step(&mut team.actor, actor, config.actor_lr, "actor")?;
+            sums.actor_norms += step(&mut team.actor, actor, settings.actor_lr, "actor")?;
             sums.actor_steps += 1.0;
         }
         if !minibatch.value_rows.is_empty() {
-            sums.critic_norms += step(&mut team.critic, critic, config.critic_lr, "critic")?;
+            sums.critic_norms += step(&mut team.critic, critic, settings.critic_lr, "critic")?;
             sums.critic_steps += 1.0;
         }
         sums.policy.add(policy_stats);
@@ -168,12 +154,37 @@ impl Ppo {
     }
 }
 
-impl Minibatch<'_> {
-    /// The losses are means over the rows.
-    fn scaled(mut self) -> Self {
-        self.policy.scale = 1.0 / self.policy_rows.len().max(1) as f32;
-        self.value.scale = 1.0 / self.value_rows.len().max(1) as f32;
-        self
+/// The constants of the gradient steps of an update.
+struct StepSettings<'a> {
+    config: &'a Config,
+    update: u64,
+    actor_lr: f64,
+    critic_lr: f64,
+    entropy: f64,
+}
+
+impl StepSettings<'_> {
+    fn new(config: &Config, update: u64, steps: u64) -> StepSettings<'_> {
+        let annealed = |begin, end| config.annealed(begin, end, steps);
+        StepSettings {
+            config,
+            update,
+            actor_lr: annealed(config.actor_lr, config.actor_lr * config.lr_end),
+            critic_lr: annealed(config.critic_lr, config.critic_lr * config.lr_end),
+            entropy: annealed(config.entropy, config.entropy_end),
+        }
+    }
+
+    /// A minibatch of these rows, over which the losses are means.
+    fn minibatch<'a>(&self, policy_rows: &'a [u32], value_rows: &'a [u32]) -> Minibatch<'a> {
+        let Config { clip, value_clip, huber, .. } = *self.config;
+        let mean = |rows: &[u32]| 1.0 / rows.len().max(1) as f32;
+        Minibatch {
+            policy: PolicyLoss { clip: clip as f32, entropy: self.entropy as f32, scale: mean(policy_rows) },
+            value: ValueLoss { clip: value_clip as f32, huber: huber as f32, scale: mean(value_rows) },
+            policy_rows,
+            value_rows,
+        }
     }
 }
 
