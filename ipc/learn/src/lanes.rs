@@ -167,7 +167,7 @@ impl Lanes {
     }
 
     /// Checks that the lanes have the environments of a run.
-    pub(crate) fn expect(self, num_envs: usize) -> Result<Lanes, LaneError> {
+    pub(crate) fn with_num_envs(self, num_envs: usize) -> Result<Lanes, LaneError> {
         let given = self.num_envs();
         if given == num_envs { Ok(self) } else { Err(LaneError::NumEnvs { given, expected: num_envs }) }
     }

@@ -143,7 +143,7 @@ impl Training {
         threads: usize,
         state: Checkpoint,
     ) -> Result<Training, TrainError> {
-        let lanes = lanes.expect(config.num_envs)?;
+        let lanes = lanes.with_num_envs(config.num_envs)?;
         let rollout = Rollout::new(&config, lanes.sizes());
         let (collector, ppo) = (Collector::default(), Ppo::new(threads));
         Ok(Training { config, lanes, state, rollout, collector, ppo })

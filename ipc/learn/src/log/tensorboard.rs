@@ -7,7 +7,7 @@
 //!   session_log = 7 (`SessionLog`)
 //! - `Summary`: value = 1 (repeated `Value`)
 //! - `Value`: tag = 1 (string), simple_value = 2 (float)
-//! - `SessionLog`: status = 1 (enum; 1 is START: later steps of older files are void)
+//! - `SessionLog`: status = 1 (enum; 1 is START: what older files have from its step on is void)
 
 use crate::tensors::FileError;
 use crate::training::Record;
@@ -32,7 +32,7 @@ impl TensorBoardLog {
         log.write(&event(0, |event| bytes_field(event, 3, b"brain.Event:2")))?;
         if steps > 0 {
             let session_start = [1 << 3, 1];
-            log.write(&event(steps, |event| bytes_field(event, 7, &session_start)))?;
+            log.write(&event(steps + 1, |event| bytes_field(event, 7, &session_start)))?;
         }
         Ok(log)
     }
@@ -95,7 +95,6 @@ fn framed(data: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// The first record of an event file that TensorFlow wrote, with the time of writing set to 0.
     #[test]
     fn a_record_has_length_and_checksums() {
         let record = framed(b"abc");
