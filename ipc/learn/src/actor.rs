@@ -14,6 +14,8 @@ use smaclite_pool::fields::Field;
 pub(crate) struct Actor {
     workspace: Workspace,
     ids: Vec<u16>,
+    /// Of the actions of one row.
+    powers: Vec<f32>,
     /// `[rows, padded_actions]`.
     pub masks: Vec<u8>,
     /// `[rows]`.
@@ -42,14 +44,14 @@ impl Actor {
         if self.ids.len() != rows {
             self.ids = agent_ids(rows, n_agents);
             (self.actions, self.log_probs) = (vec![0; rows], vec![0.0; rows]);
-            self.masks = vec![0; rows * padded];
+            (self.masks, self.powers) = (vec![0; rows * padded], vec![0.0; padded]);
         }
         let available: &[u8] = batch.field(Field::AvailActions).unwrap_or(&[]);
         for (padded, mask) in self.masks.chunks_exact_mut(padded).zip(available.chunks_exact(n_actions)) {
             padded[..n_actions].copy_from_slice(mask);
         }
         network.forward(x, &self.ids, &mut self.workspace);
-        let Actor { workspace, masks, actions, log_probs, .. } = self;
+        let Actor { workspace, masks, actions, log_probs, powers, .. } = self;
         let rows = workspace.output().chunks_exact_mut(padded).zip(masks.chunks_exact(padded));
         let chosen = actions.iter_mut().zip(log_probs.iter_mut());
         let mut generators = (0..)
@@ -63,7 +65,7 @@ impl Actor {
                         current = generators.next();
                     }
                     let random = current.as_mut().map_or(0.0, uniform);
-                    let (choice, log) = choose(outputs, mask, choice, random);
+                    let (choice, log) = choose(outputs, mask, powers, choice, random);
                     (*action, *log_prob) = (choice as i32, log);
                 }
             },

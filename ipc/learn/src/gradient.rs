@@ -45,6 +45,8 @@ pub(crate) struct ThreadMemory {
     pub workspace: Workspace,
     inputs: Vec<f32>,
     ids: Vec<u16>,
+    /// Of the actions of one row.
+    powers: Vec<f32>,
 }
 
 /// The gradients of a minibatch, and sums over its rows.
@@ -158,7 +160,8 @@ fn differentiate_policy(
     let agents_per_value = sizes.n_agents / data.values_per_env;
     for rows in rows.chunks(BLOCK) {
         memory.gather(&data.rollout.obs, sizes.obs_size, rows, sizes.n_agents);
-        let ThreadMemory { workspace, inputs, ids } = memory;
+        let ThreadMemory { workspace, inputs, ids, powers } = memory;
+        powers.resize(padded_actions, 0.0);
         let x = MatRef::from_row_major_slice(inputs, rows.len(), sizes.obs_size);
         network.forward(x, ids, workspace);
         let outputs = workspace.output();
@@ -174,7 +177,7 @@ fn differentiate_policy(
                         old_log_prob: data.rollout.log_probs[row],
                         advantage: data.advantages[row / agents_per_value],
                     };
-                    minibatch.policy.differentiate(&policy_row, outputs, stats);
+                    minibatch.policy.differentiate(&policy_row, outputs, powers, stats);
                 }
             },
         );
@@ -192,7 +195,7 @@ fn differentiate_values(
 ) {
     for rows in rows.chunks(BLOCK) {
         memory.gather(data.critic_inputs, data.critic_size, rows, data.values_per_env);
-        let ThreadMemory { workspace, inputs, ids } = memory;
+        let ThreadMemory { workspace, inputs, ids, .. } = memory;
         let x = MatRef::from_row_major_slice(inputs, rows.len(), data.critic_size);
         network.forward(x, ids, workspace);
         let width = network.mlp.padded_out();

@@ -65,30 +65,34 @@ impl PolicyStats {
 }
 
 impl PolicyLoss {
-    /// Replaces the outputs of a row, padded, by the gradient.
+    /// Replaces the outputs of a row, padded, by the gradient; `powers` is memory of the same length.
+    ///
+    /// With m and S of the `policy` module, ln p_j = z_j - m - ln S, and the entropy is ln S - Σ p_j (z_j - m).
     #[inline(always)]
-    pub fn differentiate(&self, row: &PolicyRow<'_>, outputs: &mut [f32], stats: &mut PolicyStats) {
-        let output = outputs[row.action];
-        let (largest, total) = exponentials(outputs, row.mask);
+    pub fn differentiate(
+        &self,
+        row: &PolicyRow<'_>,
+        outputs: &mut [f32],
+        powers: &mut [f32],
+        stats: &mut PolicyStats,
+    ) {
+        let total = exponentials(outputs, row.mask, powers);
         let (inverse, log_total) = (1.0 / total, total.ln());
-        let log_ratio = output - largest - log_total - row.old_log_prob;
+        let log_ratio = outputs[row.action] - log_total - row.old_log_prob;
         let ratio = log_ratio.exp();
         let surrogate = ratio * row.advantage;
         let clipped = ratio.clamp(1.0 - self.clip, 1.0 + self.clip) * row.advantage;
         let g = if surrogate <= clipped { surrogate } else { 0.0 };
-        // ln p_j = ln(exp(z_j - m)) - ln S. It is multiplied by p_j, so its value for p_j = 0 does not
-        // matter, and the exponential of an available action is at least exp(-87).
-        let mut entropies = [0.0; WIDTH];
-        let chunks = outputs.as_chunks_mut::<WIDTH>().0;
-        for outputs in &mut *chunks {
+        let mut products = [0.0; WIDTH];
+        for (powers, outputs) in powers.as_chunks::<WIDTH>().0.iter().zip(outputs.as_chunks::<WIDTH>().0) {
             for i in 0..WIDTH {
-                outputs[i] *= inverse;
-                entropies[i] -= outputs[i] * log(outputs[i]);
+                products[i] += powers[i] * outputs[i];
             }
         }
-        let entropy = sum(entropies);
-        for p in chunks.as_flattened_mut() {
-            *p *= self.scale * (g + self.entropy * (log(*p) + entropy));
+        let entropy = log_total - sum(products) * inverse;
+        for (output, power) in outputs.iter_mut().zip(powers) {
+            let (p, log) = (*power * inverse, *output - log_total);
+            *output = self.scale * p * (g + self.entropy * (log + entropy));
         }
         outputs[row.action] -= self.scale * g;
         stats.rows += 1.0;
@@ -125,22 +129,6 @@ impl ValueLoss {
         let (size, d) = (x.abs(), self.huber);
         if size <= d { 0.5 * x * x } else { d * (size - 0.5 * d) }
     }
-}
-
-/// The natural logarithm of 0 < p <= 1, to about 1e-6; finite for p = 0.
-///
-/// With p = 2^n f, where f is between √½ and √2, ln p = n ln 2 + ln f; and with s = (f - 1) / (f + 1), at
-/// most 0.172, ln f = 2 (s + s³/3 + s⁵/5 + ...), of which four terms suffice. Subtracting the bits of √½
-/// makes n the exponent of the result.
-#[inline(always)]
-fn log(p: f32) -> f32 {
-    let offset = p.to_bits().wrapping_sub(std::f32::consts::FRAC_1_SQRT_2.to_bits()) as i32;
-    let n = offset >> 23;
-    let f = f32::from_bits(p.to_bits().wrapping_sub((n << 23) as u32));
-    let s = (f - 1.0) / (f + 1.0);
-    let square = s * s;
-    let series = 1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square * (1.0 / 7.0)));
-    n as f32 * std::f32::consts::LN_2 + 2.0 * s * series
 }
 
 #[cfg(test)]

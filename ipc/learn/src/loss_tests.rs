@@ -32,7 +32,7 @@ fn the_policy_gradient_equals_finite_differences() {
         };
         let wide: Vec<f64> = outputs.iter().map(|z| f64::from(*z)).collect();
         let (mut gradient, mut stats) = (outputs.clone(), PolicyStats::default());
-        loss.differentiate(&row, &mut gradient, &mut stats);
+        loss.differentiate(&row, &mut gradient, &mut [0.0; 16], &mut stats);
         for j in 0..16 {
             let at = |change: f64| {
                 let mut outputs = wide.clone();
@@ -72,14 +72,4 @@ fn the_value_gradient_equals_finite_differences() {
         let error = (f64::from(derivative) - expected).abs();
         assert!(error < 1e-5, "{value} {old} {target}: {derivative} {expected}");
     }
-}
-
-#[test]
-fn log_is_accurate() {
-    for i in 1..100_000 {
-        let p = i as f32 / 1e5;
-        let error = (f64::from(log(p)) - f64::from(p).ln()).abs();
-        assert!(error < 2e-6, "{p}: {error}");
-    }
-    assert!(log(0.0).is_finite() && log(1.0) == 0.0 && log(f32::MIN_POSITIVE) < -87.0);
 }

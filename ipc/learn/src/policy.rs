@@ -18,9 +18,10 @@ pub(crate) enum Choice {
     Greedy,
 }
 
-/// Replaces a row of outputs by exp(z_j - m), 0 for unavailable actions, and returns m and S.
+/// Replaces a row of outputs by z_j - m, writes exp(z_j - m) to `powers`, 0 for unavailable actions, and
+/// returns S.
 #[inline(always)]
-pub(crate) fn exponentials(outputs: &mut [f32], mask: &[u8]) -> (f32, f32) {
+pub(crate) fn exponentials(outputs: &mut [f32], mask: &[u8], powers: &mut [f32]) -> f32 {
     let (outputs, mask) = (outputs.as_chunks_mut::<WIDTH>().0, mask.as_chunks::<WIDTH>().0);
     let mut largest = [UNAVAILABLE; WIDTH];
     for (outputs, mask) in outputs.iter_mut().zip(mask) {
@@ -31,28 +32,35 @@ pub(crate) fn exponentials(outputs: &mut [f32], mask: &[u8]) -> (f32, f32) {
     }
     let largest = largest.into_iter().fold(UNAVAILABLE, f32::max);
     let mut sums = [0.0; WIDTH];
-    for (outputs, mask) in outputs.iter_mut().zip(mask) {
+    for ((outputs, mask), powers) in outputs.iter_mut().zip(mask).zip(powers.as_chunks_mut::<WIDTH>().0) {
         for i in 0..WIDTH {
-            let power = exp(outputs[i] - largest);
-            outputs[i] = if mask[i] != 0 { power } else { 0.0 };
-            sums[i] += outputs[i];
+            outputs[i] -= largest;
+            let power = exp(outputs[i]);
+            powers[i] = if mask[i] != 0 { power } else { 0.0 };
+            sums[i] += powers[i];
         }
     }
-    (largest, sum(sums))
+    sum(sums)
 }
 
-/// Chooses an action of a row, whose outputs it overwrites. Returns the action and the logarithm of its
-/// probability. `random` is uniform in 0..1. If no action is available, that is action 0.
+/// Chooses an action of a row, whose outputs it overwrites; `powers` is memory of the same length. Returns the
+/// action and the logarithm of its probability. `random` is uniform in 0..1. If no action is available, that
+/// is action 0.
 #[inline(always)]
-pub(crate) fn choose(outputs: &mut [f32], mask: &[u8], choice: Choice, random: f32) -> (usize, f32) {
-    let (_, total) = exponentials(outputs, mask);
+pub(crate) fn choose(
+    outputs: &mut [f32],
+    mask: &[u8],
+    powers: &mut [f32],
+    choice: Choice,
+    random: f32,
+) -> (usize, f32) {
+    let total = exponentials(outputs, mask, powers);
     let action = match choice {
         // The largest exponential is exp(0) = 1.
-        Choice::Greedy => outputs.iter().position(|power| *power == 1.0).unwrap_or(0),
-        Choice::Sampled => sample(outputs, mask, random * total),
+        Choice::Greedy => powers.iter().position(|power| *power == 1.0).unwrap_or(0),
+        Choice::Sampled => sample(powers, mask, random * total),
     };
-    // A chosen action may be so improbable that its exponential is rounded to 0 beside the others.
-    (action, (outputs[action].max(f32::MIN_POSITIVE) / total.max(1.0)).ln())
+    (action, outputs[action] - total.max(1.0).ln())
 }
 
 /// The first available action at which the sum of the exponentials exceeds `threshold`; because of rounding
@@ -86,7 +94,7 @@ mod tests {
         let mut counts = [0; 8];
         for i in 0..10_000 {
             let (action, log_prob) =
-                choose(&mut OUTPUTS.clone(), &MASK, Choice::Sampled, (i as f32 + 0.5) / 1e4);
+                choose(&mut OUTPUTS.clone(), &MASK, &mut [0.0; 8], Choice::Sampled, (i as f32 + 0.5) / 1e4);
             counts[action] += 1;
             let expected = (powers[[0, 0, 0, 1, 2][action]] / total).ln();
             assert!((f64::from(log_prob) - expected).abs() < 1e-5, "{action}: {log_prob} {expected}");
@@ -95,19 +103,19 @@ mod tests {
             let expected = power / total * 1e4;
             assert!((f64::from(counts[action]) - expected).abs() < 2.0, "{action}: {counts:?}");
         }
-        assert_eq!(choose(&mut OUTPUTS.clone(), &MASK, Choice::Greedy, 0.5).0, 3);
+        assert_eq!(choose(&mut OUTPUTS.clone(), &MASK, &mut [0.0; 8], Choice::Greedy, 0.5).0, 3);
     }
 
     #[test]
     fn unavailable_actions_are_never_chosen() {
         for random in [0.0, 0.5, 0.999_999_94] {
             let choice = |outputs: [f32; 8], mask: [u8; 8]| {
-                choose(&mut outputs.clone(), &mask, Choice::Sampled, random).0
+                choose(&mut outputs.clone(), &mask, &mut [0.0; 8], Choice::Sampled, random).0
             };
             assert_eq!(choice([0.0; 8], [0, 0, 0, 0, 0, 1, 0, 0]), 5);
             assert!([1, 3, 4].contains(&choice([-1e29, 1e3, 1e3, -1e3, -1e9, 0.0, 0.0, 0.0], MASK)));
             assert_eq!(choice([0.0; 8], [0; 8]), 0);
         }
-        assert_eq!(choose(&mut [-5.0; 8], &MASK, Choice::Greedy, 0.0).0, 1);
+        assert_eq!(choose(&mut [-5.0; 8], &MASK, &mut [0.0; 8], Choice::Greedy, 0.0).0, 1);
     }
 }

@@ -7,7 +7,7 @@ use crate::gradient::{Data, Gradients, Minibatch, ThreadMemory, values};
 use crate::loss::{PolicyLoss, PolicyStats, ValueLoss};
 use crate::math::mean_and_deviation;
 use crate::random::{Purpose, generator};
-use crate::rollout::Rollout;
+use crate::rollout::{Rollout, rows};
 use crate::team::{Network, Team};
 use rand::seq::SliceRandom;
 use serde::Serialize;
@@ -85,8 +85,9 @@ impl Ppo {
             Algorithm::Mappo => (&rollout.state, rollout.sizes.state_size, 1),
             Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
         };
-        let mut policy_rows = rollout.policy_rows();
-        let mut value_rows = rollout.value_rows(values_per_env);
+        let mut samples = rollout.samples();
+        let mut policy_rows = rollout.policy_rows(&samples);
+        let mut value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
         let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
         let agents_per_value = rollout.sizes.n_agents / values_per_env;
@@ -103,8 +104,10 @@ impl Ppo {
         let mut sums = Sums::default();
         for epoch in 0..config.epochs as u64 {
             let mut generator = generator(config.seed, Purpose::Minibatches, [update, epoch]);
-            policy_rows.shuffle(&mut generator);
-            value_rows.shuffle(&mut generator);
+            // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
+            samples.shuffle(&mut generator);
+            policy_rows = rollout.policy_rows(&samples);
+            value_rows = rows(&samples, values_per_env).collect();
             for i in 0..config.minibatches {
                 let part = |rows| part(rows, i, config.minibatches);
                 let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));

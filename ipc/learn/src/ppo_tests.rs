@@ -33,7 +33,8 @@ fn play(team: &Team, config: &Config, update: u64) -> Rollout {
     for (row, outputs) in workspace.output().chunks_exact_mut(WIDTH).enumerate() {
         let mask = &mut rollout.masks[row * WIDTH..][..WIDTH];
         mask[..3].fill(1);
-        let (action, log_prob) = choose(outputs, mask, Choice::Sampled, uniform(&mut generator));
+        let (action, log_prob) =
+            choose(outputs, mask, &mut [0.0; WIDTH], Choice::Sampled, uniform(&mut generator));
         (rollout.actions[row], rollout.log_probs[row]) = (action as u16, log_prob);
         rollout.rewards[row / 2] += rollout.obs[row * 3 + action];
     }

@@ -74,24 +74,27 @@ impl Rollout {
         self.is_reset.iter().filter(|is_reset| !**is_reset).count() as u64
     }
 
-    /// The rows, agents in samples, from which the policy learns: those with a choice. Dead agents have only
-    /// the action no-op, so their rows are not among these.
-    pub fn policy_rows(&self) -> Vec<u32> {
-        let choices = |row: usize| {
-            let mask = &self.masks[row * self.padded_actions..][..self.padded_actions];
-            mask.iter().map(|available| u32::from(*available)).sum::<u32>()
-        };
-        let n_agents = self.sizes.n_agents;
-        let rows = (0..self.actions.len()).filter(|row| !self.is_reset[row / n_agents]);
-        rows.filter(|row| choices(*row) > 1).map(|row| row as u32).collect()
+    /// The samples from which something can be learnt: those that are not resets.
+    pub fn samples(&self) -> Vec<u32> {
+        let samples = 0..self.rewards.len();
+        samples.filter(|sample| !self.is_reset[*sample]).map(|sample| sample as u32).collect()
     }
 
-    /// The rows of values, `values_per_env` in a sample, from which the critic learns: all but those of
-    /// resets.
-    pub fn value_rows(&self, values_per_env: usize) -> Vec<u32> {
-        let rows = 0..self.rewards.len() * values_per_env;
-        rows.filter(|row| !self.is_reset[row / values_per_env]).map(|row| row as u32).collect()
+    /// The rows, agents in samples, from which the policy learns: those with a choice. Dead agents have only
+    /// the action no-op, so their rows are not among these.
+    pub fn policy_rows(&self, samples: &[u32]) -> Vec<u32> {
+        let has_choice = |row: &u32| {
+            let mask = &self.masks[*row as usize * self.padded_actions..][..self.padded_actions];
+            mask.iter().map(|available| u32::from(*available)).sum::<u32>() > 1
+        };
+        rows(samples, self.sizes.n_agents).filter(has_choice).collect()
     }
+}
+
+/// All rows of samples that have `width` rows each.
+pub(crate) fn rows(samples: &[u32], width: usize) -> impl Iterator<Item = u32> {
+    let width = width as u32;
+    samples.iter().flat_map(move |sample| sample * width..(sample + 1) * width)
 }
 
 #[cfg(test)]
@@ -106,10 +109,10 @@ mod tests {
         rollout.masks[..5].fill(1); // step 0, agent 0
         rollout.masks[8] = 1; // step 0, agent 1: one action
         rollout.masks[16..].fill(1); // step 1, both
-        assert_eq!(rollout.policy_rows(), [0, 2, 3]);
-        assert_eq!((rollout.value_rows(1), rollout.value_rows(2)), (vec![0, 1], vec![0, 1, 2, 3]));
+        assert_eq!(rollout.policy_rows(&rollout.samples()), [0, 2, 3]);
+        assert!(rows(&rollout.samples(), 2).eq(0..4));
         rollout.is_reset[1] = true;
-        assert_eq!((rollout.policy_rows(), rollout.steps()), (vec![0], 1));
-        assert_eq!((rollout.value_rows(1), rollout.value_rows(2)), (vec![0], vec![0, 1]));
+        assert_eq!((rollout.samples(), rollout.steps()), (vec![0], 1));
+        assert_eq!(rollout.policy_rows(&rollout.samples()), [0]);
     }
 }
