@@ -12,6 +12,7 @@ use smaclite_ipc::{
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, PoolOptions};
 use smaclite_scenarios::{ScenarioError, ScenarioFiles};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// How long to wait for a batch. Those of the slowest scenarios take less than a second.
@@ -103,30 +104,21 @@ impl Lanes {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, LaneError> {
-        let LaneScenario { files, rules, episode_limit } = scenario;
-        let parsed = files.scenario()?;
-        let lane = |name: &str, num_envs: usize| {
-            let mut lane = LaneConfig::new(name, (parsed.clone(), files.clone()), num_envs);
-            if let LaneEnvs::Battle { rules: its_rules, episode_limit: limit, .. } = &mut lane.envs {
-                (*its_rules, *limit) = (*rules, Some(*episode_limit));
-            }
-            lane.settings.fields = FieldSet::from_names(FIELDS.map(|field| field.spec().name))
-                .expect("these are the names of fields");
-            lane
-        };
         let half = num_envs / 2;
-        let names = [("first", num_envs - half), ("second", half)];
-        let names: Vec<_> = names.into_iter().filter(|(_, num_envs)| *num_envs > 0).collect();
-        let lanes = names.iter().map(|(name, num_envs)| lane(name, *num_envs)).collect();
+        let halves = [("first", num_envs - half), ("second", half)];
+        let (mut lanes, mut names) = (Vec::new(), Vec::new());
+        for (name, num_envs) in halves.into_iter().filter(|(_, num_envs)| *num_envs > 0) {
+            lanes.push(lane_config(scenario, name, num_envs)?);
+            names.push(name.to_owned());
+        }
         let options = PoolOptions { threads, ..PoolOptions::default() };
         // Several runs in one process, as in tests, need different names.
-        static COUNT: std::sync::atomic::AtomicU64 = std::sync::atomic::AtomicU64::new(0);
-        let count = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed); // publishes nothing
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed); // publishes nothing
         let name = format!("learn-{}-{count}", std::process::id());
         let config =
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let pool = Supervisor::start(config)?;
-        let names: Vec<String> = names.into_iter().map(|(name, _)| name.to_owned()).collect();
         let mut lanes = Lanes::attach(scenario, runtime_dir, &name, &names)?;
         lanes._pool = Some(pool);
         Ok(lanes)
@@ -135,7 +127,7 @@ impl Lanes {
     /// Attaches to lanes of a running pool, or to its only one if none is named.
     ///
     /// # Errors
-    /// If a lane cannot be attached to, plays something else than the task, or is stepped in another way.
+    /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.
     pub fn attach(
         scenario: &LaneScenario,
         runtime_dir: &RuntimeDir,
@@ -229,6 +221,18 @@ impl Lanes {
         }
         Ok(())
     }
+}
+
+/// A lane of battles of the scenario, with the fields that a team reads.
+fn lane_config(scenario: &LaneScenario, name: &str, num_envs: usize) -> Result<LaneConfig, LaneError> {
+    let LaneScenario { files, rules, episode_limit } = scenario;
+    let mut lane = LaneConfig::new(name, (files.scenario()?, files.clone()), num_envs);
+    if let LaneEnvs::Battle { rules: lane_rules, episode_limit: lane_limit, .. } = &mut lane.envs {
+        (*lane_rules, *lane_limit) = (*rules, Some(*episode_limit));
+    }
+    let is_read = |field: &Field| FIELDS.contains(field) || !field.is_optional();
+    lane.settings.fields = FieldSet::ALL.iter().filter(is_read).collect();
+    Ok(lane)
 }
 
 /// Can a team play on a lane with these settings?
