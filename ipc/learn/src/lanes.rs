@@ -38,8 +38,8 @@ pub enum LaneError {
          must be equal"
     )]
     OtherScenario { lane: String, given: String, name: String },
-    #[error("lane `{lane}` has {n_agents} agents; a team can have at most 65535")]
-    TooManyAgents { lane: String, n_agents: usize },
+    #[error("lane `{lane}` has {n_agents} agents and {n_actions} actions; a team can have 65535 of each")]
+    TooLarge { lane: String, n_agents: usize, n_actions: usize },
     #[error("the lanes have {given} environments, but the run has {expected}")]
     NumEnvs { given: usize, expected: usize },
     #[error("scenario: {0}")]
@@ -248,8 +248,9 @@ fn check_settings(description: &LaneDescription) -> Result<(), LaneError> {
         let (batch_size, num_envs) = (settings.batch_size, settings.num_envs);
         return Err(LaneError::Asynchronous { lane, batch_size, num_envs });
     }
-    if description.sizes.n_agents > usize::from(u16::MAX) {
-        return Err(LaneError::TooManyAgents { lane, n_agents: description.sizes.n_agents });
+    let Sizes { n_agents, n_actions, .. } = description.sizes;
+    if n_agents.max(n_actions) > usize::from(u16::MAX) {
+        return Err(LaneError::TooLarge { lane, n_agents, n_actions });
     }
     Ok(())
 }

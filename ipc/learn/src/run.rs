@@ -101,7 +101,9 @@ impl Run {
         let training = Training::new(config, lanes, threads)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         write_description(folder, &description)?;
-        Run::open(folder, training)
+        let mut run = Run::open(folder, training)?;
+        run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
+        Ok(run)
     }
 
     /// Continues the run in a folder, with the same bits as if it had not ended. `steps` replaces the number
