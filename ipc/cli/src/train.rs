@@ -2,13 +2,13 @@
 
 use super::{CommandResult, THREADS, check_range, runtime_dir};
 use clap::Args;
+use serde_json::Value;
 use smaclite_benches::process::interrupt_flag;
 use smaclite_engine::Rules;
 use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
 };
-use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -125,7 +125,8 @@ const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 impl Train {
     pub(super) fn run(self) -> CommandResult {
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads + 1);
+        let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
+        let threads = self.threads.unwrap_or(cores);
         check_range("--threads", THREADS, threads)?;
         let json = self.json;
         let interrupted = interrupt_flag()?;
@@ -133,7 +134,12 @@ impl Train {
         let mut display = Display::new(json, name, run.config().steps);
         loop {
             match run.update(&mut || interrupted.load(Ordering::Relaxed)) {
-                Ok(Some(record)) => display.show(&record)?,
+                Ok(Some(record)) => {
+                    if let Err(error) = display.show(&record) {
+                        run.checkpoint()?; // the output was closed
+                        return Err(error);
+                    }
+                }
                 Ok(None) => break,
                 Err(TrainError::Client(ClientError::Interrupted)) => break,
                 Err(error) => return Err(error.into()),
@@ -218,10 +224,10 @@ impl Display {
 
     fn show(&mut self, record: &Record) -> CommandResult {
         if self.json {
-            let columns = record.columns().into_iter();
-            let object: serde_json::Map<_, _> =
-                columns.map(|(name, value)| (name.to_owned(), value.into())).collect();
-            out!("{}", serde_json::Value::Object(object))?;
+            let number = |i, value: f64| if i < 3 { Value::from(value as u64) } else { Value::from(value) };
+            let columns = record.columns().into_iter().enumerate();
+            let object = columns.map(|(i, (name, value))| (name.to_owned(), number(i, value)));
+            out!("{}", Value::Object(object.collect()))?;
             return Ok(());
         }
         let line = self.line(record);

@@ -59,9 +59,9 @@ fn a_team_is_trained_resumed_and_evaluated() {
     };
     let before = count_updates();
     let updates = json_lines(&output(folder, "train --resume runs/3m --steps 1500 --json"));
-    let numbers = updates.iter().filter_map(|update| update["update"].as_f64()).map(|number| number as u64);
+    let numbers = updates.iter().filter_map(|update| update["update"].as_u64());
     assert!(numbers.eq(before + 1..=count_updates()) && !updates.is_empty(), "{updates:?}");
-    assert!(updates[updates.len() - 1]["steps"].as_f64().expect("a number") >= 1500.0, "{updates:?}");
+    assert!(updates[updates.len() - 1]["steps"].as_u64().expect("a number") >= 1500, "{updates:?}");
 
     let lines = json_lines(&output(folder, "evaluate runs/3m --episodes 20 --seed 3 --json"));
     assert_eq!(lines.len(), 21);
@@ -95,7 +95,7 @@ fn ctrl_c_writes_a_checkpoint() {
     let updates = fs::read_to_string(&log).expect("the log").lines().count() - 1;
     let steps = (updates * 128 + 100).to_string();
     let resumed = json_lines(&output(folder, &format!("train --resume run --steps {steps} --json")));
-    assert_eq!(resumed[0]["update"].as_f64(), Some(updates as f64 + 1.0), "nothing is made twice");
+    assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
 #[test]

@@ -77,7 +77,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// Names and values, as in the logs. Those before `seconds` are the same in every run with this seed.
+    /// Names and values, as in the logs. The first three are integers. Those before `seconds` are the same in
+    /// every run with this seed.
     pub fn columns(&self) -> [(&'static str, f64); 22] {
         let stats = &self.stats;
         [
