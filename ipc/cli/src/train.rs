@@ -154,10 +154,8 @@ impl Train {
         let runtime_dir = runtime_dir()?;
         if let Some(folder) = &self.resume {
             let run = RunDescription::read(folder)?;
-            let scenario = run.scenario()?;
-            let lanes = self.lanes(&scenario, run.config.num_envs, threads, &runtime_dir)?;
-            let name = scenario.files.scenario()?.name;
-            return Ok((Run::resume(folder, self.steps, lanes, threads)?, name));
+            let lanes = self.lanes(&run.scenario, run.config.num_envs, threads, &runtime_dir)?;
+            return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
         }
         let scenario = self.scenario(&runtime_dir)?;
         let chosen_num_envs = self.hyperparameters.num_envs;

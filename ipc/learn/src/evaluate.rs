@@ -90,12 +90,10 @@ pub fn evaluate(
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads } = evaluation;
     let run = RunDescription::read(folder)?;
-    let damaged = |why: String| FileError::Damaged { path: folder.join("run.json"), why };
-    let (scenario, sizes) = (run.scenario().map_err(damaged)?, run.sizes().map_err(damaged)?);
-    let mlp = Team::new(&run.config, sizes).actor.mlp;
+    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
     let network = read_actor(&folder.join("weights.safetensors"), mlp)?;
     let num_envs = episodes.clamp(1, MAX_ENVS);
-    let mut lanes = Lanes::start(&scenario, num_envs, threads, runtime_dir)?;
+    let mut lanes = Lanes::start(&run.scenario, num_envs, threads, runtime_dir)?;
     lanes.reset(seed)?;
     let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
     let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();
@@ -117,19 +115,14 @@ pub fn evaluate(
                 counts[env_id] += 1;
             }
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
-            actor.act(&network, sizes, batch, choice, draw);
+            actor.act(&network, run.sizes, batch, choice, draw);
             lanes.send(lane, &actor.actions)?;
         }
         if counted.len() >= episodes {
             break;
         }
     }
-    Ok(result(run_name(&run), evaluation, num_envs, &counted))
-}
-
-fn run_name(run: &RunDescription) -> String {
-    let scenario = run.scenario().ok().and_then(|scenario| scenario.files.scenario().ok());
-    scenario.map_or(String::new(), |scenario| scenario.name)
+    Ok(result(run.name, evaluation, num_envs, &counted))
 }
 
 fn result(

@@ -14,7 +14,7 @@ use crate::log::{CsvLog, TensorBoardLog};
 use crate::tensors::{FileError, read, write};
 use crate::training::{Record, TrainError, Training};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::Sizes;
+use smaclite_engine::{Rules, Sizes};
 use smaclite_ipc::LaneScenario;
 use smaclite_scenarios::ScenarioFiles;
 use std::fs;
@@ -24,51 +24,46 @@ use std::time::{Duration, Instant};
 /// How often a checkpoint is written, besides at the end.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 
-/// What `run.json` says.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RunDescription {
-    /// The release that began the run.
-    pub version: String,
-    /// Its hyperparameters.
-    pub config: Config,
+/// The contents of `run.json`.
+#[derive(Serialize, Deserialize)]
+struct RunFile {
+    version: String,
+    config: Config,
     files: ScenarioFiles,
     rules: String,
     episode_limit: Option<u32>,
 }
 
-impl RunDescription {
-    fn new(config: &Config, scenario: &LaneScenario) -> RunDescription {
-        let LaneScenario { files, rules, episode_limit } = scenario.clone();
-        let version = env!("CARGO_PKG_VERSION").to_owned();
-        RunDescription { version, config: config.clone(), files, rules: rules.to_string(), episode_limit }
-    }
+/// What `run.json` says.
+#[derive(Clone, Debug)]
+pub struct RunDescription {
+    /// The hyperparameters.
+    pub config: Config,
+    /// What the team plays.
+    pub scenario: LaneScenario,
+    /// The scenario's name.
+    pub name: String,
+    /// The sizes of its environments.
+    pub sizes: Sizes,
+}
 
+impl RunDescription {
     /// Reads the description of the run in a folder.
     ///
     /// # Errors
     /// If it cannot be read or is not valid.
     pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
         let path = folder.join("run.json");
-        let damaged = |why: String| FileError::Damaged { path: path.clone(), why };
-        let run: RunDescription =
-            serde_json::from_slice(&read(&path)?).map_err(|error| damaged(error.to_string()))?;
-        run.config.check().map_err(|error| damaged(error.to_string()))?;
-        run.sizes().map_err(damaged)?;
-        Ok(run)
-    }
-
-    /// What the team plays.
-    ///
-    /// # Errors
-    /// If the rules are unknown.
-    pub fn scenario(&self) -> Result<LaneScenario, String> {
-        let rules = self.rules.parse().map_err(|error| format!("{error}"))?;
-        Ok(LaneScenario { files: self.files.clone(), rules, episode_limit: self.episode_limit })
-    }
-
-    /// The sizes of its environments.
-    pub(crate) fn sizes(&self) -> Result<Sizes, String> {
-        Ok(self.scenario()?.arena().map_err(|error| error.to_string())?.1.sizes())
+        let damaged = |why: &dyn std::fmt::Display| {
+            let (path, why) = (path.clone(), why.to_string());
+            FileError::Damaged { path, why }
+        };
+        let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
+        file.config.check().map_err(|error| damaged(&error))?;
+        let rules: Rules = file.rules.parse().map_err(|error| damaged(&error))?;
+        let scenario = LaneScenario { files: file.files, rules, episode_limit: file.episode_limit };
+        let (parsed, arena) = scenario.arena().map_err(|error| damaged(&error))?;
+        Ok(RunDescription { config: file.config, name: parsed.name, sizes: arena.sizes(), scenario })
     }
 }
 
@@ -97,10 +92,9 @@ impl Run {
         if folder.join("run.json").exists() {
             return Err(TrainError::FolderInUse(folder.display().to_string()));
         }
-        let description = RunDescription::new(&config, scenario);
         let training = Training::new(config, lanes, threads)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
-        write_description(folder, &description)?;
+        write_description(folder, &training.config, scenario)?;
         let mut run = Run::open(folder, training)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         Ok(run)
@@ -117,12 +111,11 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        let mut description = RunDescription::read(folder)?;
-        description.config.steps = steps.unwrap_or(description.config.steps);
-        let path = folder.join("checkpoint.safetensors");
-        let state = Checkpoint::read(&path, &description.config, lanes.sizes())?;
-        let training = Training::resume(description.config.clone(), lanes, threads, state)?;
-        write_description(folder, &description)?;
+        let RunDescription { mut config, scenario, .. } = RunDescription::read(folder)?;
+        config.steps = steps.unwrap_or(config.steps);
+        let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
+        let training = Training::resume(config, lanes, threads, state)?;
+        write_description(folder, &training.config, &scenario)?;
         Run::open(folder, training)
     }
 
@@ -171,9 +164,12 @@ impl Run {
     }
 }
 
-fn write_description(folder: &Path, description: &RunDescription) -> Result<(), FileError> {
+fn write_description(folder: &Path, config: &Config, scenario: &LaneScenario) -> Result<(), FileError> {
+    let LaneScenario { files, rules, episode_limit } = scenario.clone();
+    let (version, config) = (env!("CARGO_PKG_VERSION").to_owned(), config.clone());
+    let file = RunFile { version, config, files, rules: rules.to_string(), episode_limit };
     let path = folder.join("run.json");
-    let text = serde_json::to_vec_pretty(description)
+    let text = serde_json::to_vec_pretty(&file)
         .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;
     write(&path, &text)
 }

@@ -1,10 +1,11 @@
 //! Files of named arrays in the safetensors format: written whole or not at all, and read with checks.
 
-use bytemuck::{NoUninit, Pod};
+use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::fs;
 use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 /// More than any file of a run has; a larger one is not read.
@@ -35,7 +36,7 @@ pub(crate) struct Array {
 }
 
 /// Types that an array can have.
-pub(crate) trait Number: NoUninit + Pod {
+pub(crate) trait Number: Pod {
     const DTYPE: Dtype;
 }
 
@@ -85,14 +86,10 @@ pub(crate) fn encode(arrays: &[Array]) -> Result<Vec<u8>, SafeTensorError> {
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = || -> io::Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        // Temporary files are private by default; those of a run are as the user's other files.
+        let permissions = fs::Permissions::from_mode(0o666);
+        let mut file = tempfile::Builder::new().permissions(permissions).tempfile_in(folder)?;
         file.write_all(bytes)?;
-        // Temporary files are private; those of a run are as the user's other files.
-        #[allow(clippy::permissions_set_readonly_false)] // not used: only the mode is set
-        {
-            use std::os::unix::fs::PermissionsExt;
-            file.as_file().set_permissions(fs::Permissions::from_mode(0o644))?;
-        }
         file.as_file().sync_all()?;
         file.persist(path)?;
         Ok(())
