@@ -90,7 +90,7 @@ hyperparameters! {
     horizon: usize,
     /// Passes over the data of an update [default: 4]
     epochs: usize,
-    /// Gradient steps per epoch [default: 2]
+    /// Gradient steps per epoch [default: 4]
     minibatches: usize,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,

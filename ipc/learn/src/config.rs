@@ -113,7 +113,7 @@ impl Default for Config {
             num_envs: 64,
             horizon: 64,
             epochs: 4,
-            minibatches: 2,
+            minibatches: 4,
             hidden: vec![64, 64],
             activation: Activation::Relu,
             actor_lr: 7e-4,
