@@ -39,8 +39,8 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
 # Test the pages of replays and running pools and the scenario editor in a browser (Debian: apt install chromium)
-test-page *args: _venv
-    {{ python }} -m pip install --quiet pytest playwright
+test-page *args: install
+    {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py {{ args }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
@@ -88,9 +88,7 @@ schemas:
     done
 
 # Take the picture of a running pool's page, which `pictures` does not draw (Debian: apt install chromium)
-picture-of-watch: _venv
-    cargo build --release --quiet -p smaclite-cli --bins
-    cargo build --release --quiet -p smaclite-ipc --example learner
+picture-of-watch: install
     {{ python }} -m pip install --quiet playwright
     {{ python }} docs/watch_picture.py
 

@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-RELEASE = REPOSITORY / "target" / "release"
+PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 PICTURE = REPOSITORY / "docs" / "pictures" / "watch.png"
 SECONDS = 40
 
@@ -29,10 +30,9 @@ def start(stack: ExitStack, *command: str) -> str:
 def main() -> None:
     with ExitStack() as stack:
         os.environ["SMACLITE_POOL_ROOT"] = stack.enter_context(tempfile.TemporaryDirectory(dir="/tmp"))
-        program = str(RELEASE / "smaclite-pool")
-        start(stack, program, "serve", "2s3z:16", "--name", "train", "--threads", "1")
-        start(stack, str(RELEASE / "examples" / "learner"), "train", "2s3z", "15")
-        url = start(stack, program, "watch")
+        start(stack, *PROGRAM, "serve", "2s3z:16", "--name", "train", "--threads", "1")
+        start(stack, sys.executable, str(REPOSITORY / "tests/python/learner.py"), "train", "2s3z", "15")
+        url = start(stack, *PROGRAM, "watch")
         browser = stack.enter_context(sync_playwright()).chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox"]
         )

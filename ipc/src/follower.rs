@@ -9,7 +9,7 @@ use crate::runtime_dir::RuntimeDir;
 use crate::wait_options::WaitOptions;
 use smaclite_engine::{Arena, Rules};
 use smaclite_pool::EpisodePart;
-use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 
 /// The scenario of a lane's battles.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ impl LaneScenario {
     ///
     /// # Errors
     /// If this release cannot read the scenario.
-    pub fn arena(&self) -> Result<(Scenario, Arena), ScenarioError> {
+    pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
         let scenario = self.files.scenario()?;
         let arena = Arena::new(&scenario, self.rules).with_episode_limit(self.episode_limit);
         Ok((scenario, arena))

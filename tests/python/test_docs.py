@@ -19,7 +19,7 @@ PACKAGE = ROOT / "bindings/python/smaclite_pool"
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
-FRAMEWORKS = {"gymnasium", "pettingzoo", "torch", "torchrl", "tensordict", "jax", "ray"}
+FRAMEWORKS = {"gymnasium", "pettingzoo", "safetensors", "torch", "torchrl", "tensordict", "jax", "ray"}
 COMMAND = r"^(python|pip|smaclite-pool)"
 
 

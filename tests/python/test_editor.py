@@ -11,16 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_page import REPOSITORY, browser, pytestmark
+from test_page import PROGRAM, REPOSITORY, browser, pytestmark
 
 __all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
 
-PROGRAM = ["cargo", "run", "--release", "--quiet", "-p", "smaclite-cli", "--"]
 SIDE = 32
 
 
 def run(*args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*PROGRAM, *args], cwd=REPOSITORY, capture_output=True, text=True, timeout=600)
+    return subprocess.run([*PROGRAM, *args], capture_output=True, text=True, timeout=100)
 
 
 class Editor:
@@ -28,7 +27,7 @@ class Editor:
 
     def __init__(self, browser: Any, *args: str, state: str = "Valid", **options: Any) -> None:
         command = [*PROGRAM, "edit", *args]
-        self.process = subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         url = self.process.stdout.readline().strip()
         options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}

@@ -86,6 +86,19 @@ def test_the_commands_that_record_and_convert_a_battle(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["2s3z.html", "2s3z.smreplay"]
 
 
+def test_the_commands_that_train_a_team(
+    environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [line for block in blocks("sh") for line in block.splitlines()]
+    train, evaluate = [line for line in lines if re.match(r"\S+smaclite-pool (train|evaluate) ", line)]
+    assert run([*PROGRAM, *shlex.split(train)[1:]], environment).endswith("complete\n")
+    printed = run([*PROGRAM, *shlex.split(evaluate)[1:]], environment)
+    win_rate = re.search(r"^win rate +([\d.]+) %$", printed, re.MULTILINE)
+    assert win_rate, printed
+    assert float(win_rate[1]) > 90
+
+
 def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Path) -> None:
     file = tmp_path / "scenario.json"
     file.write_text(blocks("json")[0])

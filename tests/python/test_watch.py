@@ -5,26 +5,19 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import test_page
-from test_page import REPOSITORY, Page, browser
+from test_page import PROGRAM, Page, browser
 
 pytestmark = test_page.pytestmark
 __all__ = ["browser"]  # a fixture
 
-RELEASE = REPOSITORY / "target" / "release"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def programs() -> None:
-    """Builds the program, and the learner that plays."""
-    build = ["cargo", "build", "--release", "--quiet", "-p"]
-    for package in (["smaclite-cli", "--bins"], ["smaclite-ipc", "--example", "learner"]):
-        subprocess.run([*build, *package], cwd=REPOSITORY, check=True, timeout=1800)
+LEARNER = Path(__file__).parent / "learner.py"
 
 
 class Programs:
@@ -39,18 +32,18 @@ class Programs:
         return process
 
     def serve(self, *lanes: str) -> subprocess.Popen[str]:
-        pool = self.start(RELEASE / "smaclite-pool", "serve", *lanes, "--name", "train", "--threads", "1")
+        pool = self.start(*PROGRAM, "serve", *lanes, "--name", "train", "--threads", "1")
         assert pool.stdout is not None
         assert any(line.startswith("connect with") for line in pool.stdout)
         return pool
 
     def learn(self, lane: str, steps_per_s: float) -> subprocess.Popen[str]:
-        learner = self.start(RELEASE / "examples" / "learner", "train", lane, str(steps_per_s))
+        learner = self.start(sys.executable, LEARNER, "train", lane, str(steps_per_s))
         assert learner.stdout is not None and learner.stdout.readline() == "playing\n"
         return learner
 
     def watch(self, *options: str) -> str:
-        watch = self.start(RELEASE / "smaclite-pool", "watch", "train", *options)
+        watch = self.start(*PROGRAM, "watch", "train", *options)
         assert watch.stdout is not None
         return watch.stdout.readline().strip()
 

@@ -14,6 +14,7 @@ mod bench;
 mod check;
 mod clean;
 mod edit;
+mod evaluate;
 mod list;
 mod new;
 mod picture;
@@ -25,6 +26,7 @@ mod schema;
 mod serve;
 mod show;
 mod table;
+mod train;
 mod watch;
 mod web;
 
@@ -80,6 +82,10 @@ enum Command {
     Record(record::Record),
     /// Verify a replay, or convert it to a page, an animation or pictures
     Replay(replay::Replay),
+    /// Train a team
+    Train(Box<train::Train>),
+    /// Play a trained team: win rate and return
+    Evaluate(evaluate::Evaluate),
     /// List your pools on this machine, with their lanes and learners
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
@@ -113,6 +119,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Show(show) => show.run(),
         Command::Record(record) => record.run(),
         Command::Replay(replay) => replay.run(),
+        Command::Train(train) => train.run(),
+        Command::Evaluate(evaluate) => evaluate.run(),
         Command::List(list) => list.run(),
         Command::Status(status) => status.run(),
         Command::Watch(watch) => watch.run(),

@@ -1,10 +1,10 @@
-//! The library for Rust learners does not depend on the command line.
+//! The libraries for Rust learners do not depend on the command line.
 
 use std::process::Command;
 
 /// Learners that link `smaclite-ipc` once compiled clap, and whatever else only the program needs.
 #[test]
-fn ipc_does_not_depend_on_the_command_line() {
+fn ipc_and_learn_do_not_depend_on_the_command_line() {
     let cargo_tree = |package: &str| {
         let mut command = Command::new(env!("CARGO"));
         command.args(["tree", "--offline", "--edges", "normal", "--prefix", "none", "--package", package]);
@@ -14,10 +14,15 @@ fn ipc_does_not_depend_on_the_command_line() {
     };
     let depends =
         |tree: &str, package: &str| tree.lines().any(|line| line.split(' ').next() == Some(package));
-    let (ipc, cli) = (cargo_tree("smaclite-ipc"), cargo_tree("smaclite-cli"));
-    assert!(depends(&ipc, "smaclite-pool"), "not the tree of smaclite-ipc:\n{ipc}");
+    let cli = cargo_tree("smaclite-cli");
+    let libraries = ["smaclite-ipc", "smaclite-learn"].map(|library| (library, cargo_tree(library)));
+    for (library, tree) in &libraries {
+        assert!(depends(tree, "smaclite-pool"), "not the tree of {library}:\n{tree}");
+    }
     for package in ["clap", "signal-hook", "tracing-subscriber", "smaclite-benches"] {
         assert!(depends(&cli, package), "smaclite-cli does not use {package} any more; delete it here");
-        assert!(!depends(&ipc, package), "smaclite-ipc depends on {package}");
+        for (library, tree) in &libraries {
+            assert!(!depends(tree, package), "{library} depends on {package}");
+        }
     }
 }

@@ -1,0 +1,287 @@
+//! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
+
+use super::{CommandResult, THREADS, check_range, runtime_dir};
+use clap::Args;
+use serde_json::Value;
+use smaclite_benches::process::interrupt_flag;
+use smaclite_engine::Rules;
+use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
+use smaclite_learn::{
+    Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
+};
+use std::error::Error;
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  smaclite-pool train 2s3z --steps 500000 --seed 1 --out runs/2s3z
+  smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
+  smaclite-pool train --resume runs/2s3z --steps 1000000
+
+Ctrl-C writes a checkpoint; --resume continues with the same bits as an uninterrupted run.")]
+pub(super) struct Train {
+    /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
+    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"])]
+    map: Option<String>,
+    /// Folder of the run: weights, checkpoint and logs; must not hold a run
+    #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
+    out: Option<PathBuf>,
+    /// Continue the run in this folder, with its hyperparameters
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules"])]
+    resume: Option<PathBuf>,
+    /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
+    #[arg(long, value_name = "NAME")]
+    pool: Option<String>,
+    /// Lane of the pool, several times for several; their environments are joined [default: its only lane]
+    #[arg(long, requires = "pool", value_name = "NAME")]
+    lane: Vec<String>,
+    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// [default: smaclite]
+    #[arg(long, conflicts_with = "pool")]
+    rules: Option<Rules>,
+    /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
+    /// [default: the CPU cores available to this process]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Print one JSON object per update
+    #[arg(long)]
+    json: bool,
+    /// Environment steps after which the run is complete [default: 1000000]
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+    #[command(flatten)]
+    hyperparameters: Hyperparameters,
+}
+
+/// Declares the options of the hyperparameters, each of which replaces a field of [`Config`].
+macro_rules! hyperparameters {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+) => {
+        #[derive(Args)]
+        #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
+        #[command(next_help_heading = "Hyperparameters (docs/training.md)")]
+        struct Hyperparameters {
+            $($(#[doc = $doc])+ #[arg(long, allow_negative_numbers = true)] $name: Option<$type>,)+
+            /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]
+            #[arg(long, value_delimiter = ',', value_name = "N,...")]
+            hidden: Option<Vec<usize>>,
+        }
+
+        impl Hyperparameters {
+            fn apply(self, config: &mut Config) {
+                $(if let Some(value) = self.$name { config.$name = value; })+
+                if let Some(hidden) = self.hidden { config.hidden = hidden; }
+            }
+        }
+    };
+}
+
+hyperparameters! {
+    /// Seed of weights, environments, actions and minibatches [default: 0]
+    seed: u64,
+    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo]
+    algorithm: Algorithm,
+    /// Number of environments; those of the pool, if --pool is given [default: 64]
+    num_envs: usize,
+    /// Steps of each environment per update [default: 64]
+    horizon: usize,
+    /// Passes over the data of an update [default: 4]
+    epochs: usize,
+    /// Gradient steps per epoch [default: 4]
+    minibatches: usize,
+    /// Non-linearity of the hidden layers: relu or tanh [default: relu]
+    activation: Activation,
+    /// Step size of the actor [default: 0.0007]
+    actor_lr: f64,
+    /// Step size of the critic [default: 0.001]
+    critic_lr: f64,
+    /// Share of the step sizes that is left at the end, falling linearly [default: 1]
+    lr_end: f64,
+    /// Added to the denominator of Adam [default: 0.00001]
+    adam_eps: f64,
+    /// Discount per step [default: 0.99]
+    gamma: f64,
+    /// Decay of the generalised advantage estimate [default: 0.95]
+    lambda: f64,
+    /// How far the probability ratio may leave 1 [default: 0.2]
+    clip: f64,
+    /// How far a value may leave its old one, in standard deviations of the returns [default: 0.2]
+    value_clip: f64,
+    /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
+    huber: f64,
+    /// Weight of the entropy at the beginning [default: 0.01]
+    entropy: f64,
+    /// Weight of the entropy at the end [default: that at the beginning]
+    entropy_end: f64,
+    /// The longest gradient of each network [default: 1]
+    max_grad_norm: f64,
+}
+
+/// How often a line is printed, if standard output is not a terminal.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
+
+impl Train {
+    pub(super) fn run(self) -> CommandResult {
+        let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
+        let threads = self.threads.unwrap_or(cores);
+        check_range("--threads", THREADS, threads)?;
+        let json = self.json;
+        let interrupted = interrupt_flag()?;
+        let (mut run, name) = self.open(threads)?;
+        let mut display = Display::new(json, name, run.config().steps);
+        loop {
+            match run.update(&mut || interrupted.load(Ordering::Relaxed)) {
+                Ok(Some(record)) => {
+                    if let Err(error) = display.show(&record) {
+                        run.checkpoint()?; // the output was closed
+                        return Err(error);
+                    }
+                }
+                Ok(None) => break,
+                Err(TrainError::Client(ClientError::Interrupted)) => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        run.checkpoint()?;
+        display.end(interrupted.load(Ordering::Relaxed))
+    }
+
+    /// Begins or resumes the run. Also returns the name of the scenario.
+    fn open(self, threads: usize) -> Result<(Run, String), Box<dyn Error>> {
+        let runtime_dir = runtime_dir()?;
+        if let Some(folder) = &self.resume {
+            let run = RunDescription::read(folder)?;
+            let lanes = self.lanes(&run.scenario, run.config.num_envs, threads, &runtime_dir)?;
+            return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
+        }
+        let scenario = self.scenario(&runtime_dir)?;
+        let chosen_num_envs = self.hyperparameters.num_envs;
+        let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
+        check_range("--num-envs", 1..=1 << 16, num_envs)?;
+        let lanes = self.lanes(&scenario, num_envs, threads, &runtime_dir)?;
+        let mut config = Config { num_envs: lanes.num_envs(), ..Config::default() };
+        config.steps = self.steps.unwrap_or(config.steps);
+        config.entropy_end = self.hyperparameters.entropy.unwrap_or(config.entropy_end);
+        self.hyperparameters.apply(&mut config);
+        let name = scenario.files.scenario()?.name;
+        let out = self.out.unwrap_or_default();
+        Ok((Run::begin(&out, config, &scenario, lanes, threads)?, name))
+    }
+
+    fn scenario(&self, runtime_dir: &RuntimeDir) -> Result<LaneScenario, Box<dyn Error>> {
+        let of_pool = self
+            .pool
+            .as_deref()
+            .map(|pool| lane_scenario(runtime_dir, pool, self.lane.first().map(String::as_str)));
+        let of_pool = of_pool.transpose()?;
+        let Some(map) = &self.map else {
+            return of_pool.ok_or_else(|| "a MAP or --pool is required".into());
+        };
+        let rules = of_pool.as_ref().map(|scenario| scenario.rules).or(self.rules).unwrap_or_default();
+        let mut scenario = resolve_scenario(map, rules)?;
+        if let Some(of_pool) = of_pool {
+            scenario.episode_limit = of_pool.episode_limit; // of the pool, which may have its own
+        }
+        Ok(scenario)
+    }
+
+    fn lanes(
+        &self,
+        scenario: &LaneScenario,
+        num_envs: usize,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Lanes, Box<dyn Error>> {
+        Ok(match &self.pool {
+            Some(pool) => Lanes::attach(scenario, runtime_dir, pool, &self.lane)?,
+            None => Lanes::start(scenario, num_envs, (threads - 1).max(1), runtime_dir)?,
+        })
+    }
+}
+
+/// Shows the progress: JSON, one changing line in a terminal, or a line every five seconds.
+struct Display {
+    json: bool,
+    terminal: bool,
+    name: String,
+    total: u64,
+    /// Time and steps of the first record, from which the time that is left is estimated.
+    first: Option<(Instant, u64)>,
+    last_line: Option<Instant>,
+    last: Option<String>,
+}
+
+impl Display {
+    fn new(json: bool, name: String, total: u64) -> Display {
+        let terminal = std::io::stdout().is_terminal();
+        Display { json, terminal, name, total, first: None, last_line: None, last: None }
+    }
+
+    fn show(&mut self, record: &Record) -> CommandResult {
+        if self.json {
+            let number = |i, value: f64| if i < 3 { Value::from(value as u64) } else { Value::from(value) };
+            let columns = record.columns().into_iter().enumerate();
+            let object = columns.map(|(i, (name, value))| (name.to_owned(), number(i, value)));
+            out!("{}", Value::Object(object.collect()))?;
+            return Ok(());
+        }
+        let line = self.line(record);
+        if self.terminal {
+            write!(std::io::stdout(), "\r\x1b[K{line}")?;
+            std::io::stdout().flush()?;
+        } else if self.last_line.is_none_or(|last| last.elapsed() >= LINE_INTERVAL) {
+            out!("{line}")?;
+            self.last_line = Some(Instant::now());
+            self.last = None;
+            return Ok(());
+        }
+        self.last = Some(line);
+        Ok(())
+    }
+
+    fn line(&mut self, record: &Record) -> String {
+        let (begin, first_steps) = *self.first.get_or_insert((Instant::now(), record.steps));
+        let (made, left) = (record.steps - first_steps, self.total.saturating_sub(record.steps));
+        let per_s = made as f64 / begin.elapsed().as_secs_f64().max(1e-9);
+        let (rate, time_left) = if made == 0 {
+            (record.steps_per_s, left as f64 / record.steps_per_s)
+        } else {
+            (per_s, left as f64 / per_s)
+        };
+        let team = if record.episodes == 0 {
+            "no episode yet".to_owned()
+        } else {
+            format!("return {:5.2}  wins {:5.1} %", record.mean_return, 100.0 * record.win_rate)
+        };
+        format!(
+            "{}: {} of {} steps  {rate:.0} steps/s  {team}  {} left",
+            self.name,
+            record.steps,
+            self.total,
+            minutes(time_left)
+        )
+    }
+
+    /// Shows the last record, if it was not shown, and how the run ended.
+    fn end(self, interrupted: bool) -> CommandResult {
+        if self.json {
+            return Ok(());
+        }
+        match self.last {
+            Some(line) if !self.terminal => out!("{line}")?,
+            Some(_) => out!()?,
+            None => {}
+        }
+        out!("{}", if interrupted { "interrupted; resume with --resume" } else { "complete" })?;
+        Ok(())
+    }
+}
+
+/// 95 seconds as `1:35`.
+fn minutes(seconds: f64) -> String {
+    let seconds = seconds.min(1e9) as u64;
+    format!("{}:{:02}", seconds / 60, seconds % 60)
+}

@@ -1,0 +1,125 @@
+//! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+fn program(folder: &Path, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
+    command.args(arguments.split(' ')).current_dir(folder);
+    command.env(smaclite_ipc::ROOT_VARIABLE, folder.join("pools"));
+    command
+}
+
+fn run(folder: &Path, arguments: &str) -> Output {
+    program(folder, arguments).output().expect("the program starts")
+}
+
+/// Runs a command that succeeds; returns what it printed.
+fn output(folder: &Path, arguments: &str) -> String {
+    let done = run(folder, arguments);
+    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8(done.stdout).expect("text")
+}
+
+fn check_error(folder: &Path, arguments: &str, status: i32, expected: &str) {
+    let done = run(folder, arguments);
+    let error = String::from_utf8_lossy(&done.stderr).replace("\n  ", " ");
+    assert_eq!(done.status.code(), Some(status), "{arguments}: {error}");
+    assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
+}
+
+fn json_lines(text: &str) -> Vec<Value> {
+    text.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect()
+}
+
+const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
+
+#[test]
+fn a_team_is_trained_resumed_and_evaluated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let train = format!("train 3m --steps 1000 --seed 1 --out runs/3m {SMALL}");
+    let printed = output(folder, &train);
+    assert!(printed.contains(" of 1000 steps  ") && printed.ends_with("complete\n"), "{printed}");
+    let mut names: Vec<String> = fs::read_dir(folder.join("runs/3m"))
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name().into_string().expect("text"))
+        .collect();
+    names.sort();
+    assert!(names[1].starts_with("events.out.tfevents."), "{names:?}");
+    names.remove(1);
+    assert_eq!(names, ["checkpoint.safetensors", "log.csv", "run.json", "weights.safetensors"]);
+
+    let count_updates = || {
+        let log = fs::read_to_string(folder.join("runs/3m/log.csv")).expect("the log");
+        log.lines().count() as u64 - 1
+    };
+    let before = count_updates();
+    let updates = json_lines(&output(folder, "train --resume runs/3m --steps 1500 --json"));
+    let numbers = updates.iter().filter_map(|update| update["update"].as_u64());
+    assert!(numbers.eq(before + 1..=count_updates()) && !updates.is_empty(), "{updates:?}");
+    assert!(updates[updates.len() - 1]["steps"].as_u64().expect("a number") >= 1500, "{updates:?}");
+
+    let lines = json_lines(&output(folder, "evaluate runs/3m --episodes 20 --seed 3 --json"));
+    assert_eq!(lines.len(), 21);
+    let result = &lines[20];
+    assert_eq!((result["episodes"].as_u64(), result["scenario"].as_str()), (Some(20), Some("3m")));
+    let returns: f64 = lines[..20].iter().filter_map(|line| line["episode_return"].as_f64()).sum();
+    assert!((result["mean_return"].as_f64().expect("a number") - returns / 20.0).abs() < 1e-6);
+    assert!(result["win_rate"].is_number());
+    let printed = output(folder, "evaluate runs/3m --episodes 5 --greedy");
+    assert!(
+        printed.starts_with("3m: 5 episodes in 5 environments, greedy actions, seed 0\nwin rate"),
+        "{printed}"
+    );
+}
+
+#[test]
+fn ctrl_c_writes_a_checkpoint() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let mut command = program(folder, &format!("train 3m --steps 100000000 --out run {SMALL}"));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let log = folder.join("run/log.csv");
+    while !fs::read_to_string(&log).is_ok_and(|log| log.lines().count() > 3) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("a signal");
+    let done = child.wait_with_output().expect("an end");
+    let printed = String::from_utf8_lossy(&done.stdout);
+    assert!(done.status.success() && printed.ends_with("interrupted; resume with --resume\n"), "{done:?}");
+    let updates = fs::read_to_string(&log).expect("the log").lines().count() - 1;
+    let steps = (updates * 128 + 100).to_string();
+    let resumed = json_lines(&output(folder, &format!("train --resume run --steps {steps} --json")));
+    assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
+}
+
+#[test]
+fn errors_say_what_is_accepted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    check_error(folder, "train 3m", 2, "--out <FOLDER>");
+    check_error(folder, "train 3n --out run", 1, "3n");
+    check_error(folder, "train 3m --out run --gamma 2", 1, "gamma must be between 0 and 1, got 2");
+    check_error(
+        folder,
+        "train 3m --out run --num-envs 0",
+        1,
+        "--num-envs must be between 1 and 65536, got 0",
+    );
+    check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
+    check_error(folder, "train 3m --out run --pool none", 1, "none");
+    check_error(folder, "train --resume nowhere", 1, "cannot read `nowhere/run.json`");
+    check_error(folder, "train --resume nowhere --gamma 0.9", 2, "cannot be used with");
+    check_error(folder, "evaluate nowhere", 1, "cannot read `nowhere/run.json`");
+    assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
+    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+    check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
+    fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
+    check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
+    check_error(folder, "evaluate run --episodes 0", 1, "--episodes must be between 1 and 1000000, got 0");
+}

@@ -1,0 +1,159 @@
+//! What a run is resumed from, in `checkpoint.safetensors`, and what others read, in `weights.safetensors`.
+//!
+//! A resumed run continues with the same bits. So a checkpoint has the networks and their optimisers and the
+//! statistics of the returns; and since a pool cannot be set to a state, it has the actions of all
+//! environments since their last restart, which are played again.
+
+use crate::adam::Adam;
+use crate::config::Config;
+use crate::mlp::Mlp;
+use crate::normaliser::Normaliser;
+use crate::rollout::Episode;
+use crate::team::{Network, Team};
+use crate::tensors::{Array, Arrays, FileError, encode, read, write};
+use smaclite_engine::Sizes;
+use std::path::Path;
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Progress {
+    pub updates: u64,
+    /// Environment steps, without those that only reset an environment.
+    pub steps: u64,
+    /// Episodes that ended.
+    pub episodes: u64,
+    /// Seconds of training.
+    pub seconds: f64,
+    /// Seconds of processor time.
+    pub cpu_seconds: f64,
+}
+
+/// The state of a run between two updates.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Checkpoint {
+    pub team: Team,
+    pub progress: Progress,
+    /// The newest episodes that ended, the oldest first.
+    pub recent: Vec<Episode>,
+    /// `[steps since the last restart, num_envs, n_agents]`.
+    pub actions: Vec<u16>,
+}
+
+impl Checkpoint {
+    /// Writes the file whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        let mut arrays = self.arrays();
+        let checksum = Array::checksum(&arrays);
+        arrays.push(Array::flat("checksum", &[checksum]));
+        write_arrays(path, &arrays)
+    }
+
+    fn arrays(&self) -> Vec<Array> {
+        let Checkpoint { team, progress, recent, actions } = self;
+        let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
+        let Normaliser { mean, square, weight } = team.normaliser;
+        let counts = [updates, steps, episodes, team.actor.adam.steps, team.critic.adam.steps];
+        let recent: Vec<f32> = recent
+            .iter()
+            .flat_map(|episode| {
+                [episode.episode_return, episode.length as f32, f32::from(u8::from(episode.won))]
+            })
+            .collect();
+        let mut arrays = vec![
+            Array::flat("counts", &counts),
+            Array::flat("times", &[seconds, cpu_seconds]),
+            Array::flat("normaliser", &[mean, square, weight]),
+            Array::flat("recent_episodes", &recent),
+            Array::flat("actions", actions),
+        ];
+        for (name, network) in [("actor", &team.actor), ("critic", &team.critic)] {
+            arrays.push(Array::flat(format!("{name}.params"), &network.params));
+            arrays.push(Array::flat(format!("{name}.adam.mean"), &network.adam.mean));
+            arrays.push(Array::flat(format!("{name}.adam.square"), &network.adam.square));
+        }
+        arrays
+    }
+
+    /// Reads the checkpoint of a run with this configuration.
+    pub fn read(path: &Path, config: &Config, sizes: Sizes) -> Result<Checkpoint, FileError> {
+        let bytes = read(path)?;
+        let arrays = Arrays::decode(path, &bytes)?;
+        let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
+        let times: Vec<f64> = arrays.shaped("times", &[2])?;
+        let normaliser: Vec<f64> = arrays.shaped("normaliser", &[3])?;
+        let mut team = Team::new(config, sizes);
+        team.normaliser = Normaliser { mean: normaliser[0], square: normaliser[1], weight: normaliser[2] };
+        let networks = [("actor", &mut team.actor, counts[3]), ("critic", &mut team.critic, counts[4])];
+        for (name, network, steps) in networks {
+            let shape = [network.mlp.n_params()];
+            network.params = arrays.shaped(&format!("{name}.params"), &shape)?;
+            let mean = arrays.shaped(&format!("{name}.adam.mean"), &shape)?;
+            let square = arrays.shaped(&format!("{name}.adam.square"), &shape)?;
+            network.adam = Adam { steps, mean, square };
+        }
+        let episode = |values: &[f32]| Episode {
+            episode_return: values[0],
+            length: values[1] as i32,
+            won: values[2] != 0.0,
+        };
+        let recent: Vec<f32> = arrays.values("recent_episodes")?;
+        let progress = Progress {
+            updates: counts[0],
+            steps: counts[1],
+            episodes: counts[2],
+            seconds: times[0],
+            cpu_seconds: times[1],
+        };
+        let recent = recent.chunks_exact(3).map(episode).collect();
+        let checkpoint = Checkpoint { team, progress, recent, actions: arrays.values("actions")? };
+        let per_step = config.num_envs * sizes.n_agents;
+        if !checkpoint.actions.len().is_multiple_of(per_step) {
+            let why = format!("its actions are not those of {per_step} agents");
+            return Err(FileError::OtherRun { path: path.to_owned(), why });
+        }
+        let stored: Vec<u32> = arrays.shaped("checksum", &[1])?;
+        if stored[0] != Array::checksum(&checkpoint.arrays()) {
+            return Err(arrays.damaged("its checksum differs"));
+        }
+        Ok(checkpoint)
+    }
+}
+
+fn write_arrays(path: &Path, arrays: &[Array]) -> Result<(), FileError> {
+    let bytes = encode(arrays)
+        .map_err(|error| FileError::Write { path: path.to_owned(), source: std::io::Error::other(error) })?;
+    write(path, &bytes)
+}
+
+/// Writes the weights of both networks, `actor.0.weight` and so on, in the shapes of PyTorch.
+pub(crate) fn write_weights(path: &Path, team: &Team) -> Result<(), FileError> {
+    let arrays =
+        [("actor", &team.actor), ("critic", &team.critic)].into_iter().flat_map(|(prefix, network)| {
+            network.mlp.tensors().into_iter().map(move |tensor| {
+                let name = format!("{prefix}.{}", tensor.name);
+                Array::new(name, &tensor.shape, &network.params[tensor.range])
+            })
+        });
+    write_arrays(path, &arrays.collect::<Vec<_>>())
+}
+
+/// Reads the actor of such a file.
+pub(crate) fn read_actor(path: &Path, mlp: Mlp) -> Result<Network, FileError> {
+    let bytes = read(path)?;
+    let arrays = Arrays::decode(path, &bytes)?;
+    let mut params = vec![0.0; mlp.n_params()];
+    for tensor in mlp.tensors() {
+        let name = format!("actor.{}", tensor.name);
+        let values: Vec<f32> = arrays.shaped(&name, &tensor.shape)?;
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(arrays.damaged(format!("`{name}` contains {value}")));
+        }
+        params[tensor.range].copy_from_slice(&values);
+    }
+    let adam = Adam::new(0);
+    Ok(Network { mlp, params, adam })
+}
+
+#[cfg(test)]
+#[path = "checkpoint_tests.rs"]
+mod tests;

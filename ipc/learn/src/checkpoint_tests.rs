@@ -1,0 +1,83 @@
+//! Tests of `checkpoint`: what is written is read, and what is damaged or foreign is refused.
+
+use super::*;
+use std::fs;
+
+const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 3, n_actions: 9, obs_size: 4, state_size: 6 };
+
+fn checkpoint(config: &Config) -> Checkpoint {
+    let mut team = Team::new(config, SIZES);
+    team.observe_returns([1.0, 2.0].into_iter());
+    team.actor.adam.mean.fill(0.25);
+    team.critic.adam.steps = 7;
+    let progress = Progress { updates: 3, steps: 500, episodes: 4, seconds: 1.5, cpu_seconds: 2.5 };
+    let recent = vec![Episode { episode_return: 3.5, length: 20, won: true }];
+    Checkpoint { team, progress, recent, actions: vec![5; 3 * 2 * 2] }
+}
+
+#[test]
+fn a_checkpoint_is_read_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
+    let written = checkpoint(&config);
+    written.write(&path).unwrap();
+    assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
+}
+
+#[test]
+fn weights_have_the_names_and_shapes_of_pytorch() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("weights.safetensors");
+    let config = Config { hidden: vec![8, 5], ..Config::default() };
+    let team = checkpoint(&config).team;
+    write_weights(&path, &team).unwrap();
+    let actor = read_actor(&path, team.actor.mlp.clone()).unwrap();
+    assert_eq!(actor.params, team.actor.params);
+    let bytes = fs::read(&path).unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let shape = |name: &str| tensors.tensor(name).unwrap().shape().to_vec();
+    assert_eq!(shape("actor.0.weight"), [8, 4]);
+    assert_eq!(shape("actor.id_bias"), [2, 8]);
+    assert_eq!(shape("actor.2.weight"), [9, 5]);
+    assert_eq!(shape("critic.2.bias"), [1]);
+    assert_eq!(tensors.names().len(), 6 + 1 + 6);
+}
+
+#[test]
+fn damaged_and_foreign_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
+    checkpoint(&config).write(&path).unwrap();
+    let good = fs::read(&path).unwrap();
+    let check = |bytes: &[u8], config: &Config, expected: &str| {
+        fs::write(&path, bytes).unwrap();
+        let error = Checkpoint::read(&path, config, SIZES).unwrap_err().to_string();
+        assert!(error.contains(expected) && error.contains("checkpoint.safetensors"), "{error}");
+    };
+    let mut flipped = good.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    check(&flipped, &config, "damaged");
+    let middle = good.len() / 2;
+    flipped = good.clone();
+    flipped[middle] ^= 0x10;
+    check(&flipped, &config, "its checksum differs");
+    check(&good[..good.len() - 1], &config, "damaged");
+    check(&[], &config, "damaged");
+    check(b"{\"this is\": \"JSON\"}", &config, "damaged");
+    let wider = Config { hidden: vec![16], ..config.clone() };
+    check(&good, &wider, "`actor.params` has the shape");
+    let error = Checkpoint::read(folder.path(), &config, SIZES).unwrap_err().to_string();
+    assert!(error.contains("not a regular file"), "{error}");
+
+    let weights = folder.path().join("weights.safetensors");
+    let mut team = checkpoint(&config).team;
+    team.actor.params[0] = f32::NAN;
+    write_weights(&weights, &team).unwrap();
+    let error = read_actor(&weights, team.actor.mlp.clone()).unwrap_err().to_string();
+    assert!(error.contains("`actor.0.weight` contains NaN"), "{error}");
+    let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
+    assert!(error.contains("it has no `actor.0.weight`"), "{error}");
+}

@@ -1,0 +1,233 @@
+//! The hyperparameters of a run. The defaults solve most standard scenarios; docs/training.md describes them.
+
+use serde::{Deserialize, Serialize};
+
+/// What the critic sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Algorithm {
+    /// The state: one value per environment.
+    #[default]
+    Mappo,
+    /// The agent's own observation: one value per agent.
+    Ippo,
+}
+
+/// The non-linearity of hidden layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// `max(x, 0)`.
+    #[default]
+    Relu,
+    /// Hyperbolic tangent.
+    Tanh,
+}
+
+/// A keyword that names no algorithm or activation.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected `{}`, got `{given}`", expected.join("` or `"))]
+pub struct UnknownKeyword {
+    expected: [&'static str; 2],
+    given: String,
+}
+
+impl std::str::FromStr for Algorithm {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<Algorithm, UnknownKeyword> {
+        match keyword {
+            "mappo" => Ok(Algorithm::Mappo),
+            "ippo" => Ok(Algorithm::Ippo),
+            _ => Err(UnknownKeyword { expected: ["mappo", "ippo"], given: keyword.to_owned() }),
+        }
+    }
+}
+
+impl std::str::FromStr for Activation {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<Activation, UnknownKeyword> {
+        match keyword {
+            "relu" => Ok(Activation::Relu),
+            "tanh" => Ok(Activation::Tanh),
+            _ => Err(UnknownKeyword { expected: ["relu", "tanh"], given: keyword.to_owned() }),
+        }
+    }
+}
+
+/// The hyperparameters. Together with the scenario, the seed decides every bit of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Seed of weights, environments, actions and minibatches.
+    pub seed: u64,
+    /// Environment steps of the run, over which the annealed values change.
+    pub steps: u64,
+    /// What the critic sees.
+    pub algorithm: Algorithm,
+    /// Number of environments, 1 to 65536.
+    pub num_envs: usize,
+    /// Steps of each environment per update, 1 to 65536.
+    pub horizon: usize,
+    /// Passes over the data of an update, 1 to 1000.
+    pub epochs: usize,
+    /// Gradient steps per epoch, 1 to 1000.
+    pub minibatches: usize,
+    /// Widths of the hidden layers of both networks, 1 to 8 layers of 2 to 4096.
+    pub hidden: Vec<usize>,
+    /// The non-linearity of the hidden layers.
+    pub activation: Activation,
+    /// Step size of the actor.
+    pub actor_lr: f64,
+    /// Step size of the critic.
+    pub critic_lr: f64,
+    /// The step sizes fall linearly to this share of their first value, 0 to 1; 1 is no annealing.
+    pub lr_end: f64,
+    /// Added to the denominator of Adam.
+    pub adam_eps: f64,
+    /// Discount per step, 0 to 1.
+    pub gamma: f64,
+    /// Decay of the generalised advantage estimate, 0 to 1.
+    pub lambda: f64,
+    /// How far the probability ratio may leave 1.
+    pub clip: f64,
+    /// How far a value may leave its old one, in standard deviations of the returns.
+    pub value_clip: f64,
+    /// Where the Huber loss becomes linear, in standard deviations of the returns.
+    pub huber: f64,
+    /// Weight of the entropy at the beginning.
+    pub entropy: f64,
+    /// Weight of the entropy at the end.
+    pub entropy_end: f64,
+    /// The longest gradient of each network.
+    pub max_grad_norm: f64,
+}
+
+impl Default for Config {
+    fn default() -> Config {
+        Config {
+            seed: 0,
+            steps: 1_000_000,
+            algorithm: Algorithm::Mappo,
+            num_envs: 64,
+            horizon: 64,
+            epochs: 4,
+            minibatches: 4,
+            hidden: vec![64, 64],
+            activation: Activation::Relu,
+            actor_lr: 7e-4,
+            critic_lr: 1e-3,
+            lr_end: 1.0,
+            adam_eps: 1e-5,
+            gamma: 0.99,
+            lambda: 0.95,
+            clip: 0.2,
+            value_clip: 0.2,
+            huber: 10.0,
+            entropy: 0.01,
+            entropy_end: 0.01,
+            max_grad_norm: 1.0,
+        }
+    }
+}
+
+/// A hyperparameter out of range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{name} must be {accepted}, got {given}")]
+pub struct ConfigError {
+    name: &'static str,
+    accepted: &'static str,
+    given: String,
+}
+
+impl Config {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the first hyperparameter that is out of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let count = |name, value: usize, accepted, max: usize| {
+            ensure((1..=max).contains(&value), name, accepted, &value)
+        };
+        ensure((1..=1 << 48).contains(&self.steps), "steps", "between 1 and 2^48", &self.steps)?;
+        count("num_envs", self.num_envs, "between 1 and 65536", 1 << 16)?;
+        count("horizon", self.horizon, "between 1 and 65536", 1 << 16)?;
+        let samples = self.num_envs * self.horizon;
+        ensure(samples <= 1 << 20, "num_envs times horizon", "at most 1048576", &samples)?;
+        count("epochs", self.epochs, "between 1 and 1000", 1000)?;
+        count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
+        let layers = (1..=8).contains(&self.hidden.len());
+        let widths = self.hidden.iter().all(|width| (2..=4096).contains(width));
+        ensure(
+            layers && widths,
+            "hidden",
+            "1 to 8 widths between 2 and 4096",
+            &format!("{:?}", self.hidden),
+        )?;
+        let rates = [("actor_lr", self.actor_lr), ("critic_lr", self.critic_lr), ("adam_eps", self.adam_eps)];
+        for (name, value) in rates {
+            ensure(value > 0.0 && value <= 1.0, name, "above 0 and at most 1", &value)?;
+        }
+        let shares = [("gamma", self.gamma), ("lambda", self.lambda), ("lr_end", self.lr_end)];
+        for (name, value) in shares {
+            ensure((0.0..=1.0).contains(&value), name, "between 0 and 1", &value)?;
+        }
+        for (name, value) in [("entropy", self.entropy), ("entropy_end", self.entropy_end)] {
+            ensure((0.0..=10.0).contains(&value), name, "between 0 and 10", &value)?;
+        }
+        let limits = [
+            ("clip", self.clip),
+            ("value_clip", self.value_clip),
+            ("huber", self.huber),
+            ("max_grad_norm", self.max_grad_norm),
+        ];
+        for (name, value) in limits {
+            ensure(value > 0.0 && value <= 1e6, name, "above 0 and at most 1000000", &value)?;
+        }
+        Ok(())
+    }
+
+    /// Environment steps of an update, those that only reset an environment included.
+    pub fn steps_per_update(&self) -> u64 {
+        (self.num_envs * self.horizon) as u64
+    }
+
+    /// A value that changes linearly over the run, after `steps` steps.
+    pub fn annealed(&self, begin: f64, end: f64, steps: u64) -> f64 {
+        let share = (steps as f64 / self.steps as f64).min(1.0);
+        begin + (end - begin) * share
+    }
+}
+
+fn ensure(
+    holds: bool,
+    name: &'static str,
+    accepted: &'static str,
+    given: &dyn std::fmt::Display,
+) -> Result<(), ConfigError> {
+    if holds { Ok(()) } else { Err(ConfigError { name, accepted, given: given.to_string() }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_in_range_and_nan_is_not() {
+        assert_eq!(Config::default().check(), Ok(()));
+        let config = Config { gamma: f64::NAN, ..Config::default() };
+        assert_eq!(config.check().unwrap_err().to_string(), "gamma must be between 0 and 1, got NaN");
+        let config = Config { hidden: vec![64, 1], ..Config::default() };
+        assert!(config.check().unwrap_err().to_string().ends_with("between 2 and 4096, got [64, 1]"));
+        let config = Config { max_grad_norm: f64::INFINITY, ..Config::default() };
+        assert!(config.check().is_err());
+    }
+
+    #[test]
+    fn annealing_is_linear_and_ends() {
+        let config = Config { steps: 200, ..Config::default() };
+        let at = |steps| config.annealed(1.0, 0.5, steps);
+        assert_eq!([at(0), at(100), at(200), at(300)], [1.0, 0.75, 0.5, 0.5]);
+    }
+}

@@ -1,0 +1,150 @@
+//! Plays a trained team. Of every environment the first episodes are counted, the same number in each (to
+//! within one): to count the first episodes that end anywhere would favour short ones.
+
+use crate::actor::{Actor, Draw};
+use crate::checkpoint::read_actor;
+use crate::collect::ended_episodes;
+use crate::lanes::{LaneError, Lanes};
+use crate::policy::Choice;
+use crate::random::Purpose;
+use crate::rollout::Episode;
+use crate::run::RunDescription;
+use crate::team::Team;
+use crate::tensors::FileError;
+use serde::Serialize;
+use smaclite_ipc::{ClientError, RuntimeDir};
+use std::path::Path;
+
+/// Most environments of an evaluation.
+const MAX_ENVS: usize = 64;
+
+/// How to evaluate.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation {
+    /// Number of episodes, at least 1.
+    pub episodes: usize,
+    /// Environment `i` is seeded with `seed + i`; actions are drawn from the seed too.
+    pub seed: u64,
+    /// Take the most probable action, instead of drawing one by its probability.
+    pub greedy: bool,
+    /// Worker threads of the pool.
+    pub threads: usize,
+}
+
+/// An episode that counts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct EvaluatedEpisode {
+    /// The environment.
+    pub env_id: usize,
+    /// The number of the episode in its environment, from 0.
+    pub number: usize,
+    /// How it ended.
+    #[serde(flatten)]
+    pub episode: Episode,
+}
+
+/// The result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EvaluationResult {
+    /// The scenario's name.
+    pub scenario: String,
+    /// Number of episodes.
+    pub episodes: usize,
+    /// Environments that they were played in.
+    pub num_envs: usize,
+    /// The seed.
+    pub seed: u64,
+    /// Whether the actions were the most probable ones.
+    pub greedy: bool,
+    /// Share of won episodes.
+    pub win_rate: f64,
+    /// Mean of the episodes' sums of rewards.
+    pub mean_return: f64,
+    /// Standard deviation of those sums.
+    pub return_deviation: f64,
+    /// Mean number of steps.
+    pub mean_length: f64,
+}
+
+/// Why an evaluation failed.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[allow(missing_docs)] // the inner errors say it
+pub enum EvaluateError {
+    File(#[from] FileError),
+    Lane(#[from] LaneError),
+    Client(#[from] ClientError),
+}
+
+/// Plays the team in the folder, and calls `on_episode` for every episode that counts, when it ends.
+///
+/// # Errors
+/// If the folder holds no valid run, or the pool fails; `ClientError::Interrupted` if `interrupted` returned
+/// true.
+pub fn evaluate(
+    folder: &Path,
+    evaluation: Evaluation,
+    runtime_dir: &RuntimeDir,
+    interrupted: &mut dyn FnMut() -> bool,
+    on_episode: &mut dyn FnMut(&EvaluatedEpisode),
+) -> Result<EvaluationResult, EvaluateError> {
+    let Evaluation { episodes, seed, greedy, threads } = evaluation;
+    let run = RunDescription::read(folder)?;
+    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+    let network = read_actor(&folder.join("weights.safetensors"), mlp)?;
+    let num_envs = episodes.clamp(1, MAX_ENVS);
+    let mut lanes = Lanes::start(&run.scenario, num_envs, threads, runtime_dir)?;
+    lanes.reset(seed)?;
+    let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
+    let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();
+    let quota = |env: usize| episodes / num_envs + usize::from(env < episodes % num_envs);
+    let (mut counts, mut counted) = (vec![0; num_envs], Vec::with_capacity(episodes));
+    for step in 0.. {
+        if interrupted() {
+            return Err(ClientError::Interrupted.into());
+        }
+        for (lane, actor) in actors.iter_mut().enumerate() {
+            let (first_env, batch) = lanes.batch(lane, interrupted)?;
+            for (slot, episode) in ended_episodes(batch) {
+                let env_id = first_env + slot;
+                if counts[env_id] < quota(env_id) {
+                    let episode = EvaluatedEpisode { env_id, number: counts[env_id], episode };
+                    on_episode(&episode);
+                    counted.push(episode.episode);
+                }
+                counts[env_id] += 1;
+            }
+            let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
+            actor.act(&network, run.sizes, batch, choice, draw);
+            lanes.send(lane, &actor.actions)?;
+        }
+        if counted.len() >= episodes {
+            break;
+        }
+    }
+    Ok(result(run.name, evaluation, num_envs, &counted))
+}
+
+fn result(
+    scenario: String,
+    evaluation: Evaluation,
+    num_envs: usize,
+    counted: &[Episode],
+) -> EvaluationResult {
+    let Evaluation { episodes, seed, greedy, .. } = evaluation;
+    let mean = |value: &dyn Fn(&Episode) -> f64| {
+        counted.iter().map(value).sum::<f64>() / counted.len().max(1) as f64
+    };
+    let mean_return = mean(&|episode| f64::from(episode.episode_return));
+    EvaluationResult {
+        scenario,
+        episodes,
+        num_envs,
+        seed,
+        greedy,
+        win_rate: mean(&|episode| f64::from(u8::from(episode.won))),
+        mean_return,
+        return_deviation: mean(&|episode| (f64::from(episode.episode_return) - mean_return).powi(2)).sqrt(),
+        mean_length: mean(&|episode| f64::from(episode.length)),
+    }
+}

@@ -1,0 +1,256 @@
+//! The lanes of a pool that a team plays on: two of an own pool, so that the workers step one half of the
+//! environments while the policy chooses actions for the other, or those of a pool that runs elsewhere.
+//!
+//! Environment `i` of the run is environment `i` minus the number of environments in the lanes before. Its
+//! seed and its actions depend on `i` alone, not on the lanes.
+
+use smaclite_engine::{Rules, Sizes};
+use smaclite_ipc::{
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario,
+    RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, lane_scenario,
+};
+use smaclite_pool::fields::{Field, FieldSet};
+use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_scenarios::{Problems, ScenarioError, ScenarioFiles};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// How long to wait for a batch. Those of the slowest scenarios take less than a second.
+const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Why a team cannot play on lanes.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum LaneError {
+    #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
+    MissingField { lane: String, field: &'static str },
+    #[error(
+        "lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`"
+    )]
+    Autoreset { lane: String, given: &'static str },
+    #[error(
+        "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
+         without --batch-size"
+    )]
+    Asynchronous { lane: String, batch_size: usize, num_envs: usize },
+    #[error(
+        "lane `{lane}` plays {given}, but {name} was expected; scenario, unit types, rules and episode limit \
+         must be equal"
+    )]
+    OtherScenario { lane: String, given: String, name: String },
+    #[error("lane `{lane}` has {n_agents} agents and {n_actions} actions; a team can have 65535 of each")]
+    TooLarge { lane: String, n_agents: usize, n_actions: usize },
+    #[error("the lanes have {given} environments, but the run has {expected}")]
+    NumEnvs { given: usize, expected: usize },
+    #[error("scenario: {0}")]
+    Scenario(#[from] Problems),
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    #[error(transparent)]
+    Client(#[from] ClientError),
+}
+
+/// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
+const DEFAULT_LIMIT: u32 = 1000;
+
+/// A standard scenario or a scenario file as a lane plays it. Without an episode limit, its episodes end
+/// after 1000 steps.
+///
+/// # Errors
+/// If the scenario cannot be read.
+pub fn resolve_scenario(name: &str, rules: Rules) -> Result<LaneScenario, ScenarioError> {
+    let (scenario, files) = ScenarioFiles::resolve(name)?;
+    let episode_limit = Some(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
+    Ok(LaneScenario { files, rules, episode_limit })
+}
+
+/// One lane.
+struct Lane {
+    client: Client,
+    /// The environments of the lanes before.
+    first_env: usize,
+    num_envs: usize,
+    /// The last batch, until it was acted on.
+    batch: Option<Batch>,
+}
+
+/// The lanes of a run. Fields are dropped in order: the clients before the pool.
+pub struct Lanes {
+    lanes: Vec<Lane>,
+    sizes: Sizes,
+    _pool: Option<Supervisor>,
+}
+
+/// Fields that a team reads, besides those that every lane has.
+const FIELDS: [Field; 6] = [
+    Field::Obs,
+    Field::State,
+    Field::AvailActions,
+    Field::BattleWon,
+    Field::EpisodeReturn,
+    Field::EpisodeLength,
+];
+
+impl Lanes {
+    /// Starts a pool in this process, with `threads` worker threads.
+    ///
+    /// # Errors
+    /// As [`Supervisor::start`].
+    pub fn start(
+        scenario: &LaneScenario,
+        num_envs: usize,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Lanes, LaneError> {
+        let half = num_envs / 2;
+        let halves = [("first", num_envs - half), ("second", half)];
+        let (mut lanes, mut names) = (Vec::new(), Vec::new());
+        for (name, num_envs) in halves.into_iter().filter(|(_, num_envs)| *num_envs > 0) {
+            lanes.push(lane_config(scenario, name, num_envs)?);
+            names.push(name.to_owned());
+        }
+        let options = PoolOptions { threads, ..PoolOptions::default() };
+        // Several runs in one process, as in tests, need different names.
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed); // publishes nothing
+        let name = format!("learn-{}-{count}", std::process::id());
+        let config =
+            SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
+        let pool = Supervisor::start(config)?;
+        let mut lanes = Lanes::attach(scenario, runtime_dir, &name, &names)?;
+        lanes._pool = Some(pool);
+        Ok(lanes)
+    }
+
+    /// Attaches to lanes of a running pool, or to its only one if none is named.
+    ///
+    /// # Errors
+    /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.
+    pub fn attach(
+        scenario: &LaneScenario,
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        names: &[String],
+    ) -> Result<Lanes, LaneError> {
+        let (parsed, arena) = scenario.arena()?;
+        let sizes = arena.sizes();
+        let names: Vec<Option<&str>> = if names.is_empty() {
+            vec![None]
+        } else {
+            names.iter().map(|name| Some(name.as_str())).collect()
+        };
+        let (mut lanes, mut first_env) = (Vec::new(), 0);
+        for name in names {
+            let client = Client::connect(runtime_dir, pool, name, Default::default())?;
+            let description = client.description();
+            check_settings(description)?;
+            let given = lane_scenario(runtime_dir, pool, Some(&description.lane))?;
+            if given != *scenario {
+                let (lane, name) = (description.lane.clone(), parsed.name.clone());
+                return Err(LaneError::OtherScenario { lane, given: description.scenario.clone(), name });
+            }
+            let num_envs = client.description().settings.num_envs;
+            lanes.push(Lane { client, first_env, num_envs, batch: None });
+            first_env += num_envs;
+        }
+        Ok(Lanes { lanes, sizes, _pool: None })
+    }
+
+    /// Checks that the lanes have the environments of a run.
+    pub(crate) fn with_num_envs(self, num_envs: usize) -> Result<Lanes, LaneError> {
+        let given = self.num_envs();
+        if given == num_envs { Ok(self) } else { Err(LaneError::NumEnvs { given, expected: num_envs }) }
+    }
+
+    /// Environments of all lanes.
+    pub fn num_envs(&self) -> usize {
+        self.lanes.iter().map(|lane| lane.num_envs).sum()
+    }
+
+    /// Sizes of an environment.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// How many lanes there are.
+    pub(crate) fn count(&self) -> usize {
+        self.lanes.len()
+    }
+
+    /// Resets all environments; environment `i` gets the seed `seed + i`.
+    pub(crate) fn reset(&mut self, seed: u64) -> Result<(), ClientError> {
+        for lane in &mut self.lanes {
+            lane.batch = None;
+            let seed = seed.wrapping_add(lane.first_env as u64);
+            lane.client.send_reset(Some(seed), None, WaitOptions::forever())?;
+        }
+        Ok(())
+    }
+
+    /// The next batch of a lane, for which it waits if it is not there yet, and the number of the lane's
+    /// first environment. It is kept until [`send`](Lanes::send) replaces it.
+    pub(crate) fn batch(
+        &mut self,
+        lane: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(usize, &Batch), ClientError> {
+        let lane = &mut self.lanes[lane];
+        let batch = match lane.batch.take() {
+            Some(batch) => batch,
+            None => lane.client.recv(WaitOptions { timeout: Some(TIMEOUT), interrupted })?,
+        };
+        Ok((lane.first_env, lane.batch.insert(batch)))
+    }
+
+    /// Sends the actions of a lane, `[environments, n_agents]`.
+    pub(crate) fn send(&mut self, lane: usize, actions: &[i32]) -> Result<(), ClientError> {
+        let lane = &mut self.lanes[lane];
+        lane.batch = None;
+        lane.client.send(actions, None, WaitOptions::forever())
+    }
+
+    /// Steps all environments with the actions, `[num_envs, n_agents]`.
+    pub(crate) fn step(&mut self, actions: &[i32]) -> Result<(), ClientError> {
+        for lane in 0..self.count() {
+            self.batch(lane, &mut || false)?;
+            let Lane { first_env, num_envs, .. } = self.lanes[lane];
+            let n_agents = self.sizes.n_agents;
+            self.send(lane, &actions[first_env * n_agents..][..num_envs * n_agents])?;
+        }
+        Ok(())
+    }
+}
+
+/// A lane of battles of the scenario, with the fields that a team reads.
+fn lane_config(scenario: &LaneScenario, name: &str, num_envs: usize) -> Result<LaneConfig, LaneError> {
+    let LaneScenario { files, rules, episode_limit } = scenario;
+    let mut lane = LaneConfig::new(name, (files.scenario()?, files.clone()), num_envs);
+    if let LaneEnvs::Battle { rules: lane_rules, episode_limit: lane_limit, .. } = &mut lane.envs {
+        (*lane_rules, *lane_limit) = (*rules, Some(*episode_limit));
+    }
+    let is_read = |field: &Field| FIELDS.contains(field) || !field.is_optional();
+    lane.settings.fields = FieldSet::ALL.iter().filter(is_read).collect();
+    Ok(lane)
+}
+
+/// Can a team play on a lane with these settings?
+fn check_settings(description: &LaneDescription) -> Result<(), LaneError> {
+    let (lane, settings) = (description.lane.clone(), description.settings);
+    if let Some(field) = FIELDS.into_iter().find(|field| !settings.fields.contains(*field)) {
+        return Err(LaneError::MissingField { lane, field: field.spec().name });
+    }
+    if settings.autoreset != Autoreset::NextStep {
+        return Err(LaneError::Autoreset { lane, given: settings.autoreset.name() });
+    }
+    if !settings.is_synchronous() {
+        let (batch_size, num_envs) = (settings.batch_size, settings.num_envs);
+        return Err(LaneError::Asynchronous { lane, batch_size, num_envs });
+    }
+    let Sizes { n_agents, n_actions, .. } = description.sizes;
+    if n_agents.max(n_actions) > usize::from(u16::MAX) {
+        return Err(LaneError::TooLarge { lane, n_agents, n_actions });
+    }
+    Ok(())
+}

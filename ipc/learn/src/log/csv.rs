@@ -1,0 +1,52 @@
+//! `log.csv`: a header, and one line per update. A value that does not exist yet is empty.
+
+use crate::tensors::FileError;
+use crate::training::Record;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// The file, open for appending.
+pub(crate) struct CsvLog {
+    path: PathBuf,
+    file: File,
+}
+
+impl CsvLog {
+    /// Opens the log of a run that has made `updates` updates, and removes lines after those: they are of
+    /// updates that are made again.
+    pub fn open(path: &Path, updates: u64) -> Result<CsvLog, FileError> {
+        let error = |source| FileError::Write { path: path.to_owned(), source };
+        let kept = if updates == 0 { String::new() } else { kept(path, updates).map_err(error)? };
+        std::fs::write(path, kept).map_err(error)?;
+        let file = OpenOptions::new().append(true).open(path).map_err(error)?;
+        Ok(CsvLog { path: path.to_owned(), file })
+    }
+
+    /// Appends a line, after the header if it is the first.
+    pub fn append(&mut self, record: &Record) -> Result<(), FileError> {
+        let columns = record.columns();
+        let line = columns.map(|(_, value)| if value.is_nan() { String::new() } else { value.to_string() });
+        let mut text = line.join(",") + "\n";
+        let mut append = || -> io::Result<()> {
+            if self.file.metadata()?.len() == 0 {
+                text = columns.map(|(name, _)| name).join(",") + "\n" + &text;
+            }
+            self.file.write_all(text.as_bytes())
+        };
+        append().map_err(|source| FileError::Write { path: self.path.clone(), source })
+    }
+}
+
+/// The header and the lines of the first updates. A file that does not exist has none.
+fn kept(path: &Path, updates: u64) -> io::Result<String> {
+    let text = match std::fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(String::new()),
+        text => text?,
+    };
+    let is_kept = |line: &&str| {
+        let update = line.split(',').next().and_then(|update| update.parse::<u64>().ok());
+        line.ends_with('\n') && update.is_none_or(|update| update <= updates)
+    };
+    Ok(text.split_inclusive('\n').filter(is_kept).collect())
+}

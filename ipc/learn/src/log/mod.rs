@@ -1,0 +1,7 @@
+//! The logs of a run: one row or one event per update.
+
+mod csv;
+mod tensorboard;
+
+pub(crate) use csv::CsvLog;
+pub(crate) use tensorboard::TensorBoardLog;

@@ -1,0 +1,115 @@
+//! TensorBoard's event files. A file is a sequence of records; a record is its length (u64), the checksum of
+//! those 8 bytes, the data, and the checksum of the data, all little-endian. A checksum is the CRC-32C,
+//! rotated right by 15 bits, plus 0xa282ead8 (the format of TFRecord). The data of a record is an `Event` in
+//! the wire format of protocol buffers. It needs four messages, which are written here field by field:
+//!
+//! - `Event`: wall_time = 1 (double), step = 2 (int64), file_version = 3 (string), summary = 5 (`Summary`),
+//!   session_log = 7 (`SessionLog`)
+//! - `Summary`: value = 1 (repeated `Value`)
+//! - `Value`: tag = 1 (string), simple_value = 2 (float)
+//! - `SessionLog`: status = 1 (enum; 1 is START: what older files have from its step on is void)
+
+use crate::tensors::FileError;
+use crate::training::Record;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// An event file of this process.
+pub(crate) struct TensorBoardLog {
+    path: PathBuf,
+    file: File,
+}
+
+impl TensorBoardLog {
+    /// Begins a file in the folder. `steps` is where the run continues.
+    pub fn begin(folder: &Path, steps: u64) -> Result<TensorBoardLog, FileError> {
+        let name = format!("events.out.tfevents.{:.6}.{}", now(), std::process::id());
+        let path = folder.join(name);
+        let file = File::create(&path).map_err(|source| FileError::Write { path: path.clone(), source })?;
+        let mut log = TensorBoardLog { path, file };
+        log.write(&event(0, |event| bytes_field(event, 3, b"brain.Event:2")))?;
+        if steps > 0 {
+            let session_start = [1 << 3, 1];
+            log.write(&event(steps + 1, |event| bytes_field(event, 7, &session_start)))?;
+        }
+        Ok(log)
+    }
+
+    /// Adds the values of an update, except those that do not exist yet.
+    pub fn append(&mut self, record: &Record) -> Result<(), FileError> {
+        let mut summary = Vec::new();
+        for (name, value) in record.columns().into_iter().filter(|(_, value)| !value.is_nan()) {
+            let mut message = Vec::new();
+            bytes_field(&mut message, 1, name.as_bytes());
+            message.push(2 << 3 | 5); // 32 bits
+            message.extend((value as f32).to_le_bytes());
+            bytes_field(&mut summary, 1, &message);
+        }
+        self.write(&event(record.steps, |event| bytes_field(event, 5, &summary)))
+    }
+
+    fn write(&mut self, data: &[u8]) -> Result<(), FileError> {
+        let written = self.file.write_all(&framed(data));
+        written.map_err(|source| FileError::Write { path: self.path.clone(), source })
+    }
+}
+
+fn now() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs_f64())
+}
+
+fn event(step: u64, add: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut event = vec![1 << 3 | 1]; // 64 bits
+    event.extend(now().to_le_bytes());
+    event.push(2 << 3);
+    varint(&mut event, step);
+    add(&mut event);
+    event
+}
+
+fn bytes_field(message: &mut Vec<u8>, field: u8, bytes: &[u8]) {
+    message.push(field << 3 | 2); // length and bytes
+    varint(message, bytes.len() as u64);
+    message.extend(bytes);
+}
+
+/// Seven bits per byte, the lowest first; the high bit marks that more follow.
+fn varint(message: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        message.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    message.push(value as u8);
+}
+
+fn framed(data: &[u8]) -> Vec<u8> {
+    let length = (data.len() as u64).to_le_bytes();
+    let checksum =
+        |bytes: &[u8]| crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes();
+    [&length[..], &checksum(&length), data, &checksum(data)].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_has_length_and_checksums() {
+        let record = framed(b"abc");
+        assert_eq!(record[..8], [3, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(record[12..15], *b"abc");
+        // CRC-32C of "123456789" is 0xe3069283, the check value of its definition.
+        let checked = framed(b"123456789");
+        let masked = 0xe306_9283u32.rotate_right(15).wrapping_add(0xa282_ead8);
+        assert_eq!(checked[21..], masked.to_le_bytes());
+    }
+
+    #[test]
+    fn an_event_has_the_wire_format_of_protocol_buffers() {
+        let event = event(300, |event| bytes_field(event, 3, b"x"));
+        assert_eq!(event[0], 0x09);
+        assert_eq!(event[9..], [0x10, 0xac, 0x02, 0x1a, 0x01, b'x']);
+    }
+}

@@ -1,0 +1,326 @@
+//! Multi-layer perceptrons: what they compute, and the gradient of it. The parameters of a network are one
+//! vector, so an optimiser, a sum of gradients or a copy is one loop.
+//!
+//! A layer maps the rows of its input X, one per sample, to Z = X Wᵀ + b; hidden layers then apply the
+//! activation, A = f(Z). The first layer has a second bias that the sample's agent selects. It equals a
+//! one-hot agent id among the inputs, without the products with zeros.
+//!
+//! Backwards, with G = dL/dZ of a layer, the chain rule gives
+//!
+//! - dL/dW = Gᵀ X,
+//! - dL/db = the sum of the rows of G; of an agent's bias, the sum of that agent's rows,
+//! - dL/dX = G W, which is dL/dA of the layer below, whose G is dL/dA * f'(Z), element by element.
+//!
+//! Both activations have a derivative that follows from the output: 1 where A > 0 for max(x, 0), and 1 - A²
+//! for tanh. So Z is overwritten by A.
+//!
+//! The products are faer's; bias and activation are one pass over their result. The number of outputs is
+//! padded to a multiple of [`WIDTH`] with rows of W that stay zero, because nothing depends on them.
+
+use crate::config::Activation;
+use crate::math::{WIDTH, tanh, vectorised};
+use crate::random::normal;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use rand_pcg::Pcg64Mcg;
+use std::ops::Range;
+
+/// The architecture of a network, and where its parameters lie in their vector.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Mlp {
+    layers: Vec<Layer>,
+    /// `[n_ids, width of the first layer]`; empty without agent ids.
+    id_bias: Range<usize>,
+    activation: Activation,
+    n_out: usize,
+    n_params: usize,
+}
+
+/// A layer: `weight` is `[n_out, n_in]`, row-major as in PyTorch, and `bias` is `[n_out]`.
+#[derive(Clone, Debug, PartialEq)]
+struct Layer {
+    n_in: usize,
+    /// Padded in the last layer.
+    n_out: usize,
+    weight: Range<usize>,
+    bias: Range<usize>,
+}
+
+/// A parameter tensor in the vector of parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Tensor {
+    /// `0.weight`, `0.bias`, `id_bias`, `1.weight`, ...
+    pub name: String,
+    /// Without padding.
+    pub shape: Vec<usize>,
+    /// Its elements; padding follows them.
+    pub range: Range<usize>,
+}
+
+/// The memory of a forward and a backward pass. It holds no state between passes, and only grows.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    /// Rows of the last forward pass, and its outputs per row.
+    shape: (usize, usize),
+    /// The output of each layer.
+    outputs: Vec<Vec<f32>>,
+    /// dL/dZ of each layer but the last, whose gradient replaces its output.
+    deltas: Vec<Vec<f32>>,
+}
+
+impl Workspace {
+    /// The outputs of the last forward pass, `[rows, padded n_out]`. Before the backward pass they are
+    /// replaced by the gradient of the loss with respect to them.
+    pub fn output(&mut self) -> &mut [f32] {
+        let (rows, width) = self.shape;
+        self.outputs.last_mut().map_or(&mut [], |output| &mut output[..rows * width])
+    }
+
+    fn fit(&mut self, mlp: &Mlp, rows: usize) {
+        let n_layers = mlp.layers.len();
+        self.shape = (rows, mlp.padded_out());
+        self.outputs.resize_with(n_layers, Vec::new);
+        self.deltas.resize_with(n_layers - 1, Vec::new);
+        for (i, layer) in mlp.layers.iter().enumerate() {
+            for buffer in self.outputs.get_mut(i).into_iter().chain(self.deltas.get_mut(i)) {
+                buffer.resize(buffer.len().max(rows * layer.n_out), 0.0);
+            }
+        }
+    }
+}
+
+impl Mlp {
+    /// A network with these widths, and `n_ids` agents that have a bias each (0 for none).
+    pub fn new(n_in: usize, hidden: &[usize], n_out: usize, n_ids: usize, activation: Activation) -> Mlp {
+        let mut end = 0;
+        let mut place = |len: usize| {
+            end += len;
+            end - len..end
+        };
+        let mut widths = vec![n_in];
+        widths.extend(hidden);
+        widths.push(n_out.next_multiple_of(WIDTH));
+        let layer = |pair: &[usize]| {
+            let (n_in, n_out) = (pair[0], pair[1]);
+            Layer { n_in, n_out, weight: place(n_in * n_out), bias: place(n_out) }
+        };
+        let layers: Vec<Layer> = widths.windows(2).map(layer).collect();
+        let id_bias = place(n_ids * widths[1]);
+        Mlp { layers, id_bias, activation, n_out, n_params: end }
+    }
+
+    /// Length of the vector of parameters.
+    pub fn n_params(&self) -> usize {
+        self.n_params
+    }
+
+    /// Outputs per row, padded to a multiple of [`WIDTH`].
+    pub fn padded_out(&self) -> usize {
+        self.last().n_out
+    }
+
+    fn last(&self) -> &Layer {
+        self.layers.last().expect("a network has layers")
+    }
+
+    /// The parameter tensors, in their order in the vector.
+    pub fn tensors(&self) -> Vec<Tensor> {
+        let mut tensors = Vec::new();
+        for (i, layer) in self.layers.iter().enumerate() {
+            let n_out = if i + 1 == self.layers.len() { self.n_out } else { layer.n_out };
+            let part = |range: &Range<usize>, len: usize| range.start..range.start + len;
+            tensors.push(Tensor {
+                name: format!("{i}.weight"),
+                shape: vec![n_out, layer.n_in],
+                range: part(&layer.weight, n_out * layer.n_in),
+            });
+            tensors.push(Tensor {
+                name: format!("{i}.bias"),
+                shape: vec![n_out],
+                range: part(&layer.bias, n_out),
+            });
+        }
+        if !self.id_bias.is_empty() {
+            let width = self.layers[0].n_out;
+            let (shape, range) = (vec![self.id_bias.len() / width, width], self.id_bias.clone());
+            tensors.push(Tensor { name: "id_bias".to_owned(), shape, range });
+        }
+        tensors
+    }
+
+    /// First parameters: orthogonal weights, scaled by √2 in hidden layers and by `last_gain` in the last,
+    /// and zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the half
+    /// that max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli,
+    /// 2013).
+    pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
+        let mut params = vec![0.0; self.n_params];
+        for (i, layer) in self.layers.iter().enumerate() {
+            let is_last = i + 1 == self.layers.len();
+            let (n_out, gain) = if is_last { (self.n_out, last_gain) } else { (layer.n_out, 2.0f64.sqrt()) };
+            let weights = orthogonal(n_out, layer.n_in, generator);
+            for (param, weight) in params[layer.weight.clone()].iter_mut().zip(weights) {
+                *param = (gain * weight) as f32;
+            }
+        }
+        params
+    }
+
+    /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the
+    /// agent of each row, or nothing if the network has no agents.
+    pub fn forward(&self, params: &[f32], x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
+        let rows = x.nrows();
+        assert!(self.id_bias.is_empty() || ids.len() == rows, "one agent per row");
+        workspace.fit(self, rows);
+        for (i, layer) in self.layers.iter().enumerate() {
+            let (below, rest) = workspace.outputs.split_at_mut(i);
+            let z = &mut rest[0][..rows * layer.n_out];
+            let input = below.last().map_or(x, |input| matrix(&input[..rows * layer.n_in], rows, layer.n_in));
+            let weight = matrix(&params[layer.weight.clone()], layer.n_out, layer.n_in);
+            multiply(matrix_mut(z, rows, layer.n_out), Accum::Replace, input, weight.transpose());
+            let bias = &params[layer.bias.clone()];
+            let id_bias = if i == 0 { &params[self.id_bias.clone()] } else { &[] };
+            let activation = (i + 1 < self.layers.len()).then_some(self.activation);
+            vectorised(
+                #[inline(always)]
+                || add_bias(z, bias, id_bias, ids, activation),
+            );
+        }
+    }
+
+    /// Adds the gradient of the loss with respect to the parameters to `gradient`. The forward pass of `x`
+    /// was the last of this workspace, and its output now is the gradient of the loss with respect to the
+    /// output.
+    pub fn backward(
+        &self,
+        params: &[f32],
+        x: MatRef<'_, f32>,
+        ids: &[u16],
+        workspace: &mut Workspace,
+        gradient: &mut [f32],
+    ) {
+        let (rows, _) = workspace.shape;
+        let Workspace { outputs, deltas, .. } = workspace;
+        for (i, layer) in self.layers.iter().enumerate().rev() {
+            let n_deltas = deltas.len();
+            let (lower, upper) = deltas.split_at_mut(i.min(n_deltas));
+            let delta = &upper.first().unwrap_or(&outputs[self.layers.len() - 1])[..rows * layer.n_out];
+            let below = i.checked_sub(1).map(|below| &outputs[below][..rows * layer.n_in]);
+            let input = below.map_or(x, |input| matrix(input, rows, layer.n_in));
+            let g = matrix(delta, rows, layer.n_out);
+            let into = matrix_mut(&mut gradient[layer.weight.clone()], layer.n_out, layer.n_in);
+            multiply(into, Accum::Add, g.transpose(), input);
+            vectorised(
+                #[inline(always)]
+                || sum_rows(&mut gradient[layer.bias.clone()], delta),
+            );
+            if let (Some(below), Some(lower)) = (below, lower.last_mut()) {
+                let lower = &mut lower[..rows * layer.n_in];
+                let weight = matrix(&params[layer.weight.clone()], layer.n_out, layer.n_in);
+                multiply(matrix_mut(lower, rows, layer.n_in), Accum::Replace, g, weight);
+                vectorised(
+                    #[inline(always)]
+                    || differentiate(lower, below, self.activation),
+                );
+            } else {
+                let id_gradient = &mut gradient[self.id_bias.clone()];
+                vectorised(
+                    #[inline(always)]
+                    || sum_rows_by_id(id_gradient, delta, ids, layer.n_out),
+                );
+            }
+        }
+    }
+}
+
+fn matrix(values: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
+    MatRef::from_row_major_slice(values, rows, columns)
+}
+
+fn matrix_mut(values: &mut [f32], rows: usize, columns: usize) -> MatMut<'_, f32> {
+    MatMut::from_row_major_slice_mut(values, rows, columns)
+}
+
+/// `to = a b` or `to += a b`. The order of faer's sums in a product of a matrix and a vector depends on the
+/// address of the vector, which differs from run to run; so those are computed here.
+fn multiply(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: MatRef<'_, f32>) {
+    if to.nrows() > 1 && to.ncols() > 1 {
+        return matmul(to, accum, a, b, 1.0, Par::Seq);
+    }
+    for i in 0..to.nrows() {
+        for j in 0..to.ncols() {
+            let product: f32 = (0..a.ncols()).map(|k| a[(i, k)] * b[(k, j)]).sum();
+            to[(i, j)] = if let Accum::Add = accum { to[(i, j)] + product } else { product };
+        }
+    }
+}
+
+#[inline(always)]
+fn add_bias(z: &mut [f32], bias: &[f32], id_bias: &[f32], ids: &[u16], activation: Option<Activation>) {
+    let width = bias.len();
+    for (i, row) in z.chunks_exact_mut(width).enumerate() {
+        if !id_bias.is_empty() {
+            let id = usize::from(ids[i]);
+            row.iter_mut().zip(&id_bias[id * width..][..width]).for_each(|(z, bias)| *z += bias);
+        }
+        let row = row.iter_mut().zip(bias);
+        match activation {
+            None => row.for_each(|(z, bias)| *z += bias),
+            Some(Activation::Relu) => row.for_each(|(z, bias)| *z = (*z + bias).max(0.0)),
+            Some(Activation::Tanh) => row.for_each(|(z, bias)| *z = tanh(*z + bias)),
+        }
+    }
+}
+
+#[inline(always)]
+fn sum_rows(to: &mut [f32], rows: &[f32]) {
+    for row in rows.chunks_exact(to.len()) {
+        to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
+    }
+}
+
+#[inline(always)]
+fn sum_rows_by_id(to: &mut [f32], rows: &[f32], ids: &[u16], width: usize) {
+    if to.is_empty() {
+        return;
+    }
+    for (row, id) in rows.chunks_exact(width).zip(ids) {
+        let to = &mut to[usize::from(*id) * width..][..width];
+        to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
+    }
+}
+
+/// Multiplies dL/dA by the derivative of the activation, given its outputs.
+#[inline(always)]
+fn differentiate(delta: &mut [f32], outputs: &[f32], activation: Activation) {
+    let both = delta.iter_mut().zip(outputs);
+    match activation {
+        Activation::Relu => both.for_each(|(d, a)| *d = if *a > 0.0 { *d } else { 0.0 }),
+        Activation::Tanh => both.for_each(|(d, a)| *d *= 1.0 - a * a),
+    }
+}
+
+/// A random `[rows, columns]` matrix, row-major, with orthonormal rows or, if there are more rows than
+/// columns, orthonormal columns: Gaussian vectors, made orthogonal one after the other (Gram and Schmidt).
+/// The second pass removes what rounding left of the first.
+fn orthogonal(rows: usize, columns: usize, generator: &mut Pcg64Mcg) -> Vec<f64> {
+    let (count, len) = (rows.min(columns), rows.max(columns));
+    let mut vectors: Vec<Vec<f64>> = Vec::with_capacity(count);
+    while vectors.len() < count {
+        let mut vector: Vec<f64> = (0..len).map(|_| normal(generator)).collect();
+        for other in vectors.iter().chain(&vectors) {
+            let projection: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
+            vector.iter_mut().zip(other).for_each(|(a, b)| *a -= projection * b);
+        }
+        let norm = vector.iter().map(|a| a * a).sum::<f64>().sqrt();
+        if norm > 1e-6 {
+            vector.iter_mut().for_each(|a| *a /= norm);
+            vectors.push(vector);
+        }
+    }
+    let at = |i: usize, j: usize| if rows <= columns { vectors[i][j] } else { vectors[j][i] };
+    (0..rows * columns).map(|k| at(k / columns, k % columns)).collect()
+}
+
+#[cfg(test)]
+#[path = "mlp_tests.rs"]
+mod tests;

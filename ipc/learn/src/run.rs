@@ -1,0 +1,175 @@
+//! A run in a folder:
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `run.json` | release, hyperparameters, and the scenario with its rules and limit |
+//! | `weights.safetensors` | the weights of actor and critic |
+//! | `checkpoint.safetensors` | what the run is resumed from |
+//! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
+
+use crate::checkpoint::{Checkpoint, write_weights};
+use crate::config::Config;
+use crate::lanes::Lanes;
+use crate::log::{CsvLog, TensorBoardLog};
+use crate::tensors::{FileError, read, write};
+use crate::training::{Record, TrainError, Training};
+use serde::{Deserialize, Serialize};
+use smaclite_engine::{Rules, Sizes};
+use smaclite_ipc::LaneScenario;
+use smaclite_scenarios::ScenarioFiles;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// How often a checkpoint is written, besides at the end.
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
+
+/// The contents of `run.json`.
+#[derive(Serialize, Deserialize)]
+struct RunFile {
+    version: String,
+    config: Config,
+    files: ScenarioFiles,
+    rules: String,
+    episode_limit: Option<u32>,
+}
+
+/// What `run.json` says.
+#[derive(Clone, Debug)]
+pub struct RunDescription {
+    /// The hyperparameters.
+    pub config: Config,
+    /// What the team plays.
+    pub scenario: LaneScenario,
+    /// The scenario's name.
+    pub name: String,
+    /// The sizes of its environments.
+    pub sizes: Sizes,
+}
+
+impl RunDescription {
+    /// Reads the description of the run in a folder.
+    ///
+    /// # Errors
+    /// If it cannot be read or is not valid.
+    pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
+        let path = folder.join("run.json");
+        let damaged = |why: &dyn std::fmt::Display| {
+            let (path, why) = (path.clone(), why.to_string());
+            FileError::Damaged { path, why }
+        };
+        let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
+        file.config.check().map_err(|error| damaged(&error))?;
+        let rules: Rules = file.rules.parse().map_err(|error| damaged(&error))?;
+        let scenario = LaneScenario { files: file.files, rules, episode_limit: file.episode_limit };
+        let (parsed, arena) = scenario.arena().map_err(|error| damaged(&error))?;
+        Ok(RunDescription { config: file.config, name: parsed.name, sizes: arena.sizes(), scenario })
+    }
+}
+
+/// A run that writes its logs and checkpoints to its folder.
+pub struct Run {
+    folder: PathBuf,
+    training: Training,
+    csv: CsvLog,
+    tensorboard: TensorBoardLog,
+    last_checkpoint: Instant,
+}
+
+impl Run {
+    /// Begins a run in a folder, which is created and must not hold a run. `threads` threads learn; they do
+    /// not change a result.
+    ///
+    /// # Errors
+    /// If the folder holds a run or cannot be written, or the configuration is not valid for the lanes.
+    pub fn begin(
+        folder: &Path,
+        config: Config,
+        scenario: &LaneScenario,
+        lanes: Lanes,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
+        if folder.join("run.json").exists() {
+            return Err(TrainError::FolderInUse(folder.display().to_string()));
+        }
+        let training = Training::new(config, lanes, threads)?;
+        fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
+        write_description(folder, &training.config, scenario)?;
+        let mut run = Run::open(folder, training)?;
+        run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
+        Ok(run)
+    }
+
+    /// Continues the run in a folder, with the same bits as if it had not ended. `steps` replaces the number
+    /// of steps after which it is complete.
+    ///
+    /// # Errors
+    /// If its files are damaged or do not fit the lanes.
+    pub fn resume(
+        folder: &Path,
+        steps: Option<u64>,
+        lanes: Lanes,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
+        let RunDescription { mut config, scenario, .. } = RunDescription::read(folder)?;
+        config.steps = steps.unwrap_or(config.steps);
+        let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
+        let training = Training::resume(config, lanes, threads, state)?;
+        write_description(folder, &training.config, &scenario)?;
+        Run::open(folder, training)
+    }
+
+    fn open(folder: &Path, training: Training) -> Result<Run, TrainError> {
+        let progress = training.state().progress;
+        let csv = CsvLog::open(&folder.join("log.csv"), progress.updates)?;
+        let tensorboard = TensorBoardLog::begin(folder, progress.steps)?;
+        let last_checkpoint = Instant::now();
+        Ok(Run { folder: folder.to_owned(), training, csv, tensorboard, last_checkpoint })
+    }
+
+    /// The hyperparameters.
+    pub fn config(&self) -> &Config {
+        &self.training.config
+    }
+
+    /// Makes one update, logs it, and writes a checkpoint if the last one is a minute old. `None` if the run
+    /// is complete.
+    ///
+    /// # Errors
+    /// If the pool fails, training diverges or a file cannot be written; `ClientError::Interrupted` if
+    /// `interrupted` returned true. Then [`checkpoint`](Run::checkpoint) writes the state before the update.
+    pub fn update(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<Option<Record>, TrainError> {
+        if self.training.is_complete() {
+            return Ok(None);
+        }
+        let record = self.training.update(interrupted)?;
+        self.csv.append(&record)?;
+        self.tensorboard.append(&record)?;
+        if self.last_checkpoint.elapsed() > CHECKPOINT_INTERVAL {
+            self.checkpoint()?;
+        }
+        Ok(Some(record))
+    }
+
+    /// Writes the weights and the checkpoint.
+    ///
+    /// # Errors
+    /// If they cannot be written. The old files stay complete.
+    pub fn checkpoint(&mut self) -> Result<(), TrainError> {
+        let state = self.training.state();
+        write_weights(&self.folder.join("weights.safetensors"), &state.team)?;
+        state.write(&self.folder.join("checkpoint.safetensors"))?;
+        self.last_checkpoint = Instant::now();
+        Ok(())
+    }
+}
+
+fn write_description(folder: &Path, config: &Config, scenario: &LaneScenario) -> Result<(), FileError> {
+    let LaneScenario { files, rules, episode_limit } = scenario.clone();
+    let (version, config) = (env!("CARGO_PKG_VERSION").to_owned(), config.clone());
+    let file = RunFile { version, config, files, rules: rules.to_string(), episode_limit };
+    let path = folder.join("run.json");
+    let text = serde_json::to_vec_pretty(&file)
+        .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;
+    write(&path, &text)
+}

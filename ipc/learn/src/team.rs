@@ -1,0 +1,107 @@
+//! What is trained: the networks of actor and critic, their optimisers, and the statistics of the returns.
+
+use crate::adam::Adam;
+use crate::config::{Algorithm, Config};
+use crate::mlp::{Mlp, Workspace};
+use crate::normaliser::{Normaliser, preserve_predictions};
+use crate::random::{Purpose, generator};
+use faer::MatRef;
+use smaclite_engine::Sizes;
+
+/// The first policy is almost uniform, so that it explores.
+const ACTOR_GAIN: f64 = 0.01;
+const CRITIC_GAIN: f64 = 1.0;
+
+/// A network and its optimiser.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Network {
+    pub mlp: Mlp,
+    pub params: Vec<f32>,
+    pub adam: Adam,
+}
+
+impl Network {
+    fn new(mlp: Mlp, gain: f64, seed: u64, number: u64) -> Network {
+        let params = mlp.initial_params(gain, &mut generator(seed, Purpose::Weights, [number, 0]));
+        let adam = Adam::new(params.len());
+        Network { mlp, params, adam }
+    }
+
+    pub fn forward(&self, x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
+        self.mlp.forward(&self.params, x, ids, workspace);
+    }
+}
+
+/// Actor and critic of a team.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Team {
+    pub actor: Network,
+    pub critic: Network,
+    pub normaliser: Normaliser,
+}
+
+impl Team {
+    /// A team with first weights.
+    pub fn new(config: &Config, sizes: Sizes) -> Team {
+        let mlp = |n_in, n_out, n_ids| Mlp::new(n_in, &config.hidden, n_out, n_ids, config.activation);
+        let actor = mlp(sizes.obs_size, sizes.n_actions, sizes.n_agents);
+        let critic = match config.algorithm {
+            Algorithm::Mappo => mlp(sizes.state_size, 1, 0),
+            Algorithm::Ippo => mlp(sizes.obs_size, 1, sizes.n_agents),
+        };
+        Team {
+            actor: Network::new(actor, ACTOR_GAIN, config.seed, 0),
+            critic: Network::new(critic, CRITIC_GAIN, config.seed, 1),
+            normaliser: Normaliser::default(),
+        }
+    }
+
+    /// Takes returns into account, without a change of any prediction.
+    pub fn observe_returns(&mut self, returns: impl Iterator<Item = f32> + Clone) {
+        let old = self.normaliser.mean_and_deviation();
+        self.normaliser.update(returns);
+        let new = self.normaliser.mean_and_deviation();
+        let tensors = self.critic.mlp.tensors();
+        let last = tensors.iter().filter(|tensor| tensor.name != "id_bias").collect::<Vec<_>>();
+        if let [.., weight, bias] = last[..] {
+            let (before, from_bias) = self.critic.params.split_at_mut(bias.range.start);
+            let bias = &mut from_bias[..bias.range.len()];
+            preserve_predictions(old, new, &mut before[weight.range.clone()], bias);
+        }
+    }
+}
+
+/// The agent of each row of `n_rows` rows, environment after environment.
+pub(crate) fn agent_ids(n_rows: usize, n_agents: usize) -> Vec<u16> {
+    (0..n_rows).map(|row| (row % n_agents) as u16).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_of_the_returns_changes_no_prediction() {
+        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 4, state_size: 5 };
+        for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
+            let mut team = Team::new(&Config { algorithm, ..Config::default() }, sizes);
+            let x: Vec<f32> = (0..20).map(|i| i as f32 / 10.0).collect();
+            let predict = |team: &Team| {
+                let mut workspace = Workspace::default();
+                let ids = agent_ids(4, 2);
+                let n_in = if algorithm == Algorithm::Mappo { 5 } else { 4 };
+                let x = MatRef::from_row_major_slice(&x[..4 * n_in], 4, n_in);
+                team.critic.forward(x, &ids, &mut workspace);
+                let (mean, deviation) = team.normaliser.mean_and_deviation();
+                let values = workspace.output().iter().step_by(8);
+                values.map(|value| f64::from(*value) * deviation + mean).collect::<Vec<f64>>()
+            };
+            let before = predict(&team);
+            team.observe_returns([10.0, 30.0].into_iter());
+            assert_eq!(team.normaliser.mean_and_deviation().0.round(), 20.0);
+            for (before, after) in before.into_iter().zip(predict(&team)) {
+                assert!((before - after).abs() < 1e-4, "{before} {after}");
+            }
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Files of named arrays in the safetensors format: written whole or not at all, and read with checks.
+
+use bytemuck::Pod;
+use safetensors::tensor::TensorView;
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use std::fs;
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+/// More than any file of a run has; a larger one is not read.
+const MAX_BYTES: u64 = 1 << 32;
+
+/// Why a file of a run could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum FileError {
+    #[error("cannot write `{}`: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
+    #[error("cannot read `{}`: {source}", path.display())]
+    Read { path: PathBuf, source: io::Error },
+    #[error("`{}` is not a regular file of at most {MAX_BYTES} bytes", path.display())]
+    NotRegular { path: PathBuf },
+    #[error("`{}` is damaged or not a file of a run: {why}", path.display())]
+    Damaged { path: PathBuf, why: String },
+    #[error("`{}` does not fit the run: {why}", path.display())]
+    OtherRun { path: PathBuf, why: String },
+}
+
+/// A named array.
+pub(crate) struct Array {
+    name: String,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+/// Types that an array can have.
+pub(crate) trait Number: Pod {
+    const DTYPE: Dtype;
+}
+
+impl Number for f32 {
+    const DTYPE: Dtype = Dtype::F32;
+}
+impl Number for f64 {
+    const DTYPE: Dtype = Dtype::F64;
+}
+impl Number for u16 {
+    const DTYPE: Dtype = Dtype::U16;
+}
+impl Number for u32 {
+    const DTYPE: Dtype = Dtype::U32;
+}
+impl Number for u64 {
+    const DTYPE: Dtype = Dtype::U64;
+}
+
+impl Array {
+    pub fn new<T: Number>(name: impl Into<String>, shape: &[usize], values: &[T]) -> Array {
+        let bytes = bytemuck::cast_slice(values).to_vec();
+        Array { name: name.into(), dtype: T::DTYPE, shape: shape.to_vec(), bytes }
+    }
+
+    /// One dimension.
+    pub fn flat<T: Number>(name: impl Into<String>, values: &[T]) -> Array {
+        Array::new(name, &[values.len()], values)
+    }
+
+    /// The CRC-32C of the bytes of arrays, by which damage is detected.
+    pub fn checksum(arrays: &[Array]) -> u32 {
+        arrays.iter().fold(0, |crc, array| crc32c::crc32c_append(crc, &array.bytes))
+    }
+}
+
+/// The file's bytes.
+pub(crate) fn encode(arrays: &[Array]) -> Result<Vec<u8>, SafeTensorError> {
+    let views = arrays.iter().map(|array| {
+        Ok((array.name.as_str(), TensorView::new(array.dtype, array.shape.clone(), &array.bytes)?))
+    });
+    let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
+    safetensors::serialize(views, None)
+}
+
+/// Writes a file whole or not at all: under another name, which replaces the old file when it is complete.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let write = || -> io::Result<()> {
+        // Temporary files are private by default; those of a run are as the user's other files.
+        let permissions = fs::Permissions::from_mode(0o666);
+        let mut file = tempfile::Builder::new().permissions(permissions).tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(|source| FileError::Write { path: path.to_owned(), source })
+}
+
+/// Reads a file, if it is a regular one of a plausible size.
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
+    let error = |source| FileError::Read { path: path.to_owned(), source };
+    let metadata = fs::metadata(path).map_err(error)?;
+    if !metadata.is_file() || metadata.len() > MAX_BYTES {
+        return Err(FileError::NotRegular { path: path.to_owned() });
+    }
+    fs::read(path).map_err(error)
+}
+
+/// Arrays that were read.
+pub(crate) struct Arrays<'a> {
+    path: &'a Path,
+    tensors: SafeTensors<'a>,
+}
+
+impl<'a> Arrays<'a> {
+    pub fn decode(path: &'a Path, bytes: &'a [u8]) -> Result<Arrays<'a>, FileError> {
+        let tensors = SafeTensors::deserialize(bytes)
+            .map_err(|error| FileError::Damaged { path: path.to_owned(), why: error.to_string() })?;
+        Ok(Arrays { path, tensors })
+    }
+
+    /// The elements of an array of any length.
+    pub fn values<T: Number>(&self, name: &str) -> Result<Vec<T>, FileError> {
+        let tensor = self.tensors.tensor(name).map_err(|_| self.damaged(format!("it has no `{name}`")))?;
+        if tensor.dtype() != T::DTYPE {
+            return Err(self.damaged(format!("`{name}` is {:?}, not {:?}", tensor.dtype(), T::DTYPE)));
+        }
+        Ok(tensor.data().chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
+    }
+
+    /// The elements of an array of this shape.
+    pub fn shaped<T: Number>(&self, name: &str, shape: &[usize]) -> Result<Vec<T>, FileError> {
+        let values = self.values(name)?;
+        match self.tensors.tensor(name) {
+            Ok(tensor) if tensor.shape() == shape => Ok(values),
+            Ok(tensor) => {
+                let why = format!("`{name}` has the shape {:?}, not {shape:?}", tensor.shape());
+                Err(FileError::OtherRun { path: self.path.to_owned(), why })
+            }
+            Err(error) => Err(self.damaged(error.to_string())),
+        }
+    }
+
+    pub fn damaged(&self, why: impl Into<String>) -> FileError {
+        FileError::Damaged { path: self.path.to_owned(), why: why.into() }
+    }
+}

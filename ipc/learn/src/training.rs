@@ -1,0 +1,227 @@
+//! A run in memory: from first weights or a checkpoint, update after update.
+//!
+//! All environments restart every [`RESTART_INTERVAL`] updates, with seeds that the run's seed decides. A
+//! resumed run begins with the last restart and plays the actions since then again; so what must be kept and
+//! played again is bounded.
+
+use crate::checkpoint::{Checkpoint, Progress};
+use crate::collect::Collector;
+use crate::config::{Config, ConfigError};
+use crate::lanes::{LaneError, Lanes};
+use crate::ppo::{Diverged, Ppo, UpdateStats};
+use crate::random::{Purpose, seed};
+use crate::rollout::{Episode, Rollout};
+use crate::team::Team;
+use crate::tensors::FileError;
+use rustix::time::{ClockId, clock_gettime};
+use smaclite_ipc::ClientError;
+use std::time::{Duration, Instant};
+
+/// Updates between two restarts of the environments.
+const RESTART_INTERVAL: u64 = 32;
+
+/// How many episodes the statistics of a record are about.
+const RECENT: usize = 200;
+
+/// Why a run could not begin or continue.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[allow(missing_docs)] // the inner errors say it
+pub enum TrainError {
+    Config(#[from] ConfigError),
+    Lane(#[from] LaneError),
+    Client(#[from] ClientError),
+    Diverged(#[from] Diverged),
+    File(#[from] FileError),
+    #[error("`{0}` already holds a run; resume it with --resume, or choose another folder")]
+    FolderInUse(String),
+    #[error(
+        "the checkpoint could not be continued: the environments do not repeat its actions ({0}); it is of \
+         another release or another pool"
+    )]
+    NotRepeated(ClientError),
+}
+
+/// A run in memory.
+pub(crate) struct Training {
+    pub config: Config,
+    lanes: Lanes,
+    state: Checkpoint,
+    rollout: Rollout,
+    collector: Collector,
+    ppo: Ppo,
+}
+
+/// What an update did, and how far the run is. Statistics of episodes are of the newest 200; they are NaN
+/// before the first episode has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs)] // `columns` has the names, and docs/training.md their meaning
+pub struct Record {
+    pub updates: u64,
+    pub steps: u64,
+    pub episodes: u64,
+    pub mean_return: f64,
+    pub win_rate: f64,
+    pub mean_length: f64,
+    pub stats: UpdateStats,
+    /// Seconds since the run began, without interruptions.
+    pub seconds: f64,
+    /// Processor time of the same.
+    pub cpu_seconds: f64,
+    /// Environment steps per second of this update.
+    pub steps_per_s: f64,
+    /// Share of the time of this update that was spent waiting for environments.
+    pub wait_share: f64,
+    /// Share that was spent in the gradient steps.
+    pub learn_share: f64,
+}
+
+impl Record {
+    /// Names and values, as in the logs. The first three are integers. Those before `seconds` are the same in
+    /// every run with this seed.
+    pub fn columns(&self) -> [(&'static str, f64); 22] {
+        let stats = &self.stats;
+        [
+            ("update", self.updates as f64),
+            ("steps", self.steps as f64),
+            ("episodes", self.episodes as f64),
+            ("mean_return", self.mean_return),
+            ("win_rate", self.win_rate),
+            ("mean_length", self.mean_length),
+            ("policy_rows", stats.policy_rows),
+            ("policy_loss", stats.policy_loss),
+            ("value_loss", stats.value_loss),
+            ("entropy", stats.entropy),
+            ("kl", stats.kl),
+            ("clip_fraction", stats.clip_fraction),
+            ("actor_grad_norm", stats.actor_grad_norm),
+            ("critic_grad_norm", stats.critic_grad_norm),
+            ("explained_variance", stats.explained_variance),
+            ("actor_lr", stats.actor_lr),
+            ("entropy_weight", stats.entropy_weight),
+            ("seconds", self.seconds),
+            ("cpu_seconds", self.cpu_seconds),
+            ("steps_per_s", self.steps_per_s),
+            ("wait_share", self.wait_share),
+            ("learn_share", self.learn_share),
+        ]
+    }
+}
+
+impl Training {
+    /// Begins a run.
+    pub fn new(config: Config, lanes: Lanes, threads: usize) -> Result<Training, TrainError> {
+        config.check()?;
+        let team = Team::new(&config, lanes.sizes());
+        let state =
+            Checkpoint { team, progress: Progress::default(), recent: Vec::new(), actions: Vec::new() };
+        Training::with_state(config, lanes, threads, state)
+    }
+
+    /// Continues a run: plays the actions since the last restart again.
+    pub fn resume(
+        config: Config,
+        lanes: Lanes,
+        threads: usize,
+        state: Checkpoint,
+    ) -> Result<Training, TrainError> {
+        config.check()?;
+        let mut training = Training::with_state(config, lanes, threads, state)?;
+        if !training.state.progress.updates.is_multiple_of(RESTART_INTERVAL) {
+            training.restart_environments()?;
+            let per_step = training.config.num_envs * training.lanes.sizes().n_agents;
+            for actions in training.state.actions.chunks(per_step) {
+                let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
+                training.lanes.step(&actions).map_err(TrainError::NotRepeated)?;
+            }
+        }
+        Ok(training)
+    }
+
+    fn with_state(
+        config: Config,
+        lanes: Lanes,
+        threads: usize,
+        state: Checkpoint,
+    ) -> Result<Training, TrainError> {
+        let lanes = lanes.with_num_envs(config.num_envs)?;
+        let rollout = Rollout::new(&config, lanes.sizes());
+        let (collector, ppo) = (Collector::default(), Ppo::new(threads));
+        Ok(Training { config, lanes, state, rollout, collector, ppo })
+    }
+
+    /// The state after the last complete update.
+    pub fn state(&self) -> &Checkpoint {
+        &self.state
+    }
+
+    /// Has the run made all its steps?
+    pub fn is_complete(&self) -> bool {
+        self.state.progress.steps >= self.config.steps
+    }
+
+    /// Collects a rollout and learns from it. If that is interrupted, the state is that before the update,
+    /// and the run can only be resumed.
+    pub fn update(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<Record, TrainError> {
+        let (begin, cpu_begin) = (Instant::now(), cpu_time());
+        let updates = self.state.progress.updates;
+        if updates.is_multiple_of(RESTART_INTERVAL) {
+            self.restart_environments()?;
+            self.state.actions.clear();
+        }
+        let Training { config, lanes, state, rollout, collector, ppo } = self;
+        let draws = (config.seed, updates * config.horizon as u64);
+        let waited = collector.collect(lanes, &state.team.actor, rollout, draws, interrupted)?;
+        let learn_begin = Instant::now();
+        let stats = ppo.update(&mut state.team, rollout, config, updates, state.progress.steps)?;
+        let (learnt, elapsed) = (learn_begin.elapsed(), begin.elapsed());
+        state.actions.extend_from_slice(&rollout.actions);
+        state.recent.extend_from_slice(&rollout.episodes);
+        state.recent.drain(..state.recent.len().saturating_sub(RECENT));
+        state.progress.updates += 1;
+        state.progress.steps += rollout.steps();
+        state.progress.episodes += rollout.episodes.len() as u64;
+        state.progress.seconds += elapsed.as_secs_f64();
+        state.progress.cpu_seconds += (cpu_time() - cpu_begin).as_secs_f64();
+        let share = |time: Duration| time.as_secs_f64() / elapsed.as_secs_f64();
+        Ok(Record {
+            stats,
+            steps_per_s: rollout.steps() as f64 / elapsed.as_secs_f64(),
+            wait_share: share(waited),
+            learn_share: share(learnt),
+            ..self.record()
+        })
+    }
+
+    /// The state as a record, without an update.
+    fn record(&self) -> Record {
+        let Checkpoint { progress, recent, .. } = &self.state;
+        let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
+        let mean = |value: fn(&Episode) -> f64| recent.iter().map(value).sum::<f64>() / recent.len() as f64;
+        Record {
+            updates,
+            steps,
+            episodes,
+            mean_return: mean(|episode| f64::from(episode.episode_return)),
+            win_rate: mean(|episode| f64::from(u8::from(episode.won))),
+            mean_length: mean(|episode| f64::from(episode.length)),
+            stats: UpdateStats::default(),
+            seconds,
+            cpu_seconds,
+            steps_per_s: 0.0,
+            wait_share: 0.0,
+            learn_share: 0.0,
+        }
+    }
+
+    fn restart_environments(&mut self) -> Result<(), ClientError> {
+        let restart = self.state.progress.updates / RESTART_INTERVAL;
+        self.lanes.reset(seed(self.config.seed, Purpose::Environments, [restart, 0]))
+    }
+}
+
+/// Processor time of all threads of this process so far; that of a pool in another process is not in it.
+fn cpu_time() -> Duration {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec as u32)
+}

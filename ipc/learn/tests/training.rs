@@ -1,0 +1,215 @@
+//! Whole runs, with pools in this process: a team learns, equal seeds give equal bits, a resumed run is the
+//! uninterrupted one, and wrong lanes and files are refused.
+
+use smaclite_engine::Rules;
+use smaclite_ipc::{ClientError, LaneConfig, LaneScenario, RuntimeDir, Supervisor, SupervisorConfig};
+use smaclite_learn::{
+    Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationResult, Lanes, Record, Run, TrainError,
+    evaluate, resolve_scenario,
+};
+use smaclite_pool::fields::FieldSet;
+use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_scenarios::ScenarioFiles;
+use std::fs;
+use std::path::PathBuf;
+
+/// A folder for runs and the sockets of their pools.
+struct Place {
+    folder: tempfile::TempDir,
+    runtime_dir: RuntimeDir,
+}
+
+impl Place {
+    fn new() -> Place {
+        let folder = tempfile::tempdir().unwrap();
+        let runtime_dir = RuntimeDir::at(folder.path().join("pools")).unwrap();
+        Place { folder, runtime_dir }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn lanes(&self, num_envs: usize, threads: usize) -> Lanes {
+        Lanes::start(&scenario(), num_envs, threads, &self.runtime_dir).unwrap()
+    }
+
+    fn begin(&self, name: &str, config: &Config, threads: usize) -> Run {
+        let lanes = self.lanes(config.num_envs, threads);
+        Run::begin(&self.path(name), config.clone(), &scenario(), lanes, threads).unwrap()
+    }
+
+    /// Begins and completes a run. Returns its last record.
+    fn train(&self, name: &str, config: &Config, threads: usize) -> Record {
+        complete(self.begin(name, config, threads))
+    }
+
+    fn evaluate(&self, name: &str, episodes: usize) -> (EvaluationResult, Vec<EvaluatedEpisode>) {
+        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1 };
+        let mut counted = Vec::new();
+        let mut count = |episode: &EvaluatedEpisode| counted.push(*episode);
+        let result =
+            evaluate(&self.path(name), evaluation, &self.runtime_dir, &mut || false, &mut count).unwrap();
+        (result, counted)
+    }
+
+    /// The weights, and the columns of the log that do not depend on time.
+    fn outcome(&self, name: &str) -> (Vec<u8>, Vec<String>) {
+        let log = fs::read_to_string(self.path(name).join("log.csv")).unwrap();
+        let until_seconds = |line: &str| line.split(',').take(17).collect::<Vec<_>>().join(",");
+        let weights = fs::read(self.path(name).join("weights.safetensors")).unwrap();
+        (weights, log.lines().map(until_seconds).collect())
+    }
+}
+
+fn scenario() -> LaneScenario {
+    resolve_scenario("3m", Rules::default()).unwrap()
+}
+
+fn complete(mut run: Run) -> Record {
+    let mut last = None;
+    while let Some(record) = run.update(&mut || false).unwrap() {
+        last = Some(record);
+    }
+    run.checkpoint().unwrap();
+    last.expect("an update was made")
+}
+
+/// A run of six small updates.
+fn small() -> Config {
+    let hidden = vec![16, 16];
+    Config { seed: 3, num_envs: 10, horizon: 16, steps: 930, hidden, ..Config::default() }
+}
+
+/// The random policy has a return of 1.4 (docs/policies.md).
+#[test]
+fn a_team_learns() {
+    let place = Place::new();
+    for (name, algorithm) in [("mappo", Algorithm::Mappo), ("ippo", Algorithm::Ippo)] {
+        let config = Config { seed: 1, steps: 45_000, algorithm, ..Config::default() };
+        let record = place.train(name, &config, 2);
+        assert!(record.steps >= 45_000 && record.mean_return > 3.5, "{name}: {record:?}");
+        let (result, _) = place.evaluate(name, 64);
+        assert!(result.mean_return > 3.5, "{name}: {result:?}");
+    }
+}
+
+#[test]
+fn equal_seeds_give_equal_bits_for_any_number_of_threads() {
+    let place = Place::new();
+    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
+        let name = |name: &str| format!("{name}-{algorithm:?}");
+        let config = Config { algorithm, lr_end: 0.5, entropy_end: 0.0, ..small() };
+        place.train(&name("one"), &config, 1);
+        place.train(&name("three"), &config, 3);
+        place.train(&name("other"), &Config { seed: 4, ..config }, 1);
+        assert_eq!(place.outcome(&name("one")), place.outcome(&name("three")));
+        assert_ne!(place.outcome(&name("one")).0, place.outcome(&name("other")).0);
+    }
+}
+
+/// Runs are interrupted near the first restart of the environments, which is after 32 updates, and elsewhere;
+/// after an update that is in no checkpoint, and during one.
+#[test]
+fn a_resumed_run_is_the_uninterrupted_one() {
+    let place = Place::new();
+    let config = Config { steps: 34 * 150, epochs: 1, ..small() };
+    place.train("whole", &config, 1);
+    for stop_at in [2, 31, 32, 33] {
+        let name = format!("resumed-{stop_at}");
+        let resume = || Run::resume(&place.path(&name), None, place.lanes(10, 1), 1).unwrap();
+        let mut run = place.begin(&name, &config, 1);
+        for _ in 0..stop_at {
+            run.update(&mut || false).unwrap();
+        }
+        run.checkpoint().unwrap();
+        run.update(&mut || false).unwrap();
+        drop(run);
+        let (mut run, mut calls) = (resume(), 0);
+        let interrupted = run.update(&mut || {
+            calls += 1;
+            calls > 5
+        });
+        assert!(matches!(interrupted, Err(TrainError::Client(ClientError::Interrupted))), "{interrupted:?}");
+        run.checkpoint().unwrap();
+        drop(run);
+        complete(resume());
+        assert_eq!(place.outcome(&name), place.outcome("whole"), "interrupted after {stop_at} updates");
+    }
+}
+
+#[test]
+fn the_first_episodes_of_every_environment_count() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let (result, counted) = place.evaluate("run", 150);
+    assert_eq!((result.episodes, result.num_envs, counted.len()), (150, 64, 150));
+    for env_id in 0..64 {
+        let of_env = counted.iter().filter(|episode| episode.env_id == env_id);
+        // 150 = 2 * 64 + 22
+        let expected = 0..if env_id < 22 { 3 } else { 2 };
+        assert!(of_env.map(|episode| episode.number).eq(expected), "environment {env_id}");
+    }
+    let mean = counted.iter().map(|counted| f64::from(counted.episode.episode_return)).sum::<f64>() / 150.0;
+    assert!((result.mean_return - mean).abs() < 1e-9);
+    assert_eq!(place.evaluate("run", 150), (result, counted), "equal seeds give equal episodes");
+}
+
+/// A pool with one lane, changed by `change`.
+fn serve(place: &Place, map: &str, change: impl FnOnce(&mut LaneConfig)) -> Supervisor {
+    let mut lane = LaneConfig::new("lane", ScenarioFiles::resolve(map).unwrap(), 10);
+    change(&mut lane);
+    let config = SupervisorConfig {
+        name: "pool".to_owned(),
+        lanes: vec![lane],
+        options: PoolOptions { threads: 1, ..PoolOptions::default() },
+        runtime_dir: place.runtime_dir.clone(),
+    };
+    Supervisor::start(config).unwrap()
+}
+
+#[test]
+fn a_team_trains_on_the_lane_of_a_running_pool() {
+    let place = Place::new();
+    let _pool = serve(&place, "3m", |_| {});
+    let lanes = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[]).unwrap();
+    let run = Run::begin(&place.path("run"), small(), &scenario(), lanes, 1).unwrap();
+    assert!(complete(run).steps >= 930);
+}
+
+#[test]
+fn lanes_that_a_team_cannot_play_on_are_refused() {
+    let check = |map: &str, change: &dyn Fn(&mut LaneConfig), expected: &str| {
+        let place = Place::new();
+        let _pool = serve(&place, map, change);
+        let error = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[]).err().unwrap().to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    check("2s3z", &|_| {}, "lane `lane` plays 2s3z, but 3m was expected");
+    check("3m", &|lane| lane.settings.batch_size = 5, "its batches have 5 of 10 environments");
+    check("3m", &|lane| lane.settings.autoreset = Autoreset::SameStep, "has autoreset `same_step`, but");
+    let without_state = |lane: &mut LaneConfig| {
+        lane.settings.fields = FieldSet::from_names(["obs", "avail_actions"]).unwrap();
+    };
+    check("3m", &without_state, "does not serve the field `state`");
+}
+
+#[test]
+fn folders_and_settings_that_do_not_fit_are_refused() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let begin = |config: Config, num_envs| {
+        let lanes = place.lanes(num_envs, 1);
+        Run::begin(&place.path("run"), config, &scenario(), lanes, 1).err().unwrap().to_string()
+    };
+    assert!(begin(small(), 10).contains("already holds a run"));
+    fs::remove_file(place.path("run").join("run.json")).unwrap();
+    let error = begin(small(), 9);
+    assert!(error.contains("the lanes have 9 environments, but the run has 10"), "{error}");
+    let error = begin(Config { gamma: 1.5, ..small() }, 10);
+    assert!(error.contains("gamma must be between 0 and 1, got 1.5"), "{error}");
+    let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).err().unwrap().to_string();
+    assert!(resume().contains("cannot read"), "{}", resume());
+    fs::write(place.path("run").join("run.json"), "{}").unwrap();
+    assert!(resume().contains("run.json` is damaged or not a file of a run: missing field"), "{}", resume());
+}

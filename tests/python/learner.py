@@ -1,0 +1,30 @@
+"""A learner without learning: `learner.py POOL LANE STEPS_PER_SECOND` attaches to a pool and plays until Ctrl-C.
+
+An agent attacks the nearest enemy within range and else waits; one action in eight is random.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import suppress
+
+import numpy as np
+import smaclite_pool as sp
+
+
+def main(pool: str, lane: str, steps_per_s: str) -> None:
+    with sp.connect(pool, lane) as envs:
+        hold = sp.ScriptedPolicy("hold", envs)
+        batch = envs.reset(seed=1)
+        print("playing", flush=True)
+        places = np.arange(envs.num_envs * envs.n_agents).reshape(envs.num_envs, envs.n_agents)
+        for step in range(10**9):
+            begin = time.monotonic()
+            is_random = (places + step) % 8 == 0
+            batch = envs.step(np.where(is_random, envs.sample_actions(), hold(batch)))
+            time.sleep(max(0.0, begin + 1 / float(steps_per_s) - time.monotonic()))
+
+
+with suppress(KeyboardInterrupt):
+    main(*sys.argv[1:])
