@@ -123,3 +123,26 @@ fn errors_say_what_is_accepted() {
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
     check_error(folder, "evaluate run --episodes 0", 1, "--episodes must be between 1 and 1000000, got 0");
 }
+
+#[test]
+fn the_help_states_the_defaults() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "train 3m --out run --steps 1");
+    let help = output(folder, "train --help").split_whitespace().collect::<Vec<_>>().join(" ");
+    let run = fs::read(folder.join("run/run.json")).expect("the description");
+    let run: Value = serde_json::from_slice(&run).expect("JSON");
+    let config = run["config"].as_object().expect("an object");
+    for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
+        let default = match (name.as_str(), value) {
+            ("entropy_end", _) => "that at the beginning".to_owned(),
+            (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
+            (_, Value::String(keyword)) => keyword.clone(),
+            (_, number) => number.as_f64().expect("a number").to_string(),
+        };
+        let option = format!(" --{} <", name.replace('_', "-"));
+        let (_, text) = help.split_once(&option).unwrap_or_else(|| panic!("no{option} in {help}"));
+        let stated = text.split_once("[default: ").and_then(|(_, text)| text.split_once(']'));
+        assert_eq!(stated.map(|(stated, _)| stated), Some(default.as_str()), "{option}");
+    }
+}
