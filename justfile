@@ -67,7 +67,7 @@ program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
 
 # Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
-pictures: _venv
+pictures: install
     cargo build --release --quiet -p smaclite-cli
     mkdir -p {{ pictures }}
     for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
@@ -77,7 +77,7 @@ pictures: _venv
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
     {{ python }} -m pip install --quiet playwright
-    {{ python }} docs/editor_picture.py {{ program }} {{ pictures }}/editor.webp
+    {{ python }} docs/page_pictures.py {{ pictures }}
 
 # Write the JSON Schemas of the documentation, in docs/schemas
 schemas:
@@ -86,11 +86,6 @@ schemas:
     for kind in scenario unit; do \
         {{ program }} schema $kind > {{ justfile_directory() }}/docs/schemas/$kind.schema.json || exit; \
     done
-
-# Take the picture of a running pool's page, which `pictures` does not draw (Debian: apt install chromium)
-picture-of-watch: install
-    {{ python }} -m pip install --quiet playwright
-    {{ python }} docs/watch_picture.py
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:
