@@ -7,7 +7,7 @@ use smaclite_ipc::{
     Client, ConnectError, ControlSocketError, WaitOptions, WaitStrategy, status, status_within,
 };
 use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command, run_to_end};
-use smaclite_tests::raw_client::Control;
+use smaclite_tests::raw_client::{Control, attach_request};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -177,7 +177,7 @@ fn a_pool_that_dies_while_a_learner_attaches_is_reported_as_gone() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     let mut supervisor = Child::supervisor(&dir, &plan);
-    let attached = Control::connect(dir.runtime_dir()).ask(r#"{"request":"attach","version":1,"lane":null}"#);
+    let attached = Control::connect(dir.runtime_dir()).ask(&attach_request(None));
     supervisor.kill();
     let instance = attached.split("\"instance\":\"").nth(1).and_then(|rest| rest.split('"').next());
     let answer = attached.replace(instance.expect("an instance"), "train.1.0");

@@ -9,7 +9,7 @@ use smaclite_ipc::LaneDescription;
 use smaclite_ipc::wire::{RequestHeader, actions_offset, step_bytes};
 use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use smaclite_tests::process::eventually;
-use smaclite_tests::raw_client::{Control, RawLearner, Requests, node, requests};
+use smaclite_tests::raw_client::{Control, RawLearner, Requests, attach_request, node, requests};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 
 /// The largest payload, in bytes.
@@ -245,7 +245,7 @@ fn invalid_text_on_the_control_socket_is_answered() {
     assert_contains(&old, &["refused", "version", "99"]);
     let (session, _) = control.attach("2s3z");
     assert!(session > 0);
-    let twice = control.ask(r#"{"request":"attach","version":1,"lane":null}"#);
+    let twice = control.ask(&attach_request(None));
     assert_contains(&twice, &["refused"]);
     // Many connections that request nothing.
     let idle: Vec<_> = (0..200).map(|_| Control::connect(dir.runtime_dir())).collect();

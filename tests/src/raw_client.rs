@@ -4,6 +4,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
+use smaclite_ipc::control::protocol::PROTOCOL_VERSION;
 use smaclite_ipc::wire::{FrameHeader, RequestHeader};
 use smaclite_ipc::{LaneDescription, PoolService, RuntimeDir};
 use smaclite_pool::layout::Layout;
@@ -26,6 +27,12 @@ pub fn node(runtime_dir: &RuntimeDir) -> Node<Ipc> {
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .expect("a node")
+}
+
+/// The request to become the learner of a lane, or of the only lane.
+pub fn attach_request(lane: Option<&str>) -> String {
+    let lane = lane.map_or("null".to_owned(), |lane| format!("\"{lane}\""));
+    format!(r#"{{"request":"attach","version":{PROTOCOL_VERSION},"lane":{lane}}}"#)
 }
 
 /// A connection to the control socket of a pool.
@@ -54,7 +61,7 @@ impl Control {
     /// # Panics
     /// If the pool refuses.
     pub fn attach(&mut self, lane: &str) -> (u64, LaneDescription) {
-        let answer = self.ask(&format!(r#"{{"request":"attach","version":1,"lane":"{lane}"}}"#));
+        let answer = self.ask(&attach_request(Some(lane)));
         let answer: serde_json::Value = serde_json::from_str(&answer).expect("an answer");
         let session = answer["session"].as_u64().unwrap_or_else(|| panic!("refused: {answer}"));
         (session, serde_json::from_value(answer["lane"].clone()).expect("a description"))
