@@ -20,8 +20,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
-///     ConnectError: the pool has no such lane, or its lane has all its spectators (`--spectators` of `serve`,
-///         `spectators` of `make`).
+///     ConnectError: the pool has no such lane, or its lane has all its spectators (`--spectators` of
+///         `serve`, `spectators` of `make`).
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Spectator(Mutex<Option<Watching>>);
 

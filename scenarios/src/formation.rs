@@ -7,8 +7,8 @@ const GAP: f64 = 0.05;
 
 /// Start positions `[x, y]` of a group's units around its centre, in squares, in the order of their `radii`.
 ///
-/// The group fills a square grid of side ceil(sqrt(n)) row by row. Allies fill it from the south-west, enemies
-/// from the north-east, so equal groups are point-symmetric.
+/// The group fills a square grid of side ceil(sqrt(n)) row by row. Allies fill it from the south-west,
+/// enemies from the north-east, so equal groups are point-symmetric.
 pub fn formation(centre: [f64; 2], faction: Faction, radii: &[f64]) -> Vec<[f64; 2]> {
     let direction = match faction {
         Faction::Ally => 1.0,

@@ -1,4 +1,4 @@
-"""A learner without learning: `learner.py POOL LANE STEPS_PER_SECOND` attaches to a pool and plays until Ctrl-C.
+"""A learner without learning: `learner.py POOL LANE STEPS_PER_SECOND` plays with a pool until Ctrl-C.
 
 An agent attacks the nearest enemy within range and else waits; one action in eight is random.
 """

@@ -182,7 +182,8 @@ time.sleep(0.3)
 @pytest.mark.parametrize("batch_size", [6, 4])
 def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
     with sp.make("3m", 6, batch_size=batch_size, autoreset="same_step", threads=2) as envs:
-        batch, steps, returns, wins = envs.reset(seed=3), 0, [], 0
+        returns: list[float] = []
+        batch, steps, wins = envs.reset(seed=3), 0, 0
         while len(returns) < 40:
             envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
             batch = envs.recv()

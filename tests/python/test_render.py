@@ -103,7 +103,8 @@ def test_a_sheet_has_a_caption_per_picture() -> None:
         assert np.array_equal(some, renderer.sheet(batch.state[[2, 0]], captions=["a", "b"]))
         with pytest.raises(sp.InvalidRequest, match="captions must have one string per picture, 3, got 2"):
             envs.render(batch, captions=["a", "b"])
-        with pytest.raises(TypeError, match=r"captions must be a list of strings, such as \[\"first\"\], got int"):
+        expected = r"captions must be a list of strings, such as \[\"first\"\], got int"
+        with pytest.raises(TypeError, match=expected):
             envs.render(batch, captions=1)  # type: ignore[arg-type]
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +82,9 @@ class WatchPage(Page):
         self.page.goto(f"{url}#{state}")
         self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
 
+    def __enter__(self) -> WatchPage:
+        return self
+
     def __exit__(self, *_: object) -> None:
         self.page.close()
         others = [url for url in self.requests if not url.startswith((self.url, "data:"))]
@@ -101,6 +106,19 @@ class WatchPage(Page):
         found = re.search(r"-?\d+(\.\d+)?", self.text(selector))
         return float(found[0]) if found else float("nan")
 
+    def has_number(self, selector: str) -> bool:
+        return not math.isnan(self.number(selector))
+
+    def wait_for_texts(self, selector: str, count: int) -> None:
+        """Waits until this number of different texts was seen."""
+        seen: set[str] = set()
+
+        def is_done() -> bool:
+            seen.add(self.text(selector))
+            return len(seen) >= count
+
+        self.wait(is_done)
+
     def shown(self, selector: str) -> bool:
         return bool(self.page.is_visible(selector))
 
@@ -116,6 +134,10 @@ def colours(page: WatchPage, canvas: str) -> int:
     return int(page.page.eval_on_selector(canvas, script))
 
 
+def has_colours(page: WatchPage, canvas: str) -> bool:
+    return colours(page, canvas) > 5
+
+
 def test_the_grid_shows_every_battle_and_the_panel_what_the_lane_does(
     browser: Any, programs_of_test: Programs
 ) -> None:
@@ -127,18 +149,17 @@ def test_the_grid_shows_every_battle_and_the_panel_what_the_lane_does(
         page.wait(lambda: "step" in page.text(".cell >> nth=0"))
         page.wait(lambda: colours(page, ".cell canvas >> nth=0") > 20)
         # Cells move on: at least five of the next numbers differ.
-        steps = set()
-        page.wait(lambda: steps.add(page.text(".cell >> nth=1")) or len(steps) > 5)
+        page.wait_for_texts(".cell >> nth=1", 6)
         page.wait(lambda: page.page.locator(".cell .dot.lost, .cell .dot.won").count() > 10)
 
         assert page.text("#state") == "Live"
         assert f"process {learner.pid}" in page.text("#lane-status")
         ranges = {"steps": (100, 3000), "wins": (0, 100), "returns": (0, 20), "lengths": (5, 121)}
         for plot, (low, high) in ranges.items():
-            page.wait(lambda plot=plot: re.search(r"\d", page.text(f"#plot-{plot} b")) is not None)
-            value = page.number(f"#plot-{plot} b") * (1000 if " k" in page.text(f"#plot-{plot} b") else 1)
-            assert low <= value <= high, plot
-            page.wait(lambda plot=plot: colours(page, f"#plot-{plot} canvas") > 5)
+            newest, curve = f"#plot-{plot} b", f"#plot-{plot} canvas"
+            page.wait(partial(page.has_number, newest))
+            assert low <= page.number(newest) * (1000 if " k" in page.text(newest) else 1) <= high, plot
+            page.wait(partial(has_colours, page, curve))
 
         page.press("PageDown")
         assert page.text("#range") == "battles 64 to 69 of 70" and page.page.locator(".cell").count() == 6
@@ -199,8 +220,7 @@ def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of
         for _ in range(8):
             page.press("+")
         # At the end of an episode the newest one begins.
-        seen = set()
-        page.wait(lambda: seen.add(page.text("#facts dd >> nth=0")) or len(seen) > 2)
+        page.wait_for_texts("#facts dd >> nth=0", 3)
         page.press("g")
         assert not page.shown("#battle")
 
@@ -285,7 +305,8 @@ def test_every_view_fits_its_window(
 ) -> None:
     programs_of_test.serve("MMM:4")
     programs_of_test.learn("MMM", 60)
-    options = {"viewport": {"width": width, "height": 800}, "color_scheme": scheme, "device_scale_factor": 2}
+    viewport = {"width": width, "height": 800}
+    options: dict[str, Any] = {"viewport": viewport, "color_scheme": scheme, "device_scale_factor": 2}
     nameless = """() => [...document.querySelectorAll("button, input, select, canvas:not([aria-hidden])")]
         .filter((e) => !e.getAttribute("aria-label") && !e.textContent.trim())
         .map((e) => e.outerHTML.slice(0, 80))"""

@@ -67,7 +67,8 @@ impl PolicyStats {
 impl PolicyLoss {
     /// Replaces the outputs of a row, padded, by the gradient; `powers` is memory of the same length.
     ///
-    /// With m and S of the `policy` module, ln p_j = z_j - m - ln S, and the entropy is ln S - Σ p_j (z_j - m).
+    /// With m and S of the `policy` module, ln p_j = z_j - m - ln S, and the entropy is
+    /// ln S - Σ p_j (z_j - m).
     #[inline(always)]
     pub fn differentiate(
         &self,

@@ -43,9 +43,9 @@ pub(crate) fn exponentials(outputs: &mut [f32], mask: &[u8], powers: &mut [f32])
     sum(sums)
 }
 
-/// Chooses an action of a row, whose outputs it overwrites; `powers` is memory of the same length. Returns the
-/// action and the logarithm of its probability. `random` is uniform in 0..1. If no action is available, that
-/// is action 0.
+/// Chooses an action of a row, whose outputs it overwrites; `powers` is memory of the same length. Returns
+/// the action and the logarithm of its probability. `random` is uniform in 0..1. If no action is available,
+/// that is action 0.
 #[inline(always)]
 pub(crate) fn choose(
     outputs: &mut [f32],
