@@ -37,7 +37,7 @@ class Editor:
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
         self.page.on("dialog", lambda dialog: dialog.accept())
         self.page.goto(url)
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
         self.wait_for_state(state)
 
     def __enter__(self) -> Editor:
@@ -57,7 +57,7 @@ class Editor:
         self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def wait(self, is_done: Callable[[], bool]) -> None:
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while not is_done():
             assert time.monotonic() < end, self.page.inner_text("#problems")
             self.settle()

@@ -60,7 +60,7 @@ class Page:
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.requests: list[str] = []
         self.page.goto(f"{file.as_uri()}#{state}")
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
         self.settle()
 
     def __enter__(self) -> Page:
@@ -78,7 +78,7 @@ class Page:
 
     def wait(self, is_done: Callable[[], bool]) -> None:
         """Waits for a condition; the browser's own way needs `eval`, which the page forbids."""
-        end = time.monotonic() + 20
+        end = time.monotonic() + 60
         while not is_done():
             assert time.monotonic() < end
             self.settle()

@@ -80,7 +80,7 @@ class WatchPage(Page):
         self.page.on("websocket", lambda socket: self.sockets.append(socket.url))
         self.url = url
         self.page.goto(f"{url}#{state}")
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=20_000)
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
 
     def __enter__(self) -> WatchPage:
         return self
