@@ -14,12 +14,18 @@ use tungstenite::{Message, WebSocket};
 /// Longer than anything takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
-/// A runtime directory, and the programs that run in it.
+/// A runtime directory, and the programs that run in it. Dropping it removes what killed pools left behind.
 pub struct Place {
     folder: TempDir,
 }
 
-/// A program that is killed when dropped.
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = self.command("clean").output();
+    }
+}
+
+/// A program that is interrupted when dropped, and killed if it does not end.
 pub struct Program {
     pub child: Child,
     pub output: BufReader<std::process::ChildStdout>,
@@ -84,6 +90,14 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
+        let begin = Instant::now();
+        if matches!(self.child.try_wait(), Ok(None)) {
+            let pid = rustix::process::Pid::from_child(&self.child);
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
+        }
+        while matches!(self.child.try_wait(), Ok(None)) && begin.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(5));
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
