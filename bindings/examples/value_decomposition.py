@@ -2,18 +2,19 @@
 
     python bindings/examples/value_decomposition.py 2s3z --steps 500000 --seed 1
 
-Every agent has a value Q(history, action) of each of its actions, from a network that all agents share. It is
-recurrent, so that an agent remembers what it saw and did. The agents take the action of the largest value, or,
-with a probability that falls during training, a random one. Q-learning makes the values of the actions that were
-taken more like the reward plus the values that follow:
+For each agent, a network that all agents share computes a value Q(history, action) of each of its actions. It
+is recurrent, so that an agent remembers what it saw and did. The agents take the action of the largest value
+or, with a probability that falls during training, a random one. Q-learning makes the value of an action that
+was taken more like the reward plus the value that follows:
 
-- IQL (Tan, 1993): each agent on its own, with the reward of the team.
-- VDN (Sunehag et al., 2018): the sum of the agents' values is the value of the team.
-- QMIX (Rashid et al., 2018): the value of the team is a function of the agents' values and the state that never
-  falls when an agent's value rises. So the best actions of the agents still are the best ones of the team.
+- IQL (Tan, 1993): for each agent on its own, with the reward of the team.
+- VDN (Sunehag et al., 2018): for the team, whose value is the sum of the agents' values.
+- QMIX (Rashid et al., 2018): for the team, whose value is a function of the agents' values and the state that
+  does not fall when the value of an agent rises. So each agent's best action is part of the team's best.
 
-Whole episodes are kept and learnt from again and again, which on-policy methods (ppo.py) cannot do. Log and
-evaluation are as in ppo.py. The same seed gives the same log on a CPU.
+Whole episodes are kept, and learnt from more than once, which PPO (ppo.py) cannot do. Log and evaluation are
+as in ppo.py. This file is to be read and changed: from top to bottom, options, networks, memory of episodes,
+the learner, the player, log, and the loop around them. The same seed gives the same log on a CPU.
 
 Axes of arrays: T steps of an episode, B episodes, N environments, A agents.
 """
@@ -39,45 +40,46 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 
-def option(default: Any, text: str) -> Any:
-    return field(default=default, metadata={"help": f"{text} (default: %(default)s)"})
+def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
+    return field(default=default, metadata={"help": f"{text} (default: %(default)s)", "choices": choices})
 
 
 @dataclass(frozen=True)
 class Options:
-    """Every option but `scenario` is one of the command line: `--num-envs 64`."""
+    """Each of these, except the scenario, is an option of the command line, as `--num-envs 64`."""
 
     scenario: str = "2s3z"
-    algorithm: str = option("qmix", "iql, vdn or qmix")
+    algorithm: str = option("qmix", "iql, vdn or qmix", ["iql", "vdn", "qmix"])
     steps: int = option(1_000_000, "environment steps of the run")
     seed: int = option(0, "of weights, environments, actions and samples of episodes")
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
-    # With more threads, every small product of matrices ends with all threads waiting for the slowest, in a
-    # loop that keeps the cores busy. If other programs use the machine, that multiplies the time.
+    # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
+    # in a busy loop, and on a machine with other work that multiplies the time.
     torch_threads: int = option(1, "threads of PyTorch")
     threads: int = option(0, "worker threads of the pool; 0: one less than the cores")
     num_envs: int = option(64, "number of environments")
     capacity: int = option(2000, "episodes that are kept")
     batch: int = option(32, "episodes per gradient step")
-    # The gradient steps are most of the cost, so this is the option to trade processor time for fewer steps.
-    episodes_per_update: int = option(8, "finished episodes per gradient step")
+    # Gradient steps are most of the cost: a smaller number needs fewer environment steps, and more time.
+    episodes_per_update: int = option(16, "finished episodes per gradient step")
     hidden: int = option(64, "width of the agents' network")
     mixer_width: int = option(32, "width of QMIX's function")
     lr: float = option(1e-3, "step size")
     gamma: float = option(0.99, "discount per step")
-    lambda_: float = option(0.6, "weight of the rewards that really followed, against estimates of them")
+    lambda_: float = option(0.6, "weight of the rewards that followed, against estimates of them")
     epsilon_end: float = option(0.05, "probability of a random action at the end; 1 at the beginning")
     epsilon_steps: int = option(100_000, "steps in which it falls linearly")
-    target_interval: int = option(100, "gradient steps after which the target networks are replaced")
+    log_interval: int = option(10, "gradient steps per row of the log")
+    target_interval: int = option(50, "gradient steps after which the target networks are replaced")
     max_grad_norm: float = option(10.0, "longest gradient")
-    evaluate_episodes: int = option(200, "episodes of the evaluation at the end, without random actions; 0: none")
+    evaluate_episodes: int = option(200, "episodes of the evaluation, without random actions; 0: none")
 
 
 class AgentNetwork(nn.Module):
     """Values of actions, from the observation, the agent's own last action and its number.
 
-    Last action and number select a row of weights each, which equals one-hot vectors among the inputs, without
+    Last action and number select a row of weights each. That equals one-hot vectors among the inputs, without
     the products with zeros.
     """
 
@@ -91,9 +93,11 @@ class AgentNetwork(nn.Module):
         nn.init.zeros_(self.last_action.weight)
         nn.init.zeros_(self.agent.weight)
 
-    def forward(self, obs: Tensor, last_actions: Tensor, memory: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Of obs [T, B, A, size] and last actions [T, B, A]: values [T, B, A, n_actions] and the memory after
-        the last step, [1, B * A, hidden]. Without a memory, the episode begins."""
+    def forward(
+        self, obs: Tensor, last_actions: Tensor, memory: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """Of obs [T, B, A, size] and last actions [T, B, A]: values [T, B, A, n_actions], and the memory
+        after the last step, [1, B * A, hidden]. Without a memory before the first, episodes begin."""
         agents = torch.arange(obs.shape[2], device=obs.device)
         x = torch.relu(self.first(obs) + self.last_action(last_actions) + self.agent(agents))
         x, memory = self.memory(x.flatten(1, 2), memory)
@@ -133,8 +137,8 @@ class QmixMixer(nn.Module):
 
 
 class Replay:
-    """Whole episodes: row t of an episode has what the agents saw after t steps and what they then did, and the
-    reward and the end that this led to.
+    """Whole episodes. Row t of an episode has what the agents saw after t steps and what they then did, and
+    the reward and the end that this led to.
 
     Environments write their current episodes in place. When one ends, its environment goes on in the place of
     the oldest episode, if none is free. Memory that no step reached costs nothing.
@@ -143,7 +147,8 @@ class Replay:
     def __init__(self, envs: sp.Envs, capacity: int, seed: int) -> None:
         n_agents, n_actions = envs.n_agents, envs.n_actions
         limit = envs.episode_limit
-        assert limit is not None
+        if limit is None:
+            raise SystemExit("value_decomposition: the scenario has no episode limit; it needs one")
         axes = (capacity + envs.num_envs, limit + 1)
         self.obs = np.zeros((*axes, n_agents, envs.obs_size), np.float32)
         self.state = np.zeros((*axes, envs.state_size), np.float32)
@@ -157,29 +162,25 @@ class Replay:
         self.free = list(range(envs.num_envs, len(self.obs)))
         self.random = np.random.default_rng(seed)
 
-    def store_seen(self, batch: sp.Batch) -> None:
-        """The lane is synchronous, so slot i is environment i. A slot that was only reset has length 0: a new
-        episode, in the place that `store_outcome` gave the environment."""
-        at = self.places, batch.episode_length
-        self.obs[at], self.state[at], self.available[at] = batch.obs, batch.state, batch.avail_actions
-
-    def store_outcome(self, actions: NDArray[np.int32], batch: sp.Batch) -> None:
-        """`batch` is what the actions led to. The actions of slots that were only reset were ignored."""
-        stepped = batch.episode_length > 0
-        at = self.places[stepped], batch.episode_length[stepped] - 1
-        self.actions[at], self.reward[at] = actions[stepped], batch.reward[stepped]
-        self.terminated[at] = batch.terminated[stepped]
-
-    def end_episodes(self, batch: sp.Batch) -> None:
-        for i in np.flatnonzero(batch.terminated | batch.truncated):
-            self.lengths[self.places[i]] = batch.episode_length[i]
+    def store(self, before: sp.Batch, actions: NDArray[np.int32], after: sp.Batch) -> None:
+        """Stores a step of all environments. The lane is synchronous, so slot i is environment i."""
+        stepped = ~after.was_reset  # actions of the others were ignored
+        at = self.places[stepped], before.episode_length[stepped]
+        self.obs[at], self.state[at] = before.obs[stepped], before.state[stepped]
+        self.available[at], self.actions[at] = before.avail_actions[stepped], actions[stepped]
+        self.reward[at], self.terminated[at] = after.reward[stepped], after.terminated[stepped]
+        for i in np.flatnonzero(after.terminated | after.truncated):
+            place, length = int(self.places[i]), after.episode_length[i]
+            self.obs[place, length], self.state[place, length] = after.obs[i], after.state[i]
+            self.available[place, length] = after.avail_actions[i]
+            self.lengths[place] = length
             if not self.free:
                 self.free.append(self.complete.popleft())
-            self.complete.append(int(self.places[i]))
+            self.complete.append(place)
             self.places[i] = self.free.pop()
 
     def sample(self, n: int) -> dict[str, Tensor]:
-        """n episodes, up to the end of the longest: tensors [T, n, ...] or, of what is seen, [T + 1, n, ...]."""
+        """n episodes up to the end of the longest: tensors [T, n, ...]; of what is seen, [T + 1, n, ...]."""
         places = self.random.choice(np.array(self.complete), n, replace=False)
         steps = int(self.lengths[places].max())
         names = ["obs", "state", "available", "actions", "reward", "terminated"]
@@ -191,14 +192,16 @@ class Replay:
 
 
 class Learner:
-    """Networks, their older copies, the optimiser and the episodes."""
+    """Networks, older copies of them, the optimiser and the episodes."""
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
         self.options, self.device = options, torch.device(options.device)
-        mixers = {"iql": EachMixer, "vdn": SumMixer, "qmix": lambda: QmixMixer(envs, options.mixer_width)}
-        networks = {"agent": AgentNetwork(envs, options.hidden), "mixer": mixers[options.algorithm]()}
-        self.team = nn.ModuleDict(networks).to(self.device)
-        # The values that follow are estimated by copies that change rarely. Else every gradient step would move
+        self.agent = AgentNetwork(envs, options.hidden)
+        self.mixer: nn.Module = EachMixer() if options.algorithm == "iql" else SumMixer()
+        if options.algorithm == "qmix":
+            self.mixer = QmixMixer(envs, options.mixer_width)
+        self.team = nn.ModuleDict({"agent": self.agent, "mixer": self.mixer}).to(self.device)
+        # Copies that change rarely estimate the values that follow. Otherwise each gradient step would move
         # its own targets.
         self.target = copy.deepcopy(self.team)
         self.optimiser = torch.optim.Adam(self.team.parameters(), lr=options.lr)
@@ -211,36 +214,38 @@ class Learner:
         data = {name: tensor.to(self.device) for name, tensor in self.replay.sample(options.batch).items()}
         n_actions = data["available"].shape[-1]
         last_actions = F.pad(data["actions"], (0, 0, 0, 0, 1, 0), value=n_actions)  # [T + 1, B, A]
-        values, _ = self.team["agent"](data["obs"], last_actions)  # [T + 1, B, A, n_actions]
+        values, _ = self.agent(data["obs"], last_actions)  # [T + 1, B, A, n_actions]
         chosen = values[:-1].gather(-1, data["actions"].unsqueeze(-1)).squeeze(-1)  # [T, B, A]
-        total = self.team["mixer"](chosen, data["state"][:-1])  # [T, B, 1], of IQL [T, B, A]
+        total = self.mixer(chosen, data["state"][:-1])  # [T, B, 1], of IQL [T, B, A]
         with torch.no_grad():
-            # Double Q-learning (van Hasselt et al., 2016): the networks choose the best actions, and the copies
-            # say what they are worth. The largest of noisy values would be too large.
+            # Double Q-learning (van Hasselt et al., 2016): the networks choose the best actions, and the
+            # copies value them. The largest one of several noisy values would be too large on average.
             best = values.masked_fill(~data["available"], -torch.inf).argmax(-1, keepdim=True)
             target_values, _ = self.target["agent"](data["obs"], last_actions)
             following = target_values.gather(-1, best).squeeze(-1)  # [T + 1, B, A]
             targets = self.targets(data, self.target["mixer"](following, data["state"]))
         steps = torch.arange(len(total), device=self.device)
-        is_step = (steps.unsqueeze(-1) < data["lengths"]).unsqueeze(-1)  # [T, B, 1]: not behind the end
-        loss = ((total - targets).square() * is_step).sum() / is_step.expand_as(total).sum()
+        is_step = steps.unsqueeze(-1) < data["lengths"]  # [T, B]: not behind the end of its episode
+        loss = (total - targets)[is_step].square().mean()
         self.optimiser.zero_grad()
         loss.backward()
-        norm = nn.utils.clip_grad_norm_(self.team.parameters(), options.max_grad_norm, error_if_nonfinite=True)
+        parameters, longest = self.team.parameters(), options.max_grad_norm
+        norm = nn.utils.clip_grad_norm_(parameters, longest, error_if_nonfinite=True)
         self.optimiser.step()
         self.updates += 1
         if self.updates % options.target_interval == 0:
             self.target.load_state_dict(self.team.state_dict())
-        mean_value = (total.detach() * is_step).sum() / is_step.expand_as(total).sum()
+        mean_value = total.detach()[is_step].mean()
         return {"loss": loss.item(), "mean_value": mean_value.item(), "grad_norm": norm.item()}
 
     def targets(self, data: dict[str, Tensor], values: Tensor) -> Tensor:
-        """What the values of steps should have been, [T, B, 1 or A], given the values [T + 1, B, 1 or A] of the
-        best actions.
+        """What the values should have been, [T, B, 1 or A], given those of the best actions, which have one
+        more step.
 
-        With lambda = 0 that of step t is the reward plus gamma times the value of step t + 1. With lambda > 0 that
-        value is mixed with the target of step t + 1: rewards reach earlier steps faster, but the actions that
-        led to them were partly random or old. (Peng's Q(lambda), 1994.)
+        With lambda = 0, the target of step t is its reward plus gamma times the value of step t + 1. With
+        lambda = 1, it is the discounted sum of the rewards that followed. In between, the value of step t + 1
+        is mixed with the target of step t + 1 (Peng and Williams, 1994). Then rewards reach earlier steps in
+        fewer updates, though some of the actions that led to them were random.
 
         A battle that ended has no future. One that the time limit cut off has: the value of its last state.
         """
@@ -259,17 +264,17 @@ class Learner:
 class Player:
     """Acts in all environments, and remembers what the agents' networks remember."""
 
-    def __init__(self, envs: sp.Envs, network: nn.Module, device: str) -> None:
-        self.envs, self.network, self.device = envs, network, device
-        self.last_actions = torch.full((envs.num_envs, envs.n_agents), envs.n_actions, device=device)
-        self.memory = torch.zeros(1, envs.num_envs * envs.n_agents, network.memory.hidden_size, device=device)
+    def __init__(self, envs: sp.Envs, learner: Learner) -> None:
+        self.envs, self.network, self.device = envs, learner.agent, learner.device
+        self.last_actions = torch.full((envs.num_envs, envs.n_agents), envs.n_actions, device=self.device)
+        rows, hidden = envs.num_envs * envs.n_agents, learner.options.hidden
+        self.memory = torch.zeros(1, rows, hidden, device=self.device)
 
     def act(self, batch: sp.Batch, epsilon: float) -> NDArray[np.int32]:
         """[N, A]: the best available actions, and random ones with a probability of epsilon."""
-        n_agents, n_actions = self.envs.n_agents, self.envs.n_actions
-        is_first = torch.tensor(batch.episode_length == 0, device=self.device)
-        self.last_actions[is_first] = n_actions
-        self.memory.unflatten(1, (-1, n_agents))[:, is_first] = 0.0
+        is_first = torch.tensor(batch.was_reset, device=self.device)
+        self.last_actions[is_first] = self.envs.n_actions
+        self.memory[:, is_first.repeat_interleave(self.envs.n_agents)] = 0.0
         obs = torch.tensor(batch.obs, device=self.device).unsqueeze(0)
         with torch.no_grad():
             values, self.memory = self.network(obs, self.last_actions.unsqueeze(0), self.memory)
@@ -286,24 +291,25 @@ class Log:
     """`log.csv` in the folder of the run, TensorBoard's file if its package is installed, and progress."""
 
     def __init__(self, folder: Path) -> None:
-        self.file = (folder / "log.csv").open("w", buffering=1)
+        self.file = (folder / "log.csv").open("w", buffering=1)  # line by line
         self.begin, self.cpu_begin, self.printed = time.perf_counter(), time.process_time(), 0.0
+        self.tensorboard: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
 
             self.tensorboard = SummaryWriter(str(folder))
         except ImportError:
-            self.tensorboard = None
+            pass
 
     def write(self, row: dict[str, float], speed: dict[str, float]) -> None:
-        """Adds a row, with the time and processor time of the run. The latter includes the pool."""
+        """Adds a row, with time and processor time of the run; the latter includes the pool."""
         seconds, cpu_seconds = time.perf_counter() - self.begin, time.process_time() - self.cpu_begin
         row = row | {"seconds": seconds, "cpu_seconds": cpu_seconds} | speed
         if self.tensorboard is not None:
             for name, value in row.items():
                 self.tensorboard.add_scalar(name, value, int(row["steps"]))
         writer = csv.DictWriter(self.file, row)
-        if row["update"] == 1:
+        if self.file.tell() == 0:
             writer.writeheader()
         writer.writerow({name: "" if value != value else value for name, value in row.items()})
         if seconds > self.printed + 2:
@@ -315,100 +321,88 @@ class Log:
             )
 
 
-def mean(values: list[float]) -> float:
-    return sum(values) / len(values) if values else float("nan")
+def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
+    """Means over the newest episodes."""
+    names = ("mean_return", "win_rate", "mean_length")
+    means = np.mean(episodes, axis=0) if episodes else [float("nan")] * 3
+    return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
-def train(options: Options) -> nn.ModuleDict:
+def train(options: Options) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
     folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
     folder.mkdir(parents=True)
     (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
-    episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length of the newest
+    episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     steps = n_episodes = 0
     with sp.make(options.scenario, options.num_envs, threads=options.threads or None) as envs:
+        learner, log = Learner(envs, options), Log(folder)
+        player = Player(envs, learner)
         envs.seed_sampler(options.seed)
-        learner = Learner(envs, options)
-        player = Player(envs, learner.team["agent"], options.device)
-        batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation uses other seeds
-        log = Log(folder)
-        waited = learnt = 0.0
-        last = (time.perf_counter(), 0)
+        batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
+        begin, waited, learnt, begin_steps = time.perf_counter(), 0.0, 0.0, 0  # since the last row of the log
         while steps < options.steps:
-            learner.replay.store_seen(batch)
             epsilon = 1 + (options.epsilon_end - 1) * min(steps / options.epsilon_steps, 1.0)
             actions = player.act(batch, epsilon)
-            begin = time.perf_counter()
-            batch = envs.step(actions)
-            waited += time.perf_counter() - begin
-            learner.replay.store_outcome(actions, batch)
-            steps += int((batch.episode_length > 0).sum())
+            step_begin = time.perf_counter()
+            before, batch = batch, envs.step(actions)
+            waited += time.perf_counter() - step_begin
+            learner.replay.store(before, actions, batch)
+            steps += int((~batch.was_reset).sum())
             ended = batch.terminated | batch.truncated
-            if not ended.any():
-                continue
-            learner.replay.store_seen(batch)
-            learner.replay.end_episodes(batch)
             columns = (batch.episode_return, batch.battle_won, batch.episode_length)
             episodes.extend(zip(*(column[ended].tolist() for column in columns), strict=True))
             n_episodes += int(ended.sum())
             while learner.updates < (n_episodes - options.batch) // options.episodes_per_update:
-                begin = time.perf_counter()
+                learn_begin = time.perf_counter()
                 stats = learner.learn()
-                now = time.perf_counter()
-                learnt += now - begin
-                returns, wins, lengths = zip(*episodes, strict=True)
-                row = {"update": learner.updates, "steps": steps, "episodes": n_episodes}
-                row |= {"mean_return": mean(returns), "win_rate": mean(wins), "mean_length": mean(lengths)}
-                elapsed, new_steps = now - last[0], steps - last[1]
-                speed = {"steps_per_s": new_steps / elapsed, "wait_share": waited / elapsed}
-                log.write(row | stats | {"epsilon": epsilon}, speed | {"learn_share": learnt / elapsed})
-                waited, learnt, last = 0.0, 0.0, (now, steps)
+                end = time.perf_counter()
+                learnt += end - learn_begin
+                if learner.updates % options.log_interval == 0:
+                    row = {"update": learner.updates, "steps": steps, "episodes": n_episodes}
+                    speed = {"steps_per_s": (steps - begin_steps) / (end - begin)}
+                    speed |= {"wait_share": waited / (end - begin), "learn_share": learnt / (end - begin)}
+                    log.write(row | recent(episodes) | stats | {"epsilon": epsilon}, speed)
+                    begin, waited, learnt, begin_steps = end, 0.0, 0.0, steps
     save_file(learner.team.state_dict(), folder / "weights.safetensors")
-    return learner.team
+    return learner
 
 
-def evaluate(team: nn.ModuleDict, options: Options) -> dict[str, float]:
-    """Plays the team without random actions. Of every environment the first episodes count, the same number in
-    each (to within one): the first that end anywhere would be the short ones."""
+def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
+    """Plays without random actions."""
     num_envs = min(options.evaluate_episodes, 64)
-    quota = np.arange(num_envs) < options.evaluate_episodes % num_envs
-    quota = options.evaluate_episodes // num_envs + quota
-    episodes = []
     with sp.make(options.scenario, num_envs, threads=options.threads or None) as envs:
-        player = Player(envs, team["agent"], options.device)
-        batch = envs.reset(seed=0)
-        while quota.any():
-            batch = envs.step(player.act(batch, epsilon=0.0))
-            counted = (batch.terminated | batch.truncated) & (quota > 0)
-            quota -= counted
-            columns = (batch.episode_return, batch.battle_won, batch.episode_length)
-            episodes += zip(*(column[counted].tolist() for column in columns), strict=True)
-    returns, wins, lengths = zip(*episodes, strict=True)
-    return {"win_rate": mean(wins), "mean_return": mean(returns), "mean_length": mean(lengths)}
+        player = Player(envs, learner)
+        policy = lambda batch: player.act(batch, epsilon=0.0)
+        return sp.evaluate(envs, policy, options.evaluate_episodes, seed=0)
+
+
+def parse_options() -> Options:
+    keep_lines = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
+    parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file")
+    for o in fields(Options)[1:]:
+        flag, kind = "--" + o.name.strip("_").replace("_", "-"), type(o.default)
+        parser.add_argument(flag, dest=o.name, type=kind, default=o.default, **o.metadata)
+    return Options(**vars(parser.parse_args()))
 
 
 def main() -> None:
-    keep_lines = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
-    parser.add_argument("scenario", nargs="?", default=Options.scenario, help="a standard scenario or a file")
-    for o in fields(Options)[1:]:
-        flag = "--" + o.name.strip("_").replace("_", "-")
-        parser.add_argument(flag, dest=o.name, type=type(o.default), default=o.default, help=o.metadata["help"])
-    options = Options(**vars(parser.parse_args()))
+    options = parse_options()
     try:
-        team = train(options)
+        learner = train(options)
         if options.evaluate_episodes > 0:
-            result = evaluate(team, options)
+            result = evaluate(learner, options)
             print(
-                f"{options.evaluate_episodes} episodes: won {100 * result['win_rate']:.1f} %, "
-                f"mean return {result['mean_return']:.2f}, mean length {result['mean_length']:.1f}"
+                f"{len(result)} episodes: won {result.win_rate:.1%}, return {result.mean_return:.2f}, "
+                f"{result.mean_length:.1f} steps"
             )
     except sp.PoolError as error:
         raise SystemExit(f"value_decomposition: {error}") from None
     except FileExistsError as error:
-        what = f"{error.filename} already holds a run; choose another --out or --seed"
+        what = f"{error.filename} exists; choose another --out or --seed"
         raise SystemExit(f"value_decomposition: {what}") from None
 
 

@@ -1,0 +1,204 @@
+"""The learners in PyTorch of bindings/examples: teams learn, and equal seeds give equal runs."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import subprocess
+import sys
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import smaclite_pool as sp
+
+torch = pytest.importorskip("torch")
+safetensors = pytest.importorskip("safetensors.torch")
+
+# Imported by name, because they import torch, which may be missing.
+ppo: Any = importlib.import_module("ppo")
+value_decomposition: Any = importlib.import_module("value_decomposition")
+
+NO_OP = 0
+RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/policies.md)
+TIMES = ("seconds", "cpu_seconds", "steps_per_s", "wait_share", "learn_share")
+# Gradient steps and exploration for a short run.
+SHORT = {"episodes_per_update": 8, "epsilon_steps": 20_000}
+LEARNERS = [
+    (ppo, "mappo", {}),
+    (ppo, "ippo", {}),
+    (value_decomposition, "iql", SHORT),
+    (value_decomposition, "vdn", SHORT),
+    (value_decomposition, "qmix", SHORT),
+]
+learners = pytest.mark.parametrize(("example", "algorithm", "options"), LEARNERS)
+
+
+def train(example: Any, folder: Path, algorithm: str, **options: Any) -> tuple[Any, list[dict[str, str]]]:
+    """Trains on 3m. Returns the learner and the rows of its log."""
+    options = {"scenario": "3m", "algorithm": algorithm, "out": str(folder), "threads": 1, **options}
+    learner = example.train(example.Options(**options))
+    with (folder / f"3m-{algorithm}-{options.get('seed', 0)}/log.csv").open() as file:
+        return learner, list(csv.DictReader(file))
+
+
+@learners
+def test_a_team_learns(example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path) -> None:
+    learner, log = train(example, tmp_path, algorithm, seed=1, steps=45_000, **options)
+    assert float(log[-1]["mean_return"]) > 2.5 * RANDOM_RETURN, log[-1]
+    assert list(log[0])[-5:] == list(TIMES)
+    if example is ppo:
+        result = ppo.evaluate(learner, ppo.Options(scenario="3m", evaluate_episodes=64))
+        assert len(result) == 64 and result.mean_return > 2.5 * RANDOM_RETURN, result
+
+
+@learners
+def test_equal_seeds_give_equal_logs(
+    example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    def outcome(name: str, seed: int) -> tuple[Any, list[dict[str, str]]]:
+        learner, log = train(example, tmp_path / name, algorithm, seed=seed, steps=6_000, **options)
+        kept = [{name: value for name, value in row.items() if name not in TIMES} for row in log]
+        return learner.team.state_dict(), kept
+
+    weights, log = outcome("one", 3)
+    same_weights, same_log = outcome("two", 3)
+    assert len(log) > 1 and log == same_log
+    assert all(torch.equal(weights[name], same_weights[name]) for name in weights)
+    assert outcome("other", 4)[1] != log
+
+
+def test_advantages_are_sums_of_discounted_errors_until_the_end_of_the_episode() -> None:
+    """The definition, with ends of both kinds."""
+    options = ppo.Options(gamma=0.9, lambda_=0.8)
+    generator = torch.Generator().manual_seed(1)
+    reward, end = (torch.rand(12, 3, generator=generator) for _ in range(2))
+    terminated, truncated = end < 0.15, end > 0.85
+    assert terminated.any() and truncated.any()
+    values = torch.rand(13, 3, 2, generator=generator)
+    advantages = ppo.estimate_advantages(reward, terminated, truncated, values, options)
+    for t in range(12):
+        for env in range(3):
+            expected, factor = torch.zeros(2), 1.0
+            for k in range(t, 12):
+                following = torch.zeros(2) if terminated[k, env] else values[k + 1, env]
+                expected += factor * (reward[k, env] + 0.9 * following - values[k, env])
+                factor *= 0.9 * 0.8
+                if terminated[k, env] or truncated[k, env]:
+                    break
+            assert torch.allclose(advantages[t, env], expected, atol=1e-5), (t, env)
+
+
+def test_nothing_is_learnt_from_resets_and_agents_without_a_choice() -> None:
+    with sp.make("3m", 8, threads=1, episode_limit=10) as envs:
+        learner = ppo.Learner(envs, ppo.Options(num_envs=8, horizon=32))
+        learner.collect(envs.reset(seed=1), deque())
+        rollout, data = learner.rollout, learner.rows()
+        sampled = torch.zeros(32 * 8, dtype=torch.bool)
+        sampled[data.samples] = True
+        was_reset = torch.from_numpy(rollout.was_reset[1:])
+        assert was_reset.sum() == 8 * 2 and torch.equal(sampled.reshape(32, 8), ~was_reset)
+        # An agent of 3m that lives can always stop and move; a dead one has only no-op.
+        alive = torch.from_numpy(~rollout.avail_actions[:-1, :, :, NO_OP])
+        assert torch.equal(data.has_choice.reshape(32, 8, 3), alive)
+
+
+def test_a_change_of_the_returns_changes_no_prediction() -> None:
+    torch.manual_seed(1)
+    critic, returns = ppo.Mlp([5, 8, 1], 0, 1.0, "relu"), ppo.ReturnNormaliser()
+    x, agents = torch.rand(4, 5), torch.zeros(4, dtype=torch.int64)
+    before = critic(x, agents) * returns.deviation + returns.mean
+    returns.update(torch.tensor([10.0, 30.0]), critic[-1])
+    assert (round(returns.mean), round(returns.deviation)) == (20, 10)
+    assert torch.allclose(critic(x, agents) * returns.deviation + returns.mean, before, atol=1e-4)
+
+
+def test_targets_of_values_by_their_definition() -> None:
+    """An episode that ended after 2 steps, and one that was cut off after 3, with lambda 0, 1 and between."""
+    reward = torch.tensor([[1.0, 2.0], [3.0, 4.0], [9.0, 5.0]])
+    terminated = torch.tensor([[False, False], [True, False], [False, False]])
+    data = {"reward": reward, "terminated": terminated, "lengths": torch.tensor([2, 3])}
+    values = torch.tensor([[0.0, 0.0], [10.0, 20.0], [70.0, 30.0], [70.0, 40.0]]).unsqueeze(-1)
+    for keep in (0.0, 0.5, 1.0):
+        # The last step first: nothing follows the first episode, the value 40 the second.
+        last_1, last_2 = 3.0, 5 + 0.9 * 40
+        middle_2 = 4 + 0.9 * ((1 - keep) * 30 + keep * last_2)
+        first = [1 + 0.9 * ((1 - keep) * 10 + keep * last_1), 2 + 0.9 * ((1 - keep) * 20 + keep * middle_2)]
+        with sp.make("3m", 1, threads=1) as envs:
+            options = value_decomposition.Options(gamma=0.9, lambda_=keep, capacity=1)
+            targets = value_decomposition.Learner(envs, options).targets(data, values)
+        assert torch.allclose(targets[0, :, 0], torch.tensor(first))
+        assert torch.allclose(targets[1, :, 0], torch.tensor([last_1, middle_2]))
+        assert torch.allclose(targets[2, 1, 0], torch.tensor(last_2))
+
+
+def test_kept_episodes_are_those_that_were_played() -> None:
+    """Against a plain copy of every batch, with more episodes than are kept."""
+    with sp.make("3m", 4, threads=1) as envs:
+        replay = value_decomposition.Replay(envs, capacity=6, seed=1)
+        envs.seed_sampler(1)
+        batch = envs.reset(seed=1)
+        current: list[list[dict[str, Any]]] = [[] for _ in range(4)]
+        played: list[list[dict[str, Any]]] = []
+        while len(played) < 15:
+            actions = envs.sample_actions()
+            before, batch = batch, envs.step(actions)
+            replay.store(before, actions, batch)
+            for i in range(4):
+                if batch.was_reset[i]:
+                    continue
+                step = {"obs": before.obs[i].copy(), "state": before.state[i].copy()}
+                step |= {"available": before.avail_actions[i].copy(), "actions": actions[i].copy()}
+                step |= {"reward": batch.reward[i], "terminated": batch.terminated[i]}
+                current[i].append(step)
+                if batch.terminated[i] or batch.truncated[i]:
+                    played.append([*current[i], {"obs": batch.obs[i].copy(), "state": batch.state[i].copy()}])
+                    current[i] = []
+        assert len(replay.complete) == 6
+        for place, episode in zip(replay.complete, played[-6:], strict=True):
+            assert replay.lengths[place] == len(episode) - 1
+            for t, step in enumerate(episode):
+                for name, value in step.items():
+                    assert (getattr(replay, name)[place, t] == value).all(), (name, t)
+        sample = replay.sample(6)
+        assert len(sample["obs"]) == sample["lengths"].max() + 1 == len(sample["reward"]) + 1
+
+
+def test_the_value_of_a_qmix_team_rises_with_those_of_its_agents() -> None:
+    with sp.make("3m", 1, threads=1) as envs:
+        torch.manual_seed(1)
+        mixer = value_decomposition.QmixMixer(envs, 32)
+        values = torch.randn(20, 1, 3, requires_grad=True)
+        mixer(values, torch.randn(20, 1, envs.state_size)).sum().backward()
+    assert values.grad is not None and (values.grad >= 0).all() and (values.grad > 0).any()
+
+
+def test_weights_are_those_of_the_program(tmp_path: Path) -> None:
+    """The names and shapes of `smaclite-pool train`, whose folder then evaluates the team."""
+    program = [sys.executable, "-m", "smaclite_pool"]
+    for algorithm in ("mappo", "ippo"):
+        train(ppo, tmp_path, algorithm, steps=1_000, num_envs=16)
+        weights = safetensors.load_file(tmp_path / f"3m-{algorithm}-0/weights.safetensors")
+        folder = tmp_path / f"program-{algorithm}"
+        command = ["train", "3m", "--algorithm", algorithm, "--steps", "1", "--out", str(folder)]
+        subprocess.run([*program, *command], check=True, capture_output=True)
+        file = folder / "weights.safetensors"
+        expected = {name: tensor.shape for name, tensor in safetensors.load_file(file).items()}
+        assert {name: tensor.shape for name, tensor in weights.items()} == expected
+        safetensors.save_file(weights, file)
+        done = subprocess.run(
+            [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
+        )
+        assert "mean return" in done.stdout
+
+
+def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
+    script = Path(ppo.__file__)
+    command = [sys.executable, str(script), "3m", "--steps", "1000", "--num-envs", "16", "--out", str(tmp_path)]
+    command += ["--evaluate-episodes", "3", "--greedy"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
+    assert done.stdout.splitlines()[-1].startswith("3 episodes, greedy: won ")
+    again = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert again.returncode == 1 and again.stderr.startswith("ppo: ") and "choose another --out" in again.stderr
