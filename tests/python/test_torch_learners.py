@@ -24,11 +24,11 @@ value_decomposition: Any = importlib.import_module("value_decomposition")
 NO_OP = 0
 RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/policies.md)
 TIMES = ("seconds", "cpu_seconds", "steps_per_s", "wait_share", "learn_share")
-# Gradient steps and exploration for a short run.
-SHORT = {"episodes_per_update": 8, "epsilon_steps": 20_000}
+PPO = {"steps": 45_000}
+SHORT = {"steps": 28_000, "episodes_per_update": 8, "epsilon_steps": 12_000}
 LEARNERS = [
-    (ppo, "mappo", {}),
-    (ppo, "ippo", {}),
+    (ppo, "mappo", PPO),
+    (ppo, "ippo", PPO),
     (value_decomposition, "iql", SHORT),
     (value_decomposition, "vdn", SHORT),
     (value_decomposition, "qmix", SHORT),
@@ -46,7 +46,7 @@ def train(example: Any, folder: Path, algorithm: str, **options: Any) -> tuple[A
 
 @learners
 def test_a_team_learns(example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path) -> None:
-    learner, log = train(example, tmp_path, algorithm, seed=1, steps=45_000, **options)
+    learner, log = train(example, tmp_path, algorithm, seed=1, **options)
     assert float(log[-1]["mean_return"]) > 2.5 * RANDOM_RETURN, log[-1]
     assert list(log[0])[-5:] == list(TIMES)
     if example is ppo:
@@ -59,7 +59,7 @@ def test_equal_seeds_give_equal_logs(
     example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path
 ) -> None:
     def outcome(name: str, seed: int) -> tuple[Any, list[dict[str, str]]]:
-        learner, log = train(example, tmp_path / name, algorithm, seed=seed, steps=6_000, **options)
+        learner, log = train(example, tmp_path / name, algorithm, **{**options, "seed": seed, "steps": 6_000})
         kept = [{name: value for name, value in row.items() if name not in TIMES} for row in log]
         return learner.team.state_dict(), kept
 
