@@ -8,6 +8,7 @@ use crate::exit::PendingCall;
 use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
+use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
@@ -94,7 +95,7 @@ pub fn make(
     name: Option<String>,
     record: Option<PathBuf>,
     lanes: Option<IntArg>,
-) -> PyResult<EnvsOfLanes> {
+) -> PyResult<Py<PyAny>> {
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
     let num_envs: usize = to_unsigned("num_envs", num_envs)?;
@@ -152,17 +153,10 @@ pub fn make(
         .into_iter()
         .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
         .collect::<Vec<_>>();
-    Ok(match lanes {
-        None => EnvsOfLanes::One(envs.remove(0)),
-        Some(_) => EnvsOfLanes::Several(envs),
-    })
-}
-
-/// What `make` returns.
-#[derive(IntoPyObject)]
-pub enum EnvsOfLanes {
-    One(Envs),
-    Several(Vec<Envs>),
+    match lanes {
+        None => Ok(Py::new(py, envs.remove(0))?.into_any()),
+        Some(_) => envs.into_py_any(py),
+    }
 }
 
 fn lane_count(lanes: IntArg, num_envs: usize) -> PyResult<usize> {

@@ -129,7 +129,7 @@ class Batch:
         """Number of this batch among all that the lane has sent, from 1."""
     @property
     def was_reset(self) -> NDArray[np.bool_]:
-        """bool [M]: the step only reset the slot's environment; leave it out of learning."""
+        """Which steps only reset their environment, bool [M]; leave these out of learning."""
     def keys(self) -> list[str]: ...
     def replace(self, **fields: Any) -> ChangedBatch:
         """Return this batch with other arrays in some fields."""
