@@ -125,7 +125,10 @@ impl Envs {
     /// says what the user can do.
     pub fn scenario_of_lane(&self, instead: &str) -> PyResult<Scenario> {
         let (lane, known) = (&self.description, self.scenario.clone());
-        let fits = |scenario: &Scenario| Arena::new(scenario, Rules::default()).sizes() == lane.sizes;
+        let fits = |scenario: &Scenario| {
+            let sizes = Arena::new(scenario, Rules::default()).sizes();
+            lane.settings.frame_sizes(sizes) == lane.sizes
+        };
         known.or_else(|| Scenario::standard(&lane.scenario).filter(fits)).ok_or_else(|| {
             invalid_request(format!(
                 "the scenario `{}` of this lane is not a standard one, and the pool sends only its name; \

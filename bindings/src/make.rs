@@ -45,6 +45,11 @@ const MAX_THREADS: usize = 1024;
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
+///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
+///         `n_actions` after the features of the scenario, the newest first; zeros where the episode is
+///         younger. They are part of `obs`, `final_obs` and `obs_size`, and zeros for dead agents, as the
+///         rest of `obs`.
+///     obs_agent_id: whether an agent observes its own number, as a one-hot vector of `n_agents` at the end.
 ///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
 ///     spectators: number of spectators at the same time, 0 to 64, such as `smaclite-pool watch`; each needs
 ///         shared memory for two more batches.
@@ -63,11 +68,12 @@ const MAX_THREADS: usize = 1024;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
-    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
+    rules="smaclite", fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
+    max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
     wait="adaptive", name=None, record=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None, record=None)")]
+    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, obs_last_actions=0, \
+    obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -80,6 +86,8 @@ pub fn make(
     episode_limit: Option<EpisodeLimit>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
+    obs_last_actions: IntArg,
+    obs_agent_id: bool,
     max_held_batches: IntArg,
     spectators: IntArg,
     wait: &str,
@@ -91,6 +99,7 @@ pub fn make(
     let num_envs = to_unsigned("num_envs", num_envs)?;
     let batch_size = batch_size.map_or(Ok(num_envs), |n| to_unsigned("batch_size", n))?;
     let seed = to_unsigned("seed", seed)?;
+    let obs_last_actions = to_unsigned("obs_last_actions", obs_last_actions)?;
     let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
     let spectators = to_unsigned("spectators", spectators)?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
@@ -112,7 +121,8 @@ pub fn make(
         if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
             (*lane_rules, *episode_limit) = (rules, limit);
         }
-        let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
+        let settings =
+            LaneSettings { num_envs, batch_size, seed, autoreset, fields, obs_last_actions, obs_agent_id };
         let lane = LaneConfig { settings, max_held_batches, spectators, ..lane };
         let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;

@@ -8,7 +8,7 @@ use crate::scenario::resolve;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::{Arena, Rules, Sizes};
 use smaclite_ipc::LaneDescription;
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Scenario;
@@ -94,7 +94,9 @@ impl ScriptedPolicy {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let batch = batch.get().received();
-        let (sizes, expected) = (batch.layout().sizes(), self.arena.sizes());
+        let sizes = batch.layout().sizes();
+        // Policies read no observations, which may have what a lane appends.
+        let expected = Sizes { obs_size: sizes.obs_size, ..self.arena.sizes() };
         if sizes != expected {
             return Err(invalid_request(format!(
                 "this policy is for {} against {} units and states of {} features, \
@@ -142,7 +144,7 @@ impl ScriptedPolicy {
 /// The arena of a lane's battles.
 fn arena(lane: &LaneDescription, scenario: &Scenario) -> PyResult<Arena> {
     let arena = Arena::new(scenario, lane.rules.parse::<Rules>().map_err(invalid_request)?);
-    if arena.sizes() != lane.sizes {
+    if lane.settings.frame_sizes(arena.sizes()) != lane.sizes {
         return Err(invalid_request(format!(
             "scenario must be the scenario `{}` of the lane, got `{}`, which has other sizes",
             lane.scenario, scenario.name

@@ -296,6 +296,8 @@ def make(
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
+    obs_last_actions: int = 0,
+    obs_agent_id: bool = False,
     max_held_batches: int = 4,
     spectators: int = 1,
     wait: _Wait = "adaptive",
