@@ -423,4 +423,4 @@ def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
         with pytest.raises(sp.IllegalAction, match="agent 0: action 0 is not available"):
             envs.step(tuple(np.zeros(2, np.int64) for _ in range(5)))
     finally:
-        envs.close(terminate=True)
+        envs.close()
