@@ -132,11 +132,11 @@ lint: _venv
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
-    cargo clippy --workspace --all-targets -- -D warnings
+    cargo clippy --release --workspace --all-targets -- -D warnings
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":
-    cargo doc --no-deps
+    cargo doc --release --no-deps
 
 # Build the documentation site in site/
 site: install

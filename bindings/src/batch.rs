@@ -96,9 +96,9 @@ impl Batch {
         self.specs().map(|spec| spec.name).collect()
     }
 
-    /// bool [M]: the step only reset the slot's environment: its actions were ignored and its reward is 0, so
-    /// leave it out of learning. True after `reset`, and with next-step autoreset in the step after the last
-    /// one of an episode. Computed from `episode_length`.
+    /// Which steps only reset their environment, bool [M]: actions were ignored and the reward is 0, so leave
+    /// these out of learning. True after `reset`, and with next-step autoreset in the step after the last one
+    /// of an episode. Computed from `episode_length`.
     #[getter]
     fn was_reset<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let was_reset = self.received().was_reset();

@@ -8,6 +8,7 @@ use crate::exit::PendingCall;
 use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
+use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
@@ -49,6 +50,11 @@ const MAX_LANES: usize = 64;
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
+///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
+///         `n_actions` after the features of the scenario, the newest first; zeros where the episode is
+///         younger. They are part of `obs`, `final_obs` and `obs_size`, and zeros for dead agents, as the
+///         rest of `obs`.
+///     obs_agent_id: whether an agent observes its own number, as a one-hot vector of `n_agents` at the end.
 ///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
 ///     spectators: number of spectators at the same time, 0 to 64, such as `smaclite-pool watch`; each needs
 ///         shared memory for two more batches.
@@ -71,11 +77,13 @@ const MAX_LANES: usize = 64;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
-    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
+    rules="smaclite", fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
+    max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
     wait="adaptive", name=None, record=None, lanes=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None, record=None, lanes=None)")]
+    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, obs_last_actions=0, \
+    obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None, \
+    lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -88,18 +96,21 @@ pub fn make(
     episode_limit: Option<EpisodeLimit>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
+    obs_last_actions: IntArg,
+    obs_agent_id: bool,
     max_held_batches: IntArg,
     spectators: IntArg,
     wait: &str,
     name: Option<String>,
     record: Option<PathBuf>,
     lanes: Option<IntArg>,
-) -> PyResult<EnvsOfLanes> {
+) -> PyResult<Py<PyAny>> {
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
     let num_envs: usize = to_unsigned("num_envs", num_envs)?;
     let batch_size = batch_size.map(|n| to_unsigned("batch_size", n)).transpose()?;
     let seed: u64 = to_unsigned("seed", seed)?;
+    let obs_last_actions = to_unsigned("obs_last_actions", obs_last_actions)?;
     let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
     let spectators = to_unsigned("spectators", spectators)?;
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
@@ -118,6 +129,8 @@ pub fn make(
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
         let resolved = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         let scenario = resolved.0.clone();
+        let settings =
+            LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let (base, count) = (lane_name(&scenario.name), lanes.unwrap_or(1));
         let (mut configs, mut names, mut first_env) = (Vec::new(), Vec::new(), 0);
         for index in 0..count {
@@ -129,7 +142,7 @@ pub fn make(
             }
             let batch_size = batch_size.unwrap_or(num_envs);
             let seed = seed.wrapping_add(first_env as u64);
-            let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
+            let settings = LaneSettings { num_envs, batch_size, seed, ..settings };
             configs.push(LaneConfig { settings, max_held_batches, spectators, ..lane });
             names.push(name);
             first_env += num_envs;
@@ -152,17 +165,10 @@ pub fn make(
         .into_iter()
         .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
         .collect::<Vec<_>>();
-    Ok(match lanes {
-        None => EnvsOfLanes::One(envs.remove(0)),
-        Some(_) => EnvsOfLanes::Several(envs),
-    })
-}
-
-/// What `make` returns.
-#[derive(IntoPyObject)]
-pub enum EnvsOfLanes {
-    One(Envs),
-    Several(Vec<Envs>),
+    match lanes {
+        None => Ok(Py::new(py, envs.remove(0))?.into_any()),
+        Some(_) => envs.into_py_any(py),
+    }
 }
 
 fn lane_count(lanes: IntArg, num_envs: usize) -> PyResult<usize> {

@@ -7,7 +7,7 @@ use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::{Arena, Rules, Sizes};
 use smaclite_pool::fields::Field;
 use std::sync::{Mutex, PoisonError};
 
@@ -78,7 +78,9 @@ impl ScriptedPolicy {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let batch = batch.get().received();
-        let (sizes, expected) = (batch.layout().sizes(), self.arena.sizes());
+        let sizes = batch.layout().sizes();
+        // Policies read no observations, which may have what a lane appends.
+        let expected = Sizes { obs_size: sizes.obs_size, ..self.arena.sizes() };
         if sizes != expected {
             return Err(invalid_request(format!(
                 "this policy is for {} against {} units and states of {} features, \

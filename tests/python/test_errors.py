@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from conftest import run_script
 from numpy.typing import NDArray
 
 
@@ -139,6 +140,9 @@ def test_a_wrong_request_says_what_is_accepted(
         ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer .*, got float"),
         ({"episode_limit": "none"}, sp.InvalidRequest, "got `none`"),
         ({"episode_limit": 2**40}, sp.InvalidRequest, "at most 4294967295"),
+        ({"obs_last_actions": 17}, sp.InvalidRequest, "obs_last_actions must be between 0 and 16, got 17"),
+        ({"obs_last_actions": 1.0}, TypeError, "obs_last_actions must be an integer, got float"),
+        ({"obs_agent_id": 1}, TypeError, "obs_agent_id"),
         ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
         ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
@@ -201,3 +205,23 @@ def test_closed_environments_say_so(envs: sp.Envs) -> None:
         with pytest.raises(sp.Closed, match="are closed"):
             call()
     assert envs.num_envs == 2 and np.isfinite(obs).all()
+
+
+def test_every_exception_can_be_raised_again_from_its_message() -> None:
+    """Gymnasium's AsyncVectorEnv does so; IllegalAction once failed there with a TypeError about its arguments."""
+    values = vars(sp).values()
+    classes = [value for value in values if isinstance(value, type) and issubclass(value, Exception)]
+    assert len(classes) == 16
+    for error in classes:
+        again = error("what was wrong")
+        assert str(again) == str(pickle.loads(pickle.dumps(again))) == "what was wrong"
+
+
+@pytest.mark.parametrize("name", ["gymnasium", "jax", "pettingzoo", "ray", "rllib", "torch", "torchrl"])
+def test_a_missing_framework_names_the_extra_to_install(name: str) -> None:
+    module = f"smaclite_pool.integrations.{name}"
+    package = {"rllib": "ray"}.get(name, name)
+    done = run_script(f"import sys; sys.modules[{package!r}] = None; import {module}")
+    assert "ModuleNotFoundError" in done.stderr, done.stderr
+    # A framework that needs another one, which is missing too, names its own extra.
+    assert f"pip install 'smaclite-pool[{name}]'" in done.stderr, done.stderr

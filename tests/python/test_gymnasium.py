@@ -412,3 +412,15 @@ def test_importing_the_package_imports_no_framework() -> None:
     names = {"gymnasium", "pettingzoo", "torch", "torchrl", "jax", "ray"}
     done = run_script(f"import sys, smaclite_pool; assert not {names} & set(sys.modules), sys.modules")
     assert done.returncode == 0, done.stderr
+
+
+def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
+    """AsyncVectorEnv raises the exception of a process again from its class and message."""
+    warnings.simplefilter("ignore")  # it warns of the error, and that it closes in the middle of a step
+    envs = gymnasium.make_vec("smaclite_pool/2s3z-v0", 2, vectorization_mode="async")
+    try:
+        envs.reset(seed=1)
+        with pytest.raises(sp.IllegalAction, match="agent 0: action 0 is not available"):
+            envs.step(tuple(np.zeros(2, np.int64) for _ in range(5)))
+    finally:
+        envs.close()

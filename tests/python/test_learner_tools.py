@@ -1,4 +1,4 @@
-"""What learners in Python use besides batches: slots that were only reset, rollouts, evaluation, wrappers, lanes."""
+"""What learners in Python use besides batches: `was_reset`, rollouts, evaluation, wrappers and lanes."""
 
 from __future__ import annotations
 

@@ -64,8 +64,8 @@ def evaluate(
 
     Args:
         envs: the environments, or a wrapper of them, with the fields `battle_won`, `episode_return` and
-            `episode_length`, and with autoreset. All of them are reset first; afterwards they are somewhere in
-            an episode.
+            `episode_length`, and with autoreset. All of them are reset first; afterwards they are somewhere
+            in an episode.
         policy: a function from a batch to its actions, integers [M, n_agents]. Whether it draws actions or
             takes the most probable ones is its own matter.
         episodes: how many episodes count, at least 1.

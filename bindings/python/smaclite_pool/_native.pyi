@@ -129,7 +129,7 @@ class Batch:
         """Number of this batch among all that the lane has sent, from 1."""
     @property
     def was_reset(self) -> NDArray[np.bool_]:
-        """bool [M]: the step only reset the slot's environment; leave it out of learning."""
+        """Which steps only reset their environment, bool [M]; leave these out of learning."""
     def keys(self) -> list[str]: ...
     def replace(self, **fields: Any) -> ChangedBatch:
         """Return this batch with other arrays in some fields."""
@@ -303,6 +303,8 @@ def make(
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
+    obs_last_actions: int = 0,
+    obs_agent_id: bool = False,
     max_held_batches: int = 4,
     spectators: int = 1,
     wait: _Wait = "adaptive",
@@ -322,6 +324,8 @@ def make(
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
+    obs_last_actions: int = 0,
+    obs_agent_id: bool = False,
     max_held_batches: int = 4,
     spectators: int = 1,
     wait: _Wait = "adaptive",

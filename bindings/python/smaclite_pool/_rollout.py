@@ -47,7 +47,8 @@ class Rollout:
     def __init__(self, envs: Envs | Wrapper, steps: int, fields: Iterable[str] | None = None) -> None:
         if envs.batch_size != envs.num_envs:
             raise InvalidRequest(
-                f"a rollout needs batches of all {envs.num_envs} environments, but batch_size is {envs.batch_size}"
+                f"a rollout needs batches of all {envs.num_envs} environments, "
+                f"but batch_size is {envs.batch_size}"
             )
         if steps < 1:
             raise InvalidRequest(f"steps must be at least 1, got {steps}")

@@ -90,7 +90,10 @@ class Wrapper:
 
 
 class ChangedBatch:
-    """A batch with other arrays in some fields, made by `Batch.replace`. Everything else is that of `batch`."""
+    """A batch with other arrays in some fields, made by `Batch.replace`.
+
+    Everything else is that of `batch`.
+    """
 
     def __init__(self, batch: Batch | ChangedBatch, fields: dict[str, Any]) -> None:
         self.batch = batch

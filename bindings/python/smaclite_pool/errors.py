@@ -1,6 +1,12 @@
-"""Exceptions of this package. All derive from `PoolError` and from a fitting built-in exception."""
+"""Exceptions of this package. All derive from `PoolError` and from a fitting built-in exception.
+
+All can be pickled, and raised again from their class and message, as libraries do that pass them from one process
+to another; attributes are then unknown.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 class PoolError(Exception):
@@ -15,17 +21,19 @@ class IllegalAction(InvalidRequest):
     """An action is not available to its agent. No environment was stepped."""
 
     env: int
-    """Id of the environment."""
+    """Id of the environment; -1 if unknown."""
     agent: int
-    """Index of the agent in the environment."""
+    """Index of the agent in the environment; -1 if unknown."""
     action: int
-    """The invalid action."""
+    """The invalid action; -1 if unknown."""
     available: list[int]
-    """The actions that are available to the agent, in ascending order."""
+    """The actions that are available to the agent, in ascending order; empty if unknown."""
 
-    def __init__(self, message: str, env: int, agent: int, action: int, available: list[int]) -> None:
+    def __init__(
+        self, message: str, env: int = -1, agent: int = -1, action: int = -1, available: Sequence[int] = ()
+    ) -> None:
         super().__init__(message)
-        self.env, self.agent, self.action, self.available = env, agent, action, available
+        self.env, self.agent, self.action, self.available = env, agent, action, list(available)
 
     def __reduce__(self) -> tuple[type[IllegalAction], tuple[str, int, int, int, list[int]]]:
         return type(self), (str(self), self.env, self.agent, self.action, self.available)
@@ -55,9 +63,9 @@ class LaneTaken(ConnectError):
     """The lane already has a learner."""
 
     learner_pid: int
-    """Process id of that learner."""
+    """Process id of that learner; 0 if unknown."""
 
-    def __init__(self, message: str, learner_pid: int) -> None:
+    def __init__(self, message: str, learner_pid: int = 0) -> None:
         super().__init__(message)
         self.learner_pid = learner_pid
 

@@ -235,7 +235,7 @@ class BattleView {
 
   drawLabel(at, r, label) {
     const { context } = this;
-    const size = Math.round(r * (label.length > 1 ? 9.5 : 12)) / 10;
+    const size = Math.round(r * 12) / 10;
     context.font = `700 ${size}px system-ui, "DejaVu Sans", sans-serif`;
     context.textAlign = "center";
     context.textBaseline = "alphabetic";

@@ -35,11 +35,7 @@ from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
-from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from .._layout import ScenarioLayout
@@ -56,14 +52,22 @@ from .._render import (
 from .._units import Unit, UnitsView
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle
-from ._spaces import (
-    LegalBox,
-    LegalTuple,
-    batched_action_space,
-    batched_observation_space,
-    single_action_space,
-    single_observation_space,
-)
+from ._extra import extra
+
+with extra("gymnasium"):
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.utils import seeding
+    from gymnasium.vector import AutoresetMode
+
+    from ._spaces import (
+        LegalBox,
+        LegalTuple,
+        batched_action_space,
+        batched_observation_space,
+        single_action_space,
+        single_observation_space,
+    )
 
 __all__ = ["BattleEnv", "BattleVectorEnv", "make_vector"]
 

@@ -28,10 +28,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-import jax
 from numpy.typing import NDArray
 
 from .._native import Batch
+from ._extra import extra
+
+with extra("jax"):
+    import jax
 
 __all__ = ["array", "arrays"]
 

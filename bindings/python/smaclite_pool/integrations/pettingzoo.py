@@ -27,14 +27,18 @@ from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
-from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
-from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils import parallel_to_aec, wrappers
 
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
 from ._common import SingleBattle, TimeStep
-from ._spaces import LegalDiscrete, update_masks
+from ._extra import extra
+
+with extra("pettingzoo"):
+    from gymnasium.spaces import Box, Dict
+    from pettingzoo import AECEnv, ParallelEnv
+    from pettingzoo.utils import parallel_to_aec, wrappers
+
+    from ._spaces import LegalDiscrete, update_masks
 
 __all__ = ["env", "parallel_env", "raw_env"]
 

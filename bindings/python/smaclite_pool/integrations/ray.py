@@ -49,11 +49,14 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-import ray
-from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from .._native import Envs, connect, status
 from ..errors import ConnectError, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
+from ._extra import extra
+
+with extra("ray"):
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 __all__ = ["Fleet", "Lane", "Supervisor", "attach", "on", "start"]
 

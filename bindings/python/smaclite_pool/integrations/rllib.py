@@ -33,13 +33,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
-from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
 from ._common import SingleBattle, TimeStep
-from ._spaces import LegalDiscrete, update_masks
+from ._extra import extra
+
+with extra("rllib"):
+    from gymnasium.spaces import Box, Dict
+    from ray.rllib.env.multi_agent_env import MultiAgentEnv
+
+    from ._spaces import LegalDiscrete, update_masks
 
 __all__ = ["BattleMultiAgentEnv"]
 

@@ -29,13 +29,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import torch
 from numpy.typing import NDArray
-from torch.utils import dlpack
 
 from .._native import Batch
 from ..errors import InvalidRequest
-from ._torch_read_only import ReadOnly
+from ._extra import extra
+
+with extra("torch"):
+    import torch
+    from torch.utils import dlpack
+
+    from ._torch_read_only import ReadOnly
 
 __all__ = ["ReadOnly", "pinned", "tensor", "tensors"]
 

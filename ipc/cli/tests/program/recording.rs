@@ -1,30 +1,8 @@
 //! Recording and watching battles by the program: record, replay, show.
 
+use crate::kit::{check_error, output};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn run(folder: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-    command.args(arguments.split(' ')).current_dir(folder);
-    command.env("PATH", folder); // without ffmpeg
-    command.output().expect("the program starts")
-}
-
-/// Runs a command that succeeds; returns what it printed.
-fn output(folder: &Path, arguments: &str) -> String {
-    let done = run(folder, arguments);
-    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
-    String::from_utf8(done.stdout).expect("text")
-}
-
-/// Runs a command that fails with this status and a message that contains `expected`.
-fn check_error(folder: &Path, arguments: &str, status: i32, expected: &str) {
-    let done = run(folder, arguments);
-    let error = String::from_utf8_lossy(&done.stderr).replace("\n  ", " ");
-    assert_eq!(done.status.code(), Some(status), "{arguments}: {error}");
-    assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
-}
 
 /// The sizes of all frames of a PNG file, which is decoded to its end.
 fn png_frames(file: &Path) -> Vec<(u32, u32)> {

@@ -1,35 +1,10 @@
 //! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
 
+use crate::kit::{check_error, output, program};
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
-
-fn program(folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-    command.args(arguments.split(' ')).current_dir(folder);
-    command.env(smaclite_ipc::ROOT_VARIABLE, folder.join("pools"));
-    command
-}
-
-fn run(folder: &Path, arguments: &str) -> Output {
-    program(folder, arguments).output().expect("the program starts")
-}
-
-/// Runs a command that succeeds; returns what it printed.
-fn output(folder: &Path, arguments: &str) -> String {
-    let done = run(folder, arguments);
-    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
-    String::from_utf8(done.stdout).expect("text")
-}
-
-fn check_error(folder: &Path, arguments: &str, status: i32, expected: &str) {
-    let done = run(folder, arguments);
-    let error = String::from_utf8_lossy(&done.stderr).replace("\n  ", " ");
-    assert_eq!(done.status.code(), Some(status), "{arguments}: {error}");
-    assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
-}
 
 fn json_lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect()

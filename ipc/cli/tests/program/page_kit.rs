@@ -1,5 +1,6 @@
 //! Pools, the program that serves their page, and requests as a browser sends them.
 
+use crate::kit::program;
 use serde_json::{Value, json};
 use smaclite_ipc::RuntimeDir;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -45,8 +46,8 @@ impl Place {
     }
 
     pub fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-        command.args(arguments.split(' ')).env("SMACLITE_POOL_ROOT", self.root());
+        let mut command = program(self.root(), arguments);
+        command.env(smaclite_ipc::ROOT_VARIABLE, self.root());
         command
     }
 

@@ -1,9 +1,7 @@
 //! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
 //! that a page sends harms the program or the pool.
 
-mod kit;
-
-use kit::{PATIENCE, Place, Program, Url};
+use crate::page_kit::{PATIENCE, Place, Program, Url};
 use serde_json::{Value, json};
 use smaclite_ipc::{Client, Spectator, WaitOptions, status};
 use std::io::{BufRead, BufReader, Write};

@@ -1,30 +1,9 @@
 //! Scenario and unit files by the program: new, check, schema.
 
+use crate::kit::{error, output, run};
 use serde_json::{Value, json};
 use smaclite_scenarios::{Scenario, Terrain};
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
-
-fn run(folder: &Path, arguments: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-    command.args(arguments.split(' ')).current_dir(folder).output().expect("the program starts")
-}
-
-/// Runs a command that succeeds; returns what it printed.
-fn output(folder: &Path, arguments: &str) -> String {
-    let done = run(folder, arguments);
-    assert!(done.status.success(), "{arguments}: {}", String::from_utf8_lossy(&done.stderr));
-    String::from_utf8(done.stdout).expect("text")
-}
-
-/// Runs a command that fails with this status; returns its message.
-fn error(folder: &Path, arguments: &str, status: i32) -> String {
-    let done = run(folder, arguments);
-    let message = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert_eq!(done.status.code(), Some(status), "{arguments}: {message}");
-    message
-}
 
 /// A folder with `sniper.json`, which has two problems, and `duel.json`, which has one more.
 fn invalid_files() -> tempfile::TempDir {
