@@ -77,30 +77,18 @@ class Options:
 
 
 class AgentNetwork(nn.Module):
-    """Values of actions, from the observation, the agent's own last action and its number.
-
-    Last action and number select a row of weights each. That equals one-hot vectors among the inputs, without
-    the products with zeros.
-    """
+    """Values of the actions of an agent, from all that it has seen in the episode."""
 
     def __init__(self, envs: sp.Envs, hidden: int) -> None:
         super().__init__()
         self.first = nn.Linear(envs.obs_size, hidden)
-        self.last_action = nn.Embedding(envs.n_actions + 1, hidden)  # the last one: no action yet
-        self.agent = nn.Embedding(envs.n_agents, hidden)
         self.memory = nn.GRU(hidden, hidden)
         self.values = nn.Linear(hidden, envs.n_actions)
-        nn.init.zeros_(self.last_action.weight)
-        nn.init.zeros_(self.agent.weight)
 
-    def forward(
-        self, obs: Tensor, last_actions: Tensor, memory: Tensor | None = None
-    ) -> tuple[Tensor, Tensor]:
-        """Of obs [T, B, A, size] and last actions [T, B, A]: values [T, B, A, n_actions], and the memory
-        after the last step, [1, B * A, hidden]. Without a memory before the first, episodes begin."""
-        agents = torch.arange(obs.shape[2], device=obs.device)
-        x = torch.relu(self.first(obs) + self.last_action(last_actions) + self.agent(agents))
-        x, memory = self.memory(x.flatten(1, 2), memory)
+    def forward(self, obs: Tensor, memory: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Of obs [T, B, A, size]: values [T, B, A, n_actions], and the memory after the last step, [1, B * A,
+        hidden]. Without a memory before the first step, episodes begin."""
+        x, memory = self.memory(torch.relu(self.first(obs)).flatten(1, 2), memory)
         return self.values(x).unflatten(1, obs.shape[1:3]), memory
 
 
@@ -212,16 +200,14 @@ class Learner:
         """A gradient step on a sample of episodes. Returns values for the log."""
         options = self.options
         data = {name: tensor.to(self.device) for name, tensor in self.replay.sample(options.batch).items()}
-        n_actions = data["available"].shape[-1]
-        last_actions = F.pad(data["actions"], (0, 0, 0, 0, 1, 0), value=n_actions)  # [T + 1, B, A]
-        values, _ = self.agent(data["obs"], last_actions)  # [T + 1, B, A, n_actions]
+        values, _ = self.agent(data["obs"])  # [T + 1, B, A, n_actions]
         chosen = values[:-1].gather(-1, data["actions"].unsqueeze(-1)).squeeze(-1)  # [T, B, A]
         total = self.mixer(chosen, data["state"][:-1])  # [T, B, 1], of IQL [T, B, A]
         with torch.no_grad():
             # Double Q-learning (van Hasselt et al., 2016): the networks choose the best actions, and the
             # copies value them. The largest one of several noisy values would be too large on average.
             best = values.masked_fill(~data["available"], -torch.inf).argmax(-1, keepdim=True)
-            target_values, _ = self.target["agent"](data["obs"], last_actions)
+            target_values, _ = self.target["agent"](data["obs"])
             following = target_values.gather(-1, best).squeeze(-1)  # [T + 1, B, A]
             targets = self.targets(data, self.target["mixer"](following, data["state"]))
         steps = torch.arange(len(total), device=self.device)
@@ -266,24 +252,21 @@ class Player:
 
     def __init__(self, envs: sp.Envs, learner: Learner) -> None:
         self.envs, self.network, self.device = envs, learner.agent, learner.device
-        self.last_actions = torch.full((envs.num_envs, envs.n_agents), envs.n_actions, device=self.device)
         rows, hidden = envs.num_envs * envs.n_agents, learner.options.hidden
         self.memory = torch.zeros(1, rows, hidden, device=self.device)
 
     def act(self, batch: sp.Batch, epsilon: float) -> NDArray[np.int32]:
         """[N, A]: the best available actions, and random ones with a probability of epsilon."""
         is_first = torch.tensor(batch.was_reset, device=self.device)
-        self.last_actions[is_first] = self.envs.n_actions
         self.memory[:, is_first.repeat_interleave(self.envs.n_agents)] = 0.0
         obs = torch.tensor(batch.obs, device=self.device).unsqueeze(0)
         with torch.no_grad():
-            values, self.memory = self.network(obs, self.last_actions.unsqueeze(0), self.memory)
+            values, self.memory = self.network(obs, self.memory)
         values = values[0].masked_fill(~torch.tensor(batch.avail_actions, device=self.device), -torch.inf)
         actions = values.argmax(-1)
         if epsilon > 0:
             random = torch.from_numpy(self.envs.sample_actions()).to(self.device)
             actions = torch.where(torch.rand_like(values[..., 0]) < epsilon, random, actions)
-        self.last_actions = actions
         return actions.int().cpu().numpy()
 
 
@@ -328,6 +311,13 @@ def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
+def make(options: Options, num_envs: int) -> sp.Envs:
+    """Agents see their own last action too, so that their history has what they did, and their own number, so
+    that they can differ."""
+    threads = options.threads or None
+    return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=1, obs_agent_id=True)
+
+
 def train(options: Options) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
@@ -337,7 +327,7 @@ def train(options: Options) -> Learner:
     (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     steps = n_episodes = 0
-    with sp.make(options.scenario, options.num_envs, threads=options.threads or None) as envs:
+    with make(options, options.num_envs) as envs:
         learner, log = Learner(envs, options), Log(folder)
         player = Player(envs, learner)
         envs.seed_sampler(options.seed)
@@ -372,8 +362,7 @@ def train(options: Options) -> Learner:
 
 def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
     """Plays without random actions."""
-    num_envs = min(options.evaluate_episodes, 64)
-    with sp.make(options.scenario, num_envs, threads=options.threads or None) as envs:
+    with make(options, min(options.evaluate_episodes, 64)) as envs:
         player = Player(envs, learner)
         policy = lambda batch: player.act(batch, epsilon=0.0)
         return sp.evaluate(envs, policy, options.evaluate_episodes, seed=0)

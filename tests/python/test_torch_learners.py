@@ -195,10 +195,10 @@ def test_weights_are_those_of_the_program(tmp_path: Path) -> None:
 
 
 def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
-    script = Path(ppo.__file__)
-    command = [sys.executable, str(script), "3m", "--steps", "1000", "--num-envs", "16", "--out", str(tmp_path)]
-    command += ["--evaluate-episodes", "3", "--greedy"]
+    command = [sys.executable, ppo.__file__, "3m", "--steps", "1000", "--num-envs", "16"]
+    command += ["--out", str(tmp_path), "--evaluate-episodes", "3", "--greedy"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
     assert done.stdout.splitlines()[-1].startswith("3 episodes, greedy: won ")
     again = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
-    assert again.returncode == 1 and again.stderr.startswith("ppo: ") and "choose another --out" in again.stderr
+    assert again.returncode == 1
+    assert again.stderr.startswith("ppo: ") and "choose another --out" in again.stderr
