@@ -69,7 +69,7 @@ class Options:
     gamma: float = option(0.99, "discount per step")
     lambda_: float = option(0.6, "weight of the rewards that followed, against estimates of them")
     epsilon_end: float = option(0.05, "probability of a random action at the end; 1 at the beginning")
-    epsilon_steps: int = option(100_000, "steps in which it falls linearly")
+    epsilon_steps: int = option(0, "steps in which it falls linearly; 0: half of all")
     log_interval: int = option(10, "gradient steps per row of the log")
     target_interval: int = option(50, "gradient steps after which the target networks are replaced")
     max_grad_norm: float = option(10.0, "longest gradient")
@@ -333,8 +333,9 @@ def train(options: Options) -> Learner:
         envs.seed_sampler(options.seed)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         begin, waited, learnt, begin_steps = time.perf_counter(), 0.0, 0.0, 0  # since the last row of the log
+        epsilon_steps = options.epsilon_steps or options.steps / 2
         while steps < options.steps:
-            epsilon = 1 + (options.epsilon_end - 1) * min(steps / options.epsilon_steps, 1.0)
+            epsilon = 1 + (options.epsilon_end - 1) * min(steps / epsilon_steps, 1.0)
             actions = player.act(batch, epsilon)
             step_begin = time.perf_counter()
             before, batch = batch, envs.step(actions)
