@@ -1,0 +1,197 @@
+"""Trains and evaluates the teams of docs/results.md, and writes what was measured to docs/results.
+
+A run that has its row in runs.csv, with the same steps and options, is skipped, and one that was interrupted
+is resumed; so Ctrl-C loses nothing. The table of the runs is benches/results/runs.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+from . import data
+from .data import Row
+from .runs import RUNS
+
+PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
+EVALUATION = ["--episodes", "200", "--seed", "1"]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run."""
+
+    group: str
+    scenario: str
+    seed: int
+    budget: int
+    options: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.group}-{self.scenario}-{self.seed}"
+
+    @property
+    def key(self) -> Row:
+        return {
+            "group": self.group,
+            "scenario": self.scenario,
+            "seed": str(self.seed),
+            "budget": str(self.budget),
+            "options": self.options,
+        }
+
+    def is_row(self, row: Row) -> bool:
+        return all(row[name] == value for name, value in self.key.items())
+
+
+def planned(steps: int | None = None) -> list[Run]:
+    """All runs in the order of the table, with another number of steps if that is given."""
+    return [
+        Run(runs.group, runs.scenario, seed, steps or runs.steps, runs.options)
+        for runs in RUNS
+        for seed in range(1, runs.seeds + 1)
+    ]
+
+
+def main(argv: list[str] | None = None) -> int:
+    options = parse(argv)
+    every = planned(options.steps)
+    chosen = [run for run in every if re.search(options.only, run.name)]
+    table = Table(options.data, every)
+    missing = [run for run in chosen if not table.has(run)]
+    print(f"{len(chosen)} runs, {len(missing)} of them to train", flush=True)
+    if options.list:
+        for run in missing:
+            print(f"{run.name}: {run.budget} steps {run.options}")
+        return 0
+    threads = max((os.cpu_count() or 1) // options.jobs, 1)
+    workers = ThreadPoolExecutor(options.jobs)
+    futures = [workers.submit(train, run, options, threads, table) for run in missing]
+    try:
+        failed = [error for error in (future.exception() for future in futures) if error]
+    except KeyboardInterrupt:  # the programs have got the signal too, and write their checkpoints
+        workers.shutdown(cancel_futures=True)
+        print("interrupted; the same command goes on from here")
+        return 130
+    for error in failed:
+        print(f"error: {error}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def parse(argv: list[str] | None) -> argparse.Namespace:
+    summary, explanation = (__doc__ or "").split("\n\n")
+    parser = argparse.ArgumentParser("results.train", description=f"{summary} {explanation}")
+    parser.add_argument("--only", help="runs whose name matches this regular expression", default="")
+    parser.add_argument("--list", help="print what would be trained", action="store_true")
+    parser.add_argument("--jobs", help="runs at a time (1)", type=int, default=1, metavar="N")
+    steps = "steps of every run, instead of those of the table; for trials"
+    parser.add_argument("--steps", help=steps, type=int, metavar="N")
+    parser.add_argument("--data", help="folder of the CSV files (docs/results)", type=Path, default=data.FOLDER)
+    runs = data.REPOSITORY / "target" / "results"
+    parser.add_argument("--runs", help="folder of the runs (target/results)", type=Path, default=runs)
+    return parser.parse_args(argv)
+
+
+class Table:
+    """The file `runs.csv`: a row per run, in the order of the plan. Other rows stay at the end."""
+
+    def __init__(self, folder: Path, plan: list[Run]) -> None:
+        self.folder = folder
+        self.plan = plan
+        self.path = folder / "runs.csv"
+        self.rows = data.read(self.path)
+        self.lock = Lock()
+
+    def has(self, run: Run) -> bool:
+        return any(run.is_row(row) for row in self.rows)
+
+    def add(self, run: Run, row: Row, curve: list[Row]) -> None:
+        """Adds or replaces what is known of a run."""
+        names = [other.name for other in self.plan]
+
+        def name(row: Row) -> str:
+            return f"{row['group']}-{row['scenario']}-{row['seed']}"
+
+        def position(row: Row) -> int:
+            return names.index(name(row)) if name(row) in names else len(names)
+
+        with self.lock:
+            data.write(self.folder / "curves" / f"{run.name}.csv", curve)
+            self.rows = [other for other in self.rows if name(other) != run.name]
+            self.rows = sorted([*self.rows, row], key=position)
+            data.write(self.path, self.rows)
+
+
+def train(run: Run, options: argparse.Namespace, threads: int, table: Table) -> None:
+    """Trains a team or goes on with it, evaluates it, and adds it to the table.
+
+    Raises:
+        RuntimeError: the program failed.
+    """
+    # Runs with other steps or options have another folder.
+    plan = zlib.crc32(f"{run.budget} {run.options}".encode())
+    folder = options.runs / f"{run.name}-{plan:08x}"
+    command = ["--resume", str(folder)]
+    if not (folder / "checkpoint.safetensors").exists():
+        new = ["--seed", str(run.seed), "--steps", str(run.budget), *shlex.split(run.options)]
+        command = [run.scenario, *new, "--out", str(folder)]
+    program("train", *command, "--threads", str(threads))
+    log = data.read(folder / "log.csv")
+    if int(log[-1]["steps"]) < run.budget:
+        raise RuntimeError(f"{run.name} was interrupted")
+    evaluated: Row = {}
+    for name, choice in (("sampled", []), ("greedy", ["--greedy"])):
+        output = program("evaluate", str(folder), *EVALUATION, *choice, "--json", "--threads", str(threads))
+        result = json.loads(output.splitlines()[-1])
+        for value in ("win_rate", "mean_return", "return_deviation", "mean_length"):
+            evaluated[f"{name}_{value}"] = f"{result[value]:.4f}"
+    reached = data.first_reached(log) or {}
+    row = {
+        **run.key,
+        "steps": log[-1]["steps"],
+        "episodes": log[-1]["episodes"],
+        "steps_at_90": reached.get("steps", ""),
+        "cpu_seconds_at_90": data.rounded(reached["cpu_seconds"]) if reached else "",
+        **evaluated,
+        "seconds": data.rounded(log[-1]["seconds"]),
+        "cpu_seconds": data.rounded(log[-1]["cpu_seconds"]),
+        "wait_share": f"{data.time_share(log, 'wait_share'):.4f}",
+        "learn_share": f"{data.time_share(log, 'learn_share'):.4f}",
+        "threads": str(threads),
+        "jobs": str(options.jobs),
+        "machine": machine(),
+    }
+    table.add(run, row, data.thinned(log))
+    wins, returns, cpu = row["sampled_win_rate"], row["sampled_mean_return"], row["cpu_seconds"]
+    print(f"{run.name}: win rate {wins}, return {returns}, {cpu} CPU-seconds", flush=True)
+
+
+def program(*arguments: str) -> str:
+    """Runs `smaclite-pool` and returns its output."""
+    done = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"smaclite-pool {shlex.join(arguments)}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def machine() -> str:
+    """The processor and the number of cores."""
+    cpus = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    model = re.search(r"^model name\s*: (.*)", cpus, re.MULTILINE)
+    return f"{os.cpu_count()} cores of {model[1] if model else platform.machine()}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
