@@ -1,7 +1,7 @@
 """Draws the curves of docs/results.md and writes its tables, from the CSV files in docs/results.
 
-What is between the marks `<!-- table: NAME -->` and `<!-- end -->` of the page is replaced; the text around it
-is written by hand.
+What is between the marks `<!-- table: NAME -->` and `<!-- end -->` of the page is replaced; the text around
+it is written by hand.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from . import data, tables
 def main(argv: list[str] | None = None) -> int:
     summary, explanation = (__doc__ or "").split("\n\n")
     parser = argparse.ArgumentParser("results.page", description=f"{summary} {explanation}")
-    parser.add_argument("--data", help="folder of the CSV files (docs/results)", type=Path, default=data.FOLDER)
+    folder = "folder of the CSV files (docs/results)"
+    parser.add_argument("--data", help=folder, type=Path, default=data.FOLDER)
     page = data.REPOSITORY / "docs" / "results.md"
     parser.add_argument("--page", help="the page (docs/results.md)", type=Path, default=page)
     options = parser.parse_args(argv)

@@ -16,6 +16,16 @@ class Runs:
     seeds: int
     options: str = ""
     """Further options of `smaclite-pool train`."""
+    variant: str = ""
+    """Names the options, if the group has several configurations of the scenario."""
+
+    @property
+    def title(self) -> str:
+        return f"{self.scenario}, {self.variant}" if self.variant else self.scenario
+
+    def name(self, seed: int) -> str:
+        parts = [self.group, self.scenario, self.variant, str(seed)]
+        return "-".join(part for part in parts if part)
 
 
 MILLION = 1_000_000
@@ -25,6 +35,7 @@ RUNS = [
     Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm ippo --activation tanh"),
     Runs("paper", "3s5z", 4 * MILLION, 3),
     Runs("paper", "MMM2", 4 * MILLION, 3),
+    Runs("paper", "MMM2", 2 * MILLION, 3, "--gamma 0.997 --lr-end 0.1 --entropy-end 0.001", "annealed"),
     Runs("paper", "corridor", 4 * MILLION, 3),
     Runs("paper", "3s_vs_5z", 4 * MILLION, 3),
     Runs("paper", "bane_vs_bane", 1 * MILLION, 3),
@@ -53,6 +64,11 @@ RUNS = [
     Runs("rules", "MMM", 600_000, 5, "--rules paper"),
     Runs("rules", "MMM2", 1_000_000, 5, "--rules paper"),
 ]
+
+
+def default(scenario: str) -> Runs:
+    """The runs of the default configuration."""
+    return next(runs for runs in RUNS if (runs.group, runs.scenario) == ("default", scenario))
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""Measures where the time of training goes, in the scenarios of the paper, and writes docs/results/shares.csv.
+"""Measures where the time of training goes in the scenarios of the paper; writes docs/results/shares.csv.
 
 The environments run in a process of their own, with one worker that sleeps while it has nothing to do. So its
 processor time is that of the environments and of their side of the transport. The learner has one thread, and
 its log says which part of its time it waits and which part the gradient steps take; the rest is inference and
-copying. The time that it waits is not counted, because it does nothing then, and neither is time in which other
-programs had its core.
+copying. The time that it waits is not counted, because it does nothing then, and neither is time in which
+other programs had its core.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("results.shares", description=f"{summary} {explanation}")
     steps = f"environment steps per scenario ({STEPS})"
     parser.add_argument("--steps", help=steps, type=int, default=STEPS, metavar="N")
-    parser.add_argument("--data", help="folder of the CSV files (docs/results)", type=Path, default=data.FOLDER)
+    folder = "folder of the CSV files (docs/results)"
+    parser.add_argument("--data", help=folder, type=Path, default=data.FOLDER)
     options = parser.parse_args(argv)
     rows = []
     for scenario in PAPER:

@@ -1,4 +1,4 @@
-"""The tables of docs/results.md. A cell is the median over the seeds; where there is room, the range follows."""
+"""The tables of docs/results.md. A cell is the median over the seeds, in some columns with the range."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ from collections.abc import Callable, Iterable
 from statistics import median
 
 from .data import Row
-from .runs import PAPER, RUNS, Runs
+from .runs import PAPER, RUNS, Runs, default
 
 TRANSPORT_SECONDS = 11.72e-6 / 64
 """Per step: a round trip of 64 environments that do nothing (`just figures transport`, benches/README.md)."""
+
+SECTIONS = {
+    "paper": "the scenarios of the paper",
+    "default": "the default configuration",
+    "others": "other scenarios",
+    "rules": "both rule sets",
+}
 
 Cells = list[str]
 
@@ -49,7 +56,8 @@ def markdown(header: Cells, rows: Iterable[Cells]) -> str:
 
 def of(rows: list[Row], runs: Runs) -> list[Row]:
     """The rows of these runs."""
-    return [row for row in rows if (row["group"], row["scenario"]) == (runs.group, runs.scenario)]
+    names = [runs.name(seed) for seed in range(1, runs.seeds + 1)]
+    return [row for row in rows if row["name"] in names]
 
 
 def present(rows: list[Row], group: str) -> Iterable[tuple[Runs, list[Row]]]:
@@ -66,7 +74,8 @@ def middle(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
 def spread(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
     """Median and range."""
     values = [float(row[column]) for row in rows]
-    return f"{form(median(values))} ({form(min(values))} to {form(max(values))})"
+    low, high = form(min(values)), form(max(values))
+    return low if low == high else f"{form(median(values))} ({low} to {high})"
 
 
 def percent(share: float) -> str:
@@ -90,7 +99,7 @@ def paper(rows: list[Row]) -> str:
     def cells(runs: Runs, rows: list[Row]) -> Cells:
         theirs = PAPER[runs.scenario]
         return [
-            runs.scenario,
+            runs.title,
             f"{theirs.algorithm} {theirs.test_return:.2f}",
             spread(rows, "sampled_mean_return", two_digits),
             spread(rows, "greedy_mean_return", two_digits),
@@ -115,7 +124,7 @@ def budgets(rows: list[Row], group: str) -> str:
         reached = [row for row in rows if row["steps_at_90"]]
         most = 2 * len(reached) > len(rows)  # the median of the others is above the budget
         return [
-            runs.scenario,
+            runs.title,
             middle(rows, "steps", whole),
             spread(rows, "sampled_win_rate", percent),
             spread(rows, "greedy_win_rate", percent),
@@ -141,8 +150,7 @@ def rules(rows: list[Row]) -> str:
     ]  # fmt: skip
     lines = []
     for runs, of_paper in present(rows, "rules"):
-        default = [row for row in rows if (row["group"], row["scenario"]) == ("default", runs.scenario)]
-        for name, found in (("smaclite", default), ("paper", of_paper)):
+        for name, found in (("smaclite", of(rows, default(runs.scenario))), ("paper", of_paper)):
             if found:
                 lines.append([
                     runs.scenario,
@@ -159,7 +167,8 @@ def rules(rows: list[Row]) -> str:
 
 def time_shares(shares: list[Row]) -> str:
     header = [
-        "scenario", "environment (%)", "transport (%)", "inference (%)", "learning (%)", "steps per CPU-second",
+        "scenario", "environment (%)", "transport (%)", "inference (%)", "learning (%)",
+        "steps per CPU-second",
     ]  # fmt: skip
 
     def cells(row: Row) -> Cells:
@@ -174,8 +183,10 @@ def time_shares(shares: list[Row]) -> str:
 
 def options() -> str:
     """The runs whose configuration is not the default."""
-    lines = [[f"`{runs.scenario}`", runs.group, f"`{runs.options}`"] for runs in RUNS if runs.options]
-    return "".join(f"| {' | '.join(line)} |\n" for line in [["scenario", "table", "options"], ["---"] * 3, *lines])
+    configured = [runs for runs in RUNS if runs.options]
+    lines = [[f"{SECTIONS[runs.group]}: {runs.title}", f"`{runs.options}`"] for runs in configured]
+    header = [["table and scenario", "options"], ["---", "---"]]
+    return "".join(f"| {' | '.join(line)} |\n" for line in header + lines)
 
 
 def machines(rows: list[Row]) -> str:

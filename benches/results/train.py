@@ -22,7 +22,7 @@ from threading import Lock
 
 from . import data
 from .data import Row
-from .runs import RUNS
+from .runs import RUNS, Runs
 
 PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
 EVALUATION = ["--episodes", "200", "--seed", "1"]
@@ -32,24 +32,24 @@ EVALUATION = ["--episodes", "200", "--seed", "1"]
 class Run:
     """One run."""
 
-    group: str
-    scenario: str
+    runs: Runs
     seed: int
     budget: int
-    options: str
 
     @property
     def name(self) -> str:
-        return f"{self.group}-{self.scenario}-{self.seed}"
+        return self.runs.name(self.seed)
 
     @property
     def key(self) -> Row:
         return {
-            "group": self.group,
-            "scenario": self.scenario,
+            "name": self.name,
+            "group": self.runs.group,
+            "scenario": self.runs.scenario,
+            "variant": self.runs.variant,
             "seed": str(self.seed),
             "budget": str(self.budget),
-            "options": self.options,
+            "options": self.runs.options,
         }
 
     def is_row(self, row: Row) -> bool:
@@ -58,11 +58,7 @@ class Run:
 
 def planned(steps: int | None = None) -> list[Run]:
     """All runs in the order of the table, with another number of steps if that is given."""
-    return [
-        Run(runs.group, runs.scenario, seed, steps or runs.steps, runs.options)
-        for runs in RUNS
-        for seed in range(1, runs.seeds + 1)
-    ]
+    return [Run(runs, seed, steps or runs.steps) for runs in RUNS for seed in range(1, runs.seeds + 1)]
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -74,7 +70,7 @@ def main(argv: list[str] | None = None) -> int:
     print(f"{len(chosen)} runs, {len(missing)} of them to train", flush=True)
     if options.list:
         for run in missing:
-            print(f"{run.name}: {run.budget} steps {run.options}")
+            print(f"{run.name}: {run.budget} steps {run.runs.options}")
         return 0
     threads = max((os.cpu_count() or 1) // options.jobs, 1)
     workers = ThreadPoolExecutor(options.jobs)
@@ -98,7 +94,8 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", help="runs at a time (1)", type=int, default=1, metavar="N")
     steps = "steps of every run, instead of those of the table; for trials"
     parser.add_argument("--steps", help=steps, type=int, metavar="N")
-    parser.add_argument("--data", help="folder of the CSV files (docs/results)", type=Path, default=data.FOLDER)
+    folder = "folder of the CSV files (docs/results)"
+    parser.add_argument("--data", help=folder, type=Path, default=data.FOLDER)
     runs = data.REPOSITORY / "target" / "results"
     parser.add_argument("--runs", help="folder of the runs (target/results)", type=Path, default=runs)
     return parser.parse_args(argv)
@@ -121,15 +118,12 @@ class Table:
         """Adds or replaces what is known of a run."""
         names = [other.name for other in self.plan]
 
-        def name(row: Row) -> str:
-            return f"{row['group']}-{row['scenario']}-{row['seed']}"
-
         def position(row: Row) -> int:
-            return names.index(name(row)) if name(row) in names else len(names)
+            return names.index(row["name"]) if row["name"] in names else len(names)
 
         with self.lock:
             data.write(self.folder / "curves" / f"{run.name}.csv", curve)
-            self.rows = [other for other in self.rows if name(other) != run.name]
+            self.rows = [other for other in self.rows if other["name"] != run.name]
             self.rows = sorted([*self.rows, row], key=position)
             data.write(self.path, self.rows)
 
@@ -141,12 +135,12 @@ def train(run: Run, options: argparse.Namespace, threads: int, table: Table) -> 
         RuntimeError: the program failed.
     """
     # Runs with other steps or options have another folder.
-    plan = zlib.crc32(f"{run.budget} {run.options}".encode())
+    plan = zlib.crc32(f"{run.budget} {run.runs.options}".encode())
     folder = options.runs / f"{run.name}-{plan:08x}"
     command = ["--resume", str(folder)]
     if not (folder / "checkpoint.safetensors").exists():
-        new = ["--seed", str(run.seed), "--steps", str(run.budget), *shlex.split(run.options)]
-        command = [run.scenario, *new, "--out", str(folder)]
+        new = ["--seed", str(run.seed), "--steps", str(run.budget), *shlex.split(run.runs.options)]
+        command = [run.runs.scenario, *new, "--out", str(folder)]
     program("train", *command, "--threads", str(threads))
     log = data.read(folder / "log.csv")
     if int(log[-1]["steps"]) < run.budget:
@@ -167,8 +161,6 @@ def train(run: Run, options: argparse.Namespace, threads: int, table: Table) -> 
         **evaluated,
         "seconds": data.rounded(log[-1]["seconds"]),
         "cpu_seconds": data.rounded(log[-1]["cpu_seconds"]),
-        "wait_share": f"{data.time_share(log, 'wait_share'):.4f}",
-        "learn_share": f"{data.time_share(log, 'learn_share'):.4f}",
         "threads": str(threads),
         "jobs": str(options.jobs),
         "machine": machine(),

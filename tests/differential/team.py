@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,20 +16,21 @@ from . import scenarios
 from .battles import Frame
 from .scenarios import Json, ScenarioFiles
 
-ACTIVATIONS = {"relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
+Floats = NDArray[np.float64]
+ACTIVATIONS: dict[str, Callable[[Floats], Floats]] = {"relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
 
 
 @dataclass(frozen=True)
 class Team:
     """The policy of all agents. It is computed in float64, so that no draw depends on the order of sums."""
 
-    layers: list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    layers: list[tuple[Floats, Floats]]
     """Weights `[n_out, n_in]` and biases; the bias of the first layer is `[n_agents, n_out]`."""
     activation: str
 
-    def logits(self, obs: NDArray[np.float32]) -> NDArray[np.float64]:
+    def logits(self, obs: NDArray[np.float32]) -> Floats:
         """`[n_agents, n_actions]`, of observations `[n_agents, obs_size]`."""
-        x = obs.astype(np.float64)
+        x: Floats = obs.astype(np.float64)
         for number, (weight, bias) in enumerate(self.layers):
             x = x @ weight.T + bias
             if number + 1 < len(self.layers):
@@ -68,7 +70,7 @@ def read(folder: Path, run: Json) -> Team:
         ValueError, KeyError: a file is damaged.
     """
     tensors = safetensors(folder / "weights.safetensors")
-    layers = []
+    layers: list[tuple[Floats, Floats]] = []
     while f"actor.{len(layers)}.weight" in tensors:
         name = f"actor.{len(layers)}"
         bias = tensors[f"{name}.bias"] + (tensors["actor.id_bias"] if not layers else 0.0)
@@ -78,7 +80,7 @@ def read(folder: Path, run: Json) -> Team:
     return Team(layers, run["config"]["activation"])
 
 
-def safetensors(path: Path) -> dict[str, NDArray[np.float64]]:
+def safetensors(path: Path) -> dict[str, Floats]:
     """Reads a file of float32 tensors: the length of the header (u64), the header as JSON, the data."""
     data = path.read_bytes()
     end = 8 + int.from_bytes(data[:8], "little")

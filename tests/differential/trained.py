@@ -109,9 +109,9 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
         "differential.trained", description=f"{summary} {explanation}", epilog=" ".join(requirements)
     )
     parser.add_argument("folder", help="a run of `smaclite-pool train`", type=Path, metavar="FOLDER")
-    number = {"metavar": "N", "type": positive}
+    number: dict[str, Any] = {"metavar": "N", "type": positive}
     parser.add_argument("--episodes", help="number of episodes (100)", default=100, **number)
-    seed = {"metavar": "N", "type": natural, "default": 1}
+    seed: dict[str, Any] = {"metavar": "N", "type": natural, "default": 1}
     parser.add_argument("--seed", help="seed of the first episode, others follow (1)", **seed)
     greedy = "take the most probable action, instead of drawing one by its probability"
     parser.add_argument("--greedy", help=greedy, action="store_true")
@@ -215,11 +215,11 @@ def report(plan: Plan, compared: list[Comparison], as_json: bool) -> None:
     """Prints win rates and returns in both environments, and in how many episodes they agree."""
     finished = [comparison for comparison in compared if comparison.kind != "published stops"]
     kinds = [comparison.kind for comparison in compared]
-    counts = {kind.replace(" ", "_"): kinds.count(kind) for kind in dict.fromkeys(["same", *kinds])}
+    counts = {kind: kinds.count(kind) for kind in dict.fromkeys(["same", *kinds])}
     sides = {side: summary([getattr(row, side) for row in finished]) for side in ("published", "pool")}
     if as_json:
         played = {"scenario": plan.files.name, "seed": plan.seed, "greedy": plan.greedy}
-        print(json.dumps({**played, "episodes": plan.episodes, **counts, **sides}))
+        print(json.dumps({**played, "episodes": plan.episodes, "kinds": counts, **sides}))
         return
     choice = "most probable" if plan.greedy else "sampled"
     print(f"{plan.files.name}: {plan.episodes} episodes from seed {plan.seed}, {choice} actions")
