@@ -47,8 +47,15 @@ fn every_way_of_stepping_shows_the_bits_of_the_reference() {
     for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
         for threads in [1, 2, 4] {
             for batch_size in [12, 5, 1] {
-                let plan =
-                    LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
+                let plan = LanePlan {
+                    autoreset,
+                    batch_size,
+                    episode_limit: Some(9),
+                    // Also what is appended to observations, with some of them.
+                    obs_last_actions: threads - 1,
+                    obs_agent_id: threads == 2,
+                    ..LanePlan::new("2s3z", 12)
+                };
                 let pool = PoolPlan::new([plan]).threads(threads);
                 let _embedded = dir.start(&pool);
                 let mut learner = dir.learner(&pool.lanes[0]);

@@ -1,6 +1,7 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
 use crate::views;
+use numpy::PyArray1;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -93,6 +94,29 @@ impl Batch {
     /// Names of the fields in this batch.
     fn keys(&self) -> Vec<&'static str> {
         self.specs().map(|spec| spec.name).collect()
+    }
+
+    /// Which steps only reset their environment, bool [M]: actions were ignored and the reward is 0, so leave
+    /// these out of learning. True after `reset`, and with next-step autoreset in the step after the last one
+    /// of an episode. Computed from `episode_length`.
+    #[getter]
+    fn was_reset<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let was_reset = self.received().was_reset();
+        let was_reset = was_reset.ok_or_else(|| missing_field_error(Field::EpisodeLength))?;
+        Ok(PyArray1::from_iter(py, was_reset))
+    }
+
+    /// Return this batch with other arrays in some fields, for wrappers; nothing is copied.
+    ///
+    /// Args:
+    ///     fields: the new arrays, by the names of the fields; new names are allowed.
+    #[pyo3(signature = (**fields))]
+    fn replace<'py>(
+        slf: &Bound<'py, Self>,
+        fields: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let fields = fields.map_or_else(|| PyDict::new(slf.py()), Bound::clone);
+        slf.py().import("smaclite_pool._wrapper")?.call_method1("ChangedBatch", (slf, fields))
     }
 
     /// Return a dict from field names to writeable copies of the arrays, which do not keep the batch's

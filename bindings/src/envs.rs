@@ -5,16 +5,16 @@ use crate::convert::{
     self, Int32Array, IntArg, env_ids, require_envs, selected_envs, timeout_seconds, to_dict, to_duration,
     to_unsigned,
 };
-use crate::errors::{class, client_error, invalid_request};
+use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit;
+use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, SheetStyle, render_batch};
-use crate::wait::wait_detached;
+use crate::wait::{run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use smaclite_engine::{Arena, Rules};
-use smaclite_ipc::{Client, LaneDescription, Supervisor};
+use smaclite_ipc::{Client, LaneDescription, Supervisor, lane_scenario};
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
@@ -27,7 +27,7 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
-    _embedded: Option<Supervisor>,
+    _embedded: Option<Arc<Supervisor>>,
 }
 
 impl SharedClient {
@@ -67,9 +67,10 @@ impl Attached {
     }
 }
 
-/// A pool within this process, and the scenario of its lane.
+/// A pool within this process, which ends with the last of its `Envs`, and the scenario of its lanes.
+#[derive(Clone)]
 pub struct Embedded {
-    pub supervisor: Supervisor,
+    pub supervisor: Arc<Supervisor>,
     pub scenario: Scenario,
 }
 
@@ -97,7 +98,7 @@ pub struct Envs {
     shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
-    /// Of an embedded pool; another process sends only its name.
+    /// Of an embedded pool.
     scenario: Option<Scenario>,
     /// The newest batch, for pictures. It is not kept: a lane limits the batches that are held.
     newest: Mutex<Weak<smaclite_ipc::Batch>>,
@@ -121,18 +122,16 @@ impl Envs {
         &self.layout
     }
 
-    /// The scenario of the lane. An attached client knows it only by name; for a custom scenario `instead`
-    /// says what the user can do.
-    pub fn scenario_of_lane(&self, instead: &str) -> PyResult<Scenario> {
-        let (lane, known) = (&self.description, self.scenario.clone());
-        let fits = |scenario: &Scenario| Arena::new(scenario, Rules::default()).sizes() == lane.sizes;
-        known.or_else(|| Scenario::standard(&lane.scenario).filter(fits)).ok_or_else(|| {
-            invalid_request(format!(
-                "the scenario `{}` of this lane is not a standard one, and the pool sends only its name; \
-                 {instead}",
-                lane.scenario
-            ))
-        })
+    /// The scenario of the lane, for which an attached client asks the pool.
+    pub fn scenario_of_lane(&self, py: Python<'_>) -> PyResult<Scenario> {
+        if let Some(scenario) = &self.scenario {
+            return Ok(scenario.clone());
+        }
+        let runtime_dir = runtime_dir()?;
+        let (pool, lane) = (self.description.pool.clone(), self.description.lane.clone());
+        let received = run_on_thread(py, move |_| lane_scenario(&runtime_dir, &pool, Some(&lane)))?;
+        let scenario = received.map_err(connect_error)?.files.scenario();
+        scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
     fn received(&self, py: Python<'_>, batch: smaclite_ipc::Batch) -> PyResult<Batch> {
@@ -390,8 +389,7 @@ impl Envs {
     ///         held, itself or one of its arrays, since a lane keeps no batches.
     ///     env_id: the id of one environment; or integers [K], whose pictures are put into one sheet, each
     ///         with its caption above it. None: a sheet of all environments of the batch.
-    ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet. A process
-    ///         that attached to a pool with a custom scenario must pass one, as a pool sends only the name.
+    ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet.
     ///     columns: pictures per row of a sheet; None for about as many as there are rows.
     ///     captions: a string per picture of a sheet; None for the ids of the environments.
     ///

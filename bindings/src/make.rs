@@ -8,6 +8,7 @@ use crate::exit::PendingCall;
 use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
+use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use smaclite_engine::Rules;
@@ -19,10 +20,14 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// No machine has as many cores; a larger value is a mistake.
 const MAX_THREADS: usize = 1024;
+
+/// More lanes than this would only make batches smaller.
+const MAX_LANES: usize = 64;
 
 /// Start a pool in this process and attach to it.
 ///
@@ -45,6 +50,11 @@ const MAX_THREADS: usize = 1024;
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
+///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
+///         `n_actions` after the features of the scenario, the newest first; zeros where the episode is
+///         younger. They are part of `obs`, `final_obs` and `obs_size`, and zeros for dead agents, as the
+///         rest of `obs`.
+///     obs_agent_id: whether an agent observes its own number, as a one-hot vector of `n_agents` at the end.
 ///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
 ///     spectators: number of spectators at the same time, 0 to 64, such as `smaclite-pool watch`; each needs
 ///         shared memory for two more batches.
@@ -52,6 +62,10 @@ const MAX_THREADS: usize = 1024;
 ///     name: the pool's name; a unique one by default.
 ///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
 ///         environment 0; a file of that name is replaced. `Recorder` records other environments.
+///     lanes: a number of lanes, 1 to 64: return a list of that many `Envs` that share the worker threads.
+///         The environments are divided among them, to within one; the lane that begins with environment f
+///         has the seed `seed` + f. With two, the policy can choose actions for one half while the workers
+///         step the other. The pool ends when all of them are closed. None: return one `Envs`.
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or a scenario or unit file is invalid.
@@ -63,11 +77,13 @@ const MAX_THREADS: usize = 1024;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
-    rules="smaclite", fields=None, max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
-    wait="adaptive", name=None, record=None))]
+    rules="smaclite", fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
+    max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
+    wait="adaptive", name=None, record=None, lanes=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None, record=None)")]
+    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, obs_last_actions=0, \
+    obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None, \
+    lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -80,19 +96,24 @@ pub fn make(
     episode_limit: Option<EpisodeLimit>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
+    obs_last_actions: IntArg,
+    obs_agent_id: bool,
     max_held_batches: IntArg,
     spectators: IntArg,
     wait: &str,
     name: Option<String>,
     record: Option<PathBuf>,
-) -> PyResult<Envs> {
+    lanes: Option<IntArg>,
+) -> PyResult<Py<PyAny>> {
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
-    let num_envs = to_unsigned("num_envs", num_envs)?;
-    let batch_size = batch_size.map_or(Ok(num_envs), |n| to_unsigned("batch_size", n))?;
-    let seed = to_unsigned("seed", seed)?;
+    let num_envs: usize = to_unsigned("num_envs", num_envs)?;
+    let batch_size = batch_size.map(|n| to_unsigned("batch_size", n)).transpose()?;
+    let seed: u64 = to_unsigned("seed", seed)?;
+    let obs_last_actions = to_unsigned("obs_last_actions", obs_last_actions)?;
     let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
     let spectators = to_unsigned("spectators", spectators)?;
+    let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
     let limit = to_episode_limit(episode_limit)?;
     let fields = match fields {
@@ -108,22 +129,56 @@ pub fn make(
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
         let resolved = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         let scenario = resolved.0.clone();
-        let mut lane = LaneConfig::new(lane_name(&scenario.name).to_owned(), resolved, num_envs);
-        if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
-            (*lane_rules, *episode_limit) = (rules, limit);
+        let settings =
+            LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
+        let (base, count) = (lane_name(&scenario.name), lanes.unwrap_or(1));
+        let (mut configs, mut names, mut first_env) = (Vec::new(), Vec::new(), 0);
+        for index in 0..count {
+            let name = if lanes.is_some() { format!("{base}-{index}") } else { base.to_owned() };
+            let num_envs = num_envs / count + usize::from(index < num_envs % count);
+            let mut lane = LaneConfig::new(name.clone(), resolved.clone(), num_envs);
+            if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
+                (*lane_rules, *episode_limit) = (rules, limit);
+            }
+            let batch_size = batch_size.unwrap_or(num_envs);
+            let seed = seed.wrapping_add(first_env as u64);
+            let settings = LaneSettings { num_envs, batch_size, seed, ..settings };
+            configs.push(LaneConfig { settings, max_held_batches, spectators, ..lane });
+            names.push(name);
+            first_env += num_envs;
         }
-        let settings = LaneSettings { num_envs, batch_size, seed, autoreset, fields };
-        let lane = LaneConfig { settings, max_held_batches, spectators, ..lane };
-        let config = SupervisorConfig { name: name.clone(), lanes: vec![lane], options, runtime_dir };
+        let config = SupervisorConfig { name: name.clone(), lanes: configs, options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
-        let attached = attach(supervisor.runtime_dir(), record, || {
-            Client::connect(supervisor.runtime_dir(), &name, None, wait)
+        let supervisor = Arc::new(supervisor);
+        let runtime_dir = supervisor.runtime_dir();
+        let mut record = record; // of the first lane
+        let attached = names.iter().map(|lane| {
+            let connect = || Client::connect(runtime_dir, &name, Some(lane), wait);
+            attach(runtime_dir, record.take(), connect)
         });
-        Ok((attached.map_err(errors::connect_error)?, Embedded { supervisor, scenario }))
+        let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
+        Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }))
     };
-    let started = run_on_thread(py, start)?;
-    started.map(|((client, recording), embedded)| Envs::new(client, Some(embedded), recording))
+    let (attached, embedded) = run_on_thread(py, start)??;
+    let mut envs = attached
+        .into_iter()
+        .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
+        .collect::<Vec<_>>();
+    match lanes {
+        None => Ok(Py::new(py, envs.remove(0))?.into_any()),
+        Some(_) => envs.into_py_any(py),
+    }
+}
+
+fn lane_count(lanes: IntArg, num_envs: usize) -> PyResult<usize> {
+    let (lanes, most) = (to_unsigned("lanes", lanes)?, num_envs.clamp(1, MAX_LANES));
+    if !(1..=most).contains(&lanes) {
+        return Err(invalid_request(format!(
+            "lanes must be between 1 and {most} for {num_envs} environments, got {lanes}"
+        )));
+    }
+    Ok(lanes)
 }
 
 fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {

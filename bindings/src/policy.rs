@@ -4,15 +4,11 @@ use crate::batch::{Batch, missing_field_error};
 use crate::convert::{self, IntArg, to_unsigned};
 use crate::envs::Envs;
 use crate::errors::invalid_request;
-use crate::scenario::resolve;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Rules};
-use smaclite_ipc::LaneDescription;
+use smaclite_engine::{Arena, Rules, Sizes};
 use smaclite_pool::fields::Field;
-use smaclite_scenarios::Scenario;
-use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 /// What a policy sees.
@@ -31,14 +27,11 @@ const FIELDS: [Field; 2] = [Field::State, Field::AvailActions];
 ///         documentation describes them.
 ///     envs: the environments to play in, with the fields `state` and `avail_actions`.
 ///     seed: of `random`, from 0 to `2**64 - 1`.
-///     scenario: name or path of the scenario of `envs`. None: known from `envs`. A process that attached to
-///         a pool with a custom scenario must pass it, as a pool sends only the name.
 ///
 /// Raises:
-///     InvalidRequest: the name is unknown, the lane omits a field, the scenario is not that of the lane, or
-///         the seed is out of range.
-///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
+///     InvalidRequest: the name is unknown, the lane omits a field, or the seed is out of range.
 ///     TypeError: the seed is not an integer.
+///     NoSuchPool: the pool that `envs` attached to has ended.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct ScriptedPolicy {
     name: String,
@@ -49,15 +42,9 @@ pub struct ScriptedPolicy {
 #[pymethods]
 impl ScriptedPolicy {
     #[new]
-    #[pyo3(signature = (name, envs, *, seed=IntArg::Small(0), scenario=None))]
-    #[pyo3(text_signature = "(name, envs, *, seed=0, scenario=None)")]
-    fn new(
-        py: Python<'_>,
-        name: String,
-        envs: &Bound<'_, Envs>,
-        seed: IntArg,
-        scenario: Option<PathBuf>,
-    ) -> PyResult<ScriptedPolicy> {
+    #[pyo3(signature = (name, envs, *, seed=IntArg::Small(0)))]
+    #[pyo3(text_signature = "(name, envs, *, seed=0)")]
+    fn new(py: Python<'_>, name: String, envs: &Bound<'_, Envs>, seed: IntArg) -> PyResult<ScriptedPolicy> {
         let scripted = Scripted::from_name(&name, to_unsigned("seed", seed)?).map_err(invalid_request)?;
         let envs = envs.get();
         if let Some(field) = FIELDS.into_iter().find(|field| envs.layout().offset(*field).is_none()) {
@@ -66,11 +53,8 @@ impl ScriptedPolicy {
                 "scripted policies need the fields `state` and `avail_actions`, but this lane omits `{field}`"
             )));
         }
-        let scenario = match scenario {
-            Some(path) => resolve(py, &path)?,
-            None => envs.scenario_of_lane("pass scenario=PATH")?,
-        };
-        let arena = arena(envs.lane_description(), &scenario)?;
+        let rules = envs.lane_description().rules.parse::<Rules>().map_err(invalid_request)?;
+        let arena = Arena::new(&envs.scenario_of_lane(py)?, rules);
         Ok(ScriptedPolicy { name, arena, scripted: Mutex::new(scripted) })
     }
 
@@ -94,7 +78,9 @@ impl ScriptedPolicy {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let batch = batch.get().received();
-        let (sizes, expected) = (batch.layout().sizes(), self.arena.sizes());
+        let sizes = batch.layout().sizes();
+        // Policies read no observations, which may have what a lane appends.
+        let expected = Sizes { obs_size: sizes.obs_size, ..self.arena.sizes() };
         if sizes != expected {
             return Err(invalid_request(format!(
                 "this policy is for {} against {} units and states of {} features, \
@@ -137,16 +123,4 @@ impl ScriptedPolicy {
     fn __repr__(&self) -> String {
         format!("<smaclite_pool.ScriptedPolicy {}>", self.name)
     }
-}
-
-/// The arena of a lane's battles.
-fn arena(lane: &LaneDescription, scenario: &Scenario) -> PyResult<Arena> {
-    let arena = Arena::new(scenario, lane.rules.parse::<Rules>().map_err(invalid_request)?);
-    if arena.sizes() != lane.sizes {
-        return Err(invalid_request(format!(
-            "scenario must be the scenario `{}` of the lane, got `{}`, which has other sizes",
-            lane.scenario, scenario.name
-        )));
-    }
-    Ok(arena)
 }

@@ -29,7 +29,7 @@ type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 /// drawn.
 ///
 /// Args:
-///     scenario: name of a standard scenario, or path of a scenario file.
+///     scenario: name of a standard scenario, path of a scenario file, or `Envs`, whose scenario it draws.
 ///     width, height: size of a picture in pixels, each from 16 to 4096.
 ///     theme: "dark" or "light".
 ///     show_sight: show how far each agent sees.
@@ -38,6 +38,7 @@ type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
+///     NoSuchPool: the pool that the environments attached to has ended.
 ///     InvalidRequest: the size or the theme is invalid.
 ///     TypeError: the width or height is not an integer.
 #[pyclass(frozen, module = "smaclite_pool")]
@@ -45,6 +46,14 @@ pub struct Renderer {
     scenario: Scenario,
     renderer: smaclite_view::Renderer,
     state_size: usize,
+}
+
+/// What a renderer draws.
+#[derive(FromPyObject)]
+pub enum Drawn<'py> {
+    Envs(Bound<'py, Envs>),
+    #[pyo3(annotation = "str, path or Envs")]
+    Scenario(PathBuf),
 }
 
 impl Renderer {
@@ -127,7 +136,7 @@ impl Renderer {
     #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn new(
         py: Python<'_>,
-        scenario: PathBuf,
+        scenario: Drawn<'_>,
         width: IntArg,
         height: IntArg,
         theme: &str,
@@ -139,7 +148,10 @@ impl Renderer {
         let theme = to_theme(theme)?;
         let options =
             Options { width, height, show_sight, show_range, show_ids, theme, ..Options::default() };
-        let scenario = resolve(py, &scenario)?;
+        let scenario = match scenario {
+            Drawn::Envs(envs) => envs.get().scenario_of_lane(py)?,
+            Drawn::Scenario(path) => resolve(py, &path)?,
+        };
         py.detach(|| Renderer::of(scenario, options)).map_err(invalid_request)
     }
 
@@ -290,7 +302,7 @@ fn slot_of(env: i64, in_batch: &[i32], num_envs: usize) -> PyResult<usize> {
 
 /// A renderer of a lane's scenario.
 fn default_renderer(py: Python<'_>, envs: &Envs, is_sheet: bool) -> PyResult<Renderer> {
-    let scenario = envs.scenario_of_lane("pass renderer=smaclite_pool.Renderer(PATH)")?;
+    let scenario = envs.scenario_of_lane(py)?;
     let default = Options::default();
     let cell = Options { width: SHEET_CELL, height: SHEET_CELL, ..default };
     py.detach(|| Renderer::of(scenario, if is_sheet { cell } else { default })).map_err(invalid_request)

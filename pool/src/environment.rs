@@ -16,7 +16,7 @@ pub trait Environment: Send {
     fn check(&self, actions: &[i32]) -> Result<(), IllegalAction>;
     /// One step with a joint action that [`check`](Environment::check) accepted in this state.
     fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step;
-    /// Writes `[n_agents, obs_size]`.
+    /// Writes `[n_agents, row]`, where a row is `obs_size` long or longer; the rest of each row becomes 0.
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch);
     /// Writes `[state_size]`.
     fn write_state(&self, out: &mut [f32]);

@@ -5,6 +5,8 @@ use crate::environment::Environment;
 use crate::episode_log::{EpisodeLog, EpisodePart, LogCursor};
 use crate::fields::Field;
 use crate::lane::Ticket;
+use crate::lane_settings::LaneSettings;
+use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
 use smaclite_engine::{Scratch, Step};
 
@@ -31,12 +33,15 @@ pub(crate) struct HostedEnv {
     pub(crate) is_over: bool,
     /// What it did, if it has followers.
     log: Option<Box<EpisodeLog>>,
+    /// What the lane appends to its observations.
+    own: Option<Box<OwnFeatures>>,
 }
 
 impl HostedEnv {
-    pub(crate) fn new(env: Box<dyn Environment>) -> HostedEnv {
+    pub(crate) fn new(env: Box<dyn Environment>, settings: &LaneSettings) -> HostedEnv {
         let actions = vec![0; env.sizes().n_agents];
-        HostedEnv { env, actions, busy: None, is_over: false, log: None }
+        let own = OwnFeatures::new(settings, env.sizes());
+        HostedEnv { env, actions, busy: None, is_over: false, log: None, own }
     }
 
     /// Carries a task out, up to the point where its slot is needed.
@@ -50,6 +55,9 @@ impl HostedEnv {
             Task::Step => {
                 let step = self.env.step_checked(&self.actions, scratch);
                 self.is_over = step.terminated || step.truncated;
+                if let Some(own) = &mut self.own {
+                    own.step(&self.actions);
+                }
                 if let Some(log) = &mut self.log {
                     log.step(&self.actions, self.is_over);
                     if log.is_full() {
@@ -102,6 +110,9 @@ impl HostedEnv {
     fn reset(&mut self) {
         self.env.reset();
         self.is_over = false;
+        if let Some(own) = &mut self.own {
+            own.reset();
+        }
         if self.log.is_some() {
             self.begin_log();
         }
@@ -152,9 +163,12 @@ impl HostedEnv {
         slot.set(Field::EpisodeLength, self.env.episode_length() as i32);
     }
 
-    fn write_view(&self, [obs, state, avail]: [Field; 3], slot: &mut Slot<'_>, scratch: &mut Scratch) {
+    fn write_view(&mut self, [obs, state, avail]: [Field; 3], slot: &mut Slot<'_>, scratch: &mut Scratch) {
         if let Some(out) = slot.row(obs) {
             self.env.write_obs(out, scratch);
+            if let Some(own) = &mut self.own {
+                own.write(&*self.env, out);
+            }
         }
         if let Some(out) = slot.row(state) {
             self.env.write_state(out);

@@ -9,6 +9,9 @@ use smaclite_engine::Sizes;
 /// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
 pub const MAX_ENVS: usize = 1_000_000;
 
+/// The most own actions that an observation can have.
+pub const MAX_LAST_ACTIONS: usize = 16;
+
 /// How many environments a lane has, and how they are stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LaneSettings {
@@ -22,6 +25,12 @@ pub struct LaneSettings {
     pub autoreset: Autoreset,
     /// The fields of a frame; the `final_*` ones are kept only under same-step autoreset.
     pub fields: FieldSet,
+    /// How many of its own last actions an agent observes, 0 to [`MAX_LAST_ACTIONS`]: after the features of
+    /// the environment, as one-hot vectors of `n_actions`, the newest first; zeros where the episode is
+    /// younger.
+    pub obs_last_actions: usize,
+    /// Whether an agent observes its own number: as a one-hot vector of `n_agents` at the end.
+    pub obs_agent_id: bool,
 }
 
 /// A setting of a lane that is out of range.
@@ -32,13 +41,23 @@ pub enum LaneSettingsError {
     NumEnvs(usize),
     #[error("the batch size must be between 1 and {num_envs} (the number of environments), got {batch_size}")]
     BatchSize { batch_size: usize, num_envs: usize },
+    #[error("obs_last_actions must be between 0 and {MAX_LAST_ACTIONS}, got {0}")]
+    LastActions(usize),
 }
 
 impl LaneSettings {
     /// `num_envs` synchronous environments; every other setting has its default.
     pub fn new(num_envs: usize) -> LaneSettings {
         let (autoreset, fields) = (Autoreset::default(), FieldSet::ALL);
-        LaneSettings { num_envs, batch_size: num_envs, seed: 0, autoreset, fields }
+        LaneSettings {
+            num_envs,
+            batch_size: num_envs,
+            seed: 0,
+            autoreset,
+            fields,
+            obs_last_actions: 0,
+            obs_agent_id: false,
+        }
     }
 
     /// Checks the ranges.
@@ -46,12 +65,15 @@ impl LaneSettings {
     /// # Errors
     /// Names the first setting that is out of its range.
     pub fn check(&self) -> Result<(), LaneSettingsError> {
-        let LaneSettings { num_envs, batch_size, .. } = *self;
+        let LaneSettings { num_envs, batch_size, obs_last_actions, .. } = *self;
         if num_envs == 0 || num_envs > MAX_ENVS {
             return Err(LaneSettingsError::NumEnvs(num_envs));
         }
         if batch_size == 0 || batch_size > num_envs {
             return Err(LaneSettingsError::BatchSize { batch_size, num_envs });
+        }
+        if obs_last_actions > MAX_LAST_ACTIONS {
+            return Err(LaneSettingsError::LastActions(obs_last_actions));
         }
         Ok(())
     }
@@ -67,7 +89,14 @@ impl LaneSettings {
         self.fields.iter().filter(|field| same_step || !field.is_final()).collect()
     }
 
-    /// The layout of the lane's frames, for environments of these sizes.
+    /// The sizes of the lane's frames, for environments of these sizes: observations are longer by what the
+    /// lane appends to them.
+    pub fn frame_sizes(&self, of_env: Sizes) -> Sizes {
+        let id = if self.obs_agent_id { of_env.n_agents } else { 0 };
+        Sizes { obs_size: of_env.obs_size + self.obs_last_actions * of_env.n_actions + id, ..of_env }
+    }
+
+    /// The layout of the lane's frames, which have these [sizes](LaneSettings::frame_sizes).
     pub fn layout(&self, sizes: Sizes) -> Layout {
         Layout::new(sizes, self.batch_size, self.frame_fields())
     }

@@ -5,6 +5,7 @@ mod epochs;
 mod frame_shortage;
 mod harness;
 mod lanes;
+mod own_features;
 mod rejections;
 mod stepping;
 

@@ -124,8 +124,23 @@ fn fields_that_a_lane_leaves_out_are_absent_and_the_others_unchanged() {
     }
 }
 
+#[test]
+fn own_actions_and_numbers_are_appended_for_every_number_of_threads_batch_size_and_mode() {
+    for autoreset in MODES {
+        for (obs_last_actions, obs_agent_id) in [(1, false), (3, true), (16, false), (0, true)] {
+            for (threads, batch_size) in [(1, 5), (2, 5), (2, 2)] {
+                let plan =
+                    LanePlan { batch_size, autoreset, obs_last_actions, obs_agent_id, ..LanePlan::toy(5) };
+                check(&plan, threads, WaitStrategy::default());
+            }
+        }
+    }
+}
+
 /// The other tests step an environment that was made for them; this one steps battles.
 #[test]
 fn battles_in_a_pool_are_those_of_the_engine_alone() {
     check(&LanePlan::new("2s3z", 3), 2, WaitStrategy::default());
+    let own = LanePlan { obs_last_actions: 2, obs_agent_id: true, ..LanePlan::new("2s3z", 3) };
+    check(&own, 2, WaitStrategy::default());
 }

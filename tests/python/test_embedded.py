@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import run_script
+from conftest import Serve, run_script
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -39,6 +39,48 @@ def test_properties_and_description_agree() -> None:
         assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["learner_pid"] == envs.pid
         assert "MMM2" in repr(envs) and "mine" in repr(envs)
     assert sp.pools() == []
+
+
+def test_own_actions_and_numbers_follow_the_features() -> None:
+    """Compared with one-hot vectors of the actions that were sent; zeros for dead agents."""
+    last_actions, num_envs = 3, 4
+    settings: dict[str, Any] = {"num_envs": num_envs, "seed": 3, "autoreset": "same_step"}
+    own = sp.make("2s3z", obs_last_actions=last_actions, obs_agent_id=True, **settings)
+    with own as envs, sp.make("2s3z", **settings) as plain:
+        n_agents, n_actions, features = envs.n_agents, envs.n_actions, plain.obs_size
+        assert envs.obs_size == features + last_actions * n_actions + n_agents
+        assert envs.description["obs_last_actions"] == 3 and envs.description["obs_agent_id"] is True
+        history = np.zeros((num_envs, n_agents, last_actions, n_actions), np.float32)
+        ids = np.broadcast_to(np.eye(n_agents, dtype=np.float32), (num_envs, n_agents, n_agents))
+        policy = sp.ScriptedPolicy("nearest", envs)
+
+        def expected(obs: Any, alive: Any) -> Any:
+            own = np.concatenate([history.reshape(num_envs, n_agents, -1), ids], axis=2)
+            return np.concatenate([obs, own * alive[:, :, None]], axis=2)
+
+        batch, bare, dead, ended = envs.reset(seed=3), plain.reset(seed=3), 0, 0
+        for _ in range(150):
+            assert np.array_equal(batch.obs, expected(bare.obs, bare.alive))
+            actions = policy(batch)
+            batch, bare = envs.step(actions), plain.step(actions)
+            history = np.concatenate([np.eye(n_actions, dtype=np.float32)[actions][:, :, None], history], 2)
+            history = history[:, :, :last_actions]
+            over = batch.terminated | batch.truncated
+            alive = bare.final_obs.any(axis=2)  # the newest mask is that of the next episode
+            final = expected(bare.final_obs, alive)
+            assert np.array_equal(batch.final_obs[over], final[over])
+            history[over] = 0
+            dead, ended = dead + int((~bare.alive).sum()), ended + int(over.sum())
+        assert dead > 0 and ended > 0
+
+
+def test_a_served_lane_appends_them_too(serve: Serve) -> None:
+    serve("2s3z:2", "--name", "own", "--obs-last-actions", "2", "--obs-agent-id")
+    with sp.connect("own") as envs:
+        assert envs.obs_size == 80 + 2 * envs.n_actions + envs.n_agents
+        batch = envs.reset()
+        assert np.array_equal(batch.obs[:, :, -5:], [np.eye(5)] * 2)
+        sp.ScriptedPolicy("nearest", envs)(batch)
 
 
 def test_every_standard_scenario_plays() -> None:

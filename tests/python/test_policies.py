@@ -103,13 +103,10 @@ def test_an_attached_learner_plays_policies(tmp_path: Path, serve: Serve) -> Non
                 sp.ScriptedPolicy("kite", envs)(batch), sp.ScriptedPolicy("kite", same)(same.reset(seed=1))
             )
     with sp.connect("played", "own") as envs:
-        with pytest.raises(sp.InvalidRequest, match="sends only its name; pass scenario=PATH"):
-            sp.ScriptedPolicy("hold", envs)
-        actions = sp.ScriptedPolicy("hold", envs, scenario=own)(envs.reset())
+        own.unlink()  # the pool sends the scenario
+        actions = sp.ScriptedPolicy("hold", envs)(envs.reset())
         assert not ((actions > STOP) & (actions < FIRST_TARGET)).any(), "no move"
-        envs.step(actions)
-        with pytest.raises(sp.InvalidRequest, match="must be the scenario `duel` of the lane, got `2s3z`"):
-            sp.ScriptedPolicy("hold", envs, scenario="2s3z")
+        assert envs.render(envs.step(actions), env_id=0).any()
 
 
 def test_errors_say_what_is_accepted() -> None:
@@ -126,8 +123,6 @@ def test_errors_say_what_is_accepted() -> None:
             sp.ScriptedPolicy("hold", partial)
         with pytest.raises(sp.InvalidRequest, match="seed must not be negative, got -1"):
             sp.ScriptedPolicy("random", envs, seed=-1)
-        with pytest.raises(sp.ScenarioError, match="absent"):
-            sp.ScriptedPolicy("hold", envs, scenario="absent.json")
         policy = sp.ScriptedPolicy("hold", envs)
         with pytest.raises(sp.InvalidRequest, match="for 3 against 3 units .*, got a batch with 5 against 5"):
             policy(others.reset())

@@ -36,7 +36,7 @@ def episodes(path: Path) -> list[str]:
 @pytest.mark.parametrize("autoreset", ["next_step", "same_step"])
 def test_environments_write_a_replay_of_their_episodes(autoreset: str, tmp_path: Path) -> None:
     path = tmp_path / "train.smreplay"
-    with sp.make("2s3z", 3, autoreset=autoreset, record=path) as envs:  # type: ignore[arg-type]
+    with sp.make("2s3z", 3, autoreset=autoreset, record=path) as envs:  # type: ignore[call-overload]
         envs.reset(seed=9)
         ended = play(envs, 200)
         assert not path.exists()

@@ -199,17 +199,16 @@ def test_an_environment_must_be_in_the_batch() -> None:
             envs.render(batch, absent)
 
 
-def test_an_attached_learner_needs_a_renderer_for_custom_scenarios(tmp_path: Path, serve: Serve) -> None:
+def test_an_attached_learner_draws_custom_scenarios(tmp_path: Path, serve: Serve) -> None:
     own, misnamed = write_duel(tmp_path), write_duel(tmp_path, "3m")
     serve("3m:2", f"own={own}:2", f"misnamed={misnamed}:2", "--name", "seen")
     with sp.connect("seen", "3m") as envs:
         assert is_picture(envs.render(envs.reset(), 1), 512, 512)
     for lane in ("own", "misnamed"):
         with sp.connect("seen", lane) as envs:
-            batch = envs.reset()
-            with pytest.raises(sp.InvalidRequest, match=r"pass renderer=smaclite_pool.Renderer\(PATH\)"):
-                envs.render(batch)
-            assert is_picture(envs.render(batch, 1, sp.Renderer(own)), 512, 512)
+            batch, renderer = envs.reset(), sp.Renderer(envs)
+            assert np.array_equal(envs.render(batch, 1), renderer.render(batch.state[1]))
+            assert np.array_equal(envs.render(batch, 1, sp.Renderer(own)), renderer.render(batch.state[1]))
 
 
 def test_a_pool_in_this_process_draws_its_custom_scenario(tmp_path: Path) -> None:

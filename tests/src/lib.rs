@@ -24,6 +24,7 @@ pub mod fork;
 pub mod in_memory;
 pub mod learner;
 pub mod other_user;
+mod own_features;
 pub mod plan;
 pub mod process;
 pub mod raw_client;

@@ -41,6 +41,10 @@ pub struct LanePlan {
     pub episode_limit: Option<u32>,
     /// Names of the fields; `None` for all.
     pub fields: Option<Vec<String>>,
+    /// Own last actions in an observation.
+    pub obs_last_actions: usize,
+    /// Own number in an observation.
+    pub obs_agent_id: bool,
     /// Batches that a learner may hold.
     pub max_held_batches: usize,
     /// Largest number of spectators at once.
@@ -85,6 +89,8 @@ impl LanePlan {
             autoreset: Autoreset::NextStep,
             episode_limit: Some(30),
             fields: None,
+            obs_last_actions: 0,
+            obs_agent_id: false,
             max_held_batches: 4,
             spectators: 2,
             faults: Vec::new(),
@@ -137,8 +143,9 @@ impl LanePlan {
     }
 
     fn settings(&self) -> LaneSettings {
-        let LanePlan { num_envs, batch_size, seed, autoreset, .. } = *self;
-        LaneSettings { num_envs, batch_size, seed, autoreset, fields: self.field_set() }
+        let LanePlan { num_envs, batch_size, seed, autoreset, obs_last_actions, obs_agent_id, .. } = *self;
+        let fields = self.field_set();
+        LaneSettings { num_envs, batch_size, seed, autoreset, fields, obs_last_actions, obs_agent_id }
     }
 
     fn config(&self) -> LaneConfig {

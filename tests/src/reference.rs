@@ -1,6 +1,7 @@
 //! What a lane must produce: its environments without their faults, stepped one by one on this thread,
 //! without pool or transport.
 
+use crate::own_features::OwnFeatures;
 use crate::{LanePlan, Row};
 use smaclite_engine::Scratch;
 use smaclite_ipc::Batch;
@@ -19,6 +20,7 @@ pub struct Reference {
 
 struct ReferenceEnv {
     env: Box<dyn Environment>,
+    own: OwnFeatures,
     is_over: bool,
     steps: u64,
     row: Row,
@@ -30,9 +32,9 @@ impl Reference {
         let make = plan.make_without_faults();
         let mut scratch = Scratch::new();
         let mut env = |index: usize| {
-            let env = make(index);
-            let row = Row::of(&*env, index, None, &mut scratch);
-            ReferenceEnv { env, is_over: false, steps: 0, row }
+            let (env, own) = (make(index), OwnFeatures::new(plan));
+            let row = Row::of(&*env, index, None, &own, &mut scratch);
+            ReferenceEnv { env, own, is_over: false, steps: 0, row }
         };
         let envs = (0..plan.num_envs).map(&mut env).collect();
         Reference { envs, autoreset: plan.autoreset, seed: plan.seed, was_reset: false, scratch }
@@ -56,6 +58,7 @@ impl Reference {
             state.env.reseed(seed.wrapping_add(env as u64));
         }
         state.env.reset();
+        state.own.reset();
         state.is_over = false;
         self.observe(env)
     }
@@ -63,7 +66,7 @@ impl Reference {
     /// The row of an environment when others are reset in synchronous mode: unchanged, but not of a step.
     pub fn observe(&mut self, env: i32) -> &Row {
         let state = &mut self.envs[env as usize];
-        state.row = Row::of(&*state.env, env as usize, None, &mut self.scratch);
+        state.row = Row::of(&*state.env, env as usize, None, &state.own, &mut self.scratch);
         &state.row
     }
 
@@ -80,11 +83,13 @@ impl Reference {
         state.env.check(actions).expect("legal actions");
         let step = state.env.step_checked(actions, &mut self.scratch);
         state.is_over = step.terminated || step.truncated;
-        state.row = Row::of(&*state.env, env as usize, Some(step), &mut self.scratch);
+        state.own.step(actions);
+        state.row = Row::of(&*state.env, env as usize, Some(step), &state.own, &mut self.scratch);
         if state.is_over && self.autoreset == Autoreset::SameStep {
             state.env.reset();
+            state.own.reset();
             state.is_over = false;
-            state.row.append_reset(&*state.env, &mut self.scratch);
+            state.row.append_reset(&*state.env, &state.own, &mut self.scratch);
         }
         &state.row
     }

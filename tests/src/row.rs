@@ -1,5 +1,6 @@
 //! One slot of a frame: what one environment wrote.
 
+use crate::own_features::OwnFeatures;
 use crate::toy_env::hash;
 use smaclite_engine::{Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;
@@ -26,7 +27,13 @@ impl Row {
     }
 
     /// What environment `index` must write as it is now; `step` is the step just made, if any.
-    pub(crate) fn of(env: &dyn Environment, index: usize, step: Option<Step>, scratch: &mut Scratch) -> Row {
+    pub(crate) fn of(
+        env: &dyn Environment,
+        index: usize,
+        step: Option<Step>,
+        own: &OwnFeatures,
+        scratch: &mut Scratch,
+    ) -> Row {
         let mut row = Row { values: vec![None; FIELDS.len()], n_actions: env.sizes().n_actions };
         let flag = |is_set: fn(&Step) -> bool| vec![u8::from(step.as_ref().is_some_and(is_set))];
         row.set(Field::EnvId, int(index));
@@ -38,37 +45,37 @@ impl Row {
         row.set(Field::DeadEnemies, int(env.dead_enemies()));
         row.set(Field::EpisodeReturn, floats(&[env.episode_return() as f32]));
         row.set(Field::EpisodeLength, int(env.episode_length() as usize));
-        row.set_view(env, [Field::Obs, Field::State, Field::AvailActions], scratch);
+        row.set_view(env, own, scratch);
         row
     }
 
     /// Turns the row of an episode's last step into that of same-step autoreset: the last observation, state
     /// and mask move to the `final_*` fields, and those of `env`, which was reset, replace them.
-    pub(crate) fn append_reset(&mut self, env: &dyn Environment, scratch: &mut Scratch) {
+    pub(crate) fn append_reset(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {
         self.values.swap(Field::Obs as usize, Field::FinalObs as usize);
         self.values.swap(Field::State as usize, Field::FinalState as usize);
         self.values.swap(Field::AvailActions as usize, Field::FinalAvailActions as usize);
-        self.set_view(env, [Field::Obs, Field::State, Field::AvailActions], scratch);
+        self.set_view(env, own, scratch);
     }
 
     fn set(&mut self, field: Field, value: Vec<u8>) {
         self.values[field as usize] = Some(value);
     }
 
-    fn set_view(&mut self, env: &dyn Environment, [obs, state, avail]: [Field; 3], scratch: &mut Scratch) {
+    fn set_view(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {
         let Sizes { n_agents, n_actions, obs_size, state_size, .. } = env.sizes();
-        let mut out = vec![0.0; n_agents * obs_size];
-        env.write_obs(&mut out, scratch);
-        self.set(obs, floats(&out));
+        let mut alive = vec![0; n_agents];
+        env.write_alive(&mut alive);
+        let mut obs = vec![0.0; n_agents * obs_size];
+        env.write_obs(&mut obs, scratch);
+        self.set(Field::Obs, floats(&own.append_to(&obs, &alive, n_actions)));
+        self.set(Field::Alive, alive);
         let mut out = vec![0.0; state_size];
         env.write_state(&mut out);
-        self.set(state, floats(&out));
+        self.set(Field::State, floats(&out));
         let mut out = vec![0; n_agents * n_actions];
         env.write_avail_actions(&mut out);
-        self.set(avail, out);
-        let mut out = vec![0; n_agents];
-        env.write_alive(&mut out);
-        self.set(Field::Alive, out);
+        self.set(Field::AvailActions, out);
     }
 
     /// The bytes of a field.

@@ -89,8 +89,11 @@ impl Environment for ToyEnv {
     }
 
     fn write_obs(&self, out: &mut [f32], _scratch: &mut Scratch) {
-        assert_eq!(out.len(), SIZES.n_agents * SIZES.obs_size);
-        self.write_floats("obs", out);
+        for (agent, row) in out.chunks_exact_mut(out.len() / SIZES.n_agents).enumerate() {
+            let (features, rest) = row.split_at_mut(SIZES.obs_size);
+            self.write_floats(["obs of 0", "obs of 1"][agent], features);
+            rest.fill(0.0);
+        }
     }
 
     fn write_state(&self, out: &mut [f32]) {

@@ -42,6 +42,9 @@ from ._native import (
     scenarios,
     status,
 )
+from ._evaluation import Evaluation, evaluate
+from ._rollout import Rollout
+from ._wrapper import ChangedBatch, Wrapper
 from .errors import (
     Busy,
     Closed,
@@ -64,9 +67,11 @@ from .errors import (
 __all__ = [
     "Batch",
     "Busy",
+    "ChangedBatch",
     "Closed",
     "ConnectError",
     "Envs",
+    "Evaluation",
     "Forked",
     "Frame",
     "IllegalAction",
@@ -78,6 +83,7 @@ __all__ = [
     "PoolError",
     "Recorder",
     "Renderer",
+    "Rollout",
     "ScenarioError",
     "ScriptedPolicy",
     "Spectator",
@@ -85,8 +91,10 @@ __all__ = [
     "Timeout",
     "TooLittleMemory",
     "TooManyBatchesHeld",
+    "Wrapper",
     "__version__",
     "connect",
+    "evaluate",
     "make",
     "pools",
     "scenario",

@@ -4,10 +4,12 @@
 from collections.abc import Sequence
 from os import PathLike
 from types import TracebackType
-from typing import Any, Final, Literal, final
+from typing import Any, Final, Literal, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ._wrapper import ChangedBatch
 
 __all__ = [
     "Batch",
@@ -125,7 +127,12 @@ class Batch:
     @property
     def sequence(self) -> int:
         """Number of this batch among all that the lane has sent, from 1."""
+    @property
+    def was_reset(self) -> NDArray[np.bool_]:
+        """Which steps only reset their environment, bool [M]; leave these out of learning."""
     def keys(self) -> list[str]: ...
+    def replace(self, **fields: Any) -> ChangedBatch:
+        """Return this batch with other arrays in some fields."""
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
         """Return a dict from field names to torch tensors over the same memory. Writing to one raises."""
@@ -246,7 +253,7 @@ class Renderer:
 
     def __new__(
         cls,
-        scenario: str | PathLike[str],
+        scenario: str | PathLike[str] | Envs,
         width: int = 512,
         height: int = 512,
         *,
@@ -278,13 +285,13 @@ class ScriptedPolicy:
         envs: Envs,
         *,
         seed: int = 0,
-        scenario: str | PathLike[str] | None = None,
     ) -> ScriptedPolicy: ...
     def __call__(self, batch: Batch, out: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
         """Actions of all slots of a batch: int32 [M, n_agents]."""
     @property
     def name(self) -> str: ...
 
+@overload
 def make(
     scenario: str | PathLike[str],
     num_envs: int = 64,
@@ -296,12 +303,36 @@ def make(
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
     fields: list[str] | None = None,
+    obs_last_actions: int = 0,
+    obs_agent_id: bool = False,
     max_held_batches: int = 4,
     spectators: int = 1,
     wait: _Wait = "adaptive",
     name: str | None = None,
     record: str | PathLike[str] | None = None,
+    lanes: None = None,
 ) -> Envs: ...
+@overload
+def make(
+    scenario: str | PathLike[str],
+    num_envs: int = 64,
+    *,
+    batch_size: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    autoreset: _Autoreset = "next_step",
+    episode_limit: int | Literal["default"] | None = "default",
+    rules: _Rules = "smaclite",
+    fields: list[str] | None = None,
+    obs_last_actions: int = 0,
+    obs_agent_id: bool = False,
+    max_held_batches: int = 4,
+    spectators: int = 1,
+    wait: _Wait = "adaptive",
+    name: str | None = None,
+    record: str | PathLike[str] | None = None,
+    lanes: int,
+) -> list[Envs]: ...
 def connect(
     pool: str,
     lane: str | None = None,

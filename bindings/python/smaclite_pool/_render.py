@@ -155,11 +155,9 @@ class BattleViewer:
 class LaneViewer:
     """Pictures of all environments of a lane, and a window with all of them.
 
-    With a mode it holds the newest batch. Arguments as in `BattleViewer`; a renderer is required with a mode
-    if the lane belongs to another process and has a custom scenario.
+    With a mode it holds the newest batch. Arguments as in `BattleViewer`.
 
-    Raises InvalidRequest for another mode or speed, and with a mode if the lane omits the field `state`; and
-    ScenarioError if a renderer is required.
+    Raises InvalidRequest for another mode or speed, and with a mode if the lane omits the field `state`.
     """
 
     picture_size = (256, 256)
@@ -174,7 +172,7 @@ class LaneViewer:
         if mode is not None:
             if "state" not in envs.fields:
                 raise InvalidRequest("pictures are drawn from the field `state`, which this lane omits")
-            self._renderer = renderer or Renderer(envs.scenario, *self.picture_size)
+            self._renderer = renderer or Renderer(envs, *self.picture_size)
 
     def observe(self, batch: Batch) -> None:
         """Take in the batch after a reset or step: with "human", show it."""

@@ -48,6 +48,12 @@ pub(super) struct Serve {
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
+    /// How many of its own last actions an agent observes, 0 to 16: one-hot vectors after its other features
+    #[arg(long, default_value_t = 0, value_name = "K")]
+    obs_last_actions: usize,
+    /// Let an agent observe its own number: a one-hot vector at the end
+    #[arg(long)]
+    obs_agent_id: bool,
     /// Batches that a learner can hold at once, 2 to 1024
     #[arg(long, default_value_t = 4, value_name = "K")]
     max_held_batches: usize,
@@ -131,6 +137,8 @@ impl Serve {
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.seed = self.seed;
         lane.settings.autoreset = self.autoreset;
+        lane.settings.obs_last_actions = self.obs_last_actions;
+        lane.settings.obs_agent_id = self.obs_agent_id;
         if let Some(names) = &self.fields {
             lane.settings.fields = FieldSet::from_names(names)?;
         }

@@ -10,7 +10,7 @@ use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 
 /// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
@@ -196,7 +196,7 @@ pub struct LaneDescription {
     pub lane: String,
     /// The scenario's name.
     pub scenario: String,
-    /// Sizes of an environment.
+    /// Sizes of the lane's frames: `obs_size` includes what the lane appends to observations.
     #[serde(flatten)]
     pub sizes: Sizes,
     /// How many environments there are, and how they are stepped.
@@ -276,6 +276,7 @@ mod tests {
             of_settings(LaneSettings { batch_size: 0, ..settings }),
             of_settings(LaneSettings { batch_size: MAX_ENVS + 1, ..settings }),
             of_settings(LaneSettings { num_envs: usize::MAX, ..settings }),
+            of_settings(LaneSettings { obs_last_actions: 17, ..settings }),
         ];
         lies.iter().for_each(|lie| assert!(lie.layout().is_err(), "{lie:?}"));
     }
@@ -284,6 +285,7 @@ mod tests {
     fn sizes_and_settings_are_keys_of_the_description() {
         let keys = serde_json::to_value(lane()).unwrap();
         assert_eq!((&keys["n_agents"], &keys["batch_size"]), (&5.into(), &MAX_ENVS.into()), "{keys}");
+        assert_eq!((&keys["obs_last_actions"], &keys["obs_agent_id"]), (&0.into(), &false.into()), "{keys}");
         let with_fields = |names: &[&str]| {
             let mut keys = keys.clone();
             keys["fields"] = names.into();

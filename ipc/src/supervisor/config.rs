@@ -139,11 +139,11 @@ impl LaneConfig {
             instance: pool.instance.to_owned(),
             lane: self.name.clone(),
             scenario,
-            sizes,
+            sizes: settings.frame_sizes(sizes),
             settings,
             episode_limit,
             rules,
-            layout_hash: settings.layout(sizes).hash(),
+            layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, pool.threads, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };

@@ -289,6 +289,8 @@ impl Battle {
     /// Distances are divided by the sight range of 9 squares, health and shield by their maximum. Blocks of
     /// units that are dead or not nearer than the sight range are zero.
     ///
+    /// `out` may have longer rows, `[n_agents, more than obs_size]`: the rest of each row becomes 0.
+    ///
     /// # Panics
     /// If `out` has another size.
     pub fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {

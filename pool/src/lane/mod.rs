@@ -36,7 +36,7 @@ pub struct LaneSpec {
     pub name: String,
     /// Sizes of every environment.
     pub sizes: Sizes,
-    /// Number of environments, batches, seed, autoreset and fields.
+    /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
     pub settings: LaneSettings,
     /// Makes environment `i`.
     pub make: MakeEnvironment,
@@ -45,7 +45,7 @@ pub struct LaneSpec {
 impl LaneSpec {
     /// The layout of this lane's frames.
     pub fn layout(&self) -> Layout {
-        self.settings.layout(self.sizes)
+        self.settings.layout(self.settings.frame_sizes(self.sizes))
     }
 }
 
@@ -72,7 +72,7 @@ impl<T: Transport> Lane<T> {
             seed,
             autoreset,
             layout: spec.layout(),
-            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i)))).collect(),
+            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
             intake: Mutex::new(Intake::new(inlet)),
             assembler: Mutex::new(FrameAssembler::new(outlet, batch_size)?),
             failure: OnceLock::new(),

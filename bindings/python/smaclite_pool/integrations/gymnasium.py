@@ -101,12 +101,10 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             one batch.
         render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
             motion; None for no waiting.
-        renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if
-            the lane belongs to another process and has a custom scenario.
+        renderer: how to draw; by default 256 x 256 pixels per environment.
 
     Raises InvalidRequest for an asynchronous lane, another value of `illegal_actions`, `render_mode` or
-    `render_speed`, or a render mode if the lane omits the field `state`; and ScenarioError if a renderer is
-    required.
+    `render_speed`, or a render mode if the lane omits the field `state`.
     """
 
     observation_space: spaces.Dict
@@ -269,15 +267,12 @@ def make_vector(
     settings.update(seed=_seed_or_random(seed), autoreset=pool_names.get(mode, mode))
     check_render_mode(render_mode)
     check_render_speed(render_speed)
-    name = _one_of(scenario, map_file)
-    renderer = None if render_mode is None else Renderer(name, *LaneViewer.picture_size)
     return BattleVectorEnv(
-        make(name, num_envs, **settings),
+        make(_one_of(scenario, map_file), num_envs, **settings),
         illegal_actions=illegal_actions,
         copy=copy,
         render_mode=render_mode,
         render_speed=render_speed,
-        renderer=renderer,
     )
 
 

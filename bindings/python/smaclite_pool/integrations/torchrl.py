@@ -51,8 +51,7 @@ class PoolEnv(EnvBase):
             environments (needs pygame and a display). With a render mode, this object holds one batch.
         render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
             motion; None for no waiting.
-        renderer: how to draw; by default 256 x 256 pixels per environment. Required with a render mode if the
-            connected environments have a custom scenario.
+        renderer: how to draw; by default 256 x 256 pixels per environment.
         settings: `seed`, `threads`, `episode_limit` and other arguments of `smaclite_pool.make`, for a pool
             within this process.
 
@@ -77,8 +76,6 @@ class PoolEnv(EnvBase):
             self._check(scenario, settings)
             envs = scenario
         else:
-            if render_mode is not None and renderer is None:
-                renderer = Renderer(scenario, *LaneViewer.picture_size)
             envs = make(scenario, num_envs, autoreset="disabled", **settings)
         super().__init__(device=torch.device(device), batch_size=torch.Size([envs.num_envs]))
         self.envs = envs

@@ -47,25 +47,27 @@ impl FactionScratch {
     }
 }
 
-/// Writes the rows of all agents.
+/// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
     let (arena, features) = (view.arena, &view.arena.features);
     let sizes = arena.sizes();
-    assert_eq!(out.len(), sizes.n_agents * sizes.obs_size, "one row per agent");
+    let row_len = out.len() / sizes.n_agents;
+    assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
     scratch.allies.gather(view, &arena.agents, features.ally_body());
     scratch.enemies.gather(view, &arena.enemies, features.enemy_body());
-    for (agent, row) in out.chunks_exact_mut(sizes.obs_size).enumerate() {
-        // What is not written below stays 0: rows of dead agents, and blocks of units out of sight.
+    for (agent, row) in out.chunks_exact_mut(row_len).enumerate() {
+        // What is not written below stays 0: rows of dead agents, blocks of units out of sight, and what
+        // follows the features.
         row.fill(0.0);
         if view.units.alive[arena.agents[agent] as usize] {
             write_moves(view, agent, row);
             write_enemies(view, scratch, agent, row);
             let own = sizes.obs_size - scratch.allies.body_size;
-            row[own..].copy_from_slice(scratch.allies.body(agent));
+            row[own..sizes.obs_size].copy_from_slice(scratch.allies.body(agent));
         }
     }
-    write_allies(&sizes, scratch, out);
+    write_allies(&sizes, scratch, row_len, out);
 }
 
 fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
@@ -100,14 +102,14 @@ fn write_enemies(view: &View, scratch: &ObsScratch, agent: usize, row: &mut [f32
 }
 
 /// Writes the allies that agents see. Sight is mutual, so each pair is computed once.
-fn write_allies(sizes: &Sizes, scratch: &ObsScratch, out: &mut [f32]) {
+fn write_allies(sizes: &Sizes, scratch: &ObsScratch, row_len: usize, out: &mut [f32]) {
     let allies = &scratch.allies;
     let size = allies.block_size();
     let first_block = 4 + sizes.n_enemies * scratch.enemies.block_size();
     // An agent has no block in its own row.
     let mut write = |agent: usize, other: usize, relative: &RelativePosition| {
         let block = if other < agent { other } else { other - 1 };
-        let begin = agent * sizes.obs_size + first_block + block * size;
+        let begin = agent * row_len + first_block + block * size;
         relative.write(1.0, allies.body(other), &mut out[begin..begin + size]);
     };
     for (agent, &from) in allies.positions.iter().enumerate() {

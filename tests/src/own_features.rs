@@ -1,0 +1,44 @@
+//! What a lane must append to observations, computed from the list of all actions of an episode.
+
+use crate::LanePlan;
+
+/// The actions of an environment's episode so far.
+pub(crate) struct OwnFeatures {
+    last_actions: usize,
+    agent_id: bool,
+    episode: Vec<Vec<i32>>,
+}
+
+impl OwnFeatures {
+    pub fn new(plan: &LanePlan) -> OwnFeatures {
+        let (last_actions, agent_id) = (plan.obs_last_actions, plan.obs_agent_id);
+        OwnFeatures { last_actions, agent_id, episode: Vec::new() }
+    }
+
+    pub fn reset(&mut self) {
+        self.episode.clear();
+    }
+
+    pub fn step(&mut self, actions: &[i32]) {
+        self.episode.push(actions.to_vec());
+    }
+
+    /// The observations of all agents with what is appended to them.
+    pub fn append_to(&self, obs: &[f32], alive: &[u8], n_actions: usize) -> Vec<f32> {
+        let n_agents = alive.len();
+        let mut out = Vec::new();
+        for (agent, features) in obs.chunks(obs.len() / n_agents).enumerate() {
+            out.extend(features);
+            let is_alive = alive[agent] == 1;
+            for steps_ago in 1..=self.last_actions {
+                let step = self.episode.len().checked_sub(steps_ago);
+                let action = step.map(|step| self.episode[step][agent]).filter(|_| is_alive);
+                out.extend((0..n_actions as i32).map(|i| f32::from(u8::from(action == Some(i)))));
+            }
+            if self.agent_id {
+                out.extend((0..n_agents).map(|i| f32::from(u8::from(is_alive && i == agent))));
+            }
+        }
+        out
+    }
+}
