@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ class Team:
     layers: list[tuple[Floats, Floats]]
     """Weights `[n_out, n_in]` and biases; the bias of the first layer is `[n_agents, n_out]`."""
     activation: str
+    last_actions: int = 0
+    """How many of its own last actions an agent sees, besides its observation."""
 
     def logits(self, obs: NDArray[np.float32]) -> Floats:
         """`[n_agents, n_actions]`, of observations `[n_agents, obs_size]`."""
@@ -49,17 +51,30 @@ class Player:
     team: Team
     rng: np.random.Generator
     greedy: bool
+    played: list[list[int]] = field(default_factory=list)
+    """The joint actions of all steps so far."""
 
     def choose(self, frame: Frame) -> list[int]:
         """The actions of all agents; a dead one has only no-op to choose."""
-        logits = np.where(frame.avail_actions, self.team.logits(frame.obs), -np.inf)
+        logits = np.where(frame.avail_actions, self.team.logits(self.inputs(frame)), -np.inf)
         if self.greedy:
-            return [int(action) for action in logits.argmax(axis=1)]
-        powers = np.exp(logits - logits.max(axis=1, keepdims=True))
-        sums = powers.cumsum(axis=1)
-        # The first action at which the sum exceeds a share of the total; unavailable ones add nothing.
-        thresholds = self.rng.random(len(sums)) * sums[:, -1]
-        return [int(action) for action in (sums > thresholds[:, None]).argmax(axis=1)]
+            chosen = logits.argmax(axis=1)
+        else:
+            sums = np.exp(logits - logits.max(axis=1, keepdims=True)).cumsum(axis=1)
+            # The first action at which the sum exceeds a share of the total; unavailable ones add nothing.
+            thresholds = self.rng.random(len(sums)) * sums[:, -1]
+            chosen = (sums > thresholds[:, None]).argmax(axis=1)
+        self.played.append([int(action) for action in chosen])
+        return self.played[-1]
+
+    def inputs(self, frame: Frame) -> NDArray[np.float32]:
+        """The observations, and the last actions as one-hot vectors, the newest first, as the pool appends
+        them to `obs`; zeros stand for steps before the episode. Those of dead agents have no effect."""
+        n_agents, n_actions = frame.avail_actions.shape
+        past = np.zeros((n_agents, self.team.last_actions, n_actions), np.float32)
+        for age in range(min(self.team.last_actions, len(self.played))):
+            past[range(n_agents), age, self.played[-1 - age]] = 1.0
+        return np.concatenate([frame.obs, past.reshape(n_agents, -1)], axis=1)
 
 
 def read(folder: Path, run: Json) -> Team:
@@ -77,7 +92,8 @@ def read(folder: Path, run: Json) -> Team:
         layers.append((tensors[f"{name}.weight"], bias))
     if not layers:
         raise ValueError("weights.safetensors has no tensor `actor.0.weight`")
-    return Team(layers, run["config"]["activation"])
+    config = run["config"]
+    return Team(layers, config["activation"], config.get("last_actions", 0))
 
 
 def safetensors(path: Path) -> dict[str, Floats]:

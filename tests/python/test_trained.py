@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import smaclite_pool as sp
 from differential import trained
 from differential.battles import Frame, PoolBattle, PublishedFailure
 from differential.examine import Published
 from differential.recording import Recorded
 from differential.scenarios import ScenarioFiles
+from differential.team import Team
 
 EPISODES = 8
 SEED = 5
@@ -129,6 +131,21 @@ def test_the_report_has_both_sides(folder: Path, capsys: pytest.CaptureFixture[s
     trained.report(plan(folder), compared, as_json=True)
     result = json.loads(capsys.readouterr().out)
     assert (result["kinds"]["different"], result["pool"]["win_rate"]) == (1, 1.0)
+
+
+def test_last_actions_are_seen_as_in_the_pool() -> None:
+    with sp.make("3m", num_envs=1, obs_last_actions=3, episode_limit=None) as envs:
+        n_features = envs.obs_size - 3 * envs.n_actions
+        weight = np.random.default_rng(1).normal(size=(envs.n_actions, envs.obs_size))
+        player = Team([(weight, np.zeros((3, envs.n_actions)))], "relu", 3).player(1, greedy=False)
+        batch = envs.reset(seed=1)
+        for _ in range(20):
+            frame = PoolBattle.frame(batch)
+            alive = ~frame.avail_actions[:, 0]
+            inputs = player.inputs(frame._replace(obs=frame.obs[:, :n_features]))
+            assert np.array_equal(inputs[alive], frame.obs[alive])
+            actions = player.choose(frame._replace(obs=frame.obs[:, :n_features]))
+            batch = envs.step(np.array([actions], np.int32))
 
 
 def test_a_run_with_other_rules_is_refused(folder: Path, tmp_path: Path) -> None:
