@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from differential import trained
+from differential import scenarios, trained
 from differential.battles import Frame, PoolBattle, PublishedFailure
 from differential.examine import Published
 from differential.recording import Recorded
@@ -131,6 +131,25 @@ def test_the_report_has_both_sides(folder: Path, capsys: pytest.CaptureFixture[s
     trained.report(plan(folder), compared, as_json=True)
     result = json.loads(capsys.readouterr().out)
     assert (result["kinds"]["different"], result["pool"]["win_rate"]) == (1, 1.0)
+
+
+def test_a_team_of_a_custom_scenario_plays_by_its_files_and_limit(tmp_path: Path) -> None:
+    unit = json.loads((scenarios.UNITS / "MARINE.json").read_text())
+    (tmp_path / "scout.json").write_text(json.dumps({**unit, "hp": 60}))
+    scenario = scenarios.standard("3m").scenario
+    for group in scenario["groups"]:
+        group["units"] = {"scout": 3}
+    own = {"name": "mine", "episode_limit": 9, "custom_unit_path": "."}
+    (tmp_path / "mine.json").write_text(json.dumps({**scenario, **own}))
+    run = tmp_path / "run"
+    run_program("train", str(tmp_path / "mine.json"), "--steps", "1000", "--seed", "1", "--out", str(run))
+    for file in ("scout.json", "mine.json"):
+        (tmp_path / file).unlink()  # the run has all that is needed
+    custom = plan(run)
+    assert (custom.files.name, custom.files.standard, custom.episode_limit) == ("mine", False, 9)
+    assert custom.files.units["scout"]["hp"] == 60
+    compared = trained.compare(custom, SEED, Published(PoolBattle, no_recording))
+    assert (compared.kind, compared.published.steps, compared.pool.steps) == ("same", 9, 9)
 
 
 def test_last_actions_are_seen_as_in_the_pool() -> None:
