@@ -15,9 +15,11 @@ class Runs:
     steps: int
     seeds: int
     options: str = ""
-    """Further options of `smaclite-pool train`."""
+    """Further options of the learner."""
     variant: str = ""
     """Names the options, if the group has several configurations of the scenario."""
+    learner: str = "smaclite-pool train"
+    """One of `learners.LEARNERS`."""
 
     @property
     def title(self) -> str:
@@ -32,7 +34,8 @@ MILLION = 1_000_000
 
 RUNS = [
     # The scenarios and budgets of the paper, with what helps in each.
-    Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm ippo --activation tanh"),
+    Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm ippo --activation tanh", "IPPO"),
+    Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm qmix", "QMIX", "value_decomposition.py"),
     Runs("paper", "3s5z", 4 * MILLION, 3),
     Runs("paper", "MMM2", 4 * MILLION, 3),
     Runs("paper", "MMM2", 2 * MILLION, 3, "--gamma 0.997 --lr-end 0.1 --entropy-end 0.001", "annealed"),

@@ -22,8 +22,9 @@ from pathlib import Path
 
 from . import data
 from .data import Row
+from .learners import PROGRAM
 from .runs import PAPER
-from .train import PROGRAM, machine
+from .train import machine
 
 STEPS = 200_000
 

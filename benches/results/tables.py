@@ -72,8 +72,10 @@ def middle(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
 
 
 def spread(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
-    """Median and range."""
-    values = [float(row[column]) for row in rows]
+    """Median and range; empty if the learner does not have the value."""
+    values = [float(row[column]) for row in rows if row[column]]
+    if not values:
+        return ""
     low, high = form(min(values)), form(max(values))
     return low if low == high else f"{form(median(values))} ({low} to {high})"
 
@@ -184,8 +186,11 @@ def time_shares(shares: list[Row]) -> str:
 def options() -> str:
     """The runs whose configuration is not the default."""
     configured = [runs for runs in RUNS if runs.options]
-    lines = [[f"{SECTIONS[runs.group]}: {runs.title}", f"`{runs.options}`"] for runs in configured]
-    header = [["table and scenario", "options"], ["---", "---"]]
+    lines = [
+        [f"{SECTIONS[runs.group]}: {runs.title}", f"`{runs.learner}`", f"`{runs.options}`"]
+        for runs in configured
+    ]
+    header = [["table and scenario", "learner", "options"], ["---"] * 3]
     return "".join(f"| {' | '.join(line)} |\n" for line in header + lines)
 
 

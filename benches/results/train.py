@@ -7,12 +7,9 @@ is resumed; so Ctrl-C loses nothing. The table of the runs is benches/results/ru
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import re
-import shlex
-import subprocess
 import sys
 import zlib
 from concurrent.futures import ThreadPoolExecutor
@@ -22,10 +19,8 @@ from threading import Lock
 
 from . import data
 from .data import Row
+from .learners import LEARNERS
 from .runs import RUNS, Runs
-
-PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
-EVALUATION = ["--episodes", "200", "--seed", "1"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +44,7 @@ class Run:
             "variant": self.runs.variant,
             "seed": str(self.seed),
             "budget": str(self.budget),
+            "learner": self.runs.learner,
             "options": self.runs.options,
         }
 
@@ -70,19 +66,20 @@ def main(argv: list[str] | None = None) -> int:
     print(f"{len(chosen)} runs, {len(missing)} of them to train", flush=True)
     if options.list:
         for run in missing:
-            print(f"{run.name}: {run.budget} steps {run.runs.options}")
+            print(f"{run.name}: {run.budget} steps, {run.runs.learner} {run.runs.options}")
         return 0
     threads = max((os.cpu_count() or 1) // options.jobs, 1)
     workers = ThreadPoolExecutor(options.jobs)
     futures = [workers.submit(train, run, options, threads, table) for run in missing]
     try:
-        failed = [error for error in (future.exception() for future in futures) if error]
+        errors = [(run, future.exception()) for run, future in zip(missing, futures)]
     except KeyboardInterrupt:  # the programs have got the signal too, and write their checkpoints
         workers.shutdown(cancel_futures=True)
         print("interrupted; the same command goes on from here")
         return 130
-    for error in failed:
-        print(f"error: {error}", file=sys.stderr)
+    failed = [(run, error) for run, error in errors if error]
+    for run, error in failed:
+        print(f"error: {run.name}: {error}", file=sys.stderr)
     return 1 if failed else 0
 
 
@@ -132,25 +129,13 @@ def train(run: Run, options: argparse.Namespace, threads: int, table: Table) -> 
     """Trains a team or goes on with it, evaluates it, and adds it to the table.
 
     Raises:
-        RuntimeError: the program failed.
+        RuntimeError: the learner failed.
     """
+    runs = run.runs
     # Runs with other steps or options have another folder.
-    plan = zlib.crc32(f"{run.budget} {run.runs.options}".encode())
+    plan = zlib.crc32(f"{run.budget} {runs.learner} {runs.options}".encode())
     folder = options.runs / f"{run.name}-{plan:08x}"
-    command = ["--resume", str(folder)]
-    if not (folder / "checkpoint.safetensors").exists():
-        new = ["--seed", str(run.seed), "--steps", str(run.budget), *shlex.split(run.runs.options)]
-        command = [run.runs.scenario, *new, "--out", str(folder)]
-    program("train", *command, "--threads", str(threads))
-    log = data.read(folder / "log.csv")
-    if int(log[-1]["steps"]) < run.budget:
-        raise RuntimeError(f"{run.name} was interrupted")
-    evaluated: Row = {}
-    for name, choice in (("sampled", []), ("greedy", ["--greedy"])):
-        output = program("evaluate", str(folder), *EVALUATION, *choice, "--json", "--threads", str(threads))
-        result = json.loads(output.splitlines()[-1])
-        for value in ("win_rate", "mean_return", "return_deviation", "mean_length"):
-            evaluated[f"{name}_{value}"] = f"{result[value]:.4f}"
+    log, evaluated = LEARNERS[runs.learner](runs, run.seed, run.budget, folder, threads)
     reached = data.first_reached(log) or {}
     row = {
         **run.key,
@@ -166,16 +151,8 @@ def train(run: Run, options: argparse.Namespace, threads: int, table: Table) -> 
         "machine": machine(),
     }
     table.add(run, row, data.thinned(log))
-    wins, returns, cpu = row["sampled_win_rate"], row["sampled_mean_return"], row["cpu_seconds"]
-    print(f"{run.name}: win rate {wins}, return {returns}, {cpu} CPU-seconds", flush=True)
-
-
-def program(*arguments: str) -> str:
-    """Runs `smaclite-pool` and returns its output."""
-    done = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"smaclite-pool {shlex.join(arguments)}: {done.stderr.strip()}")
-    return done.stdout
+    results = (f"{name} {row[name]}" for name in row if name.endswith(("win_rate", "mean_return")))
+    print(f"{run.name}: {', '.join(results)}, {row['cpu_seconds']} CPU-seconds", flush=True)
 
 
 def machine() -> str:
