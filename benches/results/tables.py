@@ -68,7 +68,9 @@ def present(rows: list[Row], group: str) -> Iterable[tuple[Runs, list[Row]]]:
 
 
 def middle(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
-    return form(median(float(row[column]) for row in rows))
+    """The median; empty if the learner does not have the value."""
+    values = [float(row[column]) for row in rows if row[column]]
+    return form(median(values)) if values else ""
 
 
 def spread(rows: list[Row], column: str, form: Callable[[float], str]) -> str:

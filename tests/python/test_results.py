@@ -90,9 +90,9 @@ def test_a_cell_is_median_and_range() -> None:
     assert cells[2] == "80.0 (50.0 to 100.0)"
     assert cells[-3:] == ["400,000", "12", "3 of 5"]
     # A learner without probabilities has no sampled episodes.
-    greedy = [{**entry, "sampled_win_rate": "", "sampled_mean_return": "0"} for entry in rows]
+    greedy = [{**entry, "sampled_win_rate": "", "sampled_mean_return": ""} for entry in rows]
     cells = tables.budgets(greedy, "default").splitlines()[-1].split(" | ")
-    assert cells[2:4] == ["", "80.0 (50.0 to 100.0)"]
+    assert cells[2:5] == ["", "80.0 (50.0 to 100.0)", ""]
     # Fewer than half reached it: the median is not known.
     line = tables.budgets([{**entry, "steps_at_90": ""} for entry in rows[:3]] + rows[3:], "default")
     assert line.splitlines()[-1].endswith("|  |  | 1 of 5 |")
