@@ -69,7 +69,7 @@ figures *args:
 
 results := "PYTHONPATH=" + justfile_directory() / "benches"
 
-# Train the teams of docs/results.md, which takes hours (--help, --list); what is there is skipped
+# Train the teams of docs/results.md, for hours (--help, --list); what is there is skipped
 results-train *args: _venv
     cargo build --release --quiet -p smaclite-cli
     {{ results }} {{ python }} -m results.train {{ args }}
