@@ -51,6 +51,10 @@ conformance:
 differential *args:
     PYTHONPATH={{ justfile_directory() }}/tests "${SMACLITE_PYTHON:-{{ python }}}" -m differential {{ args }}
 
+# Play a trained team in the published environment and in the pool (FOLDER, --help; SMACLITE_PYTHON as above)
+published *args:
+    PYTHONPATH={{ justfile_directory() }}/tests "${SMACLITE_PYTHON:-{{ python }}}" -m differential.trained {{ args }}
+
 # Run a random policy in an embedded pool with default settings: steps/s and returns
 demo *args: install
     {{ python }} bindings/examples/random_policy.py {{ args }}
@@ -62,6 +66,23 @@ bench *args:
 # Measure: transport, efficiency, asynchronous, many, engine, instructions (benches/README.md), policies (docs)
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
+
+results := "PYTHONPATH=" + justfile_directory() / "benches"
+
+# Train the teams of docs/results.md, for hours (--help, --list); what is there is skipped
+results-train *args: _venv
+    cargo build --release --quiet -p smaclite-cli
+    {{ results }} {{ python }} -m results.train {{ args }}
+
+# Measure where the time of training goes, for docs/results.md
+results-shares *args: _venv
+    cargo build --release --quiet -p smaclite-cli
+    {{ results }} {{ python }} -m results.shares {{ args }}
+
+# Draw curves and tables of docs/results.md from the CSV files in docs/results
+results: _venv
+    {{ python }} -m pip install --quiet matplotlib
+    {{ results }} {{ python }} -m results.page
 
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"

@@ -55,6 +55,7 @@ class Options:
     # in a busy loop, and on a machine with other work that multiplies the time.
     torch_threads: int = option(1, "threads of PyTorch")
     threads: int = option(0, "worker threads of the pool; 0: one less than the cores")
+    last_actions: int = option(0, "how many of its own last actions an agent observes")
     num_envs: int = option(64, "number of environments")
     horizon: int = option(64, "steps of each environment per update")
     epochs: int = option(4, "passes over the data of an update")
@@ -68,6 +69,7 @@ class Options:
     adam_eps: float = option(1e-5, "added to the denominator of Adam")
     gamma: float = option(0.99, "discount per step")
     lambda_: float = option(0.95, "decay of the generalised advantage estimate")
+    advantage_floor: float = option(0.0, "divide advantages at least by this share of the returns' deviation")
     clip: float = option(0.2, "how far the probability ratio may leave 1")
     value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
     huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
@@ -293,13 +295,14 @@ class Learner:
         # If there is one value per environment, the agents share its advantage.
         advantages = advantages.expand(-1, -1, self.envs.n_agents)
         learnt = advantages[has_choice & is_learnt.unsqueeze(-1)]
+        scale = max(learnt.std().item(), self.options.advantage_floor * self.returns.deviation) + 1e-8
         return Rows(
             obs=data["obs"][:-1].flatten(0, 2),
             available=data["avail_actions"][:-1].flatten(0, 2),
             has_choice=has_choice.flatten(),
             actions=self.actions.flatten(),
             log_probs=self.log_probs.flatten(),
-            advantages=((advantages - learnt.mean()) / (learnt.std() + 1e-8)).flatten(),
+            advantages=((advantages - learnt.mean()) / scale).flatten(),
             critic_inputs=critic_inputs[:-1].flatten(0, 2),
             old_values=old_values.flatten(),
             targets=targets.flatten(),
@@ -389,6 +392,11 @@ def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
+def make(options: Options, num_envs: int) -> sp.Envs:
+    own_actions, threads = options.last_actions, options.threads or None
+    return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=own_actions)
+
+
 def train(options: Options) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
@@ -398,7 +406,7 @@ def train(options: Options) -> Learner:
     (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     update = steps = n_episodes = 0
-    with sp.make(options.scenario, options.num_envs, threads=options.threads or None) as envs:
+    with make(options, options.num_envs) as envs:
         learner, log = Learner(envs, options), Log(folder)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         while steps < options.steps:
@@ -417,8 +425,7 @@ def train(options: Options) -> Learner:
 
 
 def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
-    num_envs = min(options.evaluate_episodes, 64)
-    with sp.make(options.scenario, num_envs, threads=options.threads or None) as envs:
+    with make(options, min(options.evaluate_episodes, 64)) as envs:
         policy = lambda batch: learner.act(batch, greedy=options.greedy)
         return sp.evaluate(envs, policy, options.evaluate_episodes, seed=0)
 

@@ -16,7 +16,6 @@ Exit status: 0 if nothing differs, 1 if something does, 2 if nothing could be pl
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import sys
 import time
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import generator, scenarios
+from .command import missing_package, natural, positive
 
 if TYPE_CHECKING:
     from .episode import Episode
@@ -32,21 +32,13 @@ if TYPE_CHECKING:
 POLICIES = ["random", "nearest", "focus"]
 UNLIMITED_STEPS = 50
 """Length of an episode whose scenario has no step limit."""
-REQUIRED = {
-    "smaclite_pool": "run `python -m pip install .` in this checkout with this interpreter",
-    "rvo2": "it is the published environment's C++ addon, github.com/micadam/SMAClite-Python-RVO2",
-    "smaclite.env.units.unit": "it is the published environment, github.com/uoe-agents/smaclite",
-}
 
 
 def main(argv: list[str] | None = None) -> int:
     options = parse(argv)
-    for name, remedy in REQUIRED.items():
-        try:
-            importlib.import_module(name)
-        except ImportError as error:
-            print(f"error: {sys.executable} cannot import {name} ({error}): {remedy}", file=sys.stderr)
-            return 2
+    if problem := missing_package():
+        print(f"error: {problem}", file=sys.stderr)
+        return 2
     from .examine import Published  # only now: these import the packages
     from .published import PublishedBattle
     from .recording import record
@@ -97,18 +89,6 @@ def parse(argv: list[str] | None) -> argparse.Namespace:
     if options.folder.exists() and any(options.folder.iterdir()):
         parser.error(f"--folder must be new or empty, and {options.folder} is not")
     return options
-
-
-def natural(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0, got {text!r}")
-    return int(text)
-
-
-def positive(text: str) -> int:
-    if natural(text) == 0:
-        raise argparse.ArgumentTypeError("expected a whole number from 1, got 0")
-    return int(text)
 
 
 def planned(options: argparse.Namespace) -> Iterator[Episode]:

@@ -61,7 +61,7 @@ class PoolBattle:
     @staticmethod
     def frame(batch: sp.Batch) -> Frame:
         fields = (getattr(batch, name)[0] for name in Frame._fields)
-        return Frame(*(np.asarray(field) for field in fields))
+        return Frame(*(np.array(field) for field in fields))  # copies: a lane lends few batches at a time
 
 
 def difference(published: Frame, ours: Frame) -> str | None:

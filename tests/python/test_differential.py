@@ -204,8 +204,9 @@ def test_a_run_without_differences(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.skipif(find_spec("rvo2") is not None, reason="the published environment is installed")
-def test_without_the_published_environment_the_command_says_what_it_needs() -> None:
-    command = [sys.executable, "-m", "differential", "1"]
+@pytest.mark.parametrize("arguments", [["differential", "1"], ["differential.trained", "a_run"]])
+def test_without_the_published_environment_the_commands_say_what_they_need(arguments: list[str]) -> None:
+    command = [sys.executable, "-m", *arguments]
     done = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "cannot import rvo2" in done.stderr

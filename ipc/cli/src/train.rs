@@ -9,6 +9,7 @@ use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
 };
+use smaclite_pool::MAX_LAST_ACTIONS;
 use std::error::Error;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -84,6 +85,9 @@ hyperparameters! {
     seed: u64,
     /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo]
     algorithm: Algorithm,
+    /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
+    /// [default: 0]
+    last_actions: usize,
     /// Number of environments; those of the pool, if --pool is given [default: 64]
     num_envs: usize,
     /// Steps of each environment per update [default: 64]
@@ -106,6 +110,8 @@ hyperparameters! {
     gamma: f64,
     /// Decay of the generalised advantage estimate [default: 0.95]
     lambda: f64,
+    /// Advantages are divided at least by this share of the standard deviation of the returns [default: 0]
+    advantage_floor: f64,
     /// How far the probability ratio may leave 1 [default: 0.2]
     clip: f64,
     /// How far a value may leave its old one, in standard deviations of the returns [default: 0.2]
@@ -154,15 +160,19 @@ impl Train {
         let runtime_dir = runtime_dir()?;
         if let Some(folder) = &self.resume {
             let run = RunDescription::read(folder)?;
-            let lanes = self.lanes(&run.scenario, run.config.num_envs, threads, &runtime_dir)?;
+            let Config { num_envs, last_actions, .. } = run.config;
+            let lanes = self.lanes(&run.scenario, num_envs, last_actions, threads, &runtime_dir)?;
             return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
         }
         let scenario = self.scenario(&runtime_dir)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
         check_range("--num-envs", 1..=1 << 16, num_envs)?;
-        let lanes = self.lanes(&scenario, num_envs, threads, &runtime_dir)?;
-        let mut config = Config { num_envs: lanes.num_envs(), ..Config::default() };
+        let last_actions = self.hyperparameters.last_actions.unwrap_or(0);
+        check_range("--last-actions", 0..=MAX_LAST_ACTIONS, last_actions)?;
+        let lanes = self.lanes(&scenario, num_envs, last_actions, threads, &runtime_dir)?;
+        let mut config =
+            Config { num_envs: lanes.num_envs(), last_actions: lanes.last_actions(), ..Config::default() };
         config.steps = self.steps.unwrap_or(config.steps);
         config.entropy_end = self.hyperparameters.entropy.unwrap_or(config.entropy_end);
         self.hyperparameters.apply(&mut config);
@@ -192,12 +202,13 @@ impl Train {
         &self,
         scenario: &LaneScenario,
         num_envs: usize,
+        last_actions: usize,
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, Box<dyn Error>> {
         Ok(match &self.pool {
             Some(pool) => Lanes::attach(scenario, runtime_dir, pool, &self.lane)?,
-            None => Lanes::start(scenario, num_envs, (threads - 1).max(1), runtime_dir)?,
+            None => Lanes::start(scenario, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }
 }

@@ -1,6 +1,7 @@
 //! The hyperparameters of a run. The defaults solve most standard scenarios; docs/training.md describes them.
 
 use serde::{Deserialize, Serialize};
+use smaclite_pool::MAX_LAST_ACTIONS;
 
 /// What the critic sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,6 +67,9 @@ pub struct Config {
     pub steps: u64,
     /// What the critic sees.
     pub algorithm: Algorithm,
+    /// How many of its own last actions an agent observes, 0 to 16; the pool appends them to `obs`.
+    #[serde(default)] // older runs have none
+    pub last_actions: usize,
     /// Number of environments, 1 to 65536.
     pub num_envs: usize,
     /// Steps of each environment per update, 1 to 65536.
@@ -90,6 +94,10 @@ pub struct Config {
     pub gamma: f64,
     /// Decay of the generalised advantage estimate, 0 to 1.
     pub lambda: f64,
+    /// Advantages are divided by their standard deviation, or by this share of that of the returns if it is
+    /// larger, 0 to 10. Without it, the advantages of a team that has settled become noise of full size.
+    #[serde(default)] // older runs have none
+    pub advantage_floor: f64,
     /// How far the probability ratio may leave 1.
     pub clip: f64,
     /// How far a value may leave its old one, in standard deviations of the returns.
@@ -110,6 +118,7 @@ impl Default for Config {
             seed: 0,
             steps: 1_000_000,
             algorithm: Algorithm::Mappo,
+            last_actions: 0,
             num_envs: 64,
             horizon: 64,
             epochs: 4,
@@ -122,6 +131,7 @@ impl Default for Config {
             adam_eps: 1e-5,
             gamma: 0.99,
             lambda: 0.95,
+            advantage_floor: 0.0,
             clip: 0.2,
             value_clip: 0.2,
             huber: 10.0,
@@ -151,6 +161,8 @@ impl Config {
             ensure((1..=max).contains(&value), name, accepted, &value)
         };
         ensure((1..=1 << 48).contains(&self.steps), "steps", "between 1 and 2^48", &self.steps)?;
+        let history = self.last_actions <= MAX_LAST_ACTIONS;
+        ensure(history, "last_actions", "between 0 and 16", &self.last_actions)?;
         count("num_envs", self.num_envs, "between 1 and 65536", 1 << 16)?;
         count("horizon", self.horizon, "between 1 and 65536", 1 << 16)?;
         let samples = self.num_envs * self.horizon;
@@ -173,7 +185,12 @@ impl Config {
         for (name, value) in shares {
             ensure((0.0..=1.0).contains(&value), name, "between 0 and 1", &value)?;
         }
-        for (name, value) in [("entropy", self.entropy), ("entropy_end", self.entropy_end)] {
+        let weights = [
+            ("entropy", self.entropy),
+            ("entropy_end", self.entropy_end),
+            ("advantage_floor", self.advantage_floor),
+        ];
+        for (name, value) in weights {
             ensure((0.0..=10.0).contains(&value), name, "between 0 and 10", &value)?;
         }
         let limits = [

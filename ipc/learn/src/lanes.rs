@@ -4,13 +4,14 @@
 //! Environment `i` of the run is environment `i` minus the number of environments in the lanes before. Its
 //! seed and its actions depend on `i` alone, not on the lanes.
 
+use crate::config::Config;
 use smaclite_engine::{Rules, Sizes};
 use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario,
     RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
-use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
 use smaclite_scenarios::{Problems, ScenarioError, ScenarioFiles};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -42,6 +43,15 @@ pub enum LaneError {
     TooLarge { lane: String, n_agents: usize, n_actions: usize },
     #[error("the lanes have {given} environments, but the run has {expected}")]
     NumEnvs { given: usize, expected: usize },
+    #[error(
+        "lane `{lane}` appends {given} last actions to observations, but the run has {expected}; serve it \
+         with --obs-last-actions {expected}"
+    )]
+    LastActions { lane: String, given: usize, expected: usize },
+    #[error(
+        "lane `{lane}` appends agent numbers, which the team's networks have; serve it without --obs-agent-id"
+    )]
+    AgentId { lane: String },
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error(transparent)]
@@ -71,7 +81,7 @@ struct Lane {
     client: Client,
     /// The environments of the lanes before.
     first_env: usize,
-    num_envs: usize,
+    settings: LaneSettings,
     /// The last batch, until it was acted on.
     batch: Option<Batch>,
 }
@@ -94,13 +104,15 @@ const FIELDS: [Field; 6] = [
 ];
 
 impl Lanes {
-    /// Starts a pool in this process, with `threads` worker threads.
+    /// Starts a pool in this process, with `threads` worker threads. Agents observe their own last
+    /// `last_actions` actions.
     ///
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn start(
         scenario: &LaneScenario,
         num_envs: usize,
+        last_actions: usize,
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, LaneError> {
@@ -108,7 +120,9 @@ impl Lanes {
         let halves = [("first", num_envs - half), ("second", half)];
         let (mut lanes, mut names) = (Vec::new(), Vec::new());
         for (name, num_envs) in halves.into_iter().filter(|(_, num_envs)| *num_envs > 0) {
-            lanes.push(lane_config(scenario, name, num_envs)?);
+            let mut lane = lane_config(scenario, name, num_envs)?;
+            lane.settings.obs_last_actions = last_actions;
+            lanes.push(lane);
             names.push(name.to_owned());
         }
         let options = PoolOptions { threads, ..PoolOptions::default() };
@@ -135,7 +149,7 @@ impl Lanes {
         names: &[String],
     ) -> Result<Lanes, LaneError> {
         let (parsed, arena) = scenario.arena()?;
-        let sizes = arena.sizes();
+        let mut sizes = arena.sizes();
         let names: Vec<Option<&str>> = if names.is_empty() {
             vec![None]
         } else {
@@ -151,25 +165,42 @@ impl Lanes {
                 let (lane, name) = (description.lane.clone(), parsed.name.clone());
                 return Err(LaneError::OtherScenario { lane, given: description.scenario.clone(), name });
             }
-            let num_envs = client.description().settings.num_envs;
-            lanes.push(Lane { client, first_env, num_envs, batch: None });
-            first_env += num_envs;
+            let settings = description.settings;
+            sizes = sizes_with_history(arena.sizes(), settings.obs_last_actions);
+            lanes.push(Lane { client, first_env, settings, batch: None });
+            first_env += settings.num_envs;
         }
         Ok(Lanes { lanes, sizes, _pool: None })
     }
 
-    /// Checks that the lanes have the environments of a run.
-    pub(crate) fn with_num_envs(self, num_envs: usize) -> Result<Lanes, LaneError> {
-        let given = self.num_envs();
-        if given == num_envs { Ok(self) } else { Err(LaneError::NumEnvs { given, expected: num_envs }) }
+    /// Checks that the lanes have the environments and the observations of a run.
+    pub(crate) fn for_run(self, config: &Config) -> Result<Lanes, LaneError> {
+        let (given, expected) = (self.num_envs(), config.num_envs);
+        if given != expected {
+            return Err(LaneError::NumEnvs { given, expected });
+        }
+        let expected = config.last_actions;
+        for Lane { client, settings, .. } in &self.lanes {
+            let given = settings.obs_last_actions;
+            if given != expected {
+                let lane = client.description().lane.clone();
+                return Err(LaneError::LastActions { lane, given, expected });
+            }
+        }
+        Ok(self)
     }
 
     /// Environments of all lanes.
     pub fn num_envs(&self) -> usize {
-        self.lanes.iter().map(|lane| lane.num_envs).sum()
+        self.lanes.iter().map(|lane| lane.settings.num_envs).sum()
     }
 
-    /// Sizes of an environment.
+    /// How many of its own last actions an agent observes.
+    pub fn last_actions(&self) -> usize {
+        self.lanes.first().map_or(0, |lane| lane.settings.obs_last_actions)
+    }
+
+    /// Sizes of an environment; `obs_size` includes the last actions.
     pub fn sizes(&self) -> Sizes {
         self.sizes
     }
@@ -215,12 +246,17 @@ impl Lanes {
     pub(crate) fn step(&mut self, actions: &[i32]) -> Result<(), ClientError> {
         for lane in 0..self.count() {
             self.batch(lane, &mut || false)?;
-            let Lane { first_env, num_envs, .. } = self.lanes[lane];
+            let Lane { first_env, settings: LaneSettings { num_envs, .. }, .. } = self.lanes[lane];
             let n_agents = self.sizes.n_agents;
             self.send(lane, &actions[first_env * n_agents..][..num_envs * n_agents])?;
         }
         Ok(())
     }
+}
+
+/// The sizes of an environment whose agents also observe their own last actions.
+pub(crate) fn sizes_with_history(sizes: Sizes, last_actions: usize) -> Sizes {
+    LaneSettings { obs_last_actions: last_actions, ..LaneSettings::new(1) }.frame_sizes(sizes)
 }
 
 /// A lane of battles of the scenario, with the fields that a team reads.
@@ -247,6 +283,9 @@ fn check_settings(description: &LaneDescription) -> Result<(), LaneError> {
     if !settings.is_synchronous() {
         let (batch_size, num_envs) = (settings.batch_size, settings.num_envs);
         return Err(LaneError::Asynchronous { lane, batch_size, num_envs });
+    }
+    if settings.obs_agent_id {
+        return Err(LaneError::AgentId { lane });
     }
     let Sizes { n_agents, n_actions, .. } = description.sizes;
     if n_agents.max(n_actions) > usize::from(u16::MAX) {

@@ -91,12 +91,14 @@ impl Ppo {
         let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
         let agents_per_value = rollout.sizes.n_agents / values_per_env;
+        let (_, deviation) = team.normaliser.mean_and_deviation();
+        let floor = config.advantage_floor * deviation;
         let data = Data {
             rollout,
             critic_inputs,
             critic_size,
             values_per_env,
-            advantages: &normalise(estimates.advantages, &policy_rows, agents_per_value),
+            advantages: &normalise(estimates.advantages, &policy_rows, agents_per_value, floor),
             old_values: &estimates.old_values,
             targets: &estimates.targets,
         };
@@ -229,13 +231,14 @@ fn estimate(
     }
 }
 
-/// Shifts and scales the advantages so that those of the learnt rows have mean 0 and variance 1.
-/// `agents_per_value` agents share an advantage.
-fn normalise(mut advantages: Vec<f32>, policy_rows: &[u32], agents_per_value: usize) -> Vec<f32> {
+/// Shifts and scales the advantages so that those of the learnt rows have mean 0 and variance 1, or less if
+/// their standard deviation is below `floor`. `agents_per_value` agents share an advantage.
+fn normalise(mut advantages: Vec<f32>, policy_rows: &[u32], agents_per_value: usize, floor: f64) -> Vec<f32> {
     let learnt = policy_rows.iter().map(|row| advantages[*row as usize / agents_per_value]);
     let (mean, deviation) = mean_and_deviation(learnt);
+    let scale = deviation.max(floor) + 1e-8;
     for advantage in &mut advantages {
-        *advantage = ((f64::from(*advantage) - mean) / (deviation + 1e-8)) as f32;
+        *advantage = ((f64::from(*advantage) - mean) / scale) as f32;
     }
     advantages
 }

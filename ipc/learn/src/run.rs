@@ -6,10 +6,13 @@
 //! | `weights.safetensors` | the weights of actor and critic |
 //! | `checkpoint.safetensors` | what the run is resumed from |
 //! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
+//!
+//! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end of
+//! the process.
 
 use crate::checkpoint::{Checkpoint, write_weights};
 use crate::config::Config;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, sizes_with_history};
 use crate::log::{CsvLog, TensorBoardLog};
 use crate::tensors::{FileError, read, write};
 use crate::training::{Record, TrainError, Training};
@@ -17,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use smaclite_engine::{Rules, Sizes};
 use smaclite_ipc::LaneScenario;
 use smaclite_scenarios::ScenarioFiles;
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -43,7 +46,7 @@ pub struct RunDescription {
     pub scenario: LaneScenario,
     /// The scenario's name.
     pub name: String,
-    /// The sizes of its environments.
+    /// The sizes of its environments; `obs_size` includes the last actions.
     pub sizes: Sizes,
 }
 
@@ -63,7 +66,8 @@ impl RunDescription {
         let rules: Rules = file.rules.parse().map_err(|error| damaged(&error))?;
         let scenario = LaneScenario { files: file.files, rules, episode_limit: file.episode_limit };
         let (parsed, arena) = scenario.arena().map_err(|error| damaged(&error))?;
-        Ok(RunDescription { config: file.config, name: parsed.name, sizes: arena.sizes(), scenario })
+        let sizes = sizes_with_history(arena.sizes(), file.config.last_actions);
+        Ok(RunDescription { config: file.config, name: parsed.name, sizes, scenario })
     }
 }
 
@@ -74,6 +78,7 @@ pub struct Run {
     csv: CsvLog,
     tensorboard: TensorBoardLog,
     last_checkpoint: Instant,
+    _lock: File,
 }
 
 impl Run {
@@ -81,7 +86,8 @@ impl Run {
     /// not change a result.
     ///
     /// # Errors
-    /// If the folder holds a run or cannot be written, or the configuration is not valid for the lanes.
+    /// If the folder holds a run or cannot be written, if another process begins one in it, or the
+    /// configuration is not valid for the lanes.
     pub fn begin(
         folder: &Path,
         config: Config,
@@ -89,13 +95,17 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        if folder.join("run.json").exists() {
-            return Err(TrainError::FolderInUse(folder.display().to_string()));
-        }
+        let check_free = || {
+            let is_taken = folder.join("run.json").exists();
+            if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
+        };
+        check_free()?;
         let training = Training::new(config, lanes, threads)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
+        let lock = lock(folder)?;
+        check_free()?; // another process may have begun and ended one meanwhile
         write_description(folder, &training.config, scenario)?;
-        let mut run = Run::open(folder, training)?;
+        let mut run = Run::open(folder, training, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         Ok(run)
     }
@@ -104,27 +114,28 @@ impl Run {
     /// of steps after which it is complete.
     ///
     /// # Errors
-    /// If its files are damaged or do not fit the lanes.
+    /// If its files are damaged or do not fit the lanes, or another process writes to the folder.
     pub fn resume(
         folder: &Path,
         steps: Option<u64>,
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
+        let lock = lock(folder)?;
         let RunDescription { mut config, scenario, .. } = RunDescription::read(folder)?;
         config.steps = steps.unwrap_or(config.steps);
         let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
         let training = Training::resume(config, lanes, threads, state)?;
         write_description(folder, &training.config, &scenario)?;
-        Run::open(folder, training)
+        Run::open(folder, training, lock)
     }
 
-    fn open(folder: &Path, training: Training) -> Result<Run, TrainError> {
+    fn open(folder: &Path, training: Training, lock: File) -> Result<Run, TrainError> {
         let progress = training.state().progress;
         let csv = CsvLog::open(&folder.join("log.csv"), progress.updates)?;
         let tensorboard = TensorBoardLog::begin(folder, progress.steps)?;
         let last_checkpoint = Instant::now();
-        Ok(Run { folder: folder.to_owned(), training, csv, tensorboard, last_checkpoint })
+        Ok(Run { folder: folder.to_owned(), training, csv, tensorboard, last_checkpoint, _lock: lock })
     }
 
     /// The hyperparameters.
@@ -161,6 +172,16 @@ impl Run {
         state.write(&self.folder.join("checkpoint.safetensors"))?;
         self.last_checkpoint = Instant::now();
         Ok(())
+    }
+}
+
+/// Locks the folder until the file is dropped.
+fn lock(folder: &Path) -> Result<File, TrainError> {
+    let file = File::open(folder).map_err(|source| FileError::Read { path: folder.to_owned(), source })?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(TrainError::FolderLocked(folder.display().to_string())),
+        Err(TryLockError::Error(source)) => Err(FileError::Write { path: folder.to_owned(), source }.into()),
     }
 }
 

@@ -35,6 +35,8 @@ pub enum TrainError {
     File(#[from] FileError),
     #[error("`{0}` already holds a run; resume it with --resume, or choose another folder")]
     FolderInUse(String),
+    #[error("another process trains in `{0}`; wait until it ends, or choose another folder")]
+    FolderLocked(String),
     #[error(
         "the checkpoint could not be continued: the environments do not repeat its actions ({0}); it is of \
          another release or another pool"
@@ -144,7 +146,7 @@ impl Training {
         threads: usize,
         state: Checkpoint,
     ) -> Result<Training, TrainError> {
-        let lanes = lanes.with_num_envs(config.num_envs)?;
+        let lanes = lanes.for_run(&config)?;
         let rollout = Rollout::new(&config, lanes.sizes());
         let (collector, ppo) = (Collector::default(), Ppo::new(threads));
         Ok(Training { config, lanes, state, rollout, collector, ppo })

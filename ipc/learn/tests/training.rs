@@ -4,8 +4,8 @@
 use smaclite_engine::Rules;
 use smaclite_ipc::{ClientError, LaneConfig, LaneScenario, RuntimeDir, Supervisor, SupervisorConfig};
 use smaclite_learn::{
-    Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationResult, Lanes, Record, Run, TrainError,
-    evaluate, resolve_scenario,
+    Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationResult, Lanes, Record, Run, RunDescription,
+    TrainError, evaluate, resolve_scenario,
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -31,11 +31,15 @@ impl Place {
     }
 
     fn lanes(&self, num_envs: usize, threads: usize) -> Lanes {
-        Lanes::start(&scenario(), num_envs, threads, &self.runtime_dir).unwrap()
+        self.lanes_with_history(num_envs, 0, threads)
+    }
+
+    fn lanes_with_history(&self, num_envs: usize, last_actions: usize, threads: usize) -> Lanes {
+        Lanes::start(&scenario(), num_envs, last_actions, threads, &self.runtime_dir).unwrap()
     }
 
     fn begin(&self, name: &str, config: &Config, threads: usize) -> Run {
-        let lanes = self.lanes(config.num_envs, threads);
+        let lanes = self.lanes_with_history(config.num_envs, config.last_actions, threads);
         Run::begin(&self.path(name), config.clone(), &scenario(), lanes, threads).unwrap()
     }
 
@@ -178,6 +182,44 @@ fn a_team_trains_on_the_lane_of_a_running_pool() {
 }
 
 #[test]
+fn a_team_observes_its_last_actions() {
+    let place = Place::new();
+    let config = Config { last_actions: 2, ..small() };
+    let bits = |name: &str| {
+        place.train(name, &config, 1);
+        place.outcome(name)
+    };
+    assert_eq!(bits("run"), bits("again"));
+    place.train("without", &small(), 1);
+    assert_ne!(place.outcome("run"), place.outcome("without"));
+    let description = RunDescription::read(&place.path("run")).unwrap();
+    assert_eq!(description.config.last_actions, 2);
+    assert_eq!(
+        description.sizes.obs_size,
+        place.lanes(10, 1).sizes().obs_size + 2 * description.sizes.n_actions
+    );
+    assert_eq!(place.evaluate("run", 12).0.episodes, 12);
+    let lanes = place.lanes_with_history(10, 3, 1);
+    let error = Run::resume(&place.path("run"), Some(2000), lanes, 1).err().unwrap().to_string();
+    assert!(error.contains("appends 3 last actions") && error.contains("--obs-last-actions 2"), "{error}");
+    let lanes = place.lanes_with_history(10, 2, 1);
+    assert!(complete(Run::resume(&place.path("run"), Some(2000), lanes, 1).unwrap()).steps >= 2000);
+}
+
+/// A run of an older release has no last actions.
+#[test]
+fn hyperparameters_of_older_runs_are_read() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let path = place.path("run").join("run.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let older = text.replace("    \"last_actions\": 0,\n", "");
+    assert_ne!(text, older);
+    fs::write(&path, older).unwrap();
+    assert_eq!(RunDescription::read(&place.path("run")).unwrap().config, small());
+}
+
+#[test]
 fn lanes_that_a_team_cannot_play_on_are_refused() {
     let check = |map: &str, change: &dyn Fn(&mut LaneConfig), expected: &str| {
         let place = Place::new();
@@ -192,6 +234,25 @@ fn lanes_that_a_team_cannot_play_on_are_refused() {
         lane.settings.fields = FieldSet::from_names(["obs", "avail_actions"]).unwrap();
     };
     check("3m", &without_state, "does not serve the field `state`");
+    check("3m", &|lane| lane.settings.obs_agent_id = true, "serve it without --obs-agent-id");
+}
+
+/// Two processes that write one folder would mix their logs and checkpoints. Locks are of open files, so two
+/// runs of this process exclude each other as those of two processes do.
+#[test]
+fn a_folder_has_one_writer() {
+    let place = Place::new();
+    let run = place.begin("run", &small(), 1);
+    let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1);
+    let error = resume().err().unwrap().to_string();
+    assert!(error.contains("another process trains in") && error.contains("run"), "{error}");
+    fs::remove_file(place.path("run").join("run.json")).unwrap();
+    let begun = Run::begin(&place.path("run"), small(), &scenario(), place.lanes(10, 1), 1);
+    assert!(begun.err().unwrap().to_string().contains("another process trains in"));
+    drop(run);
+    let begun = Run::begin(&place.path("run"), small(), &scenario(), place.lanes(10, 1), 1);
+    drop(begun.unwrap());
+    assert!(complete(resume().unwrap()).steps >= 930);
 }
 
 #[test]

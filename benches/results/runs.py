@@ -1,0 +1,92 @@
+"""What is trained for docs/results.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs that differ in the seed only: 1, 2 and so on."""
+
+    group: str
+    """`paper`, `default`, `others` or `rules`; each has a table and a chart."""
+    scenario: str
+    steps: int
+    seeds: int
+    options: str = ""
+    """Further options of the learner."""
+    variant: str = ""
+    """Names the options, if the group has several configurations of the scenario."""
+    learner: str = "smaclite-pool train"
+    """One of `learners.LEARNERS`."""
+
+    @property
+    def title(self) -> str:
+        return f"{self.scenario}, {self.variant}" if self.variant else self.scenario
+
+    def name(self, seed: int) -> str:
+        parts = [self.group, self.scenario, self.variant, str(seed)]
+        return "-".join(part for part in parts if part)
+
+
+MILLION = 1_000_000
+
+RUNS = [
+    # The scenarios and budgets of the paper, with what helps in each.
+    Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm ippo --activation tanh", "IPPO"),
+    Runs("paper", "2s_vs_1sc", 4 * MILLION, 3, "--algorithm qmix", "QMIX", "value_decomposition.py"),
+    Runs("paper", "3s5z", 4 * MILLION, 3),
+    Runs("paper", "MMM2", 4 * MILLION, 3),
+    Runs("paper", "MMM2", 2 * MILLION, 3, "--gamma 0.997 --lr-end 0.1 --entropy-end 0.001", "annealed"),
+    Runs("paper", "corridor", 4 * MILLION, 3),
+    Runs("paper", "3s_vs_5z", 4 * MILLION, 3),
+    Runs("paper", "bane_vs_bane", 1 * MILLION, 3),
+    # The default configuration in small budgets.
+    Runs("default", "2s3z", 500_000, 5),
+    Runs("default", "3s5z", 1_200_000, 5),
+    Runs("default", "MMM", 600_000, 5),
+    Runs("default", "10m_vs_11m", 1_000_000, 5),
+    Runs("default", "MMM2", 1_000_000, 5),
+    Runs("default", "corridor", 1_200_000, 5),
+    Runs("default", "3s5z_vs_3s6z", 1_200_000, 5),
+    Runs("default", "27m_vs_30m", 500_000, 5),
+    # The same on other scenarios.
+    Runs("others", "3m", 300_000, 3),
+    Runs("others", "8m", 300_000, 3),
+    Runs("others", "25m", 500_000, 3),
+    Runs("others", "2m_vs_1z", 500_000, 3),
+    Runs("others", "1c3s5z", 500_000, 3),
+    Runs("others", "so_many_baneling", 300_000, 3),
+    Runs("others", "8m_vs_9m", 1_000_000, 3),
+    Runs("others", "5m_vs_6m", 1_000_000, 3),
+    Runs("others", "3s_vs_3z", 1_000_000, 3),
+    Runs("others", "3s_vs_4z", 1_000_000, 3),
+    Runs("others", "6h_vs_8z", 1_000_000, 3),
+    # The rules of the paper's text; the runs of `default` have the other rules.
+    Runs("rules", "MMM", 600_000, 5, "--rules paper"),
+    Runs("rules", "MMM2", 1_000_000, 5, "--rules paper"),
+]
+
+
+def default(scenario: str) -> Runs:
+    """The runs of the default configuration."""
+    return next(runs for runs in RUNS if (runs.group, runs.scenario) == ("default", scenario))
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What the paper says about a scenario (its section 5.2)."""
+
+    algorithm: str
+    test_return: float
+
+
+PAPER = {
+    "2s_vs_1sc": Paper("QMIX", 16.22),
+    "3s5z": Paper("VDN", 20.0),
+    "MMM2": Paper("MAPPO", 24.63),
+    "corridor": Paper("MAA2C", 20.25),
+    "3s_vs_5z": Paper("IQL", 18.1),
+    "bane_vs_bane": Paper("IA2C", 19.14),
+}
