@@ -74,7 +74,7 @@ class Options:
     value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
     huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
     entropy: float = option(0.01, "weight of the entropy at the beginning")
-    entropy_end: float = option(0.01, "weight of the entropy at the end")
+    entropy_end: float = option(-1.0, "weight of the entropy at the end; -1: as at the beginning")
     max_grad_norm: float = option(1.0, "longest gradient of each network")
     evaluate_episodes: int = option(200, "episodes of the evaluation at the end; 0: none")
     greedy: bool = option(False, "evaluate the most probable actions, not sampled ones")
@@ -250,7 +250,8 @@ class Learner:
         means over the gradient steps."""
         options = self.options
         lr_factor = 1 + (options.lr_end - 1) * progress
-        entropy_weight = options.entropy + (options.entropy_end - options.entropy) * progress
+        entropy_end = options.entropy if options.entropy_end < 0 else options.entropy_end
+        entropy_weight = options.entropy + (entropy_end - options.entropy) * progress
         self.actor_optimiser.param_groups[0]["lr"] = options.actor_lr * lr_factor
         self.critic_optimiser.param_groups[0]["lr"] = options.critic_lr * lr_factor
         data = self.rows()

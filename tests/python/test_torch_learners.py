@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import importlib
+import json
 import subprocess
 import sys
 from collections import deque
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -175,8 +177,8 @@ def test_the_value_of_a_qmix_team_rises_with_those_of_its_agents() -> None:
     assert values.grad is not None and (values.grad >= 0).all() and (values.grad > 0).any()
 
 
-def test_weights_are_those_of_the_program(tmp_path: Path) -> None:
-    """The names and shapes of `smaclite-pool train`, whose folder then evaluates the team."""
+def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
+    """So the two can be compared, and a folder of `smaclite-pool train` evaluates the team."""
     program = [sys.executable, "-m", "smaclite_pool"]
     for algorithm in ("mappo", "ippo"):
         train(ppo, tmp_path, algorithm, steps=1_000, num_envs=16)
@@ -184,6 +186,12 @@ def test_weights_are_those_of_the_program(tmp_path: Path) -> None:
         folder = tmp_path / f"program-{algorithm}"
         command = ["train", "3m", "--algorithm", algorithm, "--steps", "1", "--out", str(folder)]
         subprocess.run([*program, *command], check=True, capture_output=True)
+
+        config = json.loads((folder / "run.json").read_text())["config"]
+        options = asdict(ppo.Options(algorithm=algorithm, steps=1, entropy_end=config["entropy"]))
+        options["hidden"] = [int(width) for width in options["hidden"].split(",")]
+        assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
+
         file = folder / "weights.safetensors"
         expected = {name: tensor.shape for name, tensor in safetensors.load_file(file).items()}
         assert {name: tensor.shape for name, tensor in weights.items()} == expected
