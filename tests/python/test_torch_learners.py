@@ -61,7 +61,7 @@ def test_equal_seeds_give_equal_logs(
     example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path
 ) -> None:
     def outcome(name: str, seed: int) -> tuple[Any, list[dict[str, str]]]:
-        learner, log = train(example, tmp_path / name, algorithm, **{**options, "seed": seed, "steps": 6_000})
+        learner, log = train(example, tmp_path / name, algorithm, **{**options, "seed": seed, "steps": 4_500})
         kept = [{name: value for name, value in row.items() if name not in TIMES} for row in log]
         return learner.team.state_dict(), kept
 
