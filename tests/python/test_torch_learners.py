@@ -27,7 +27,7 @@ NO_OP = 0
 RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/policies.md)
 TIMES = ("seconds", "cpu_seconds", "steps_per_s", "wait_share", "learn_share")
 PPO = {"steps": 45_000}
-SHORT = {"steps": 28_000, "episodes_per_update": 8, "epsilon_steps": 12_000}
+SHORT = {"steps": 28_000, "episodes_per_update": 8, "epsilon_steps": 12_000, "log_interval": 5}
 LEARNERS = [
     (ppo, "mappo", PPO),
     (ppo, "ippo", PPO),
