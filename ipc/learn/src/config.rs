@@ -235,6 +235,8 @@ mod tests {
         assert_eq!(Config::default().check(), Ok(()));
         let config = Config { gamma: f64::NAN, ..Config::default() };
         assert_eq!(config.check().unwrap_err().to_string(), "gamma must be between 0 and 1, got NaN");
+        let config = Config { last_actions: 17, ..Config::default() };
+        assert_eq!(config.check().unwrap_err().to_string(), "last_actions must be between 0 and 16, got 17");
         let config = Config { hidden: vec![64, 1], ..Config::default() };
         assert!(config.check().unwrap_err().to_string().ends_with("between 2 and 4096, got [64, 1]"));
         let config = Config { max_grad_norm: f64::INFINITY, ..Config::default() };

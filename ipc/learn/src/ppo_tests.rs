@@ -102,3 +102,18 @@ fn a_rollout_without_choices_trains_the_critic_alone() {
     assert_eq!(team.actor, first.actor);
     assert_ne!(team.critic.params, first.critic.params);
 }
+
+#[test]
+fn advantages_are_scaled_by_their_deviation_or_the_floor() {
+    // Rows 0 to 2 are learnt: mean 2, variance 2/3.
+    let normalised = |floor| normalise(vec![1.0, 2.0, 3.0, 9.0], &[0, 1, 2], 1, floor);
+    let close = |found: Vec<f32>, expected: [f32; 4]| {
+        found.iter().zip(expected).for_each(|(x, y)| assert!((x - y).abs() < 1e-5, "{found:?} {expected:?}"));
+    };
+    let deviation = (2.0f32 / 3.0).sqrt();
+    close(normalised(0.0), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
+    close(normalised(0.5), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
+    close(normalised(4.0), [-0.25, 0.0, 0.25, 1.75]);
+    // Two agents share an advantage: rows 0 to 3 have those of samples 0 and 1.
+    close(normalise(vec![1.0, 2.0, 3.0, 9.0], &[0, 1, 2, 3], 2, 0.0), [-1.0, 1.0, 3.0, 15.0]);
+}

@@ -124,6 +124,7 @@ impl Run {
         let lock = lock(folder)?;
         let RunDescription { mut config, scenario, .. } = RunDescription::read(folder)?;
         config.steps = steps.unwrap_or(config.steps);
+        let lanes = lanes.for_run(&config)?;
         let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
         let training = Training::resume(config, lanes, threads, state)?;
         write_description(folder, &training.config, &scenario)?;

@@ -114,13 +114,14 @@ impl Training {
     /// Begins a run.
     pub fn new(config: Config, lanes: Lanes, threads: usize) -> Result<Training, TrainError> {
         config.check()?;
+        let lanes = lanes.for_run(&config)?;
         let team = Team::new(&config, lanes.sizes());
         let state =
             Checkpoint { team, progress: Progress::default(), recent: Vec::new(), actions: Vec::new() };
-        Training::with_state(config, lanes, threads, state)
+        Ok(Training::with_state(config, lanes, threads, state))
     }
 
-    /// Continues a run: plays the actions since the last restart again.
+    /// Continues a run on the lanes of its configuration: plays the actions since the last restart again.
     pub fn resume(
         config: Config,
         lanes: Lanes,
@@ -128,7 +129,7 @@ impl Training {
         state: Checkpoint,
     ) -> Result<Training, TrainError> {
         config.check()?;
-        let mut training = Training::with_state(config, lanes, threads, state)?;
+        let mut training = Training::with_state(config, lanes, threads, state);
         if !training.state.progress.updates.is_multiple_of(RESTART_INTERVAL) {
             training.restart_environments()?;
             let per_step = training.config.num_envs * training.lanes.sizes().n_agents;
@@ -140,16 +141,10 @@ impl Training {
         Ok(training)
     }
 
-    fn with_state(
-        config: Config,
-        lanes: Lanes,
-        threads: usize,
-        state: Checkpoint,
-    ) -> Result<Training, TrainError> {
-        let lanes = lanes.for_run(&config)?;
+    fn with_state(config: Config, lanes: Lanes, threads: usize, state: Checkpoint) -> Training {
         let rollout = Rollout::new(&config, lanes.sizes());
         let (collector, ppo) = (Collector::default(), Ppo::new(threads));
-        Ok(Training { config, lanes, state, rollout, collector, ppo })
+        Training { config, lanes, state, rollout, collector, ppo }
     }
 
     /// The state after the last complete update.

@@ -206,15 +206,19 @@ fn a_team_observes_its_last_actions() {
     assert!(complete(Run::resume(&place.path("run"), Some(2000), lanes, 1).unwrap()).steps >= 2000);
 }
 
-/// A run of an older release has no last actions.
+/// A run of an older release has no last actions and no floor of advantages.
 #[test]
 fn hyperparameters_of_older_runs_are_read() {
     let place = Place::new();
     place.train("run", &small(), 1);
     let path = place.path("run").join("run.json");
     let text = fs::read_to_string(&path).unwrap();
-    let older = text.replace("    \"last_actions\": 0,\n", "");
-    assert_ne!(text, older);
+    let without = |text: &str, line: &str| {
+        assert!(text.contains(line), "{line} in {text}");
+        text.replace(line, "")
+    };
+    let older = without(&text, "    \"last_actions\": 0,\n");
+    let older = without(&older, "    \"advantage_floor\": 0.0,\n");
     fs::write(&path, older).unwrap();
     assert_eq!(RunDescription::read(&place.path("run")).unwrap().config, small());
 }

@@ -62,6 +62,7 @@ fn ctrl_c_writes_a_checkpoint() {
     while !fs::read_to_string(&log).is_ok_and(|log| log.lines().count() > 3) {
         std::thread::sleep(Duration::from_millis(10));
     }
+    check_error(folder, "train --resume run", 1, "another process trains in `run`; wait until it ends");
     let pid = rustix::process::Pid::from_child(&child);
     rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("a signal");
     let done = child.wait_with_output().expect("an end");
@@ -79,6 +80,13 @@ fn errors_say_what_is_accepted() {
     let folder = folder.path();
     check_error(folder, "train 3m", 2, "--out <FOLDER>");
     check_error(folder, "train 3n --out run", 1, "3n");
+    check_error(folder, "train 3m --out run --last-actions 17", 1, "--last-actions must be between 0 and 16");
+    check_error(
+        folder,
+        "train 3m --out run --advantage-floor -1",
+        1,
+        "advantage_floor must be between 0 and 10",
+    );
     check_error(folder, "train 3m --out run --gamma 2", 1, "gamma must be between 0 and 1, got 2");
     check_error(
         folder,
