@@ -208,7 +208,7 @@ def test_closed_environments_say_so(envs: sp.Envs) -> None:
 
 
 def test_every_exception_can_be_raised_again_from_its_message() -> None:
-    """Gymnasium's AsyncVectorEnv does so; IllegalAction once failed there with a TypeError about its arguments."""
+    """Gymnasium's AsyncVectorEnv does so; IllegalAction once failed there with a TypeError."""
     values = vars(sp).values()
     classes = [value for value in values if isinstance(value, type) and issubclass(value, Exception)]
     assert len(classes) == 16
