@@ -38,6 +38,11 @@ test-integration name *args:
     .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
+# Test that the learners in PyTorch learn (installs PyTorch, a download of 3 GB)
+test-learners *args: install
+    {{ python }} -m pip install --quiet torch safetensors
+    {{ python }} -m pytest tests/python/test_torch_learners.py {{ args }}
+
 # Test the pages of replays and running pools and the scenario editor in a browser (Debian: apt install chromium)
 test-page *args: install
     {{ python }} -m pip install --quiet playwright
