@@ -131,10 +131,11 @@ pub fn make(
         let scenario = resolved.0.clone();
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
-        let (base, count) = (lane_name(&scenario.name), lanes.unwrap_or(1));
+        let count = lanes.unwrap_or(1);
         let (mut configs, mut names, mut first_env) = (Vec::new(), Vec::new(), 0);
         for index in 0..count {
-            let name = if lanes.is_some() { format!("{base}-{index}") } else { base.to_owned() };
+            let suffix = if lanes.is_some() { format!("-{index}") } else { String::new() };
+            let name = lane_name(&scenario.name, &suffix);
             let num_envs = num_envs / count + usize::from(index < num_envs % count);
             let mut lane = LaneConfig::new(name.clone(), resolved.clone(), num_envs);
             if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
@@ -213,9 +214,10 @@ fn to_episode_limit(limit: Option<EpisodeLimit>) -> PyResult<Option<Option<u32>>
     }
 }
 
-/// The scenario's name, if a lane can have it: names of custom scenarios are less restricted.
-fn lane_name(scenario: &str) -> &str {
-    if check_name(scenario).is_ok() { scenario } else { "lane" }
+/// The scenario's name and a suffix, if a lane can have that name: custom scenarios may have others.
+fn lane_name(scenario: &str, suffix: &str) -> String {
+    let name = format!("{scenario}{suffix}");
+    if check_name(&name).is_ok() { name } else { format!("lane{suffix}") }
 }
 
 fn unique_name() -> String {

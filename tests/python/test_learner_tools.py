@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 import smaclite_pool as sp
 from conftest import replayed
 from numpy.typing import ArrayLike, NDArray
+from play import duel
 from smaclite_pool._native import FIRST_TARGET, NO_OP, NORTH, STOP
 
 
@@ -220,3 +222,12 @@ def test_errors_of_lanes() -> None:
         sp.make("3m", 100, lanes=65)
     [only] = sp.make("3m", 2, lanes=1)
     only.close()
+
+
+def test_lanes_of_a_scenario_with_a_long_name(tmp_path: Path) -> None:
+    """A number after the scenario's name can make it too long for the name of a lane."""
+    path = tmp_path / "duel.json"
+    path.write_text(json.dumps(duel(name="d" * 39)))
+    for envs in sp.make(path, 2, lanes=2):
+        assert envs.reset(seed=1).obs.shape[0] == 1
+        envs.close()
