@@ -1,7 +1,7 @@
 """Exceptions of this package. All derive from `PoolError` and from a fitting built-in exception.
 
-All can be pickled, and raised again from their class and message, as libraries do that pass them from one process
-to another; attributes are then unknown.
+All can be pickled, and raised again from their class and message, as libraries do that pass them from one
+process to another; attributes are then unknown.
 """
 
 from __future__ import annotations

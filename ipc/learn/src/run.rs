@@ -7,8 +7,8 @@
 //! | `checkpoint.safetensors` | what the run is resumed from |
 //! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
 //!
-//! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end of
-//! the process.
+//! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end
+//! of the process.
 
 use crate::checkpoint::{Checkpoint, write_weights};
 use crate::config::Config;
