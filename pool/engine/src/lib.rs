@@ -52,6 +52,7 @@ mod battle;
 mod command;
 mod encode;
 mod fast_math;
+mod lanes;
 mod neighbour_order;
 pub mod policy;
 mod random;

@@ -10,6 +10,7 @@ use smaclite_scenarios::Terrain;
 
 use super::edges::{Edge, outline};
 use super::partition::Partition;
+use crate::lanes::{Floats, Lanes, Vectors};
 
 /// The largest number of entries of the lists of all squares together: 16 MiB. The lists exist only for
 /// speed, and beyond the size of the processor's caches they are not faster than the search.
@@ -78,13 +79,29 @@ impl EdgesByCell {
         self.partition.visit(south_west, self.range, list);
     }
 
+    /// The numbers of the cells of positions; exact, because there are fewer cells than f32 counts exactly.
+    #[inline(always)]
+    pub fn cells<S: Lanes>(&self, positions: Vectors<S>) -> Floats<S> {
+        let simd = positions.x.simd();
+        // A unit beyond the ring uses the nearest cell of it. That cell is on the same side of all edges, and
+        // not farther from any of them, so its list contains all edges that the unit sees.
+        let column = (positions.x.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.x));
+        let row = (positions.y.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.y));
+        row * Floats::splat(simd, self.columns as f32) + column
+    }
+
+    /// Whether [`near`](Self::near) has any edges.
+    #[inline(always)]
+    pub fn may_see(&self, cell: f32) -> bool {
+        let Some(lists) = &self.lists else { return true };
+        let cell = cell as usize;
+        lists.starts[cell] != lists.starts[cell + 1]
+    }
+
     /// The indices of the edges that may be in sight of `position`, with its square on their outer side.
     /// `searched` is working memory.
     pub fn near<'a>(&'a self, position: Vec2, searched: &'a mut Vec<u32>) -> &'a [u32] {
-        // A unit beyond the ring uses the nearest cell of it. That cell is on the same side of all edges, and
-        // not farther from any of them, so its list contains all edges that the unit sees.
-        let cell = (position.floor() + Vec2::ONE).max(Vec2::ZERO).min(self.last).as_uvec2();
-        let cell = cell.y as usize * self.columns + cell.x as usize;
+        let cell = self.cells(Vectors::splat(pulp::Scalar, position)).each()[0] as usize;
         match &self.lists {
             Some(lists) => &lists.edges[lists.starts[cell] as usize..lists.starts[cell + 1] as usize],
             None => {

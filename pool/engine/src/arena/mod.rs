@@ -18,7 +18,7 @@ pub(crate) use unit_stats::{AvoidanceParams, Matchup, UnitStats};
 
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
-use cells::EdgesByCell;
+pub(crate) use cells::EdgesByCell;
 
 /// Everything about a scenario that never changes, under one rule set; shared by `Arc` between battles.
 #[derive(Debug)]
@@ -33,6 +33,8 @@ pub struct Arena {
     pub(crate) attack_point: [f64; 2],
     pub(crate) features: Features,
     pub(crate) edges: EdgesByCell,
+    /// The parameters of collision avoidance of each unit, by battle-wide id.
+    pub(crate) avoidance: Vec<AvoidanceParams>,
     /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
     n_types: usize,
@@ -123,6 +125,7 @@ impl Arena {
             largest_radius,
             sizes: sizes(scenario, &features),
             features,
+            avoidance: all_stats.iter().map(|stats| stats.avoid).collect(),
             all_stats,
             max_reward,
             episode_limit: scenario.episode_limit,

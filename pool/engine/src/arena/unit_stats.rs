@@ -30,7 +30,7 @@ pub(crate) struct UnitStats {
 }
 
 /// The parameters of collision avoidance.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct AvoidanceParams {
     pub radius: f32,
     pub max_speed: f32,

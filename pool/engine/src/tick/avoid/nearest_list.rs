@@ -1,54 +1,78 @@
 //! The results of a search, sorted by distance.
 
-use crate::units::clear_and_reserve;
-
 /// Units or edges by their index in what was searched, with their squared distances.
 #[derive(Debug, Default)]
 pub(super) struct NearestList {
     /// The bits of the squared distance, and below them the index. Non-negative floats have the order of
     /// their bits, so keys sort by distance, and equal distances by index.
+    /// Entries from `n` on are stale.
     keys: Vec<u64>,
+    n: usize,
 }
 
 impl NearestList {
-    /// Reserves memory for `n` results.
+    /// Reserves memory for `n` results, the most that may be inserted.
     pub fn reserve(&mut self, n: usize) {
-        clear_and_reserve(&mut self.keys, n);
+        self.n = 0;
+        if self.keys.len() < n {
+            self.keys.resize(n, 0);
+        }
     }
 
     pub fn clear(&mut self) {
-        self.keys.clear();
+        self.n = 0;
+    }
+
+    /// Replaces all results by those with these indices, which come ascending.
+    #[inline(always)]
+    pub fn refill(&mut self, indices: impl Iterator<Item = usize>, distance_squared: impl Fn(usize) -> f32) {
+        let (keys, mut n) = (&mut self.keys[..], 0);
+        for index in indices {
+            insert(keys, n, distance_squared(index), index);
+            n += 1;
+        }
+        self.n = n;
     }
 
     /// Inserts a result at its position.
     pub fn insert(&mut self, distance_squared: f32, index: usize) {
-        // Insertion sort: there are seldom more than two or three results.
-        let key = u64::from(distance_squared.to_bits()) << 32 | index as u64;
-        let mut at = self.keys.len();
-        self.keys.push(key);
-        while at > 0 && self.keys[at - 1] > key {
-            self.keys[at] = self.keys[at - 1];
-            at -= 1;
-        }
-        self.keys[at] = key;
+        insert(&mut self.keys, self.n, distance_squared, index);
+        self.n += 1;
+    }
+    pub fn is_empty(&self) -> bool {
+        self.n == 0
     }
 
     /// Whether two results have equal distances.
     pub fn has_equals(&self) -> bool {
-        self.keys.windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
+        self.keys[..self.n].windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
     }
 
     /// Replaces every index by the entry of a list at that index.
     pub fn replace(&mut self, list: &[u32]) {
-        for key in &mut self.keys {
+        for key in &mut self.keys[..self.n] {
             *key = *key >> 32 << 32 | u64::from(list[*key as u32 as usize]);
         }
     }
 
     /// The indices, in their current order.
     pub fn indices(&self) -> impl ExactSizeIterator<Item = usize> {
-        self.keys.iter().map(|&key| key as u32 as usize)
+        self.keys[..self.n].iter().map(|&key| key as u32 as usize)
     }
+}
+
+/// Inserts a result among the first `n` keys.
+#[inline(always)]
+fn insert(keys: &mut [u64], n: usize, distance_squared: f32, index: usize) {
+    // Insertion sort: there are seldom more than two or three results.
+    let key = u64::from(distance_squared.to_bits()) << 32 | index as u64;
+    let keys = &mut keys[..=n];
+    let mut at = n;
+    while at > 0 && keys[at - 1] > key {
+        keys[at] = keys[at - 1];
+        at -= 1;
+    }
+    keys[at] = key;
 }
 
 #[cfg(test)]
@@ -58,6 +82,7 @@ mod tests {
     #[test]
     fn equals_keep_their_order() {
         let mut found = NearestList::default();
+        found.reserve(6);
         for (index, distance_squared) in [0.5, 0.0, 0.5, 1e-40, 0.25, 0.5].into_iter().enumerate() {
             found.insert(distance_squared, index);
         }

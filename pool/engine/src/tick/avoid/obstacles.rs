@@ -20,18 +20,19 @@ use glam::Vec2;
 
 use super::linear_program::{HalfPlane, normalize};
 use super::nearest_list::NearestList;
-use super::{EPSILON, Mover};
+use super::EPSILON;
+use super::plane_units::Member;
 use crate::arena::{Arena, Edge, left_of};
 
 /// Adds the half-planes of the obstacles that `mover` sees; `searched` and `found` are working memory.
 pub(super) fn half_planes(
     arena: &Arena,
-    mover: &Mover,
+    mover: &Member,
+    range: f32,
     searched: &mut Vec<u32>,
     found: &mut NearestList,
     half_planes: &mut Vec<HalfPlane>,
 ) {
-    let Some(range) = mover.stats.edge_range_squared else { return };
     let near = arena.edges.near(mover.position, searched);
     find(arena, mover, near, range, found);
     for index in found.indices() {
@@ -42,7 +43,7 @@ pub(super) fn half_planes(
 }
 
 /// Finds the edges of a list that `mover` sees, nearest first. `range` is a squared distance.
-fn find(arena: &Arena, mover: &Mover, near: &[u32], range: f32, found: &mut NearestList) {
+fn find(arena: &Arena, mover: &Member, near: &[u32], range: f32, found: &mut NearestList) {
     found.clear();
     for (index, &number) in near.iter().enumerate() {
         let edge = arena.edges.edge(number);
@@ -98,8 +99,8 @@ enum View {
 
 /// The velocities that keep `mover` off the edge for the time horizon; `None` if other half-planes ensure
 /// that.
-fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
-    let radius = mover.stats.radius;
+fn half_plane(mover: &Member, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
+    let radius = mover.radius;
     let start = Corner::start_of(edge, mover.position);
     let end = Corner::end_of(edge, mover.position);
     if earlier

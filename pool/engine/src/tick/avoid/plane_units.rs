@@ -6,298 +6,379 @@ use glam::Vec2;
 
 use super::nearest_list::NearestList;
 use super::tree::Tree;
-use crate::simd::{F32x4, MASK_BITS, Vec2x4, WIDTH, mask};
+use crate::arena::{AvoidanceParams, EdgesByCell};
+use crate::lanes::{Floats, Lanes, MAX_LANES, Vectors};
 use crate::units::clear_and_reserve;
+
+/// Units whose search results are one word: bit i is unit `WORD * word + i`.
+const WORD: usize = u64::BITS as usize;
 
 /// The living units of a plane, in the order of [`NeighbourOrder`](crate::NeighbourOrder); a unit's *index*
 /// is its number in that order.
 #[derive(Debug, Default)]
 pub(super) struct PlaneUnits {
-    /// The members; once packed, followed by [`WIDTH`] entries of padding at infinity.
-    members: Vec<Neighbour>,
-    /// Number of members.
-    n_members: usize,
+    /// The members; entries from `n` on are stale, here and below.
+    members: Vec<Member>,
+    n: usize,
     /// The indices of the units that move.
     movers: Vec<u32>,
-    /// The positions of all members, four per entry. The last entry is padded with positions at infinity,
-    /// which no search finds.
-    positions: Vec<Vec2x4>,
+    n_movers: usize,
+    /// What is computed for several units at a time, by index. Padded to full words; padding is at infinity,
+    /// where no search finds it.
+    position: Columns,
+    preferred: Columns,
+    max_speed: Vec<f32>,
+    /// The preferred velocity within the speed limit.
+    unconstrained: Columns,
+    /// The number of the cell in which each unit is.
+    cell: Vec<f32>,
+    /// The corners of the box around the units of each word, padded to [`MAX_LANES`] with boxes at infinity.
+    /// Empty if there is one word only.
+    low: Columns,
+    high: Columns,
     /// Decides which of two equally near units comes first, if there are more units than fit in a leaf.
     tree: Tree,
     /// Memory for the results of the tree.
     visited: Vec<u32>,
 }
 
+/// The coordinates of one vector per unit.
+#[derive(Debug, Default)]
+struct Columns {
+    x: Vec<f32>,
+    y: Vec<f32>,
+}
+
+impl Columns {
+    fn resize(&mut self, n: usize) {
+        self.x.resize(n, 0.0);
+        self.y.resize(n, 0.0);
+    }
+
+    #[inline(always)]
+    fn load<S: Lanes>(&self, simd: S, begin: usize) -> Vectors<S> {
+        Vectors { x: Floats::from_slice(simd, &self.x[begin..]), y: Floats::from_slice(simd, &self.y[begin..]) }
+    }
+
+    fn get(&self, index: usize) -> Vec2 {
+        Vec2::new(self.x[index], self.y[index])
+    }
+}
+
 /// A unit as its neighbours see it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Neighbour {
-    /// Position and velocity; `body` has the radius, and the share of the avoidance that neighbours take.
-    /// They are packed so that four neighbours can be transposed into [`NeighbourX4`] from whole registers.
-    motion: F32x4,
-    body: F32x4,
+pub(super) struct Member {
+    pub position: Vec2,
+    /// The velocity that it planned in the last tick, which its neighbours expect it to keep.
+    pub velocity: Vec2,
+    pub radius: f32,
+    /// The share of the avoidance that neighbours take. Reciprocity: both units take one half each. A unit that
+    /// stays takes none, so its neighbours take all.
+    pub share: f32,
     /// Battle-wide id.
     pub id: u32,
 }
 
-impl Neighbour {
-    pub fn new(id: u32, position: Vec2, velocity: Vec2, radius: f32, stays: bool) -> Neighbour {
-        // Reciprocity: both units take one half each. A unit that stays takes none, so its neighbours take
-        // all.
-        let share = select_unpredictable(stays, 1.0, 0.5);
-        Neighbour {
-            motion: F32x4::new([position.x, position.y, velocity.x, velocity.y]),
-            body: F32x4::new([radius, share, 0.0, 0.0]),
-            id,
-        }
+/// Some neighbours of a unit: those of one word.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Near {
+    /// The unit's index.
+    pub index: u32,
+    word: u32,
+    /// Bit i stands for the unit with index `WORD * word + i`.
+    bits: u64,
+}
+
+/// The neighbours of all units of a plane, unit by unit.
+#[derive(Debug, Default)]
+pub(super) struct NearList {
+    /// Entries from `n` on are stale.
+    entries: Vec<Near>,
+    n: usize,
+}
+
+impl NearList {
+    pub fn reserve(&mut self, n_units: usize) {
+        // Every unit has at most one entry per word, and one more.
+        self.entries.resize(n_units * (n_units.div_ceil(WORD) + 1), Near::default());
     }
 
-    pub fn position(&self) -> Vec2 {
-        let [x, y, ..] = *self.motion.as_array();
-        Vec2::new(x, y)
+    pub fn clear(&mut self) {
+        self.n = 0;
     }
 
-    pub fn velocity(&self) -> Vec2 {
-        let [.., x, y] = *self.motion.as_array();
-        Vec2::new(x, y)
+    /// Written before it is known whether it is needed: no branch, which would be hard to predict.
+    #[inline(always)]
+    fn add_if(&mut self, condition: bool, entry: Near) {
+        self.entries[self.n] = entry;
+        self.n += usize::from(condition);
+    }
+
+    /// The entries of each unit.
+    pub fn units(&self) -> impl Iterator<Item = &[Near]> {
+        self.entries[..self.n].chunk_by(|a, b| a.index == b.index)
     }
 }
 
-/// Neighbours of a unit as bits, one per index.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct NeighbourMask(u64);
-
-impl NeighbourMask {
-    /// Whether there is any.
-    pub fn is_any(self) -> bool {
-        self.0 != 0
+impl Near {
+    /// Whether the unit may see an edge: its first entry has no neighbours then.
+    pub fn may_see_edges(&self) -> bool {
+        self.bits == 0
     }
-}
 
-/// Four neighbours, one vector per quantity.
-pub(super) struct NeighbourX4 {
-    pub position: Vec2x4,
-    pub velocity: Vec2x4,
-    pub radius: F32x4,
-    pub share: F32x4,
-}
-
-impl NeighbourX4 {
-    #[inline]
-    pub fn of(members: [&Neighbour; WIDTH]) -> NeighbourX4 {
-        let [x, y, vx, vy] = F32x4::transpose(members.map(|member| member.motion));
-        let [radius, share, ..] = F32x4::transpose(members.map(|member| member.body));
-        NeighbourX4 { position: Vec2x4 { x, y }, velocity: Vec2x4 { x: vx, y: vy }, radius, share }
+    /// The indices of the neighbours, ascending.
+    #[inline(always)]
+    fn indices(&self) -> impl Iterator<Item = usize> {
+        let (begin, mut bits) = (self.word as usize * WORD, self.bits);
+        std::iter::from_fn(move || {
+            let first = bits.trailing_zeros() as usize;
+            let is_any = bits != 0;
+            // Clears the lowest bit.
+            bits &= bits.wrapping_sub(1);
+            is_any.then_some(begin + first)
+        })
     }
 }
 
 impl PlaneUnits {
     pub fn reserve(&mut self, n_units: usize) {
-        clear_and_reserve(&mut self.members, n_units + WIDTH);
-        clear_and_reserve(&mut self.movers, n_units);
-        clear_and_reserve(&mut self.positions, n_units.div_ceil(WIDTH));
+        self.members.resize(n_units, Member::default());
         clear_and_reserve(&mut self.visited, n_units);
+        let n_padded = n_units.next_multiple_of(WORD);
+        let n_boxes = (n_padded / WORD).next_multiple_of(MAX_LANES);
+        self.movers.resize(n_units, 0);
+        for columns in [&mut self.position, &mut self.preferred, &mut self.unconstrained] {
+            columns.resize(n_padded);
+        }
+        self.max_speed.resize(n_padded, 0.0);
+        self.cell.resize(n_padded, 0.0);
+        self.low.resize(n_boxes);
+        self.high.resize(n_boxes);
         self.tree.reserve(n_units);
     }
 
-    pub fn clear(&mut self) {
-        self.members.clear();
-        self.movers.clear();
-        self.positions.clear();
-    }
-
-    /// Partitions the ids of the units that will be added, as the order of equally near neighbours requires.
-    pub fn sort(&mut self, ids: &mut [u32], positions: &[Vec2]) {
-        if ids.len() > Tree::LEAF_SIZE {
+    /// Packs the units of a list, which is put in the order that equally near neighbours require. The other
+    /// slices are by battle-wide id.
+    #[inline(always)]
+    pub fn pack(
+        &mut self,
+        ids: &mut [u32],
+        positions: &[Vec2],
+        velocities: &[Vec2],
+        preferred: &[Vec2],
+        stats: &[AvoidanceParams],
+    ) {
+        let n = ids.len();
+        if n > Tree::LEAF_SIZE {
             self.tree.build(ids, positions);
+        }
+        // Slices of one known length: one check of an index serves them all.
+        let (members, movers) = (&mut self.members[..n], &mut self.movers[..n]);
+        let (x, y) = (&mut self.position.x[..n], &mut self.position.y[..n]);
+        let (preferred_x, preferred_y) = (&mut self.preferred.x[..n], &mut self.preferred.y[..n]);
+        let max_speed = &mut self.max_speed[..n];
+        let n_units = positions.len();
+        let (velocities, preferred, stats) = (&velocities[..n_units], &preferred[..n_units], &stats[..n_units]);
+        let mut n_movers = 0;
+        for (index, &id) in ids.iter().enumerate() {
+            let i = id as usize;
+            let (position, velocity, preferred) = (positions[i], velocities[i], preferred[i]);
+            let stays = (preferred.x == 0.0) & (preferred.y == 0.0);
+            let share = select_unpredictable(stays, 1.0, 0.5);
+            members[index] = Member { position, velocity, radius: stats[i].radius, share, id };
+            (x[index], y[index]) = position.into();
+            (preferred_x[index], preferred_y[index]) = preferred.into();
+            max_speed[index] = stats[i].max_speed;
+            // Written before it is known whether it moves: no branch, which would be hard to predict.
+            movers[n_movers] = index as u32;
+            n_movers += usize::from(!stays);
+        }
+        (self.n, self.n_movers) = (n, n_movers);
+        let n_padded = n.next_multiple_of(WORD);
+        self.position.x[n..n_padded].fill(f32::INFINITY);
+        self.position.y[n..n_padded].fill(f32::INFINITY);
+        if n > WORD {
+            self.find_boxes();
         }
     }
 
-    /// Adds a unit, in the order of the sorted ids. After the last one, [`pack`](Self::pack) must be called.
-    pub fn push(&mut self, member: Neighbour, stays: bool) {
-        self.movers.push(self.members.len() as u32);
-        keep_last_if(!stays, &mut self.movers);
-        self.members.push(member);
-    }
-
-    pub fn pack(&mut self) {
-        // The padding lets `four` and the loop below read whole groups of four.
-        self.n_members = self.members.len();
-        self.members.extend([Neighbour::new(0, Vec2::INFINITY, Vec2::ZERO, 0.0, false); WIDTH]);
-        for members in self.members[..self.n_members.next_multiple_of(WIDTH)].as_chunks().0 {
-            self.positions.push(NeighbourX4::of(members.each_ref()).position);
+    fn find_boxes(&mut self) {
+        let n = self.n;
+        let columns = [
+            (&self.position.x, &mut self.low.x, &mut self.high.x),
+            (&self.position.y, &mut self.low.y, &mut self.high.y),
+        ];
+        for (column, low, high) in columns {
+            low.fill(f32::INFINITY);
+            high.fill(f32::INFINITY);
+            for ((word, low), high) in column[..n].chunks(WORD).zip(low).zip(high) {
+                *low = word.iter().copied().fold(f32::INFINITY, f32::min);
+                *high = word.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            }
         }
     }
 
     /// The indices of the units that move, ascending.
     pub fn movers(&self) -> &[u32] {
-        &self.movers
-    }
-
-    /// A member by its index.
-    pub fn member(&self, index: usize) -> &Neighbour {
-        &self.members[index]
+        &self.movers[..self.n_movers]
     }
 
     /// All members.
-    pub fn members(&self) -> &[Neighbour] {
-        &self.members[..self.n_members]
+    pub fn members(&self) -> &[Member] {
+        &self.members[..self.n]
     }
 
-    /// Whether [`NeighbourMask`] has a bit for each member.
-    pub fn is_small(&self) -> bool {
-        self.n_members <= MASK_BITS
+    /// The velocity that a unit prefers.
+    pub fn preferred(&self, index: usize) -> Vec2 {
+        self.preferred.get(index)
     }
 
-    /// The neighbours of the member in `index` of a [small](Self::is_small) plane.
-    pub fn near(&self, index: usize, range_squared: f32) -> NeighbourMask {
-        let (centre, range) = (Vec2x4::splat(self.members[index].position()), F32x4::splat(range_squared));
-        let near = mask(&self.positions, |four| (centre - *four).length_squared().simd_lt(range));
-        // The unit itself is always near.
-        NeighbourMask(near & !(1 << index))
+    /// The velocities of all units without neighbours and obstacles, with their ids, after
+    /// [`find_unconstrained`](Self::find_unconstrained).
+    #[inline(always)]
+    pub fn all_unconstrained(&self) -> impl Iterator<Item = (u32, Vec2)> {
+        let (x, y) = (&self.unconstrained.x[..self.n], &self.unconstrained.y[..self.n]);
+        self.members().iter().zip(x).zip(y).map(|((member, &x), &y)| (member.id, Vec2::new(x, y)))
     }
 
-    /// These neighbours, padded to four; `None` if there are more.
-    pub fn four(&self, mask: NeighbourMask) -> Option<NeighbourX4> {
-        let mut bits = mask.0;
-        let four = [(); WIDTH].map(|()| {
-            // Without a bit left this is 64, and the limit below makes it the first entry of padding.
-            let index = bits.trailing_zeros() as usize;
-            bits &= bits.wrapping_sub(1);
-            &self.members[index.min(self.n_members)]
-        });
-        (bits == 0).then(|| NeighbourX4::of(four))
+    /// The velocity of a unit without neighbours or obstacles, after
+    /// [`find_unconstrained`](Self::find_unconstrained).
+    pub fn unconstrained(&self, index: usize) -> Vec2 {
+        self.unconstrained.get(index)
     }
 
-    /// Whether the order of units that are equally near is that of their indices, and not the [tree's](Tree).
-    pub fn equals_keep_order(&self) -> bool {
-        self.n_members <= Tree::LEAF_SIZE
+    /// Finds the cells of all units, and their velocities without neighbours and obstacles: the preferred ones
+    /// within the speed limit. Those that are no finite number are zero.
+    #[inline(always)]
+    pub fn find_unconstrained<S: Lanes>(&mut self, simd: S, edges: &EdgesByCell) {
+        let n = self.n.next_multiple_of(MAX_LANES);
+        let (x, y) = (&self.preferred.x[..n], &self.preferred.y[..n]);
+        let (to_x, to_y) = (&mut self.unconstrained.x[..n], &mut self.unconstrained.y[..n]);
+        let max_speed = Floats::all(simd, &self.max_speed[..n]);
+        let preferred = Vectors::all(simd, x, y);
+        let to = to_x.chunks_exact_mut(S::F32_LANES).zip(to_y.chunks_exact_mut(S::F32_LANES));
+        for ((max_speed, preferred), (to_x, to_y)) in max_speed.zip(preferred).zip(to) {
+            let velocity = preferred.within(max_speed).finite_or_zero();
+            velocity.x.to_slice(to_x);
+            velocity.y.to_slice(to_y);
+        }
+        let positions = Vectors::all(simd, &self.position.x[..n], &self.position.y[..n]);
+        for (position, to) in positions.zip(self.cell[..n].chunks_exact_mut(S::F32_LANES)) {
+            edges.cells(position).to_slice(to);
+        }
     }
 
-    /// Finds the members whose squared distance to that in `index` is below `range_squared`, nearest first.
-    pub fn find(&mut self, index: usize, range_squared: f32, found: &mut NearestList) {
-        found.clear();
-        let position = self.members[index].position();
-        let (centre, range) = (Vec2x4::splat(position), F32x4::splat(range_squared));
-        for (part, fours) in self.positions.chunks(MASK_BITS / WIDTH).enumerate() {
-            let mut near = mask(fours, |four| (centre - *four).length_squared().simd_lt(range));
-            // For every bit that is set, lowest first.
-            while near != 0 {
-                let other = part * MASK_BITS + near.trailing_zeros() as usize;
-                near &= near - 1;
-                if other != index {
-                    let distance_squared = (position - self.members[other].position()).length_squared();
-                    found.insert(distance_squared, other);
+    /// Lists the neighbours of all units that move: the units whose squared distance is below the unit's
+    /// `neighbour_range_squared`. Units that may see an edge are listed in any case.
+    #[inline(always)]
+    pub fn find_neighbours<S: Lanes>(
+        &self,
+        simd: S,
+        stats: &[AvoidanceParams],
+        edges: &EdgesByCell,
+        list: &mut NearList,
+    ) {
+        list.clear();
+        let n_words = self.n.div_ceil(WORD);
+        for &index in self.movers() {
+            let member = &self.members[index as usize];
+            let stats = &stats[member.id as usize];
+            if stats.edge_range_squared.is_some() && edges.may_see(self.cell[index as usize]) {
+                list.add_if(true, Near { index, ..Near::default() });
+            }
+            let centre = Vectors::splat(simd, member.position);
+            let range = Floats::splat(simd, stats.neighbour_range_squared);
+            if n_words == 1 {
+                self.find_in(centre, range, 0, index, list);
+                continue;
+            }
+            for group in (0..n_words).step_by(MAX_LANES) {
+                let mut words = self.near_words(centre, range, group);
+                while words != 0 {
+                    let word = group + words.trailing_zeros() as usize;
+                    words &= words - 1;
+                    self.find_in(centre, range, word, index, list);
                 }
             }
         }
-        if !self.equals_keep_order() && found.has_equals() {
-            self.find_by_tree(index, range_squared, found);
+    }
+
+    /// Of up to [`MAX_LANES`] words, those in whose box there may be neighbours, as bits.
+    #[inline(always)]
+    fn near_words<S: Lanes>(&self, centre: Vectors<S>, range: Floats<S>, first: usize) -> u32 {
+        let simd = range.simd();
+        let zero = Floats::splat(simd, 0.0);
+        let mut words = 0;
+        for i in (0..MAX_LANES).step_by(S::F32_LANES) {
+            // Rounding is monotonic: no unit in the box is computed to be nearer than the box is here.
+            let (low, high) = (self.low.load(simd, first + i), self.high.load(simd, first + i));
+            let x = (low.x - centre.x).max(zero) + (centre.x - high.x).max(zero);
+            let y = (low.y - centre.y).max(zero) + (centre.y - high.y).max(zero);
+            words |= Vectors { x, y }.length_squared().lt(range).bits() << i;
+        }
+        words
+    }
+
+    #[inline(always)]
+    fn find_in<S: Lanes>(
+        &self,
+        centre: Vectors<S>,
+        range: Floats<S>,
+        word: usize,
+        index: u32,
+        list: &mut NearList,
+    ) {
+        let simd = range.simd();
+        let begin = word * WORD;
+        // Of the last word, only the lanes up to the last unit are looked at.
+        let n = (self.n - begin).min(WORD).next_multiple_of(MAX_LANES);
+        let (x, y) = (&self.position.x[begin..begin + n], &self.position.y[begin..begin + n]);
+        let (mut bits, mut shift) = (0, 0);
+        for other in Vectors::all(simd, x, y) {
+            let is_near = (centre - other).length_squared().lt(range);
+            bits |= u64::from(is_near.bits()) << shift;
+            shift += S::F32_LANES;
+        }
+        // The unit itself is always near.
+        let itself = u64::from(index as usize / WORD == word) << (index as usize % WORD);
+        bits &= !itself;
+        list.add_if(bits != 0, Near { index, word: word as u32, bits });
+    }
+
+    /// Sorts the neighbours of a unit, which are in several entries, nearest first. `range_squared` is that of
+    /// the search.
+    #[inline(always)]
+    pub fn sort_neighbours(&mut self, entries: &[Near], range_squared: f32, sorted: &mut NearestList) {
+        let index = entries[0].index as usize;
+        let members = &self.members[..self.n];
+        let position = members[index].position;
+        sorted.refill(
+            entries.iter().flat_map(|entry| entry.indices()),
+            #[inline(always)]
+            |other| (position - members[other].position).length_squared(),
+        );
+        // In a leaf, the order of units that are equally near is that of their indices, else the tree's.
+        if self.n > Tree::LEAF_SIZE && sorted.has_equals() {
+            self.sort_by_tree(index, range_squared, sorted);
         }
     }
 
     /// The same, in the order of the tree where distances are equal.
     #[cold]
-    fn find_by_tree(&mut self, index: usize, range_squared: f32, found: &mut NearestList) {
+    fn sort_by_tree(&mut self, index: usize, range_squared: f32, sorted: &mut NearestList) {
         let PlaneUnits { members, tree, visited, .. } = self;
+        let position = members[index].position;
         // Equal distances are sorted by index, so the index is first the number of the visit and then
         // replaced.
-        found.clear();
+        sorted.clear();
         visited.clear();
-        tree.find(members[index].position(), range_squared, |distance_squared, other| {
+        tree.find(position, range_squared, |distance_squared, other| {
             if other as usize != index {
-                found.insert(distance_squared, visited.len());
+                sorted.insert(distance_squared, visited.len());
                 visited.push(other);
             }
         });
-        found.replace(visited);
+        sorted.replace(visited);
     }
 }
 
-/// Removes the last element unless the condition holds, without a branch, which would be hard to predict.
-pub(super) fn keep_last_if<T: Copy>(condition: bool, list: &mut Vec<T>) {
-    list.truncate(select_unpredictable(condition, list.len(), list.len() - 1));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A plane of units with ids from 0 up.
-    fn plane(positions: &[Vec2]) -> PlaneUnits {
-        let mut plane = PlaneUnits::default();
-        let mut ids: Vec<u32> = (0..positions.len() as u32).collect();
-        plane.sort(&mut ids, positions);
-        for &id in &ids {
-            plane.push(Neighbour::new(id, positions[id as usize], Vec2::ZERO, 0.5, false), false);
-        }
-        plane.pack();
-        plane
-    }
-
-    fn find(plane: &mut PlaneUnits, index: usize, range_squared: f32) -> Vec<usize> {
-        let mut found = NearestList::default();
-        plane.find(index, range_squared, &mut found);
-        found.indices().collect()
-    }
-
-    /// A grid, so that there are many equal distances, and a few units in one spot.
-    #[test]
-    fn finds_those_in_range_nearest_first() {
-        let positions: Vec<Vec2> =
-            (0..97).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25)).collect();
-        for n in [1, 4, 9, 10, 11, 97] {
-            let mut plane = plane(&positions[..n]);
-            for index in 0..n {
-                let positions: Vec<Vec2> = plane.members().iter().map(Neighbour::position).collect();
-                let away = |other: &usize| (positions[index] - positions[*other]).length_squared();
-                for range_squared in [0.0, 0.1, 1.3, 100.0] {
-                    let mut found = find(&mut plane, index, range_squared);
-                    assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
-                    found.sort_unstable();
-                    let near = |other: &usize| away(other) < range_squared && *other != index;
-                    assert_eq!(found, (0..n).filter(near).collect::<Vec<_>>());
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_few_are_found_as_all_are() {
-        let positions: Vec<Vec2> =
-            (0..65).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25)).collect();
-        for n in [1, 2, 4, 7, 64] {
-            let mut plane = plane(&positions[..n]);
-            assert!(plane.is_small());
-            for (index, range_squared) in (0..n).flat_map(|index| [0.0, 0.1, 0.3, 1.3].map(|r| (index, r))) {
-                let mask = plane.near(index, range_squared);
-                let mut found = find(&mut plane, index, range_squared);
-                found.sort_unstable();
-                assert_eq!((0..64).filter(|bit| mask.0 >> bit & 1 == 1).collect::<Vec<_>>(), found);
-                assert_eq!(mask.is_any(), !found.is_empty());
-                let Some(four) = plane.four(mask) else {
-                    assert!(found.len() > WIDTH);
-                    continue;
-                };
-                found.resize(WIDTH, n); // padding follows the members
-                let x = found.iter().map(|index| plane.members[*index].position().x).collect::<Vec<_>>();
-                assert_eq!(four.position.x.to_array(), x[..]);
-            }
-        }
-        assert!(!plane(&positions).is_small());
-    }
-
-    #[test]
-    fn of_a_few_equally_near_the_lowest_id_is_first() {
-        assert_eq!(find(&mut plane(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X]), 1, 2.0), [0, 2]);
-    }
-
-    /// Of more than a leaf of the tree holds, those in the half whose box is nearer; of equally near boxes
-    /// the upper one.
-    #[test]
-    fn of_many_equally_near_the_tree_decides() {
-        let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
-        let mut plane = plane(&positions);
-        assert_eq!(find(&mut plane, 5, 2.0), [4, 6]);
-        assert_eq!(find(&mut plane, 6, 2.0), [7, 5]);
-    }
-}

@@ -13,13 +13,18 @@
 //! and some earlier j are violated equally, which is a boundary again; among those it is the velocity
 //! farthest inside i. Half-planes of obstacles are never relaxed.
 //!
-//! `x4` solves four such programs at a time.
+//! The programs of several units are solved at a time, one per lane. A lane cannot branch on its own: every
+//! half-plane is processed for all programs, and masks select the results that apply; the result of a case that
+//! does not apply, NaN included, is dropped. What no lane needs is skipped. The tests have the same algorithm for
+//! one unit at a time, and compare the bits.
 
-pub(super) mod x4;
+#[cfg(test)]
+pub(super) mod alone;
 
 use glam::Vec2;
 
 use super::EPSILON;
+use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
 
 /// A half-plane of permitted velocities, by its boundary: velocities to the left of it are permitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,178 +34,253 @@ pub(super) struct HalfPlane {
     pub direction: Vec2,
 }
 
-impl HalfPlane {
-    /// How far a velocity is on the wrong side of the boundary; negative if it is permitted.
-    fn violation(&self, velocity: Vec2) -> f32 {
-        self.direction.perp_dot(self.point - velocity)
+/// A half-plane per lane, in memory. Lanes need not have one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct HalfPlaneColumns {
+    pub point: [Column; 2],
+    pub direction: [Column; 2],
+    /// 1 where there is a half-plane, else 0.
+    pub exists: Column,
+}
+
+/// A half-plane per lane.
+#[derive(Clone, Copy)]
+pub(super) struct HalfPlanes<S: Lanes> {
+    pub point: Vectors<S>,
+    pub direction: Vectors<S>,
+}
+
+impl HalfPlaneColumns {
+    /// The half-planes, and in which lanes they exist.
+    #[inline(always)]
+    pub fn load<S: Lanes>(&self, simd: S) -> (HalfPlanes<S>, Mask<S>) {
+        let half_planes =
+            HalfPlanes { point: Vectors::load(simd, &self.point), direction: Vectors::load(simd, &self.direction) };
+        (half_planes, Floats::load(simd, &self.exists).gt(Floats::splat(simd, 0.0)))
     }
+
+    #[inline(always)]
+    pub fn store<S: Lanes>(&mut self, half_planes: HalfPlanes<S>, exists: Mask<S>) {
+        let simd = half_planes.point.x.simd();
+        half_planes.point.store(&mut self.point);
+        half_planes.direction.store(&mut self.direction);
+        exists.select(Floats::splat(simd, 1.0), Floats::splat(simd, 0.0)).store(&mut self.exists);
+    }
+}
+
+impl<S: Lanes> HalfPlanes<S> {
+    /// How far velocities are on the wrong side of the boundaries; negative if they are permitted.
+    #[inline(always)]
+    fn violation(&self, velocities: Vectors<S>) -> Floats<S> {
+        self.direction.perp_dot(self.point - velocities)
+    }
+}
+
+/// What is common to the half-planes of each program.
+#[derive(Clone, Copy)]
+pub(super) struct Programs<S: Lanes> {
+    pub preferred: Vectors<S>,
+    /// The preferred velocities within the speed limit.
+    pub unconstrained: Vectors<S>,
+    pub max_speed: Floats<S>,
+    /// How many half-planes, the first ones, are never relaxed.
+    pub n_hard: Floats<S>,
+    /// The greatest of these numbers.
+    pub max_n_hard: usize,
 }
 
 /// The objective: which of the permitted velocities is best.
 #[derive(Clone, Copy)]
-enum Aim {
-    Nearest(Vec2),
-    /// The farthest in a direction of length 1.
-    Farthest(Vec2),
+enum Aim<S: Lanes> {
+    Nearest(Vectors<S>),
+    /// The farthest in directions of length 1.
+    Farthest(Vectors<S>),
 }
 
-/// The velocity within `max_speed` nearest to `preferred` that the half-planes permit; the first `n_hard` are
-/// never relaxed.
-///
-/// `projected` is working memory.
-pub(super) fn solve(
-    half_planes: &[HalfPlane],
-    n_hard: usize,
-    max_speed: f32,
-    preferred: Vec2,
-    projected: &mut Vec<HalfPlane>,
-) -> Vec2 {
-    match best_velocity(half_planes, max_speed, Aim::Nearest(preferred)) {
-        Ok(velocity) => velocity,
-        Err(failed) => least_violation(half_planes, n_hard, failed, max_speed, projected),
+impl<S: Lanes> Vectors<S> {
+    /// The velocities within `max_speed` that are nearest to these.
+    #[inline(always)]
+    pub fn within(self, max_speed: Floats<S>) -> Vectors<S> {
+        let is_too_fast = self.length_squared().gt(max_speed * max_speed);
+        is_too_fast.either(self.normalize() * max_speed, self)
     }
 }
 
-/// The velocity nearest to the preferred one that is not too fast.
-pub(super) fn within(max_speed: f32, preferred: Vec2) -> Vec2 {
-    if preferred.length_squared() > max_speed * max_speed {
-        normalize(preferred) * max_speed
-    } else {
-        preferred
-    }
-}
-
-/// The first half-plane that cannot be satisfied together with all before it, and the best velocity without
-/// it.
-struct Infeasible {
-    half_plane: usize,
-    velocity: Vec2,
-}
-
-fn best_velocity(half_planes: &[HalfPlane], max_speed: f32, aim: Aim) -> Result<Vec2, Infeasible> {
-    // Without half-planes the disc of the speed limit decides alone.
-    let mut velocity = match aim {
-        Aim::Farthest(direction) => direction * max_speed,
-        Aim::Nearest(preferred) => within(max_speed, preferred),
-    };
-    for (i, half_plane) in half_planes.iter().enumerate() {
-        // A half-plane that the best velocity so far satisfies changes nothing. Otherwise the new best
-        // velocity is on its boundary: on the way from any permitted velocity to the old best one the
-        // objective improves, so it improves up to the boundary.
-        if half_plane.violation(velocity) > 0.0 {
-            match best_on_boundary(half_plane, &half_planes[..i], max_speed, aim) {
-                Some(better) => velocity = better,
-                None => return Err(Infeasible { half_plane: i, velocity }),
-            }
-        }
-    }
-    Ok(velocity)
-}
-
-/// The best velocity on the boundary of a half-plane that satisfies all `earlier` ones.
-///
-/// A point of the boundary is `point + t direction`. The speed limit leaves an interval of t, from the roots
-/// of
-/// |point + t direction|^2 = max_speed^2; each earlier half-plane raises its begin or lowers its end.
-fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f32, aim: Aim) -> Option<Vec2> {
-    // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
-    let along = half_plane.point.dot(half_plane.direction);
-    let discriminant = along * along + max_speed * max_speed - half_plane.point.length_squared();
-    if discriminant < 0.0 {
-        return None; // every point of the boundary is too fast
-    }
-    let root = discriminant.sqrt();
-    let (mut from, mut to) = (-along - root, -along + root);
-    for other in earlier {
-        // The boundaries cross where other.direction x (point + t direction - other.point) = 0, x being the
-        // cross product.
-        let denominator = half_plane.direction.perp_dot(other.direction);
-        let numerator = other.direction.perp_dot(half_plane.point - other.point);
-        if denominator.abs() <= EPSILON {
-            // Parallel boundaries: the other half-plane contains this boundary entirely or not at all.
-            if numerator < 0.0 {
-                return None;
-            }
-            continue;
-        }
-        // The sign of the denominator says whether the boundary leaves or enters the other half-plane there.
-        let crossing = numerator / denominator;
-        if denominator >= 0.0 {
-            to = if crossing < to { crossing } else { to };
+impl<S: Lanes> Programs<S> {
+    /// The velocities within the speed limit nearest to the preferred ones that the half-planes permit.
+    ///
+    /// `projected` is working memory, at least as long as `half_planes`.
+    #[inline(always)]
+    pub fn solve(&self, half_planes: &[HalfPlaneColumns], projected: &mut [HalfPlaneColumns]) -> Vectors<S> {
+        let nearest = self.best_velocity(half_planes, Aim::Nearest(self.preferred), self.unconstrained);
+        if nearest.is_infeasible.any() {
+            self.least_violation(half_planes, nearest, projected)
         } else {
-            from = if from < crossing { crossing } else { from };
-        }
-        if from > to {
-            return None;
+            nearest.velocities
         }
     }
-    // On a line both objectives have a best point: one of the ends of the interval, or the projection of the
-    // preferred velocity, clamped to the interval.
-    let at = match aim {
-        Aim::Farthest(direction) if direction.dot(half_plane.direction) > 0.0 => to,
-        Aim::Farthest(_) => from,
-        Aim::Nearest(preferred) => {
-            let nearest = half_plane.direction.dot(preferred - half_plane.point);
-            if nearest < from {
-                from
-            } else if nearest > to {
-                to
-            } else {
-                nearest
-            }
-        }
-    };
-    Some(half_plane.point + at * half_plane.direction)
-}
 
-/// The velocity whose worst violation of the half-planes from `n_hard` on is least, from where
-/// `best_velocity` failed.
-fn least_violation(
-    half_planes: &[HalfPlane],
-    n_hard: usize,
-    failed: Infeasible,
-    max_speed: f32,
-    projected: &mut Vec<HalfPlane>,
-) -> Vec2 {
-    let Infeasible { half_plane: first, mut velocity } = failed;
-    // `worst` is the violation so far by the half-planes before i. One that is violated more must be among
-    // the most violated of the solution; there it and some earlier one are violated equally.
-    let mut worst = 0.0;
-    for (i, half_plane) in half_planes.iter().enumerate().skip(first) {
-        if half_plane.violation(velocity) > worst {
-            projected.clear();
-            projected.extend_from_slice(&half_planes[..n_hard]);
-            // Half-planes of obstacles come first. If one of them failed, there are none of units before it.
-            let before = half_planes.get(n_hard..i).unwrap_or_default();
-            projected.extend(before.iter().filter_map(|other| equal_violation(half_plane, other)));
-            let inward = Vec2::new(-half_plane.direction.y, half_plane.direction.x);
-            // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes
-            // it fail, that velocity stays.
-            if let Ok(better) = best_velocity(projected, max_speed, Aim::Farthest(inward)) {
-                velocity = better;
+    /// The best velocities; `velocities` are the best without half-planes: the speed limit decides alone.
+    #[inline(always)]
+    fn best_velocity(
+        &self,
+        half_planes: &[HalfPlaneColumns],
+        aim: Aim<S>,
+        velocities: Vectors<S>,
+    ) -> Solutions<S> {
+        let simd = self.max_speed.simd();
+        let zero = Floats::splat(simd, 0.0);
+        let mut solutions = Solutions { velocities, is_infeasible: zero.lt(zero), half_plane: zero };
+        for (i, columns) in half_planes.iter().enumerate() {
+            let (half_plane, exists) = columns.load(simd);
+            // A half-plane that the best velocity so far satisfies changes nothing. Otherwise the new best
+            // velocity is on its boundary: on the way from any permitted velocity to the old best one the
+            // objective improves, so it improves up to the boundary.
+            let is_violated = half_plane.violation(solutions.velocities).gt(zero);
+            // A program that is infeasible already stays as it is: its velocity is that without the half-plane.
+            let concerned = is_violated & exists & !solutions.is_infeasible;
+            if !concerned.any() {
+                continue;
             }
-            worst = half_plane.violation(velocity);
+            let (better, is_feasible) = self.best_on_boundary(&half_plane, &half_planes[..i], aim);
+            solutions.velocities = (concerned & is_feasible).either(better, solutions.velocities);
+            let fails = concerned & !is_feasible;
+            solutions.is_infeasible = solutions.is_infeasible | fails;
+            solutions.half_plane = fails.select(Floats::splat(simd, i as f32), solutions.half_plane);
         }
+        solutions
     }
-    velocity
+
+    /// The best velocities on the boundaries of half-planes that satisfy all `earlier` ones, and where there
+    /// are any.
+    ///
+    /// A point of the boundary is `point + t direction`. The speed limit leaves an interval of t, from the
+    /// roots of
+    /// |point + t direction|^2 = max_speed^2; each earlier half-plane raises its begin or lowers its end.
+    #[inline(always)]
+    fn best_on_boundary(
+        &self,
+        half_plane: &HalfPlanes<S>,
+        earlier: &[HalfPlaneColumns],
+        aim: Aim<S>,
+    ) -> (Vectors<S>, Mask<S>) {
+        let (max_speed, simd) = (self.max_speed, self.max_speed.simd());
+        let zero = Floats::splat(simd, 0.0);
+        let HalfPlanes { point, direction } = *half_plane;
+        // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
+        let along = point.dot(direction);
+        let discriminant = along * along + max_speed * max_speed - point.length_squared();
+        // Where the discriminant is negative, every point of the boundary is too fast, and the root is NaN. All
+        // comparisons with it are false, and the mask drops the result.
+        let mut is_infeasible = discriminant.lt(zero);
+        let root = discriminant.sqrt();
+        let (mut from, mut to) = (-along - root, -along + root);
+        for other in earlier {
+            let (other, exists) = other.load(simd);
+            // The boundaries cross where other.direction x (point + t direction - other.point) = 0, x being
+            // the cross product.
+            let denominator = direction.perp_dot(other.direction);
+            let numerator = other.direction.perp_dot(point - other.point);
+            // Parallel boundaries: the other half-plane contains this boundary entirely or not at all. They
+            // divide by nearly zero; `crosses` drops the result.
+            let are_parallel = denominator.abs().le(Floats::splat(simd, EPSILON));
+            is_infeasible = is_infeasible | exists & are_parallel & numerator.lt(zero);
+            let crosses = exists & !are_parallel;
+            // The sign of the denominator says whether the boundary leaves or enters the other half-plane there.
+            let crossing = numerator.div(denominator);
+            let is_end = denominator.ge(zero);
+            to = (crosses & is_end & crossing.lt(to)).select(crossing, to);
+            from = (crosses & !is_end & from.lt(crossing)).select(crossing, from);
+        }
+        // The interval only shrinks, so one test at the end is enough.
+        is_infeasible = is_infeasible | from.gt(to);
+        // On a line both objectives have a best point: one of the ends of the interval, or the projection of
+        // the preferred velocity, clamped to the interval.
+        let at = match aim {
+            Aim::Farthest(aim) => aim.dot(direction).gt(zero).select(to, from),
+            Aim::Nearest(preferred) => {
+                let nearest = direction.dot(preferred - point);
+                nearest.lt(from).select(from, nearest.gt(to).select(to, nearest))
+            }
+        };
+        (point + direction * at, !is_infeasible)
+    }
+
+    /// The velocities whose worst violation of the half-planes that can be relaxed is least, where there is no
+    /// permitted one.
+    #[inline(always)]
+    fn least_violation(
+        &self,
+        half_planes: &[HalfPlaneColumns],
+        failed: Solutions<S>,
+        projected: &mut [HalfPlaneColumns],
+    ) -> Vectors<S> {
+        let simd = self.max_speed.simd();
+        let Solutions { mut velocities, is_infeasible, half_plane: first } = failed;
+        // `worst` is the violation so far by the half-planes before i. One that is violated more must be among
+        // the most violated of the solution; there it and some earlier one are violated equally.
+        let mut worst = Floats::splat(simd, 0.0);
+        for (i, columns) in half_planes.iter().enumerate() {
+            let (half_plane, exists) = columns.load(simd);
+            let is_worse = half_plane.violation(velocities).gt(worst);
+            // Half-planes before the first that failed are satisfied.
+            let concerned = is_infeasible & exists & is_worse & first.le(Floats::splat(simd, i as f32));
+            if !concerned.any() {
+                continue;
+            }
+            // The hard half-planes come first and stay as they are. If one of them failed, there are none of
+            // units before it.
+            let projected = &mut projected[..i.max(self.max_n_hard)];
+            for (j, (other, projected)) in half_planes.iter().zip(&mut *projected).enumerate() {
+                let (other, exists) = other.load(simd);
+                let (between, mut applies) = half_plane.equal_violation(&other);
+                if j >= i {
+                    applies = applies & !applies;
+                }
+                let is_hard = Floats::splat(simd, j as f32).lt(self.n_hard);
+                let either = HalfPlanes {
+                    point: is_hard.either(other.point, between.point),
+                    direction: is_hard.either(other.direction, between.direction),
+                };
+                projected.store(either, exists & (is_hard | applies));
+            }
+            let inward = Vectors { x: -half_plane.direction.y, y: half_plane.direction.x };
+            let better = self.best_velocity(projected, Aim::Farthest(inward), inward * self.max_speed);
+            // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes it
+            // fail, that velocity stays.
+            velocities = (concerned & !better.is_infeasible).either(better.velocities, velocities);
+            worst = concerned.select(half_plane.violation(velocities), worst);
+        }
+        velocities
+    }
 }
 
-/// The half-plane whose boundary violates both half-planes equally; `None` if they face the same way.
-fn equal_violation(half_plane: &HalfPlane, other: &HalfPlane) -> Option<HalfPlane> {
-    // Two lines have equal distances along the bisector of their angle: it passes through their crossing, in
-    // the direction of the difference of the two directions. If they are parallel it is the line in the
-    // middle.
-    let determinant = half_plane.direction.perp_dot(other.direction);
-    let point = if determinant.abs() <= EPSILON {
-        if half_plane.direction.dot(other.direction) > 0.0 {
-            return None;
-        }
-        0.5 * (half_plane.point + other.point)
-    } else {
-        let at = other.direction.perp_dot(half_plane.point - other.point) / determinant;
-        half_plane.point + at * half_plane.direction
-    };
-    Some(HalfPlane { point, direction: normalize(other.direction - half_plane.direction) })
+/// Velocities, and which programs are infeasible, because of the half-plane with that number.
+#[derive(Clone, Copy)]
+struct Solutions<S: Lanes> {
+    velocities: Vectors<S>,
+    is_infeasible: Mask<S>,
+    half_plane: Floats<S>,
+}
+
+impl<S: Lanes> HalfPlanes<S> {
+    /// The half-planes whose boundary violates these and others equally, and where the two do not face the same
+    /// way.
+    #[inline(always)]
+    fn equal_violation(&self, other: &HalfPlanes<S>) -> (HalfPlanes<S>, Mask<S>) {
+        let simd = self.point.x.simd();
+        // Two lines have equal distances along the bisector of their angle: it passes through their crossing,
+        // in the direction of the difference of the two directions. If they are parallel it is the line in the
+        // middle.
+        let determinant = self.direction.perp_dot(other.direction);
+        let are_parallel = determinant.abs().le(Floats::splat(simd, EPSILON));
+        let face_one_way = are_parallel & self.direction.dot(other.direction).gt(Floats::splat(simd, 0.0));
+        let at = other.direction.perp_dot(self.point - other.point).div(determinant);
+        let middle = (self.point + other.point) * Floats::splat(simd, 0.5);
+        let point = are_parallel.either(middle, self.point + self.direction * at);
+        let direction = (other.direction - self.direction).normalize();
+        (HalfPlanes { point, direction }, !face_one_way)
+    }
 }
 
 /// A vector scaled to length 1, by the rounded reciprocal of its length.
