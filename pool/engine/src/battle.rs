@@ -230,7 +230,8 @@ impl Battle {
             // Each tick shuffles the ascending ids of the living units; the order of the last tick has no
             // effect.
             ExecutionOrder::Drawn => {
-                refill(into, self.alive_ids.all.iter().copied());
+                into.clear();
+                into.extend_from_slice(&self.alive_ids.all);
                 self.generator.shuffle(into);
             }
             ExecutionOrder::Given(orders) => {

@@ -65,6 +65,43 @@ impl UnitStats {
             avoid: AvoidanceParams::new(unit_type, largest_radius),
         }
     }
+
+    /// Whether its attacks can hit other units than the target.
+    pub fn attacks_an_area(&self) -> bool {
+        matches!(self.targeter, Targeter::Kamikaze { .. } | Targeter::LaserBeam { .. })
+    }
+}
+
+/// The stats that phases 1 and 2 read of every unit in every tick: few enough that all of them stay in the
+/// cache of the processor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approach {
+    pub speed: f64,
+    /// Index among the scenario's unit types.
+    pub unit_type: u32,
+    pub is_healer: bool,
+}
+
+impl Approach {
+    pub fn new(unit_type: u32, stats: &UnitStats) -> Approach {
+        Approach { speed: stats.speed, unit_type, is_healer: stats.is_healer }
+    }
+}
+
+/// The stats that phase 4 reads of every unit in every tick, packed for the same reason.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Regeneration {
+    pub hp: f64,
+    pub hp_per_tick: f64,
+    pub shield: f64,
+    pub energy: f64,
+}
+
+impl Regeneration {
+    pub fn new(stats: &UnitStats) -> Regeneration {
+        let &UnitStats { hp, hp_regen_per_tick: hp_per_tick, shield, energy, .. } = stats;
+        Regeneration { hp, hp_per_tick, shield, energy }
+    }
 }
 
 /// What an attacker of one type can do to a victim of another.

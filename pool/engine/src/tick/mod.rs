@@ -4,6 +4,7 @@
 //! phase 4 has another order, the execution order, which is an input of the tick.
 
 mod avoid;
+mod crowd;
 mod deaths;
 mod execute;
 mod preferred;
