@@ -3,6 +3,7 @@
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
+use crate::tick::search_bound;
 use crate::units::square_within;
 
 /// The stats of a unit type, and values derived from them that a tick reads.
@@ -77,6 +78,8 @@ impl UnitStats {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Approach {
     pub speed: f64,
+    /// The search radius, as searches of targets use it.
+    pub search_bound: f32,
     /// Index among the scenario's unit types.
     pub unit_type: u32,
     pub is_healer: bool,
@@ -84,7 +87,12 @@ pub(crate) struct Approach {
 
 impl Approach {
     pub fn new(unit_type: u32, stats: &UnitStats) -> Approach {
-        Approach { speed: stats.speed, unit_type, is_healer: stats.is_healer }
+        Approach {
+            speed: stats.speed,
+            search_bound: search_bound(stats.search_radius),
+            unit_type,
+            is_healer: stats.is_healer,
+        }
     }
 }
 

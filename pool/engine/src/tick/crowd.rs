@@ -22,14 +22,17 @@ pub(super) struct Crowd {
 }
 
 /// The smallest box around some points.
-#[derive(Debug)]
-struct Bounds {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounds {
     lower: Vec2,
     upper: Vec2,
 }
 
 /// Squared distances that differ by less than this factor are compared in f64.
 const MARGIN: f32 = 1.0001;
+
+/// Entries of four positions in a block of [`MASK_BITS`] units.
+const FOURS: usize = MASK_BITS / WIDTH;
 
 impl Crowd {
     pub fn reserve(&mut self, n_units: usize) {
@@ -53,7 +56,7 @@ impl Crowd {
             }))
         });
         refill(&mut self.positions, fours);
-        refill(&mut self.boxes, self.positions.chunks(MASK_BITS / WIDTH).map(Bounds::of));
+        refill(&mut self.boxes, self.positions.chunks(FOURS).map(Bounds::of));
     }
 
     /// All units, by ascending id.
@@ -61,16 +64,26 @@ impl Crowd {
         &self.ids
     }
 
-    /// Visits by ascending id those that may be the nearest within `radius` of a position. Returns a squared
-    /// distance that all others are farther than; it is more than that of `radius` if they are beyond it.
-    pub fn visit_nearest(&self, position: Vec2, radius: f64, visit: impl FnMut(u32)) -> f64 {
-        let bound = search_bound(radius);
+    /// The box around all units.
+    pub fn bounds(&self) -> Bounds {
+        self.boxes.iter().fold(Bounds::default(), Bounds::and)
+    }
+
+    /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position. Returns a
+    /// squared distance that all others are farther than; it is more than that of the search radius if all
+    /// others are beyond it.
+    #[inline(always)]
+    pub fn visit_nearest(&self, position: Vec2, bound: f32, visit: impl FnMut(u32)) -> f64 {
         let centre = Vec2x4::splat(position);
         let mut least = bound;
-        for fours in self.near_blocks(position, least) {
-            let away = |four: &Vec2x4| (*four - centre).length_squared();
-            let fours = fours.1.iter().fold(F32x4::splat(least), |least, four| least.fast_min(away(four)));
-            least = fours.to_array().into_iter().fold(least, fast_math::min);
+        for (bounds, fours) in self.boxes.iter().zip(self.positions.chunks(FOURS)) {
+            if bounds.distance_squared(position) <= least {
+                let mut nearest = F32x4::splat(least);
+                for four in fours {
+                    nearest = nearest.fast_min((*four - centre).length_squared());
+                }
+                least = nearest.to_array().into_iter().fold(least, fast_math::min);
+            }
         }
         // The least positive number makes up for squares that are too small to have a relative error.
         let within = fast_math::min(least * MARGIN + f32::MIN_POSITIVE, bound);
@@ -81,36 +94,35 @@ impl Crowd {
         f64::from(within) * (1.0 - f64::from(MARGIN - 1.0) / 2.0)
     }
 
-    /// Visits by ascending id all within `radius` of a position, and perhaps some that are a little farther.
-    pub fn visit_near(&self, position: Vec2, radius: f64, visit: impl FnMut(u32)) {
-        self.visit_within(position, search_bound(radius), visit);
-    }
-
-    fn visit_within(&self, position: Vec2, squared: f32, mut visit: impl FnMut(u32)) {
-        let (centre, bound) = (Vec2x4::splat(position), F32x4::splat(squared));
-        for (block, fours) in self.near_blocks(position, squared) {
-            let mut near = mask(fours, |four| (*four - centre).length_squared().simd_le(bound));
-            while near != 0 {
-                visit(self.ids[block * MASK_BITS + near.trailing_zeros() as usize]);
-                // Clears the lowest bit.
-                near &= near - 1;
+    /// Visits by ascending id all units within a [`search_bound`], or another squared distance, of a position,
+    /// and perhaps some that are a little farther.
+    #[inline(always)]
+    pub fn visit_within(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) {
+        let (centre, limit) = (Vec2x4::splat(position), F32x4::splat(bound));
+        let blocks = self.positions.chunks(FOURS).zip(self.ids.chunks(MASK_BITS));
+        for (bounds, (fours, ids)) in self.boxes.iter().zip(blocks) {
+            if bounds.distance_squared(position) <= bound {
+                let mut near = mask(fours, |four| (*four - centre).length_squared().simd_le(limit));
+                while near != 0 {
+                    visit(ids[near.trailing_zeros() as usize]);
+                    // Clears the lowest bit.
+                    near &= near - 1;
+                }
             }
         }
-    }
-
-    /// The blocks that may contain units within a squared distance: number and positions of each.
-    fn near_blocks(&self, position: Vec2, squared: f32) -> impl Iterator<Item = (usize, &[Vec2x4])> {
-        let blocks = self.positions.chunks(MASK_BITS / WIDTH).zip(&self.boxes).enumerate();
-        // Rounding keeps the order of differences, squares and sums. So the distance of a box is never more
-        // than that of a unit in it, without a margin.
-        let is_near = move |bounds: &Bounds| bounds.distance_squared(position) <= squared;
-        blocks.filter(move |(_, (_, bounds))| is_near(bounds)).map(|(block, (fours, _))| (block, fours))
     }
 }
 
 /// The square of a search radius with the margin; finite, so that no search finds the padding.
-fn search_bound(radius: f64) -> f32 {
+pub(crate) fn search_bound(radius: f64) -> f32 {
     fast_math::min((radius * radius) as f32 * MARGIN, f32::MAX)
+}
+
+impl Default for Bounds {
+    /// Around no point.
+    fn default() -> Bounds {
+        Bounds { lower: Vec2::INFINITY, upper: Vec2::NEG_INFINITY }
+    }
 }
 
 impl Bounds {
@@ -131,7 +143,15 @@ impl Bounds {
         }
     }
 
-    fn distance_squared(&self, point: Vec2) -> f32 {
+    /// The box around two boxes.
+    pub fn and(self, other: &Bounds) -> Bounds {
+        Bounds { lower: self.lower.min(other.lower), upper: self.upper.max(other.upper) }
+    }
+
+    /// The squared distance of a point; infinite from the box around no point. Rounding keeps the order of
+    /// differences, squares and sums. So it is never more than that of a point in the box, without a margin.
+    #[inline(always)]
+    pub fn distance_squared(&self, point: Vec2) -> f32 {
         let beyond =
             |lower: f32, x: f32, upper: f32| fast_math::max(fast_math::max(lower - x, x - upper), 0.0);
         let x = beyond(self.lower.x, point.x, self.upper.x);

@@ -14,6 +14,8 @@ mod targets;
 
 use glam::Vec2;
 
+pub(crate) use crowd::search_bound;
+
 use crate::arena::Arena;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;

@@ -35,7 +35,7 @@ pub(super) fn decide(world: &mut World) {
                 if own.is_healer {
                     speed = choice.speed_of_healer(targets, id);
                 }
-                targets[i] = choice.target(targets, id);
+                targets[i] = choice.target(targets, id, own);
                 targets[i].map_or(Goal::Point(arena.attack_point), Goal::Unit)
             }
         };

@@ -1,7 +1,7 @@
 //! The choice of a target by attack-moving units, and the speed of attack-moving healers.
 //!
 //! - A damage dealer attacks healers first, then the nearest agent; of equally near ones that with the lowest
-//!   id ([`Choice::best_opponent`]).
+//!   id ([`Choice::search`]).
 //! - A healer (the medivac) heals the unit of its faction with the least health; of equals that with the
 //!   lowest id ([`Choice::most_hurt`]).
 //!
@@ -11,8 +11,8 @@
 use glam::Vec2;
 
 use super::World;
-use super::crowd::Crowd;
-use crate::arena::{Arena, UnitStats};
+use super::crowd::{Bounds, Crowd};
+use crate::arena::{Approach, Arena, UnitStats};
 use crate::rules::Rules;
 use crate::units::{AliveIds, clear_and_reserve, distance_squared};
 
@@ -29,6 +29,8 @@ pub(super) struct TargetChoiceScratch {
     /// searches.
     dealers: Crowd,
     healers: Crowd,
+    /// Around all agents of both.
+    bounds: Bounds,
     /// Which units are the target of an agent, by battle-wide id.
     is_targeted: Vec<bool>,
     /// Whether a living agent is a healer (R1).
@@ -51,8 +53,14 @@ pub(super) fn prepare(world: &mut World) {
     let AliveIds { allies, enemies, .. } = &**alive_ids;
     let is_healer = |&id: &u32| arena.approaches[id as usize].is_healer;
     let lacks_target = |&id: &u32| units.target[id as usize].is_none();
-    let TargetChoiceScratch { dealers, healers, is_targeted, any_agent_heals, any_enemy_lacks_target } =
-        &mut scratch.target_choice;
+    let TargetChoiceScratch {
+        dealers,
+        healers,
+        bounds,
+        is_targeted,
+        any_agent_heals,
+        any_enemy_lacks_target,
+    } = &mut scratch.target_choice;
     *any_agent_heals = arena.agents_heal && allies.iter().any(is_healer);
     *any_enemy_lacks_target =
         arena.enemies_heal && enemies.iter().any(|id| lacks_target(id) && !is_healer(id));
@@ -67,6 +75,7 @@ pub(super) fn prepare(world: &mut World) {
     } else {
         dealers.gather(allies.iter().copied(), &units.pos);
     }
+    *bounds = dealers.bounds().and(&healers.bounds());
     is_targeted.clear();
     is_targeted.resize(units.pos.len(), false);
     for target in allies.iter().filter_map(|&id| units.target[id as usize]) {
@@ -86,53 +95,57 @@ pub(super) struct Choice<'a> {
 impl Choice<'_> {
     /// The target that an attack-moving unit has after this phase.
     #[inline(always)]
-    pub fn target(&self, targets: &[Option<u32>], id: u32) -> Option<u32> {
+    pub fn target(&self, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let current = targets[id as usize];
         // While no agent is a healer, every unit keeps the target that it has.
         if current.is_some() && !self.scratch.any_agent_heals {
             return current;
         }
-        self.new_target(targets, id)
+        if own.is_healer {
+            return current.or_else(|| self.most_hurt(targets, id));
+        }
+        // Most units without a target are far from all agents.
+        let scratch = self.scratch;
+        let is_far = scratch.bounds.distance_squared(self.pos[id as usize]) > own.search_bound;
+        if is_far && !scratch.is_targeted[id as usize] { current } else { self.search(targets, id, own) }
     }
 
+    /// The target of a damage dealer after this phase.
     #[inline(never)]
-    fn new_target(&self, targets: &[Option<u32>], id: u32) -> Option<u32> {
-        let is_healer = |id: u32| self.arena.approaches[id as usize].is_healer;
+    fn search(&self, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
+        let TargetChoiceScratch { dealers, healers, any_agent_heals, .. } = self.scratch;
         let current = targets[id as usize];
+        let best_of = |crowd| self.best_of(crowd, targets, id, own);
+        // Damage dealers keep a target that is a healer.
+        if current.is_some_and(|target| self.arena.approaches[target as usize].is_healer) {
+            return current;
+        }
+        if *any_agent_heals && let Some(healer) = best_of(healers) {
+            return Some(healer);
+        }
+        // Rule R1: whether a unit leaves a target for another one that is not a healer either.
         match current {
-            None if is_healer(id) => self.most_hurt(targets, id),
-            None => self.best_opponent(targets, id, true),
-            // Healers keep their target, and damage dealers keep a target that is a healer.
-            Some(target) if is_healer(id) || is_healer(target) => current,
-            // Rule R1: a better target for a unit whose target is not a healer.
-            Some(_) => match self.arena.rules {
-                Rules::Smaclite => self.best_opponent(targets, id, false),
-                Rules::Paper => self.best_of(&self.scratch.healers, targets, id, false),
-            }
-            .or(current),
+            Some(_) if self.arena.rules == Rules::Paper => current,
+            _ => best_of(dealers).or(current),
         }
     }
 
-    /// The best target among the agents that are in scan range or target this unit. `retaliate` admits those
-    /// that target it from beyond the search radius.
-    fn best_opponent(&self, targets: &[Option<u32>], id: u32, retaliate: bool) -> Option<u32> {
-        let best_of = |crowd| self.best_of(crowd, targets, id, retaliate);
-        best_of(&self.scratch.healers).or_else(|| best_of(&self.scratch.dealers))
-    }
-
     /// The nearest agent of a crowd that qualifies as a target; of equally near ones that with the lowest id.
-    fn best_of(&self, crowd: &Crowd, targets: &[Option<u32>], id: u32, retaliate: bool) -> Option<u32> {
+    #[inline(always)]
+    fn best_of(&self, crowd: &Crowd, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let (position, stats) = (self.pos[id as usize], self.arena.stats(id));
-        let radius = stats.search_radius;
-        let mut search = Search { choice: self, targets, id, position, stats, retaliate, best: Best::NONE };
+        // A unit without a target also chooses among those that target it from beyond the search radius.
+        let retaliates = targets[id as usize].is_none() && self.scratch.is_targeted[id as usize];
+        let mut search = Search { choice: self, targets, id, position, stats, retaliates, best: Best::NONE };
         // Nearly always the nearest agent qualifies, or none is within the search radius.
-        let rest = crowd.visit_nearest(position, radius, |other| search.consider(other));
+        let rest = crowd.visit_nearest(position, own.search_bound, |other| search.consider(other));
         if search.best.squared > rest {
-            search.best = Best::NONE;
-            if retaliate && self.scratch.is_targeted[id as usize] {
+            if retaliates {
+                search.best = Best::NONE;
                 crowd.ids().iter().for_each(|&other| search.consider(other));
-            } else if rest <= radius * radius {
-                crowd.visit_near(position, radius, |other| search.consider(other));
+            } else if rest <= stats.search_radius * stats.search_radius {
+                search.best = Best::NONE;
+                crowd.visit_within(position, own.search_bound, |other| search.consider(other));
             }
         }
         search.best.id
@@ -202,7 +215,7 @@ struct Search<'a> {
     id: u32,
     position: Vec2,
     stats: &'a UnitStats,
-    retaliate: bool,
+    retaliates: bool,
     best: Best,
 }
 
@@ -236,7 +249,7 @@ impl Search<'_> {
         let (searcher, arena) = (self.stats, self.choice.arena);
         let targets_me = self.targets[other as usize] == Some(self.id);
         let is_found = squared <= searcher.search_radius * searcher.search_radius;
-        if !(is_found || self.retaliate && targets_me) || !arena.can_attack(self.id, other) {
+        if !(is_found || self.retaliates && targets_me) || !arena.can_attack(self.id, other) {
             return None;
         }
         // The search radius is by centres and has the largest radius of all units in it; the scan range is
