@@ -42,7 +42,8 @@ fn take_turns_until_action(world: &mut World, turn: &mut usize) -> Option<Action
     let (cooldown, shield_cooldown) = (&mut units.cooldown[..n], &mut units.shield_cooldown[..n]);
     let (alive, declared) = (&units.alive[..n], &mut units.declared[..n]);
     let (attacks, regenerations) = (&scratch.attack[..n], &arena.regenerations[..n]);
-    for (number, &id) in scratch.order.iter().enumerate().skip(*turn) {
+    for &id in &scratch.order[*turn..] {
+        *turn += 1;
         let i = id as usize;
         if !alive[i] {
             continue;
@@ -72,7 +73,6 @@ fn take_turns_until_action(world: &mut World, turn: &mut usize) -> Option<Action
             && cooldown[i] == 0.0
         {
             cooldown[i] = arena.stats(id).cooldown;
-            *turn = number + 1;
             return Some(Action { id, target });
         }
     }

@@ -61,7 +61,10 @@ pub(super) fn decide(world: &mut World) {
         attacks[i] = attack;
         // A unit that cannot move prefers +0.0. Without this it would be -0.0 towards the west or south. A
         // healer that follows an immobile unit may prefer -0.0 (R3).
-        preferred[i] = if own.speed == 0.0 { Vec2::ZERO } else { wanted };
+        preferred[i] = wanted;
+        if own.speed == 0.0 {
+            preferred[i] = Vec2::ZERO;
+        }
     }
 }
 
