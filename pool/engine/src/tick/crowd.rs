@@ -3,7 +3,7 @@
 use glam::Vec2;
 
 use crate::fast_math;
-use crate::simd::{F32x4, MASK_BITS, Vec2x4, WIDTH, mask};
+use crate::simd::{F32x4, Vec2x4, WIDTH};
 use crate::units::{clear_and_reserve, refill};
 
 /// Some units, packed for one tick, and the searches among them.
@@ -14,11 +14,22 @@ use crate::units::{clear_and_reserve, refill};
 pub(super) struct Crowd {
     /// Battle-wide ids, ascending.
     ids: Vec<u32>,
-    /// The positions, four per entry. The last entry is padded with positions at infinity, which no search
-    /// finds.
-    positions: Vec<Vec2x4>,
-    /// Around each [`MASK_BITS`] units.
-    boxes: Vec<Bounds>,
+    /// Their positions.
+    blocks: Vec<Block>,
+}
+
+/// Entries of four positions in a block: few, so that a box tells much about a block, and enough to make the
+/// test of the box cheaper than that of the positions.
+const FOURS: usize = 4;
+
+/// Number of positions in a block.
+const BLOCK_SIZE: usize = FOURS * WIDTH;
+
+/// Consecutive units. The last block is padded with positions at infinity, which no search finds.
+#[derive(Debug)]
+struct Block {
+    positions: [Vec2x4; FOURS],
+    bounds: Bounds,
 }
 
 /// The smallest box around some points.
@@ -31,32 +42,32 @@ pub(super) struct Bounds {
 /// Squared distances that differ by less than this factor are compared in f64.
 const MARGIN: f32 = 1.0001;
 
-/// Entries of four positions in a block of [`MASK_BITS`] units.
-const FOURS: usize = MASK_BITS / WIDTH;
+/// The square of a search radius with the margin; finite, so that no search finds the padding.
+pub(crate) fn search_bound(radius: f64) -> f32 {
+    fast_math::min((radius * radius) as f32 * MARGIN, f32::MAX)
+}
+
+/// A squared distance that all units are farther than that a search within `bound` did not find.
+fn beyond(bound: f32) -> f64 {
+    // Half of the margin is more than the error of the bound and of the distances compared with it.
+    f64::from(bound) * (1.0 - f64::from(MARGIN - 1.0) / 2.0)
+}
 
 impl Crowd {
     pub fn reserve(&mut self, n_units: usize) {
         clear_and_reserve(&mut self.ids, n_units);
-        clear_and_reserve(&mut self.positions, n_units.div_ceil(WIDTH));
-        clear_and_reserve(&mut self.boxes, n_units.div_ceil(MASK_BITS));
+        clear_and_reserve(&mut self.blocks, n_units.div_ceil(BLOCK_SIZE));
     }
 
     pub fn clear(&mut self) {
         self.ids.clear();
-        self.positions.clear();
-        self.boxes.clear();
+        self.blocks.clear();
     }
 
     /// Replaces the units; `positions` are by battle-wide id.
     pub fn gather(&mut self, ids: impl Iterator<Item = u32>, positions: &[Vec2]) {
         refill(&mut self.ids, ids);
-        let fours = self.ids.chunks(WIDTH).map(|ids| {
-            Vec2x4::new(std::array::from_fn(|i| {
-                ids.get(i).map_or(Vec2::INFINITY, |&id| positions[id as usize])
-            }))
-        });
-        refill(&mut self.positions, fours);
-        refill(&mut self.boxes, self.positions.chunks(FOURS).map(Bounds::of));
+        refill(&mut self.blocks, self.ids.chunks(BLOCK_SIZE).map(|ids| Block::new(ids, positions)));
     }
 
     /// All units, by ascending id.
@@ -66,56 +77,73 @@ impl Crowd {
 
     /// The box around all units.
     pub fn bounds(&self) -> Bounds {
-        self.boxes.iter().fold(Bounds::default(), Bounds::and)
+        self.blocks.iter().fold(Bounds::default(), |bounds, block| bounds.and(&block.bounds))
     }
 
-    /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position. Returns a
-    /// squared distance that all others are farther than; it is more than that of the search radius if all
-    /// others are beyond it.
+    /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position, and some
+    /// others. Returns a squared distance that all those not visited are farther than; it is more than that of
+    /// the search radius if they are beyond it.
     #[inline(always)]
-    pub fn visit_nearest(&self, position: Vec2, bound: f32, visit: impl FnMut(u32)) -> f64 {
+    pub fn visit_nearest(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) -> f64 {
         let centre = Vec2x4::splat(position);
-        let mut least = bound;
-        for (bounds, fours) in self.boxes.iter().zip(self.positions.chunks(FOURS)) {
-            if bounds.distance_squared(position) <= least {
-                let mut nearest = F32x4::splat(least);
-                for four in fours {
-                    nearest = nearest.fast_min((*four - centre).length_squared());
-                }
-                least = nearest.to_array().into_iter().fold(least, fast_math::min);
+        let mut within = bound;
+        for (number, block) in self.blocks.iter().enumerate() {
+            if block.bounds.distance_squared(position) <= within {
+                let distances = block.distances_squared(centre);
+                let [a, b, c, d] = distances;
+                let least = a.fast_min(b).fast_min(c.fast_min(d));
+                let least = least.to_array().into_iter().fold(f32::INFINITY, fast_math::min);
+                // The least positive number makes up for squares too small to have a relative error.
+                within = fast_math::min(least * MARGIN + f32::MIN_POSITIVE, within);
+                self.visit_those_within(within, number, distances, &mut visit);
             }
         }
-        // The least positive number makes up for squares that are too small to have a relative error.
-        let within = fast_math::min(least * MARGIN + f32::MIN_POSITIVE, bound);
-        if least < bound {
-            self.visit_within(position, within, visit);
-        }
-        // Half of the margin is more than the error of `within` and of the distances compared with it.
-        f64::from(within) * (1.0 - f64::from(MARGIN - 1.0) / 2.0)
+        beyond(within)
     }
 
-    /// Visits by ascending id all units within a [`search_bound`], or another squared distance, of a position,
-    /// and perhaps some that are a little farther.
+    /// Visits by ascending id all units within a [`search_bound`] of a position, and perhaps some that are a
+    /// little farther.
     #[inline(always)]
-    pub fn visit_within(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) {
-        let (centre, limit) = (Vec2x4::splat(position), F32x4::splat(bound));
-        let blocks = self.positions.chunks(FOURS).zip(self.ids.chunks(MASK_BITS));
-        for (bounds, (fours, ids)) in self.boxes.iter().zip(blocks) {
-            if bounds.distance_squared(position) <= bound {
-                let mut near = mask(fours, |four| (*four - centre).length_squared().simd_le(limit));
-                while near != 0 {
-                    visit(ids[near.trailing_zeros() as usize]);
-                    // Clears the lowest bit.
-                    near &= near - 1;
-                }
+    pub fn visit_near(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) {
+        let centre = Vec2x4::splat(position);
+        for (number, block) in self.blocks.iter().enumerate() {
+            if block.bounds.distance_squared(position) <= bound {
+                self.visit_those_within(bound, number, block.distances_squared(centre), &mut visit);
             }
+        }
+    }
+
+    /// Visits the units of a block whose squared distance is at most `bound`.
+    #[inline(always)]
+    fn visit_those_within(
+        &self,
+        bound: f32,
+        block: usize,
+        distances: [F32x4; FOURS],
+        visit: &mut impl FnMut(u32),
+    ) {
+        let [a, b, c, d] = distances.map(|four| four.simd_le(F32x4::splat(bound)).to_bitmask());
+        let mut near = a | b << WIDTH | c << (2 * WIDTH) | d << (3 * WIDTH);
+        while near != 0 {
+            visit(self.ids[block * BLOCK_SIZE + near.trailing_zeros() as usize]);
+            // Clears the lowest bit.
+            near &= near - 1;
         }
     }
 }
 
-/// The square of a search radius with the margin; finite, so that no search finds the padding.
-pub(crate) fn search_bound(radius: f64) -> f32 {
-    fast_math::min((radius * radius) as f32 * MARGIN, f32::MAX)
+impl Block {
+    fn new(ids: &[u32], positions: &[Vec2]) -> Block {
+        let position = |i: usize| ids.get(i).map_or(Vec2::INFINITY, |&id| positions[id as usize]);
+        let positions =
+            std::array::from_fn(|four| Vec2x4::new(std::array::from_fn(|i| position(four * WIDTH + i))));
+        Block { positions, bounds: Bounds::of(&positions) }
+    }
+
+    #[inline(always)]
+    fn distances_squared(&self, centre: Vec2x4) -> [F32x4; FOURS] {
+        self.positions.map(|four| (four - centre).length_squared())
+    }
 }
 
 impl Default for Bounds {
@@ -126,13 +154,13 @@ impl Default for Bounds {
 }
 
 impl Bounds {
+    /// The box around the points that are not at infinity.
     fn of(fours: &[Vec2x4]) -> Bounds {
         let (mut lower, mut upper) = (Vec2x4::splat(Vec2::INFINITY), Vec2x4::splat(Vec2::NEG_INFINITY));
         for four in fours {
             lower = Vec2x4 { x: lower.x.fast_min(four.x), y: lower.y.fast_min(four.y) };
-            // The padding is no upper bound.
-            let is_unit = four.x.simd_lt(F32x4::splat(f32::INFINITY));
-            let four = Vec2x4::either(is_unit, *four, upper);
+            let is_finite = four.x.simd_lt(F32x4::splat(f32::INFINITY));
+            let four = Vec2x4::either(is_finite, *four, upper);
             upper = Vec2x4 { x: upper.x.fast_max(four.x), y: upper.y.fast_max(four.y) };
         }
         let least = |of: F32x4| of.to_array().into_iter().fold(f32::INFINITY, fast_math::min);

@@ -111,7 +111,7 @@ impl Choice<'_> {
     }
 
     /// The target of a damage dealer after this phase.
-    #[inline(never)]
+    #[inline(always)]
     fn search(&self, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let TargetChoiceScratch { dealers, healers, any_agent_heals, .. } = self.scratch;
         let current = targets[id as usize];
@@ -131,24 +131,22 @@ impl Choice<'_> {
     }
 
     /// The nearest agent of a crowd that qualifies as a target; of equally near ones that with the lowest id.
-    #[inline(always)]
+    #[inline(never)]
     fn best_of(&self, crowd: &Crowd, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
-        let (position, stats) = (self.pos[id as usize], self.arena.stats(id));
-        // A unit without a target also chooses among those that target it from beyond the search radius.
-        let retaliates = targets[id as usize].is_none() && self.scratch.is_targeted[id as usize];
-        let mut search = Search { choice: self, targets, id, position, stats, retaliates, best: Best::NONE };
+        let mut search = Search {
+            choice: self,
+            targets,
+            id,
+            own,
+            position: self.pos[id as usize],
+            stats: self.arena.stats(id),
+            // A unit without a target also chooses among those that target it from beyond the search radius.
+            retaliates: targets[id as usize].is_none() && self.scratch.is_targeted[id as usize],
+            best: Best::NONE,
+        };
         // Nearly always the nearest agent qualifies, or none is within the search radius.
-        let rest = crowd.visit_nearest(position, own.search_bound, |other| search.consider(other));
-        if search.best.squared > rest {
-            if retaliates {
-                search.best = Best::NONE;
-                crowd.ids().iter().for_each(|&other| search.consider(other));
-            } else if rest <= stats.search_radius * stats.search_radius {
-                search.best = Best::NONE;
-                crowd.visit_within(position, own.search_bound, |other| search.consider(other));
-            }
-        }
-        search.best.id
+        let rest = crowd.visit_nearest(search.position, own.search_bound, |other| search.consider(other));
+        if search.best.squared > rest { search.among_all(crowd, rest) } else { search.best.id }
     }
 
     /// The unit that a healer without a target chooses to heal: of those in scan range that are hurt or
@@ -213,6 +211,7 @@ struct Search<'a> {
     choice: &'a Choice<'a>,
     targets: &'a [Option<u32>],
     id: u32,
+    own: &'a Approach,
     position: Vec2,
     stats: &'a UnitStats,
     retaliates: bool,
@@ -231,8 +230,21 @@ impl Best {
 }
 
 impl Search<'_> {
+    /// The best target of a crowd, if all are farther than `rest` that may be nearer than the best so far.
+    #[inline(never)]
+    fn among_all(mut self, crowd: &Crowd, rest: f64) -> Option<u32> {
+        self.best = Best::NONE;
+        if self.retaliates {
+            crowd.ids().iter().for_each(|&other| self.consider(other));
+        } else if rest <= self.stats.search_radius * self.stats.search_radius {
+            crowd.visit_near(self.position, self.own.search_bound, |other| self.consider(other));
+        }
+        self.best.id
+    }
+
     /// Takes in an agent. They come by ascending id and only a nearer one replaces the best so far, so of two
     /// equally near ones the lower id is chosen.
+    #[inline(always)]
     fn consider(&mut self, other: u32) {
         let squared = distance_squared(self.position, self.choice.pos[other as usize]);
         // Most fail here, before their stats are read.
@@ -245,16 +257,18 @@ impl Search<'_> {
     }
 
     /// The distance of an agent, if it qualifies as a target.
+    #[inline(always)]
     fn candidate(&self, other: u32, squared: f64) -> Option<f64> {
-        let (searcher, arena) = (self.stats, self.choice.arena);
+        let Choice { arena, .. } = self.choice;
         let targets_me = self.targets[other as usize] == Some(self.id);
-        let is_found = squared <= searcher.search_radius * searcher.search_radius;
-        if !(is_found || self.retaliates && targets_me) || !arena.can_attack(self.id, other) {
+        let is_found = squared <= self.stats.search_radius * self.stats.search_radius;
+        let can_attack = arena.matchup_of(self.own, &arena.approaches[other as usize]).can_attack;
+        if !(is_found || self.retaliates && targets_me) || !can_attack {
             return None;
         }
         // The search radius is by centres and has the largest radius of all units in it; the scan range is
         // up to the edge of this one. A unit that targets the searcher qualifies at any distance.
         let distance = if is_found { squared.sqrt() } else { FAR_AWAY };
-        (targets_me || distance < searcher.scan_range + arena.stats(other).radius).then_some(distance)
+        (targets_me || distance < self.stats.scan_range + arena.stats(other).radius).then_some(distance)
     }
 }
