@@ -107,7 +107,13 @@ impl Arena {
             all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
         let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
-        let approach = |(unit, stats): (&Placement, _)| Approach::new(unit.unit_type as u32, stats);
+        let agent_healers =
+            || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
+        let approach = |(unit, stats): (&Placement, _)| {
+            let attacks = |healer: &UnitStats| types[unit.unit_type].can_attack(healer.plane);
+            Approach::new(unit.unit_type as u32, stats, agent_healers().any(attacks))
+        };
+        let approaches = units.iter().zip(&all_stats).map(approach).collect();
         let total = |id: &u32| {
             let unit_type = &types[units[*id as usize].unit_type];
             unit_type.hp + unit_type.shield
@@ -128,7 +134,7 @@ impl Arena {
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
-            approaches: units.iter().zip(&all_stats).map(approach).collect(),
+            approaches,
             regenerations: all_stats.iter().map(Regeneration::new).collect(),
             n_types: types.len(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),

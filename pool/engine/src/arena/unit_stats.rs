@@ -83,15 +83,18 @@ pub(crate) struct Approach {
     /// Index among the scenario's unit types.
     pub unit_type: u32,
     pub is_healer: bool,
+    /// Whether it can attack the plane of any agent that is a healer.
+    pub attacks_healers: bool,
 }
 
 impl Approach {
-    pub fn new(unit_type: u32, stats: &UnitStats) -> Approach {
+    pub fn new(unit_type: u32, stats: &UnitStats, attacks_healers: bool) -> Approach {
         Approach {
             speed: stats.speed,
             search_bound: search_bound(stats.search_radius),
             unit_type,
             is_healer: stats.is_healer,
+            attacks_healers,
         }
     }
 }

@@ -64,9 +64,14 @@ impl Crowd {
         self.blocks.clear();
     }
 
-    /// Replaces the units; `positions` are by battle-wide id.
-    pub fn gather(&mut self, ids: impl Iterator<Item = u32>, positions: &[Vec2]) {
-        refill(&mut self.ids, ids);
+    /// Replaces the units by those of `ids`, ascending, that belong; `positions` are by battle-wide id.
+    pub fn gather(&mut self, ids: &[u32], belongs: impl Fn(&u32) -> bool, positions: &[Vec2]) {
+        self.ids.clear();
+        for &id in ids {
+            if belongs(&id) {
+                self.ids.push(id);
+            }
+        }
         refill(&mut self.blocks, self.ids.chunks(BLOCK_SIZE).map(|ids| Block::new(ids, positions)));
     }
 
@@ -133,11 +138,16 @@ impl Crowd {
 }
 
 impl Block {
+    #[inline(always)]
     fn new(ids: &[u32], positions: &[Vec2]) -> Block {
-        let position = |i: usize| ids.get(i).map_or(Vec2::INFINITY, |&id| positions[id as usize]);
-        let positions =
-            std::array::from_fn(|four| Vec2x4::new(std::array::from_fn(|i| position(four * WIDTH + i))));
-        Block { positions, bounds: Bounds::of(&positions) }
+        let mut points = [Vec2::INFINITY; BLOCK_SIZE];
+        let mut bounds = Bounds::default();
+        for (point, &id) in points.iter_mut().zip(ids) {
+            *point = positions[id as usize];
+            bounds = bounds.and(&Bounds { lower: *point, upper: *point });
+        }
+        let four = |i: usize| std::array::from_fn(|k| points[i * WIDTH + k]);
+        Block { positions: std::array::from_fn(|i| Vec2x4::new(four(i))), bounds }
     }
 
     #[inline(always)]
@@ -154,26 +164,13 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// The box around the points that are not at infinity.
-    fn of(fours: &[Vec2x4]) -> Bounds {
-        let (mut lower, mut upper) = (Vec2x4::splat(Vec2::INFINITY), Vec2x4::splat(Vec2::NEG_INFINITY));
-        for four in fours {
-            lower = Vec2x4 { x: lower.x.fast_min(four.x), y: lower.y.fast_min(four.y) };
-            let is_finite = four.x.simd_lt(F32x4::splat(f32::INFINITY));
-            let four = Vec2x4::either(is_finite, *four, upper);
-            upper = Vec2x4 { x: upper.x.fast_max(four.x), y: upper.y.fast_max(four.y) };
-        }
-        let least = |of: F32x4| of.to_array().into_iter().fold(f32::INFINITY, fast_math::min);
-        let greatest = |of: F32x4| of.to_array().into_iter().fold(f32::NEG_INFINITY, fast_math::max);
-        Bounds {
-            lower: Vec2::new(least(lower.x), least(lower.y)),
-            upper: Vec2::new(greatest(upper.x), greatest(upper.y)),
-        }
-    }
-
     /// The box around two boxes.
+    #[inline(always)]
     pub fn and(self, other: &Bounds) -> Bounds {
-        Bounds { lower: self.lower.min(other.lower), upper: self.upper.max(other.upper) }
+        let (a, b) = (self.lower, other.lower);
+        let lower = Vec2::new(fast_math::min(a.x, b.x), fast_math::min(a.y, b.y));
+        let (a, b) = (self.upper, other.upper);
+        Bounds { lower, upper: Vec2::new(fast_math::max(a.x, b.x), fast_math::max(a.y, b.y)) }
     }
 
     /// The squared distance of a point; infinite from the box around no point. Rounding keeps the order of

@@ -70,10 +70,10 @@ pub(super) fn prepare(world: &mut World) {
         return;
     }
     if *any_agent_heals {
-        dealers.gather(allies.iter().copied().filter(|id| !is_healer(id)), &units.pos);
-        healers.gather(allies.iter().copied().filter(is_healer), &units.pos);
+        dealers.gather(allies, |id| !is_healer(id), &units.pos);
+        healers.gather(allies, is_healer, &units.pos);
     } else {
-        dealers.gather(allies.iter().copied(), &units.pos);
+        dealers.gather(allies, |_| true, &units.pos);
     }
     *bounds = dealers.bounds().and(&healers.bounds());
     is_targeted.clear();
@@ -120,7 +120,10 @@ impl Choice<'_> {
         if current.is_some_and(|target| self.arena.approaches[target as usize].is_healer) {
             return current;
         }
-        if *any_agent_heals && let Some(healer) = best_of(healers) {
+        if *any_agent_heals
+            && own.attacks_healers
+            && let Some(healer) = best_of(healers)
+        {
             return Some(healer);
         }
         // Rule R1: whether a unit leaves a target for another one that is not a healer either.
