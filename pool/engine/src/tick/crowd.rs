@@ -32,12 +32,9 @@ struct Block {
     bounds: Bounds,
 }
 
-/// The smallest box around some points.
+/// The smallest box around some points: the minima of x, y, -x and -y, so that one instruction compares all.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    lower: Vec2,
-    upper: Vec2,
-}
+pub(super) struct Bounds(F32x4);
 
 /// Squared distances that differ by less than this factor are compared in f64.
 const MARGIN: f32 = 1.0001;
@@ -144,7 +141,7 @@ impl Block {
         let mut bounds = Bounds::default();
         for (point, &id) in points.iter_mut().zip(ids) {
             *point = positions[id as usize];
-            bounds = bounds.and(&Bounds { lower: *point, upper: *point });
+            bounds = bounds.and(&Bounds::at(*point));
         }
         let four = |i: usize| std::array::from_fn(|k| points[i * WIDTH + k]);
         Block { positions: std::array::from_fn(|i| Vec2x4::new(four(i))), bounds }
@@ -159,28 +156,93 @@ impl Block {
 impl Default for Bounds {
     /// Around no point.
     fn default() -> Bounds {
-        Bounds { lower: Vec2::INFINITY, upper: Vec2::NEG_INFINITY }
+        Bounds(F32x4::splat(f32::INFINITY))
     }
 }
 
 impl Bounds {
+    #[inline(always)]
+    fn at(point: Vec2) -> Bounds {
+        Bounds(F32x4::new([point.x, point.y, -point.x, -point.y]))
+    }
+
     /// The box around two boxes.
     #[inline(always)]
     pub fn and(self, other: &Bounds) -> Bounds {
-        let (a, b) = (self.lower, other.lower);
-        let lower = Vec2::new(fast_math::min(a.x, b.x), fast_math::min(a.y, b.y));
-        let (a, b) = (self.upper, other.upper);
-        Bounds { lower, upper: Vec2::new(fast_math::max(a.x, b.x), fast_math::max(a.y, b.y)) }
+        Bounds(self.0.fast_min(other.0))
     }
 
     /// The squared distance of a point; infinite from the box around no point. Rounding keeps the order of
     /// differences, squares and sums. So it is never more than that of a point in the box, without a margin.
     #[inline(always)]
     pub fn distance_squared(&self, point: Vec2) -> f32 {
-        let beyond =
-            |lower: f32, x: f32, upper: f32| fast_math::max(fast_math::max(lower - x, x - upper), 0.0);
-        let x = beyond(self.lower.x, point.x, self.upper.x);
-        let y = beyond(self.lower.y, point.y, self.upper.y);
+        // Of two opposite sides the point is beyond one at most, or they are infinite and it is beyond both.
+        let [west, south, east, north] = (self.0 - Bounds::at(point).0).fast_max(F32x4::ZERO).to_array();
+        let (x, y) = (fast_math::max(west, east), fast_math::max(south, north));
         x * x + y * y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::distance_squared;
+
+    /// A grid with many equal distances, a few units in one spot, and one that is far away.
+    fn positions() -> Vec<Vec2> {
+        let grid = (0..70).map(|i| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25));
+        grid.chain([Vec2::new(-1e30, 3.0)]).collect()
+    }
+
+    fn crowd(ids: &[u32], positions: &[Vec2]) -> Crowd {
+        let mut crowd = Crowd::default();
+        crowd.gather(ids, |_| true, positions);
+        crowd
+    }
+
+    #[test]
+    fn all_units_within_the_radius_are_visited_and_few_others() {
+        let positions = positions();
+        let ids: Vec<u32> = (0..71).filter(|id| id % 5 > 0).collect();
+        for n in [0, 1, 4, 15, 16, 17, ids.len()] {
+            let (ids, crowd) = (&ids[..n], crowd(&ids[..n], &positions));
+            for (centre, radius) in
+                positions.iter().flat_map(|&p| [0.0, 0.25, 1.3, 20.0, 1e300].map(|r| (p, r)))
+            {
+                let mut visited = Vec::new();
+                crowd.visit_near(centre, search_bound(radius), |id| visited.push(id));
+                let within = |factor: f64| {
+                    let bound = radius * radius * factor;
+                    let away = |id: u32| distance_squared(centre, positions[id as usize]);
+                    ids.iter().copied().filter(|&id| away(id) <= bound).collect::<Vec<_>>()
+                };
+                // Only a radius without limit finds units so far away that their squares overflow.
+                let (least, most) = (within(1.0), within(1.001));
+                let is_far = |id: &u32| centre.x < -1.0 || *id == 70;
+                assert!(visited.is_sorted() && visited.iter().all(|id| most.contains(id)));
+                assert!(least.iter().all(|id| visited.contains(id) || is_far(id)), "{least:?} {visited:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn those_not_visited_are_farther_than_the_nearest() {
+        let positions = positions();
+        let ids: Vec<u32> = (0..71).collect();
+        let away = |centre: Vec2, id: u32| distance_squared(centre, positions[id as usize]);
+        for n in [0, 1, 4, 15, 16, 17, 70] {
+            let crowd = crowd(&ids[..n], &positions);
+            for centre in positions.iter().flat_map(|&p| [p, p + Vec2::new(0.11, 0.07), p * 2.0]) {
+                for radius in [0.01, 0.5, 3.0] {
+                    let mut visited = Vec::new();
+                    let rest = crowd.visit_nearest(centre, search_bound(radius), |id| visited.push(id));
+                    let others = ids[..n].iter().filter(|id| !visited.contains(id));
+                    assert!(visited.is_sorted() && others.clone().all(|&id| away(centre, id) > rest));
+                    let nearest = ids[..n].iter().map(|&id| away(centre, id)).fold(f64::INFINITY, f64::min);
+                    // Either the nearest is among the visited, or all are beyond the radius.
+                    assert!(rest >= nearest || rest > radius * radius, "{n} {centre} {radius}");
+                }
+            }
+        }
     }
 }

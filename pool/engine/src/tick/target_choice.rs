@@ -48,6 +48,7 @@ impl TargetChoiceScratch {
 }
 
 /// Prepares the choices of this tick.
+#[inline(never)]
 pub(super) fn prepare(world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
     let AliveIds { allies, enemies, .. } = &**alive_ids;
@@ -157,6 +158,7 @@ impl Choice<'_> {
     ///
     /// Other healers and itself are among them if its valid targets contain their plane: only the available
     /// actions of agents exclude healers.
+    #[inline(never)]
     fn most_hurt(&self, targets: &[Option<u32>], id: u32) -> Option<u32> {
         let arena = self.arena;
         let healer = arena.stats(id);
