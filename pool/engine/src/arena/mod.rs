@@ -42,6 +42,8 @@ pub struct Arena {
     /// Whether an agent is a healer, and whether an enemy is.
     pub(crate) agents_heal: bool,
     pub(crate) enemies_heal: bool,
+    /// Whether a unit has a shield or energy. Without, both are 0 of all units and remain it.
+    pub(crate) has_reserves: bool,
     /// Whether a unit attacks an area, not a target alone.
     pub(crate) has_area_attacks: bool,
     n_types: usize,
@@ -127,6 +129,7 @@ impl Arena {
             terrain: scenario.terrain.clone(),
             agents_heal: heal(&agents),
             enemies_heal: heal(&enemies),
+            has_reserves: all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0),
             has_area_attacks: all_stats.iter().any(UnitStats::attacks_an_area),
             agents,
             enemies,
