@@ -211,7 +211,7 @@ impl Battle {
     fn give_commands(&self, scratch: &mut Scratch) {
         let arena = &*self.arena;
         let scratch = &mut scratch.tick;
-        scratch.reserve(arena);
+        scratch.prepare(arena);
         refill(&mut scratch.commands, arena.unit_ids().map(|_| Command::AttackMove));
         for (&id, action) in arena.agents.iter().zip(&self.last_actions) {
             let targets = if arena.stats(id).is_healer { &arena.agents } else { &arena.enemies };
@@ -230,7 +230,8 @@ impl Battle {
             // Each tick shuffles the ascending ids of the living units; the order of the last tick has no
             // effect.
             ExecutionOrder::Drawn => {
-                refill(into, self.alive_ids.all.iter().copied());
+                into.clear();
+                into.extend_from_slice(&self.alive_ids.all);
                 self.generator.shuffle(into);
             }
             ExecutionOrder::Given(orders) => {

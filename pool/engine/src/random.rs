@@ -44,7 +44,8 @@ impl From<StreamPosition> for Generator {
         // Each 64-bit output is two words.
         generator.pcg.advance(u128::from(position.draws / 2));
         if position.draws % 2 == 1 {
-            generator.next_word();
+            let (_, high) = halves(generator.pcg.next_u64());
+            generator.high_half = Some(high);
         }
         Generator { position, ..generator }
     }
@@ -76,31 +77,46 @@ impl Generator {
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         let mut last = items.len().saturating_sub(1);
+        if last == 0 {
+            return;
+        }
+        // NumPy's Fisher-Yates shuffle draws a uniform number up to `last` by rejection under the smallest
+        // mask of ones that covers it. A rejection is as likely as up to one half, so a branch on it would be
+        // mispredicted often: instead a rejected word swaps an item with itself and `last` stays.
+        let mut mask = usize::MAX >> last.leading_zeros();
         let mut draws = 0;
-        while last > 0 {
-            // NumPy's Fisher-Yates shuffle draws a uniform number up to `last` by rejection under the
-            // smallest mask of ones that covers it. A rejection is as likely as up to one half, so a branch
-            // on it would be mispredicted often: instead a rejected word swaps an item with itself and `last`
-            // stays.
-            let mask = usize::MAX >> last.leading_zeros();
-            let word = self.next_word() as usize & mask;
+        let mut place = |word: u32| {
+            let word = word as usize & mask;
             let fits = word <= last;
             items.swap(last, select_unpredictable(fits, word, last));
             last -= usize::from(fits);
             draws += 1;
+            // Half the mask covers all that is left, or nothing is left to cover.
+            if last == mask >> 1 {
+                mask = last;
+            }
+            mask > 0
+        };
+        let mut goes_on = self.high_half.take().is_none_or(&mut place);
+        let mut pcg = self.pcg.clone();
+        while goes_on {
+            let both = pcg.next_u64();
+            let (low, high) = halves(both);
+            goes_on = place(low);
+            if goes_on {
+                goes_on = place(high);
+            } else {
+                self.high_half = Some(high);
+            }
         }
+        self.pcg = pcg;
         self.position.draws = self.position.draws.wrapping_add(draws);
     }
+}
 
-    fn next_word(&mut self) -> u32 {
-        if let Some(word) = self.high_half.take() {
-            return word;
-        }
-        // NumPy's 32-bit outputs are the halves of a 64-bit output, low half first.
-        let both = self.pcg.next_u64();
-        self.high_half = Some((both >> 32) as u32);
-        both as u32
-    }
+/// NumPy's 32-bit words are the halves of a 64-bit output, low half first.
+fn halves(output: u64) -> (u32, u32) {
+    (output as u32, (output >> 32) as u32)
 }
 
 /// `SeedSequence(seed).generate_state(4, uint64)`: Melissa O'Neill's `seed_seq_fe` hash with a pool of 4

@@ -31,7 +31,8 @@ pub struct Units {
     pub shield_cooldown: Vec<f64>,
     /// Healing that was paid for with energy and not used yet, in health.
     pub healing: Vec<f64>,
-    /// Whether the unit is in the battle. A dead unit stays dead, even if its health rises again (R2).
+    /// Whether the unit is in the battle. Within a tick a unit may be without health and alive, because deaths
+    /// wait for phase 5. A dead unit stays dead, even if its health rises again (R2).
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,
@@ -56,11 +57,6 @@ impl Units {
         refill(&mut self.alive, all_stats().map(|_| true));
         refill(&mut self.target, all_stats().map(|_| None));
         refill(&mut self.declared, all_stats().map(|_| false));
-    }
-
-    /// Whether the unit still has health. Within a tick this differs from `alive`, which changes in phase 5.
-    pub(crate) fn has_health(&self, id: u32) -> bool {
-        self.hp[id as usize] > 0.0
     }
 }
 
@@ -101,12 +97,19 @@ pub(crate) struct AliveIds {
 }
 
 impl AliveIds {
-    /// Finds the living units again, after deaths or a reset.
+    /// Finds the living units again, after a reset.
     pub fn refresh(&mut self, arena: &Arena, units: &Units) {
         let alive = |id: &u32| units.alive[*id as usize];
         refill(&mut self.all, arena.unit_ids().filter(alive));
         refill(&mut self.allies, arena.agents.iter().copied().filter(alive));
         refill(&mut self.enemies, arena.enemies.iter().copied().filter(alive));
+    }
+
+    /// Removes units that are no longer alive.
+    pub fn remove_dead(&mut self, alive: &[bool]) {
+        for ids in [&mut self.all, &mut self.allies, &mut self.enemies] {
+            ids.retain(|&id| alive[id as usize]);
+        }
     }
 
     /// The living units of the faction of `id`.

@@ -11,10 +11,10 @@ mod unit_stats;
 
 use glam::{DVec2, Vec2};
 use serde::{Deserialize, Serialize};
-use smaclite_scenarios::{Faction, Scenario, Terrain};
+use smaclite_scenarios::{Faction, Placement, Scenario, Terrain};
 
 pub(crate) use edges::{Edge, left_of};
-pub(crate) use unit_stats::{AvoidanceParams, Matchup, UnitStats};
+pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
@@ -37,8 +37,18 @@ pub struct Arena {
     pub(crate) avoidance: Vec<AvoidanceParams>,
     /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
+    /// What phases 1 and 2 read of each unit, by battle-wide id.
+    pub(crate) approaches: Vec<Approach>,
+    /// What phase 4 reads of each unit, by battle-wide id.
+    pub(crate) regenerations: Vec<Regeneration>,
+    /// Whether an agent is a healer, and whether an enemy is.
+    pub(crate) agents_heal: bool,
+    pub(crate) enemies_heal: bool,
+    /// Whether a unit has a shield or energy. Without, both are 0 of all units and remain it.
+    pub(crate) has_reserves: bool,
+    /// Whether a unit attacks an area, not a target alone.
+    pub(crate) has_area_attacks: bool,
     n_types: usize,
-    type_of: Vec<usize>,
     is_enemy: Vec<bool>,
     id_in_faction: Vec<usize>,
     /// What each type can do to each other, in rows by the attacker's type.
@@ -99,7 +109,15 @@ impl Arena {
         // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
         let farthest_sight =
             all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
-        let enemies = ids_of(scenario, Faction::Enemy);
+        let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
+        let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
+        let agent_healers =
+            || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
+        let approach = |(unit, stats): (&Placement, _)| {
+            let attacks = |healer: &UnitStats| types[unit.unit_type].can_attack(healer.plane);
+            Approach::new(unit.unit_type as u32, stats, agent_healers().any(attacks))
+        };
+        let approaches = units.iter().zip(&all_stats).map(approach).collect();
         let total = |id: &u32| {
             let unit_type = &types[units[*id as usize].unit_type];
             unit_type.hp + unit_type.shield
@@ -111,14 +129,19 @@ impl Arena {
         Arena {
             rules,
             terrain: scenario.terrain.clone(),
-            agents: ids_of(scenario, Faction::Ally),
+            agents_heal: heal(&agents),
+            enemies_heal: heal(&enemies),
+            has_reserves: all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0),
+            has_area_attacks: all_stats.iter().any(UnitStats::attacks_an_area),
+            agents,
             enemies,
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
+            approaches,
+            regenerations: all_stats.iter().map(Regeneration::new).collect(),
             n_types: types.len(),
-            type_of: units.iter().map(|unit| unit.unit_type).collect(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
             matchups: matchups.collect(),
@@ -187,7 +210,12 @@ impl Arena {
 
     /// What a unit can do to another.
     pub(crate) fn matchup(&self, attacker: u32, victim: u32) -> &Matchup {
-        &self.matchups[self.type_of[attacker as usize] * self.n_types + self.type_of[victim as usize]]
+        self.matchup_of(&self.approaches[attacker as usize], &self.approaches[victim as usize])
+    }
+
+    /// What a unit of one type can do to a unit of another.
+    pub(crate) fn matchup_of(&self, attacker: &Approach, victim: &Approach) -> &Matchup {
+        &self.matchups[attacker.unit_type as usize * self.n_types + victim.unit_type as usize]
     }
 }
 

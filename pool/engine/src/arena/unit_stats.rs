@@ -3,6 +3,7 @@
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
+use crate::tick::search_bound;
 use crate::units::square_within;
 
 /// The stats of a unit type, and values derived from them that a tick reads.
@@ -64,6 +65,53 @@ impl UnitStats {
             search_radius: unit_type.minimum_scan_range + largest_radius,
             avoid: AvoidanceParams::new(unit_type, largest_radius),
         }
+    }
+
+    /// Whether its attacks can hit other units than the target.
+    pub fn attacks_an_area(&self) -> bool {
+        matches!(self.targeter, Targeter::Kamikaze { .. } | Targeter::LaserBeam { .. })
+    }
+}
+
+/// The stats that phases 1 and 2 read of every unit in every tick: few enough that all of them stay in the
+/// cache of the processor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Approach {
+    pub speed: f64,
+    /// The search radius, as searches of targets use it.
+    pub search_bound: f32,
+    /// Index among the scenario's unit types.
+    pub unit_type: u32,
+    pub is_healer: bool,
+    /// Whether it can attack the plane of any agent that is a healer.
+    pub attacks_healers: bool,
+}
+
+impl Approach {
+    pub fn new(unit_type: u32, stats: &UnitStats, attacks_healers: bool) -> Approach {
+        Approach {
+            speed: stats.speed,
+            search_bound: search_bound(stats.search_radius),
+            unit_type,
+            is_healer: stats.is_healer,
+            attacks_healers,
+        }
+    }
+}
+
+/// The stats that phase 4 reads of every unit in every tick, packed for the same reason.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Regeneration {
+    pub hp: f64,
+    pub hp_per_tick: f64,
+    pub shield: f64,
+    pub energy: f64,
+}
+
+impl Regeneration {
+    pub fn new(stats: &UnitStats) -> Regeneration {
+        let &UnitStats { hp, hp_regen_per_tick: hp_per_tick, shield, energy, .. } = stats;
+        Regeneration { hp, hp_per_tick, shield, energy }
     }
 }
 

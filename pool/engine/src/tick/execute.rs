@@ -12,16 +12,11 @@ use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 #[inline(never)]
 pub(super) fn take_turns(world: &mut World) -> f64 {
     let mut earned = 0.0;
-    for i in 0..world.scratch.order.len() {
-        let id = world.scratch.order[i];
-        if !world.units.alive[id as usize] {
-            continue;
-        }
-        // A unit that was killed earlier in this tick does nothing, unless it was healed in between (R2).
-        if world.units.has_health(id) {
-            earned += take_turn(world, id);
-        } else {
-            skip_turn(world, id);
+    let mut turn = 0;
+    while let Some((id, event)) = take_plain_turns(world, &mut turn) {
+        match event {
+            Event::Acts { target } => earned += targeters::act(world, id, target),
+            Event::IsWithoutHealth => skip_turn(world, id),
         }
     }
     // The velocities of phase 3 become current for all units at once. A unit whose turn was skipped did not
@@ -32,19 +27,57 @@ pub(super) fn take_turns(world: &mut World) -> f64 {
     earned
 }
 
-fn take_turn(world: &mut World, id: u32) -> f64 {
-    move_and_regenerate(world, id);
-    let i = id as usize;
-    match world.scratch.attack[i] {
+/// What makes a turn more than moving and regenerating.
+enum Event {
+    /// The attack or heal on this target is due.
+    Acts { target: u32 },
+    /// The unit was killed earlier in this tick: it does nothing, unless it was healed in between (R2).
+    IsWithoutHealth,
+}
+
+/// Runs turns from `turn` on, up to the first with an event, and returns that unit. A unit that acts has moved
+/// and regenerated then; its action concludes its turn.
+#[inline(always)]
+fn take_plain_turns(world: &mut World, turn: &mut usize) -> Option<(u32, Event)> {
+    let World { arena, units, scratch, .. } = world;
+    // Slices of one length: one check of an id serves all columns.
+    let n = units.pos.len();
+    let (pos, planned_vel, alive) = (&mut units.pos[..n], &units.planned_vel[..n], &units.alive[..n]);
+    let (hp, shield, energy) = (&mut units.hp[..n], &mut units.shield[..n], &mut units.energy[..n]);
+    let (cooldown, shield_cooldown) = (&mut units.cooldown[..n], &mut units.shield_cooldown[..n]);
+    let (attacks, regenerations) = (&scratch.attack[..n], &arena.regenerations[..n]);
+    for &id in &scratch.order[*turn..] {
+        *turn += 1;
+        let i = id as usize;
+        if !alive[i] {
+            continue;
+        }
+        if hp[i] <= 0.0 {
+            return Some((id, Event::IsWithoutHealth));
+        }
+        let limits = &regenerations[i];
+        pos[i] += planned_vel[i] * TICK as f32;
+        cooldown[i] = fast_math::max(0.0, cooldown[i] - TICK);
+        // A hit sets the shield cooldown to SHIELD_DELAY; the shield regenerates only when it has reached 0.
+        shield_cooldown[i] = fast_math::max(0.0, shield_cooldown[i] - TICK);
+        if arena.has_reserves {
+            let regenerated = fast_math::min(limits.shield, shield[i] + SHIELD_PER_TICK);
+            // Whether a shield regenerates is hard to predict in a fight: a select avoids mispredictions.
+            shield[i] = select_unpredictable(shield_cooldown[i] == 0.0, regenerated, shield[i]);
+            energy[i] = fast_math::min(limits.energy, energy[i] + ENERGY_PER_TICK);
+        }
+        hp[i] = fast_math::min(limits.hp, hp[i] + limits.hp_per_tick);
         // The cooldown starts with the attack, in the turn that executes it, and counts down from the unit's
         // next turn on. There is no second range check: a target that was in reach when the attack was
         // declared is hit wherever it is now.
-        Some(target) if world.units.cooldown[i] == 0.0 => {
-            world.units.cooldown[i] = world.arena.stats(id).cooldown;
-            targeters::act(world, id, target)
+        if let Some(target) = attacks[i]
+            && cooldown[i] == 0.0
+        {
+            cooldown[i] = arena.stats(id).cooldown;
+            return Some((id, Event::Acts { target }));
         }
-        _ => 0.0,
     }
+    None
 }
 
 /// The turn of a unit without health. It has an effect only if the unit is healed later in this tick (R2):
@@ -54,19 +87,4 @@ fn skip_turn(world: &mut World, id: u32) {
     let i = id as usize;
     world.units.declared[i] |= world.scratch.attack[i].is_some();
     world.scratch.unmoved.push((id, world.units.vel[i]));
-}
-
-/// Moves a unit by its planned velocity, counts its cooldowns down, and regenerates shield, energy and
-/// health.
-fn move_and_regenerate(world: &mut World, id: u32) {
-    let (units, stats, i) = (&mut *world.units, world.arena.stats(id), id as usize);
-    units.pos[i] += units.planned_vel[i] * TICK as f32;
-    units.cooldown[i] = fast_math::max(0.0, units.cooldown[i] - TICK);
-    // A hit sets the shield cooldown to SHIELD_DELAY; the shield regenerates only when it has reached 0.
-    units.shield_cooldown[i] = fast_math::max(0.0, units.shield_cooldown[i] - TICK);
-    let shield = fast_math::min(stats.shield, units.shield[i] + SHIELD_PER_TICK);
-    // Whether a shield regenerates is hard to predict in a fight: a select avoids branch mispredictions.
-    units.shield[i] = select_unpredictable(units.shield_cooldown[i] == 0.0, shield, units.shield[i]);
-    units.energy[i] = fast_math::min(stats.energy, units.energy[i] + ENERGY_PER_TICK);
-    units.hp[i] = fast_math::min(stats.hp, units.hp[i] + stats.hp_regen_per_tick);
 }

@@ -4,6 +4,7 @@
 //! phase 4 has another order, the execution order, which is an input of the tick.
 
 mod avoid;
+mod crowd;
 mod deaths;
 mod execute;
 mod preferred;
@@ -12,6 +13,8 @@ mod targeters;
 mod targets;
 
 use glam::Vec2;
+
+pub(crate) use crowd::search_bound;
 
 use crate::arena::Arena;
 use crate::command::Command;
@@ -57,19 +60,22 @@ pub(crate) struct TickScratch {
     attack: Vec<Option<u32>>,
     /// Units that had no health when their turn came, and the velocities with which they last moved.
     unmoved: Vec<(u32, Vec2)>,
+    /// Whether a unit may be without health: in the first tick of a step, and where one lost its last health.
+    may_have_dead: bool,
     target_choice: target_choice::TargetChoiceScratch,
     avoid: avoid::AvoidScratch,
 }
 
 impl TickScratch {
-    /// Reserves memory for any battle in this arena, so that its ticks allocate nothing.
-    pub fn reserve(&mut self, arena: &Arena) {
+    /// Prepares the ticks of a step: they allocate nothing then, in any battle of this arena.
+    pub fn prepare(&mut self, arena: &Arena) {
         let n_units = arena.sizes().n_units();
         clear_and_reserve(&mut self.previous_target, n_units);
         clear_and_reserve(&mut self.start, n_units);
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
         clear_and_reserve(&mut self.commands, n_units);
+        self.may_have_dead = true;
         self.target_choice.reserve(n_units);
         self.avoid.reserve(n_units, arena.edges.longest_list());
         self.preferred.resize(n_units, Vec2::ZERO);

@@ -4,7 +4,9 @@
 
 use glam::Vec2;
 
-use super::{World, target_choice};
+use super::World;
+use super::target_choice::{self, Choice};
+use crate::arena::Matchup;
 use crate::command::Command;
 use crate::units::distance_squared;
 
@@ -12,61 +14,84 @@ use crate::units::distance_squared;
 #[inline(never)]
 pub(super) fn decide(world: &mut World) {
     target_choice::prepare(world);
-    for i in 0..world.alive_ids.all.len() {
-        let id = world.alive_ids.all[i];
-        let unit = id as usize;
-        world.scratch.attack[unit] = None;
-        let speed = world.arena.stats(id).speed;
-        let preferred = match world.scratch.commands[unit] {
-            Command::Stop => Vec2::ZERO,
-            Command::MoveTo(destination) => towards_point(world.units.pos[unit], destination, speed),
-            Command::Target(target) => close_in(world, id, target, speed),
+    let World { arena, units, alive_ids, scratch, .. } = world;
+    // Slices of one length: one check of an id serves all columns.
+    let n = units.pos.len();
+    let (pos, hp, targets) = (&units.pos[..n], &units.hp[..n], &mut units.target[..n]);
+    let (commands, approaches) = (&scratch.commands[..n], &arena.approaches[..n]);
+    let (declared, attacks) = (&mut units.declared[..n], &mut scratch.attack[..n]);
+    let preferred = &mut scratch.preferred[..n];
+    let choice = Choice { arena, alive_ids, pos, hp, scratch: &scratch.target_choice };
+    for &id in &alive_ids.all {
+        let i = id as usize;
+        let own = &approaches[i];
+        let mut speed = own.speed;
+        let goal = match commands[i] {
+            Command::Stop => Goal::Here,
+            Command::MoveTo(destination) => Goal::Point(destination),
+            Command::Target(target) => Goal::Unit(target),
             Command::AttackMove => {
                 // The speed depends on whether the unit had a target before it chooses one (R3).
-                let speed = target_choice::speed(world, id);
-                world.units.target[unit] = target_choice::choose(world, id);
-                match world.units.target[unit] {
-                    Some(target) => close_in(world, id, target, speed),
-                    None => towards_point(world.units.pos[unit], world.arena.attack_point, speed),
+                if own.is_healer {
+                    speed = choice.speed_of_healer(targets, id);
+                }
+                targets[i] = choice.target(targets, id, own);
+                targets[i].map_or(Goal::Point(arena.attack_point), Goal::Unit)
+            }
+        };
+        let mut attack = None;
+        let wanted = match goal {
+            Goal::Here => Vec2::ZERO,
+            Goal::Point(point) => towards_point(pos[i], point, speed),
+            Goal::Unit(target) => {
+                let t = target as usize;
+                let matchup = arena.matchup_of(own, &approaches[t]);
+                // Declares an attack on a target within attack range and stays; otherwise walks to it.
+                if matchup.can_attack && in_reach(pos[i], pos[t], matchup) {
+                    attack = Some(target);
+                    Vec2::ZERO
+                } else {
+                    towards_unit(pos[i], pos[t], speed)
                 }
             }
         };
-        if world.units.declared[unit] {
-            declare_held_attack(world, id);
+        if declared[i] {
+            (attack, declared[i]) = declare_held_attack(commands[i], targets[i]);
         }
+        attacks[i] = attack;
         // A unit that cannot move prefers +0.0. Without this it would be -0.0 towards the west or south. A
         // healer that follows an immobile unit may prefer -0.0 (R3).
-        world.scratch.preferred[unit] = if speed == 0.0 { Vec2::ZERO } else { preferred };
+        preferred[i] = wanted;
+        if own.speed == 0.0 {
+            preferred[i] = Vec2::ZERO;
+        }
     }
+}
+
+/// Where a unit wants to be.
+enum Goal {
+    Here,
+    Point([f64; 2]),
+    /// Within attack range of this unit.
+    Unit(u32),
 }
 
 /// Rule R4: a held attack is declared again as soon as there is a target, at any distance and in any plane.
+/// Returns the declared attack, and whether one is still held.
 #[cold]
-fn declare_held_attack(world: &mut World, id: u32) {
-    let unit = id as usize;
-    let target = match world.scratch.commands[unit] {
+fn declare_held_attack(command: Command, target: Option<u32>) -> (Option<u32>, bool) {
+    let target = match command {
         Command::Target(target) => Some(target),
-        Command::AttackMove => world.units.target[unit],
+        Command::AttackMove => target,
         Command::Stop | Command::MoveTo(_) => None,
     };
-    world.scratch.attack[unit] = target;
-    world.units.declared[unit] = target.is_none();
+    (target, target.is_none())
 }
 
-/// Declares an attack on a target within attack range and stays; otherwise walks to it.
+/// Whether a target is within the attack range, measured between the edges of the two units.
 #[inline(always)]
-fn close_in(world: &mut World, id: u32, target: u32, speed: f64) -> Vec2 {
-    if world.arena.can_attack(id, target) && in_reach(world, id, target) {
-        world.scratch.attack[id as usize] = Some(target);
-        return Vec2::ZERO;
-    }
-    towards_unit(world.units.pos[id as usize], world.units.pos[target as usize], speed)
-}
-
-/// Whether the target is within the attack range, measured between the edges of the two units.
-pub(super) fn in_reach(world: &World, id: u32, target: u32) -> bool {
-    let (own, other) = (world.units.pos[id as usize], world.units.pos[target as usize]);
-    distance_squared(own, other) <= world.arena.matchup(id, target).reach_squared
+pub(super) fn in_reach(own: Vec2, target: Vec2, matchup: &Matchup) -> bool {
+    distance_squared(own, target) <= matchup.reach_squared
 }
 
 /// Full speed straight to a point, computed in f64, unlike the way to a unit.

@@ -44,6 +44,7 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     units.shield[i] -= to_shield;
     let to_health = f64::min(f64::max(0.0, damage - to_shield - stats.armor), units.hp[i]);
     units.hp[i] -= to_health;
+    world.scratch.may_have_dead |= units.hp[i] == 0.0;
     // Losses of agents cost nothing: the reward is never negative.
     if !world.arena.is_enemy(victim) {
         return 0.0;
@@ -56,6 +57,7 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
 fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
     let arena = world.arena;
     let health = std::mem::take(&mut world.units.hp[id as usize]);
+    world.scratch.may_have_dead = true;
     // An enemy that blows itself up earns its remaining health, but no reward for a kill.
     let mut earned = if arena.is_enemy(id) { health } else { 0.0 };
     let centre = world.units.pos[id as usize];
