@@ -2,11 +2,12 @@
 
 use glam::Vec2;
 
-use crate::TARGETING_RANGE;
+use super::gathered::{Gathered, TARGETING_SQUARED, at_most, distances_squared};
 use crate::arena::{Arena, Sizes};
 use crate::command::{DIRECTIONS, action};
 use crate::fast_math::floor;
-use crate::units::{AliveIds, Units, distance_squared};
+use crate::simd::{MASK_BITS, Vec2x4, WIDTH, mask};
+use crate::units::Units;
 
 /// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
 #[derive(Clone, Debug)]
@@ -37,10 +38,20 @@ impl Available {
     #[inline(never)]
     pub fn write(&self, out: &mut [u8]) {
         assert_eq!(out.len() * self.words, self.bits.len() * self.n_actions, "one byte per agent and action");
-        for (row, out) in self.bits.chunks_exact(self.words).zip(out.chunks_exact_mut(self.n_actions)) {
-            for (word, out) in row.iter().zip(out.chunks_mut(64)) {
-                for (bit, out) in out.iter_mut().enumerate() {
-                    *out = (word >> bit & 1) as u8;
+        for (agent, row) in self.bits.chunks_exact(self.words).enumerate() {
+            let mut begin = agent * self.n_actions;
+            let end = begin + self.n_actions;
+            for word in row {
+                let mut bits = *word;
+                // Eight at a time. The last eight of a row may end in the next one, which is written later.
+                for _ in 0..(end - begin).min(64).div_ceil(8) {
+                    let bytes = spread(bits as u8);
+                    match out.get_mut(begin..begin + 8) {
+                        Some(eight) => eight.copy_from_slice(&bytes),
+                        None => out[begin..].iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte),
+                    }
+                    bits >>= 8;
+                    begin += 8;
                 }
             }
         }
@@ -48,34 +59,49 @@ impl Available {
 
     /// Computes all rows.
     #[inline(never)]
-    pub fn update(&mut self, arena: &Arena, units: &Units, alive_ids: &AliveIds) {
+    pub fn update(&mut self, arena: &Arena, units: &Units, gathered: &Gathered) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
             row.fill(0);
-            let mut allow = |action: usize| row[action / 64] |= 1 << (action % 64);
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {
-                allow(action::NO_OP);
+                row[0] = 1 << action::NO_OP;
                 continue;
             }
-            allow(action::STOP);
             let position = units.pos[id as usize];
-            for (direction, action) in DIRECTIONS.into_iter().zip(action::NORTH..) {
-                if can_move(arena, position, direction) {
-                    allow(action);
-                }
-            }
+            row[0] = 1 << action::STOP | moves(arena, position) << action::NORTH;
             let is_healer = arena.stats(id).is_healer;
-            for &target in if is_healer { &alive_ids.allies } else { &alive_ids.enemies } {
-                let squared = distance_squared(position, units.pos[target as usize]);
-                // Healers heal neither themselves nor other healers.
-                let is_targetable = !(is_healer && arena.stats(target).is_healer);
-                // Planes do not matter here: a target that the unit cannot attack is available, too.
-                if is_targetable && squared.sqrt() <= TARGETING_RANGE {
-                    allow(action::FIRST_TARGET + arena.id_in_faction(target));
+            let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
+            // Planes do not matter here: a target that the unit cannot attack is available, too.
+            let is_in_range = |four: &Vec2x4| at_most(distances_squared(position, four), TARGETING_SQUARED);
+            for (i, fours) in targets.positions.chunks(MASK_BITS / WIDTH).take(self.words).enumerate() {
+                let mut in_range = mask(fours, is_in_range);
+                if is_healer {
+                    // Healers heal neither themselves nor other healers.
+                    for (bit, &target) in arena.agents[i * MASK_BITS..].iter().take(MASK_BITS).enumerate() {
+                        in_range &= !(u64::from(arena.stats(target).is_healer) << bit);
+                    }
+                }
+                row[i] |= in_range << action::FIRST_TARGET;
+                if let Some(next) = row.get_mut(i + 1) {
+                    *next = in_range >> (MASK_BITS - action::FIRST_TARGET);
                 }
             }
         }
     }
+}
+
+/// Eight bits as bytes, lowest bit first.
+fn spread(bits: u8) -> [u8; 8] {
+    // The product has the bits in each of its bytes, of which each keeps another one. Adding 127 carries that
+    // into the highest bit of the byte.
+    let one_each = u64::from(bits) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
+    ((one_each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+}
+
+/// Whether each of the moves is available, as bits.
+fn moves(arena: &Arena, position: Vec2) -> u64 {
+    let bit = |(i, &direction)| u64::from(can_move(arena, position, direction)) << i;
+    DIRECTIONS.iter().enumerate().map(bit).sum()
 }
 
 /// Whether a direction is available: whether the square one square away from the unit is on the map and

@@ -1,171 +1,194 @@
 //! Observations: what each agent sees within its sight range.
 
 use glam::Vec2;
+use wide::f64x2;
 
-use super::{View, write_body};
-use crate::arena::Sizes;
+use super::View;
+use super::gathered::{
+    Faction, Gathered, SIGHT_SQUARED, TARGETING_SQUARED, at_most, distances_squared, rounded, stride,
+};
+use crate::SIGHT_RANGE;
 use crate::command::action;
-use crate::units::distance_squared;
-use crate::{SIGHT_RANGE, TARGETING_RANGE};
+use crate::simd::{F32x4, MASK_BITS, Vec2x4, WIDTH, mask};
 
-/// Working memory: the features of every unit, computed once per step rather than once per observer.
+/// Working memory.
 #[derive(Debug, Default)]
 pub(crate) struct ObsScratch {
-    allies: FactionScratch,
-    enemies: FactionScratch,
+    /// The allies of one agent after the other: all agents but this one.
+    others: Faction,
+    /// A row for those at the end of the output, and what is written beyond it.
+    row: Vec<f32>,
 }
 
-/// The units of one faction, by in-faction id.
-#[derive(Debug, Default)]
-struct FactionScratch {
-    /// Positions. Dead units are at infinity, out of sight of every unit.
-    positions: Vec<Vec2>,
-    /// Health, \[shield\], \[type\] of one unit after the other.
-    bodies: Vec<f32>,
-    body_size: usize,
-}
-
-impl FactionScratch {
-    fn gather(&mut self, view: &View, ids: &[u32], body_size: usize) {
-        self.body_size = body_size;
-        self.bodies.resize(ids.len() * body_size, 0.0);
-        self.positions.clear();
-        for (&id, body) in ids.iter().zip(self.bodies.chunks_exact_mut(body_size)) {
-            write_body(view, id, body);
-            let alive = view.units.alive[id as usize];
-            self.positions.push(if alive { view.units.pos[id as usize] } else { Vec2::INFINITY });
-        }
-    }
-
-    fn body(&self, unit: usize) -> &[f32] {
-        &self.bodies[unit * self.body_size..(unit + 1) * self.body_size]
-    }
-
-    /// Number of floats for one unit in the row of another.
-    fn block_size(&self) -> usize {
-        4 + self.body_size
-    }
-}
+/// Floats of a block before the body: the mark, distance, dx, dy.
+const HEAD: usize = 4;
 
 /// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
+///
+/// A row is written from left to right in whole registers, and up to four units at a time. The last of a part
+/// may end beyond it, where the next part, or the next row, is written later. So rows near the end of the output
+/// are written elsewhere and copied.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
-    let (arena, features) = (view.arena, &view.arena.features);
-    let sizes = arena.sizes();
+    let sizes = view.arena.sizes();
     let row_len = out.len() / sizes.n_agents;
     assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
-    scratch.allies.gather(view, &arena.agents, features.ally_body());
-    scratch.enemies.gather(view, &arena.enemies, features.enemy_body());
-    for (agent, row) in out.chunks_exact_mut(row_len).enumerate() {
-        // What is not written below stays 0: rows of dead agents, blocks of units out of sight, and what
-        // follows the features.
-        row.fill(0.0);
-        if view.units.alive[arena.agents[agent] as usize] {
-            write_moves(view, agent, row);
-            write_enemies(view, scratch, agent, row);
-            let own = sizes.obs_size - scratch.allies.body_size;
-            row[own..sizes.obs_size].copy_from_slice(scratch.allies.body(agent));
+    let ObsScratch { others, row } = scratch;
+    let allies = &view.gathered.allies;
+    others.copy_from(allies, 1, sizes.n_agents - 1);
+    let layout = Layout::new(view);
+    let extent = row_len.max(layout.extent);
+    row.resize(extent, 0.0);
+    for agent in 0..sizes.n_agents {
+        if agent > 0 {
+            // The others of this agent are those of the last one, with the last one in the place of this one.
+            others.copy_unit(agent - 1, allies, agent - 1);
+        }
+        let begin = agent * row_len;
+        if let Some(row) = out.get_mut(begin..begin + extent) {
+            write_row(view, &layout, others, agent, row_len, row);
+        } else {
+            write_row(view, &layout, others, agent, row_len, row);
+            out[begin..begin + row_len].copy_from_slice(&row[..row_len]);
         }
     }
-    write_allies(&sizes, scratch, row_len, out);
 }
 
-fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
+/// Where the parts of a row begin, and how its blocks are written.
+struct Layout {
+    allies: usize,
+    own: usize,
+    end: usize,
+    /// Floats from the start of a row that writing it may touch.
+    extent: usize,
+    write_enemies: WriteUnits,
+    write_allies: WriteUnits,
+}
+
+impl Layout {
+    fn new(view: &View) -> Layout {
+        let (sizes, features) = (view.arena.sizes(), &view.arena.features);
+        let (enemy, ally) = (features.enemy_body(), features.ally_body());
+        let allies = 4 + sizes.n_enemies * (HEAD + enemy);
+        let own = sizes.obs_size - ally;
+        let end_of = |begin, n_units: usize, body| {
+            begin + n_units.next_multiple_of(WIDTH) * (HEAD + body) + stride(body) - body
+        };
+        let ends = [
+            end_of(4, sizes.n_enemies, enemy),
+            end_of(allies, sizes.n_agents - 1, ally),
+            own + ally.next_multiple_of(WIDTH),
+        ];
+        Layout {
+            allies,
+            own,
+            end: sizes.obs_size,
+            extent: ends.into_iter().fold(0, usize::max),
+            write_enemies: writer(enemy),
+            write_allies: writer(ally),
+        }
+    }
+}
+
+fn write_row(view: &View, layout: &Layout, others: &Faction, agent: usize, row_len: usize, row: &mut [f32]) {
+    let (arena, gathered) = (view.arena, view.gathered);
+    let id = arena.agents[agent];
+    if !view.units.alive[id as usize] {
+        row[..row_len].fill(0.0);
+        return;
+    }
+    let position = view.units.pos[id as usize];
+    let moves = view.available.of(agent)[0] >> action::NORTH;
     for (i, out) in row[..4].iter_mut().enumerate() {
-        *out = bit(view.available.has(agent, action::NORTH + i));
+        *out = (moves >> i & 1) as f32;
+    }
+    if arena.stats(id).is_healer {
+        (layout.write_enemies)(&gathered.enemies, position, SIGHT_SQUARED, &mut row[4..]);
+        mark_healable(view, position, agent, &mut row[4..]);
+    } else {
+        (layout.write_enemies)(&gathered.enemies, position, TARGETING_SQUARED, &mut row[4..]);
+    }
+    (layout.write_allies)(others, position, SIGHT_SQUARED, &mut row[layout.allies..]);
+    gathered.allies.write_body(agent, &mut row[layout.own..]);
+    if row_len > layout.end {
+        row[layout.end..row_len].fill(0.0);
     }
 }
 
-/// Writes the enemies that an agent sees.
-///
-/// The first entry of a block says whether target action i is available. A healer's target actions mean
-/// allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
+/// The mark of an enemy says whether the target action of its number is available. A healer's target actions
+/// mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
 /// which the available actions exclude.
-fn write_enemies(view: &View, scratch: &ObsScratch, agent: usize, row: &mut [f32]) {
-    let ObsScratch { allies, enemies } = scratch;
-    let own = allies.positions[agent];
-    let is_healer = view.arena.stats(view.arena.agents[agent]).is_healer;
-    let blocks = row[4..].chunks_exact_mut(enemies.block_size());
-    for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
-        if let Some(relative) = RelativePosition::of(own, position) {
-            let targetable = if is_healer {
-                allies
-                    .positions
-                    .get(enemy)
-                    .is_some_and(|&ally| enemy != agent && in_targeting_range(own, ally))
-            } else {
-                view.available.has(agent, action::FIRST_TARGET + enemy)
-            };
-            relative.write(bit(targetable), enemies.body(enemy), block);
+fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
+    let Gathered { allies, enemies } = view.gathered;
+    let block = HEAD + enemies.body_size;
+    let is_within = |four: &Vec2x4| at_most(distances_squared(healer, four), TARGETING_SQUARED);
+    let mut in_range = 0;
+    for (enemy, block) in blocks.chunks_mut(block).take(view.arena.enemies.len()).enumerate() {
+        if enemy % MASK_BITS == 0 {
+            let fours = allies.positions.chunks(MASK_BITS / WIDTH).nth(enemy / MASK_BITS);
+            in_range = mask(fours.unwrap_or_default(), is_within);
+        }
+        // It is 1 as yet if the enemy is seen.
+        if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
+            block[0] = 0.0;
         }
     }
 }
 
-/// Writes the allies that agents see. Sight is mutual, so each pair is computed once.
-fn write_allies(sizes: &Sizes, scratch: &ObsScratch, row_len: usize, out: &mut [f32]) {
-    let allies = &scratch.allies;
-    let size = allies.block_size();
-    let first_block = 4 + sizes.n_enemies * scratch.enemies.block_size();
-    // An agent has no block in its own row.
-    let mut write = |agent: usize, other: usize, relative: &RelativePosition| {
-        let block = if other < agent { other } else { other - 1 };
-        let begin = agent * row_len + first_block + block * size;
-        relative.write(1.0, allies.body(other), &mut out[begin..begin + size]);
-    };
-    for (agent, &from) in allies.positions.iter().enumerate() {
-        for (other, &to) in allies.positions.iter().enumerate().skip(agent + 1) {
-            if let Some(relative) = RelativePosition::of(from, to) {
-                write(agent, other, &relative);
-                write(other, agent, &relative.reversed());
+/// Writes the blocks of units for an observer at a position: a mark, which is 1 for units that are seen and
+/// whose squared distance is at most the third argument, distance, dx, dy, and the body.
+type WriteUnits = fn(&Faction, Vec2, f64, &mut [f32]);
+
+/// [`write_units`] for bodies of this size.
+fn writer(body_size: usize) -> WriteUnits {
+    match body_size {
+        1 => write_units::<1>,
+        2 => write_units::<2>,
+        3 => write_units::<3>,
+        4 => write_units::<4>,
+        5 => write_units::<5>,
+        6 => write_units::<6>,
+        7 => write_units::<7>,
+        8 => write_units::<8>,
+        _ => write_units::<0>,
+    }
+}
+
+/// `BODY` is the size of bodies where it is known to the compiler, and 0 for all others.
+fn write_units<const BODY: usize>(units: &Faction, from: Vec2, marked_within: f64, out: &mut [f32]) {
+    let body = if BODY == 0 { units.body_size } else { BODY };
+    let (block, stride) = (HEAD + body, stride(body));
+    let (observer, range) = (Vec2x4::splat(from), F32x4::splat(SIGHT_RANGE as f32));
+    let mut rest = out;
+    for (four, bodies) in units.positions.iter().zip(units.bodies.chunks_exact(stride)) {
+        let blocks = &mut rest[..WIDTH * block + stride - body];
+        let squared = distances_squared(from, four);
+        let is_seen = at_most(squared, SIGHT_SQUARED);
+        if is_seen.any() {
+            // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the
+            // published environment.
+            let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
+            let offset = *four - observer;
+            let mark = at_most(squared, marked_within) & F32x4::ONE;
+            let heads = [mark, rounded(distance), offset.x / range, offset.y / range];
+            let heads = F32x4::transpose(heads.map(|column| column & is_seen));
+            for (i, head) in heads.iter().enumerate() {
+                blocks[i * block..i * block + HEAD].copy_from_slice(head.as_array());
+                if stride == 1 {
+                    blocks[i * block + HEAD] = (bodies[0] & is_seen).as_array()[i];
+                } else {
+                    let is_seen = F32x4::splat(is_seen.as_array()[i]);
+                    let begin = i * block + HEAD;
+                    let fours = &bodies[i * (stride / WIDTH)..(i + 1) * (stride / WIDTH)];
+                    for (j, four) in fours.iter().enumerate() {
+                        blocks[begin + j * WIDTH..begin + (j + 1) * WIDTH]
+                            .copy_from_slice((*four & is_seen).as_array());
+                    }
+                }
             }
+        } else {
+            blocks[..WIDTH * block].fill(0.0);
         }
+        rest = &mut rest[WIDTH * block..];
     }
-}
-
-/// The offset from one unit to another that it sees, in shares of the sight range.
-struct RelativePosition {
-    distance: f32,
-    dx: f32,
-    dy: f32,
-}
-
-impl RelativePosition {
-    /// `None` if the other is out of sight, or either is at infinity.
-    ///
-    /// The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
-    /// environment.
-    fn of(from: Vec2, to: Vec2) -> Option<RelativePosition> {
-        let squared = distance_squared(from, to);
-        // A unit is seen if the root is less than the sight range. Where the square is not less the root is
-        // not either, so most pairs need no root.
-        if squared < SIGHT_RANGE * SIGHT_RANGE {
-            let distance = squared.sqrt();
-            let offset = to - from;
-            return (distance < SIGHT_RANGE).then(|| RelativePosition {
-                distance: (distance / SIGHT_RANGE) as f32,
-                dx: offset.x / SIGHT_RANGE as f32,
-                dy: offset.y / SIGHT_RANGE as f32,
-            });
-        }
-        None
-    }
-
-    /// The offset in the other direction. Subtracting from 0 keeps 0.0 where negation would give -0.0.
-    fn reversed(&self) -> RelativePosition {
-        RelativePosition { distance: self.distance, dx: 0.0 - self.dx, dy: 0.0 - self.dy }
-    }
-
-    fn write(&self, first: f32, body: &[f32], block: &mut [f32]) {
-        let (start, rest) = block.split_at_mut(4);
-        start.copy_from_slice(&[first, self.distance, self.dx, self.dy]);
-        rest.copy_from_slice(body);
-    }
-}
-
-fn in_targeting_range(from: Vec2, to: Vec2) -> bool {
-    distance_squared(from, to).sqrt() <= TARGETING_RANGE
-}
-
-fn bit(is_set: bool) -> f32 {
-    if is_set { 1.0 } else { 0.0 }
 }

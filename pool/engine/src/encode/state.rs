@@ -1,6 +1,6 @@
 //! The state: features of all units, for centralised training.
 
-use super::{View, ratio, write_body};
+use super::{View, ratio};
 use crate::arena::Arena;
 
 /// Writes the state; `last_actions` is indexed by agent.
@@ -8,44 +8,36 @@ use crate::arena::Arena;
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
+    // The dead have zeros only.
     out.fill(0.0);
-    let (ally, enemy) = (3 + arena.features.ally_body(), 2 + arena.features.enemy_body());
-    let (allies, rest) = out.split_at_mut(sizes.n_agents * ally);
-    let (enemies, actions) = rest.split_at_mut(sizes.n_enemies * enemy);
-    for (&id, block) in arena.agents.iter().zip(allies.chunks_exact_mut(ally)) {
-        write_unit(view, id, block);
+    // A body is written where its health, which it begins with, stands before the shield; then what comes
+    // before it, and health again. The zeros that follow a body may end up in the next block, which is written
+    // later.
+    let (features, gathered) = (&arena.features, view.gathered);
+    let mut begin = 0;
+    for (unit, &id) in arena.agents.iter().enumerate() {
+        if view.units.alive[id as usize] {
+            let block = &mut out[begin..];
+            gathered.allies.write_body(unit, &mut block[3..]);
+            let [x, y] = features.relative(view.units.pos[id as usize]);
+            block[..4].copy_from_slice(&[gathered.allies.health(unit), energy_or_cooldown(view, id), x, y]);
+        }
+        begin += 3 + features.ally_body();
     }
-    for (&id, block) in arena.enemies.iter().zip(enemies.chunks_exact_mut(enemy)) {
-        write_unit(view, id, block);
+    for (unit, &id) in arena.enemies.iter().enumerate() {
+        if view.units.alive[id as usize] {
+            let block = &mut out[begin..];
+            gathered.enemies.write_body(unit, &mut block[2..]);
+            let [x, y] = features.relative(view.units.pos[id as usize]);
+            block[..3].copy_from_slice(&[gathered.enemies.health(unit), x, y]);
+        }
+        begin += 2 + features.enemy_body();
     }
-    for (action, one_hot) in last_actions.iter().zip(actions.chunks_exact_mut(sizes.n_actions)) {
+    for (action, one_hot) in last_actions.iter().zip(out[begin..].chunks_exact_mut(sizes.n_actions)) {
         if let Some(action) = action {
             one_hot[*action as usize] = 1.0;
         }
     }
-}
-
-/// Writes a living unit's health, \[cooldown or energy of agents\], x, y, \[shield\], \[type\].
-fn write_unit(view: &View, id: u32, block: &mut [f32]) {
-    let (arena, units, i) = (view.arena, view.units, id as usize);
-    if !units.alive[i] {
-        return;
-    }
-    let features = &arena.features;
-    let n_before = if arena.is_enemy(id) { 2 } else { 3 };
-    // The block is health, [cooldown or energy], x, y, [shield], [type], and the body is health, [shield],
-    // [type]. The body is written to the end of the block; then its health moves to the front, and y takes
-    // the entry that becomes free.
-    let (before, body) = block.split_at_mut(n_before);
-    write_body(view, id, body);
-    let health = body[0];
-    before[0] = health;
-    if n_before == 3 {
-        before[1] = energy_or_cooldown(view, id);
-    }
-    let [x, y] = features.relative(units.pos[i]);
-    before[n_before - 1] = x;
-    body[0] = y;
 }
 
 /// As in SMAC, the entry of the cooldown is the energy for healers.
