@@ -6,6 +6,7 @@
 mod cells;
 mod edges;
 mod line_choice;
+mod moves;
 mod partition;
 mod unit_stats;
 
@@ -19,6 +20,7 @@ pub(crate) use unit_stats::{AvoidanceParams, Matchup, UnitStats};
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
 use cells::EdgesByCell;
+use moves::Moves;
 
 /// Everything about a scenario that never changes, under one rule set; shared by `Arc` between battles.
 #[derive(Debug)]
@@ -33,6 +35,7 @@ pub struct Arena {
     pub(crate) attack_point: [f64; 2],
     pub(crate) features: Features,
     pub(crate) edges: EdgesByCell,
+    moves: Moves,
     /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
     n_types: usize,
@@ -115,6 +118,7 @@ impl Arena {
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
+            moves: Moves::new(&scenario.terrain),
             n_types: types.len(),
             type_of: units.iter().map(|unit| unit.unit_type).collect(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
@@ -175,6 +179,11 @@ impl Arena {
 
     pub(crate) fn id_in_faction(&self, id: u32) -> usize {
         self.id_in_faction[id as usize]
+    }
+
+    /// The moves that are available to a unit at a position, in the order of their actions from the lowest bit on.
+    pub(crate) fn moves(&self, position: Vec2) -> u8 {
+        self.moves.from(&self.terrain, position)
     }
 
     /// Whether the attacker can attack the plane of the victim; of healers: whether it can heal it.

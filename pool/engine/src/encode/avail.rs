@@ -1,12 +1,12 @@
 //! The available actions of each agent, as bits; computed once after each step, reset or restore.
 
-use glam::Vec2;
+use wide::bytemuck::cast;
+use wide::{u8x16, u16x8};
 
-use super::gathered::{Gathered, TARGETING_SQUARED, at_most, distances_squared};
+use super::gathered::{Gathered, within_targeting_range};
 use crate::arena::{Arena, Sizes};
-use crate::command::{DIRECTIONS, action};
-use crate::fast_math::floor;
-use crate::simd::{MASK_BITS, Vec2x4, WIDTH, mask};
+use crate::command::action;
+use crate::simd::{MASK_BITS, WIDTH};
 use crate::units::Units;
 
 /// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
@@ -38,21 +38,23 @@ impl Available {
     #[inline(never)]
     pub fn write(&self, out: &mut [u8]) {
         assert_eq!(out.len() * self.words, self.bits.len() * self.n_actions, "one byte per agent and action");
-        for (agent, row) in self.bits.chunks_exact(self.words).enumerate() {
-            let mut begin = agent * self.n_actions;
-            let end = begin + self.n_actions;
-            for word in row {
-                let mut bits = *word;
-                // Eight at a time. The last eight of a row may end in the next one, which is written later.
-                for _ in 0..(end - begin).min(64).div_ceil(8) {
-                    let bytes = spread(bits as u8);
-                    match out.get_mut(begin..begin + 8) {
-                        Some(eight) => eight.copy_from_slice(&bytes),
-                        None => out[begin..].iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte),
+        let mut rest = out;
+        for row in self.bits.chunks_exact(self.words) {
+            let mut n_left = self.n_actions;
+            for &word in row {
+                let mut bits = word;
+                let n_here = n_left.min(64);
+                for begin in (0..n_here).step_by(16) {
+                    let bytes = spread(bits as u16);
+                    // The last sixteen of a row may end in the next one, which is written later.
+                    match rest.get_mut(begin..begin + 16) {
+                        Some(out) => out.copy_from_slice(&bytes),
+                        None => rest[begin..].iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte),
                     }
-                    bits >>= 8;
-                    begin += 8;
+                    bits >>= 16;
                 }
+                rest = &mut rest[n_here..];
+                n_left -= n_here;
             }
         }
     }
@@ -61,55 +63,44 @@ impl Available {
     #[inline(never)]
     pub fn update(&mut self, arena: &Arena, units: &Units, gathered: &Gathered) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
-            row.fill(0);
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {
+                row.iter_mut().for_each(|word| *word = 0);
                 row[0] = 1 << action::NO_OP;
                 continue;
             }
             let position = units.pos[id as usize];
-            row[0] = 1 << action::STOP | moves(arena, position) << action::NORTH;
             let is_healer = arena.stats(id).is_healer;
-            let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
             // Planes do not matter here: a target that the unit cannot attack is available, too.
-            let is_in_range = |four: &Vec2x4| at_most(distances_squared(position, four), TARGETING_SQUARED);
-            for (i, fours) in targets.positions.chunks(MASK_BITS / WIDTH).take(self.words).enumerate() {
-                let mut in_range = mask(fours, is_in_range);
+            let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
+            let mut fours = targets.xs.chunks(MASK_BITS / WIDTH).zip(targets.ys.chunks(MASK_BITS / WIDTH));
+            // Bits of the next word, which precede those of the next targets.
+            let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
+            for (i, word) in row.iter_mut().enumerate() {
+                let mut in_range =
+                    fours.next().map_or(0, |(xs, ys)| within_targeting_range(position, xs, ys));
                 if is_healer {
-                    // Healers heal neither themselves nor other healers.
-                    for (bit, &target) in arena.agents[i * MASK_BITS..].iter().take(MASK_BITS).enumerate() {
-                        in_range &= !(u64::from(arena.stats(target).is_healer) << bit);
-                    }
+                    in_range &= !healers(arena, i * MASK_BITS);
                 }
-                row[i] |= in_range << action::FIRST_TARGET;
-                if let Some(next) = row.get_mut(i + 1) {
-                    *next = in_range >> (MASK_BITS - action::FIRST_TARGET);
-                }
+                *word = first_bits | in_range << action::FIRST_TARGET;
+                first_bits = in_range >> (MASK_BITS - action::FIRST_TARGET);
             }
         }
     }
 }
 
-/// Eight bits as bytes, lowest bit first.
-fn spread(bits: u8) -> [u8; 8] {
-    // The product has the bits in each of its bytes, of which each keeps another one. Adding 127 carries that
-    // into the highest bit of the byte.
-    let one_each = u64::from(bits) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
-    ((one_each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+/// Sixteen bits as bytes, lowest bit first.
+fn spread(bits: u16) -> [u8; 16] {
+    // Each of eight bytes has the low or the high half of the bits, of which it keeps one.
+    let half = u8x16::new([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1]);
+    let bit = u8x16::new(std::array::from_fn(|i| (1 << (i % 8))));
+    let halves: u8x16 = cast(u16x8::splat(bits.to_le()));
+    let bytes = (halves.shuffle_zeroing(half) & bit).simd_eq(bit) & u8x16::splat(1);
+    cast(bytes)
 }
 
-/// Whether each of the moves is available, as bits.
-fn moves(arena: &Arena, position: Vec2) -> u64 {
-    let bit = |(i, &direction)| u64::from(can_move(arena, position, direction)) << i;
-    DIRECTIONS.iter().enumerate().map(bit).sum()
-}
-
-/// Whether a direction is available: whether the square one square away from the unit is on the map and
-/// walkable.
-///
-/// Units and the far end of the move, which is two squares away, do not matter. Near a wall a move may thus
-/// be available that collision avoidance then stops at the wall.
-fn can_move(arena: &Arena, position: Vec2, [dx, dy]: [f64; 2]) -> bool {
-    let (x, y) = (f64::from(position.x) + dx, f64::from(position.y) + dy);
-    arena.terrain.is_walkable(floor(x), floor(y))
+/// Which of 64 agents, from this one on, are healers. Healers heal neither themselves nor other healers.
+fn healers(arena: &Arena, first: usize) -> u64 {
+    let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
+    arena.agents[first..].iter().take(MASK_BITS).enumerate().map(bit).sum()
 }

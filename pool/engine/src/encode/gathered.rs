@@ -7,7 +7,7 @@ use wide::f64x2;
 
 use super::ratio;
 use crate::arena::{Arena, UnitStats};
-use crate::simd::{F32x4, Mask, Vec2x4, WIDTH};
+use crate::simd::{F32x4, Mask, WIDTH};
 use crate::units::Units;
 use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
@@ -45,13 +45,13 @@ impl Gathered {
 
 /// The units of one faction, by in-faction id.
 ///
-/// Bodies begin at multiples of [`stride`], so that they are read in whole registers. What follows a body up to
-/// the next is 0, and so are the bodies beyond the last unit.
+/// Columns are read in whole registers. Coordinates that complete the last register are infinite, as are those
+/// of dead units: they are out of sight of every unit. Bodies begin at multiples of [`stride`]; what follows a
+/// body up to the next is 0.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Faction {
-    /// Positions, four per entry. Dead units, and those that complete the last entry, are at infinity: out of
-    /// sight of every unit.
-    pub positions: Vec<Vec2x4>,
+    pub xs: Vec<F32x4>,
+    pub ys: Vec<F32x4>,
     /// Health, \[shield\], \[type\] of one unit after the other; those of dead units are stale.
     pub bodies: Vec<F32x4>,
     pub body_size: usize,
@@ -64,86 +64,105 @@ pub(crate) const fn stride(body_size: usize) -> usize {
 }
 
 impl Faction {
+    /// Units at infinity, with bodies of zeros.
     fn new(n_units: usize, body_size: usize) -> Faction {
-        let n_entries = n_units.div_ceil(WIDTH);
-        Faction {
-            positions: vec![Vec2x4::splat(Vec2::INFINITY); n_entries],
-            bodies: vec![F32x4::ZERO; n_entries * stride(body_size)],
-            body_size,
-        }
+        let mut faction = Faction::default();
+        faction.resize(n_units, body_size);
+        faction
+    }
+
+    fn resize(&mut self, n_units: usize, body_size: usize) {
+        let n_registers = n_units.div_ceil(WIDTH);
+        self.xs.resize(n_registers, F32x4::splat(f32::INFINITY));
+        self.ys.resize(n_registers, F32x4::splat(f32::INFINITY));
+        self.bodies.resize(n_registers * stride(body_size), F32x4::ZERO);
+        self.body_size = body_size;
     }
 
     fn update(&mut self, arena: &Arena, units: &Units, ids: &[u32], has_shield: bool) {
         let stride = stride(self.body_size);
-        let position =
-            |id: &u32| if units.alive[*id as usize] { units.pos[*id as usize] } else { Vec2::INFINITY };
-        for (four, ids) in self.positions.iter_mut().zip(ids.chunks(WIDTH)) {
-            let position = |i| ids.get(i).map_or(Vec2::INFINITY, position);
-            *four = Vec2x4::new(std::array::from_fn(position));
-        }
-        let bodies: &mut [f32] = cast_slice_mut(&mut self.bodies);
-        for (&id, body) in ids.iter().zip(bodies.chunks_exact_mut(stride)) {
+        let bodies = floats_mut(&mut self.bodies).chunks_exact_mut(stride);
+        let positions = floats_mut(&mut self.xs).iter_mut().zip(floats_mut(&mut self.ys));
+        for ((&id, (x, y)), body) in ids.iter().zip(positions).zip(bodies) {
+            let i = id as usize;
+            if !units.alive[i] {
+                (*x, *y) = (f32::INFINITY, f32::INFINITY);
+                continue;
+            }
+            (*x, *y) = units.pos[i].into();
             let stats: &UnitStats = arena.stats(id);
-            body[0] = ratio(units.hp[id as usize], stats.hp);
+            body[0] = ratio(units.hp[i], stats.hp);
             // A scenario decides per faction whether shields are features, whatever its unit types have.
             if has_shield {
-                body[1] = ratio(units.shield[id as usize], stats.shield);
+                body[1] = ratio(units.shield[i], stats.shield);
             }
         }
     }
 
-    /// Health of a unit, as a share of its maximum.
-    pub fn health(&self, unit: usize) -> f32 {
-        cast_slice(&self.bodies)[unit * stride(self.body_size)]
+    /// The position of a unit; infinite if it is dead.
+    pub fn position(&self, unit: usize) -> Vec2 {
+        Vec2::new(floats(&self.xs)[unit], floats(&self.ys)[unit])
     }
 
-    /// Writes health, \[shield\], \[type\] of a unit, and zeros up to the next multiple of [`WIDTH`].
+    /// Health of a unit, as a share of its maximum.
+    pub fn health(&self, unit: usize) -> f32 {
+        floats(&self.bodies)[unit * stride(self.body_size)]
+    }
+
+    /// Writes health, \[shield\], \[type\] of a unit, and zeros up to a multiple of the register's width if that
+    /// is more than one float.
     pub fn write_body(&self, unit: usize, out: &mut [f32]) {
         let stride = stride(self.body_size);
+        let body = &floats(&self.bodies)[unit * stride..(unit + 1) * stride];
         if stride == 1 {
-            out[0] = self.health(unit);
+            out[0] = body[0];
         } else {
-            let fours = &self.bodies[unit * (stride / WIDTH)..(unit + 1) * (stride / WIDTH)];
-            for (out, four) in out.chunks_exact_mut(WIDTH).zip(fours) {
-                out.copy_from_slice(four.as_array());
+            for (out, four) in out.chunks_exact_mut(WIDTH).zip(body.chunks_exact(WIDTH)) {
+                out.copy_from_slice(four);
             }
         }
     }
 
     fn body_mut(&mut self, unit: usize) -> &mut [f32] {
         let begin = unit * stride(self.body_size);
-        &mut cast_slice_mut(&mut self.bodies)[begin..begin + self.body_size]
+        &mut floats_mut(&mut self.bodies)[begin..begin + self.body_size]
     }
 
-    /// Becomes the first `n_units` units of another faction from unit `first` on.
-    pub fn copy_from(&mut self, other: &Faction, first: usize, n_units: usize) {
-        self.body_size = other.body_size;
-        self.positions.clear();
-        self.positions.resize(n_units.div_ceil(WIDTH), Vec2x4::splat(Vec2::INFINITY));
-        self.bodies.clear();
-        self.bodies.resize(self.positions.len() * stride(other.body_size), F32x4::ZERO);
-        for unit in 0..n_units {
-            self.copy_unit(unit, other, first + unit);
+    /// Becomes all of `n_units` units but the first.
+    pub fn copy_all_but_first(&mut self, all: &Faction, n_units: usize) {
+        self.resize(n_units - 1, all.body_size);
+        let columns = [
+            (&mut self.xs, &all.xs, 1),
+            (&mut self.ys, &all.ys, 1),
+            (&mut self.bodies, &all.bodies, stride(all.body_size)),
+        ];
+        for (to, from, size) in columns {
+            floats_mut(to)[..(n_units - 1) * size].copy_from_slice(&floats(from)[size..n_units * size]);
         }
     }
 
-    /// Replaces a unit by one of another faction with bodies of the same size.
-    pub fn copy_unit(&mut self, unit: usize, other: &Faction, from: usize) {
+    /// Replaces a unit by that with the same number of a faction with bodies of the same size.
+    pub fn copy_unit(&mut self, unit: usize, from: &Faction) {
+        floats_mut(&mut self.xs)[unit] = floats(&from.xs)[unit];
+        floats_mut(&mut self.ys)[unit] = floats(&from.ys)[unit];
         let stride = stride(self.body_size);
-        let (to_four, from_four) = (&mut self.positions[unit / WIDTH], &other.positions[from / WIDTH]);
-        to_four.x.as_mut_array()[unit % WIDTH] = from_four.x.as_array()[from % WIDTH];
-        to_four.y.as_mut_array()[unit % WIDTH] = from_four.y.as_array()[from % WIDTH];
         if stride == 1 {
-            let (to, from) =
-                (&mut self.bodies[unit / WIDTH], other.bodies[from / WIDTH].as_array()[from % WIDTH]);
-            to.as_mut_array()[unit % WIDTH] = from;
+            floats_mut(&mut self.bodies)[unit] = floats(&from.bodies)[unit];
         } else {
             let n = stride / WIDTH;
-            for i in 0..n {
-                self.bodies[unit * n + i] = other.bodies[from * n + i];
-            }
+            let (to, from) =
+                (&mut self.bodies[unit * n..(unit + 1) * n], &from.bodies[unit * n..(unit + 1) * n]);
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
         }
     }
+}
+
+fn floats(column: &[F32x4]) -> &[f32] {
+    cast_slice(column)
+}
+
+fn floats_mut(column: &mut [F32x4]) -> &mut [f32] {
+    cast_slice_mut(column)
 }
 
 /// A unit is in sight if its squared distance is at most this. What counts is that the root, the distance, is less
@@ -159,14 +178,45 @@ pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
 ///
 /// [`distance_squared`]: crate::units::distance_squared
 #[inline]
-pub(crate) fn distances_squared(from: Vec2, to: &Vec2x4) -> [f64x2; 2] {
+pub(crate) fn distances_squared(from: Vec2, xs: F32x4, ys: F32x4) -> [f64x2; 2] {
     let offset =
         |from: f32, [a, b]: [f32; 2]| f64x2::splat(f64::from(from)) - f64x2::new([a.into(), b.into()]);
-    let [xs, ys] = [to.x, to.y].map(|four| four.to_array());
+    let (xs, ys) = (xs.to_array(), ys.to_array());
     [0, 2].map(|i| {
         let (dx, dy) = (offset(from.x, [xs[i], xs[i + 1]]), offset(from.y, [ys[i], ys[i + 1]]));
         dx * dx + dy * dy
     })
+}
+
+/// The units among up to [`MASK_BITS`] that are within targeting range of a position, as bits.
+#[inline]
+pub(crate) fn within_targeting_range(from: Vec2, xs: &[F32x4], ys: &[F32x4]) -> u64 {
+    const WITHIN: f32 = TARGETING_SQUARED as f32;
+    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two subtractions, the two
+    // squares and the sum each add at most a relative 2^-24, and those of the offsets count twice. So unless one
+    // is nearer to 36 than ten times that, all comparisons are right.
+    const UNSURE: f32 = 1e-4;
+    let (x, y) = (F32x4::splat(from.x), F32x4::splat(from.y));
+    let mut within = 0;
+    let mut nearest_to_range = F32x4::splat(f32::INFINITY);
+    for (i, (xs, ys)) in xs.iter().zip(ys).enumerate() {
+        let (dx, dy) = (*xs - x, *ys - y);
+        // Its sign is the result of the comparison.
+        let beyond = dx * dx + dy * dy - F32x4::splat(WITHIN);
+        nearest_to_range = nearest_to_range.fast_min(beyond.abs());
+        within |= u64::from(beyond.to_bitmask()) << (WIDTH * i);
+    }
+    if nearest_to_range.simd_lt(F32x4::splat(UNSURE)).any() {
+        within = exactly_within_targeting_range(from, xs, ys);
+    }
+    within
+}
+
+#[cold]
+fn exactly_within_targeting_range(from: Vec2, xs: &[F32x4], ys: &[F32x4]) -> u64 {
+    let within = |xs, ys| at_most(distances_squared(from, xs, ys), TARGETING_SQUARED).to_bitmask();
+    let fours = xs.iter().zip(ys).enumerate();
+    fours.fold(0, |mask, (i, (&xs, &ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
 }
 
 /// Which of four numbers are at most `bound`.

@@ -8,12 +8,13 @@ use crate::arena::Arena;
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
-    // The dead have zeros only.
-    out.fill(0.0);
     // A body is written where its health, which it begins with, stands before the shield; then what comes
     // before it, and health again. The zeros that follow a body may end up in the next block, which is written
     // later.
     let (features, gathered) = (&arena.features, view.gathered);
+    let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
+    // The dead have zeros only.
+    out[..sizes.n_agents * ally + sizes.n_enemies * enemy].fill(0.0);
     let mut begin = 0;
     for (unit, &id) in arena.agents.iter().enumerate() {
         if view.units.alive[id as usize] {
@@ -22,7 +23,7 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
             let [x, y] = features.relative(view.units.pos[id as usize]);
             block[..4].copy_from_slice(&[gathered.allies.health(unit), energy_or_cooldown(view, id), x, y]);
         }
-        begin += 3 + features.ally_body();
+        begin += ally;
     }
     for (unit, &id) in arena.enemies.iter().enumerate() {
         if view.units.alive[id as usize] {
@@ -31,9 +32,10 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
             let [x, y] = features.relative(view.units.pos[id as usize]);
             block[..3].copy_from_slice(&[gathered.enemies.health(unit), x, y]);
         }
-        begin += 2 + features.enemy_body();
+        begin += enemy;
     }
     for (action, one_hot) in last_actions.iter().zip(out[begin..].chunks_exact_mut(sizes.n_actions)) {
+        one_hot.fill(0.0);
         if let Some(action) = action {
             one_hot[*action as usize] = 1.0;
         }
