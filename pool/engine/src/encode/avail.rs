@@ -6,7 +6,7 @@ use wide::{u8x16, u16x8};
 use super::gathered::{Gathered, within_targeting_range};
 use crate::arena::{Arena, Sizes};
 use crate::command::action;
-use crate::simd::{MASK_BITS, WIDTH};
+use crate::simd::MASK_BITS;
 use crate::units::Units;
 
 /// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
@@ -73,14 +73,14 @@ impl Available {
             let is_healer = arena.stats(id).is_healer;
             // Planes do not matter here: a target that the unit cannot attack is available, too.
             let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
-            let mut fours = targets.xs.chunks(MASK_BITS / WIDTH).zip(targets.ys.chunks(MASK_BITS / WIDTH));
             // Bits of the next word, which precede those of the next targets.
             let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
             for (i, word) in row.iter_mut().enumerate() {
+                let begin = (i * MASK_BITS).min(targets.xs.len());
                 let mut in_range =
-                    fours.next().map_or(0, |(xs, ys)| within_targeting_range(position, xs, ys));
+                    within_targeting_range(position, &targets.xs[begin..], &targets.ys[begin..]);
                 if is_healer {
-                    in_range &= !healers(arena, i * MASK_BITS);
+                    in_range &= !healers(arena, begin);
                 }
                 *word = first_bits | in_range << action::FIRST_TARGET;
                 first_bits = in_range >> (MASK_BITS - action::FIRST_TARGET);
@@ -93,7 +93,7 @@ impl Available {
 fn spread(bits: u16) -> [u8; 16] {
     // Each of eight bytes has the low or the high half of the bits, of which it keeps one.
     let half = u8x16::new([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1]);
-    let bit = u8x16::new(std::array::from_fn(|i| (1 << (i % 8))));
+    let bit = u8x16::new(std::array::from_fn(|i| 1 << (i % 8)));
     let halves: u8x16 = cast(u16x8::splat(bits.to_le()));
     let bytes = (halves.shuffle_zeroing(half) & bit).simd_eq(bit) & u8x16::splat(1);
     cast(bytes)
@@ -102,5 +102,5 @@ fn spread(bits: u16) -> [u8; 16] {
 /// Which of 64 agents, from this one on, are healers. Healers heal neither themselves nor other healers.
 fn healers(arena: &Arena, first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
-    arena.agents[first..].iter().take(MASK_BITS).enumerate().map(bit).sum()
+    arena.agents.iter().skip(first).take(MASK_BITS).enumerate().map(bit).sum()
 }

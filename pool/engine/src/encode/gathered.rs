@@ -2,12 +2,12 @@
 //! features that do not depend on the observer.
 
 use glam::Vec2;
-use wide::bytemuck::{cast, cast_slice, cast_slice_mut};
+use wide::bytemuck::cast;
 use wide::f64x2;
 
 use super::ratio;
 use crate::arena::{Arena, UnitStats};
-use crate::simd::{F32x4, Mask, WIDTH};
+use crate::simd::{F32x4, MASK_BITS, Mask, WIDTH};
 use crate::units::Units;
 use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
@@ -25,7 +25,8 @@ impl Gathered {
         let of = |ids: &[u32], size, has_shield| {
             let mut faction = Faction::new(ids.len(), size);
             for (unit, &id) in ids.iter().enumerate().filter(|_| features.n_types > 0) {
-                faction.body_mut(unit)[1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
+                let body = unit * stride(size);
+                faction.bodies[body + 1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
             }
             faction
         };
@@ -45,15 +46,15 @@ impl Gathered {
 
 /// The units of one faction, by in-faction id.
 ///
-/// Columns are read in whole registers. Coordinates that complete the last register are infinite, as are those
-/// of dead units: they are out of sight of every unit. Bodies begin at multiples of [`stride`]; what follows a
-/// body up to the next is 0.
-#[derive(Clone, Debug, Default)]
+/// Columns are read in whole registers, from any unit on, so they are longer than there are units. Coordinates
+/// beyond the last unit are infinite, as are those of dead units: they are out of sight of every unit. Bodies
+/// begin at multiples of [`stride`]; what follows a body up to the next is 0.
+#[derive(Clone, Debug)]
 pub(crate) struct Faction {
-    pub xs: Vec<F32x4>,
-    pub ys: Vec<F32x4>,
+    pub xs: Vec<f32>,
+    pub ys: Vec<f32>,
     /// Health, \[shield\], \[type\] of one unit after the other; those of dead units are stale.
-    pub bodies: Vec<F32x4>,
+    pub bodies: Vec<f32>,
     pub body_size: usize,
 }
 
@@ -64,25 +65,19 @@ pub(crate) const fn stride(body_size: usize) -> usize {
 }
 
 impl Faction {
-    /// Units at infinity, with bodies of zeros.
     fn new(n_units: usize, body_size: usize) -> Faction {
-        let mut faction = Faction::default();
-        faction.resize(n_units, body_size);
-        faction
-    }
-
-    fn resize(&mut self, n_units: usize, body_size: usize) {
-        let n_registers = n_units.div_ceil(WIDTH);
-        self.xs.resize(n_registers, F32x4::splat(f32::INFINITY));
-        self.ys.resize(n_registers, F32x4::splat(f32::INFINITY));
-        self.bodies.resize(n_registers * stride(body_size), F32x4::ZERO);
-        self.body_size = body_size;
+        let length = n_units + WIDTH - 1;
+        Faction {
+            xs: vec![f32::INFINITY; length],
+            ys: vec![f32::INFINITY; length],
+            bodies: vec![0.0; length * stride(body_size)],
+            body_size,
+        }
     }
 
     fn update(&mut self, arena: &Arena, units: &Units, ids: &[u32], has_shield: bool) {
-        let stride = stride(self.body_size);
-        let bodies = floats_mut(&mut self.bodies).chunks_exact_mut(stride);
-        let positions = floats_mut(&mut self.xs).iter_mut().zip(floats_mut(&mut self.ys));
+        let positions = self.xs.iter_mut().zip(&mut self.ys);
+        let bodies = self.bodies.chunks_exact_mut(stride(self.body_size));
         for ((&id, (x, y)), body) in ids.iter().zip(positions).zip(bodies) {
             let i = id as usize;
             if !units.alive[i] {
@@ -101,68 +96,32 @@ impl Faction {
 
     /// The position of a unit; infinite if it is dead.
     pub fn position(&self, unit: usize) -> Vec2 {
-        Vec2::new(floats(&self.xs)[unit], floats(&self.ys)[unit])
+        Vec2::new(self.xs[unit], self.ys[unit])
     }
 
-    /// Health of a unit, as a share of its maximum.
-    pub fn health(&self, unit: usize) -> f32 {
-        floats(&self.bodies)[unit * stride(self.body_size)]
+    /// The position and the body of each unit, and of some at infinity.
+    pub fn units(&self) -> impl Iterator<Item = (Vec2, &[f32])> {
+        let positions = self.xs.iter().zip(&self.ys).map(|(&x, &y)| Vec2::new(x, y));
+        positions.zip(self.bodies.chunks_exact(stride(self.body_size)))
     }
 
-    /// Writes health, \[shield\], \[type\] of a unit, and zeros up to a multiple of the register's width if that
-    /// is more than one float.
-    pub fn write_body(&self, unit: usize, out: &mut [f32]) {
+    /// Health, \[shield\], \[type\] of a unit, and zeros up to the next.
+    pub fn body(&self, unit: usize) -> &[f32] {
         let stride = stride(self.body_size);
-        let body = &floats(&self.bodies)[unit * stride..(unit + 1) * stride];
-        if stride == 1 {
-            out[0] = body[0];
-        } else {
-            for (out, four) in out.chunks_exact_mut(WIDTH).zip(body.chunks_exact(WIDTH)) {
-                out.copy_from_slice(four);
-            }
-        }
-    }
-
-    fn body_mut(&mut self, unit: usize) -> &mut [f32] {
-        let begin = unit * stride(self.body_size);
-        &mut floats_mut(&mut self.bodies)[begin..begin + self.body_size]
-    }
-
-    /// Becomes all of `n_units` units but the first.
-    pub fn copy_all_but_first(&mut self, all: &Faction, n_units: usize) {
-        self.resize(n_units - 1, all.body_size);
-        let columns = [
-            (&mut self.xs, &all.xs, 1),
-            (&mut self.ys, &all.ys, 1),
-            (&mut self.bodies, &all.bodies, stride(all.body_size)),
-        ];
-        for (to, from, size) in columns {
-            floats_mut(to)[..(n_units - 1) * size].copy_from_slice(&floats(from)[size..n_units * size]);
-        }
-    }
-
-    /// Replaces a unit by that with the same number of a faction with bodies of the same size.
-    pub fn copy_unit(&mut self, unit: usize, from: &Faction) {
-        floats_mut(&mut self.xs)[unit] = floats(&from.xs)[unit];
-        floats_mut(&mut self.ys)[unit] = floats(&from.ys)[unit];
-        let stride = stride(self.body_size);
-        if stride == 1 {
-            floats_mut(&mut self.bodies)[unit] = floats(&from.bodies)[unit];
-        } else {
-            let n = stride / WIDTH;
-            let (to, from) =
-                (&mut self.bodies[unit * n..(unit + 1) * n], &from.bodies[unit * n..(unit + 1) * n]);
-            to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
-        }
+        &self.bodies[unit * stride..(unit + 1) * stride]
     }
 }
 
-fn floats(column: &[F32x4]) -> &[f32] {
-    cast_slice(column)
-}
-
-fn floats_mut(column: &mut [F32x4]) -> &mut [f32] {
-    cast_slice_mut(column)
+/// Writes a [body](Faction::body) with the zeros that follow it.
+#[inline]
+pub(crate) fn write_body(body: &[f32], out: &mut [f32]) {
+    if body.len() == 1 {
+        out[0] = body[0];
+    } else {
+        for (out, four) in out.chunks_exact_mut(WIDTH).zip(body.chunks_exact(WIDTH)) {
+            out.copy_from_slice(four);
+        }
+    }
 }
 
 /// A unit is in sight if its squared distance is at most this. What counts is that the root, the distance, is less
@@ -178,29 +137,28 @@ pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
 ///
 /// [`distance_squared`]: crate::units::distance_squared
 #[inline]
-pub(crate) fn distances_squared(from: Vec2, xs: F32x4, ys: F32x4) -> [f64x2; 2] {
+pub(crate) fn distances_squared(from: Vec2, xs: [f32; WIDTH], ys: [f32; WIDTH]) -> [f64x2; 2] {
     let offset =
         |from: f32, [a, b]: [f32; 2]| f64x2::splat(f64::from(from)) - f64x2::new([a.into(), b.into()]);
-    let (xs, ys) = (xs.to_array(), ys.to_array());
     [0, 2].map(|i| {
         let (dx, dy) = (offset(from.x, [xs[i], xs[i + 1]]), offset(from.y, [ys[i], ys[i + 1]]));
         dx * dx + dy * dy
     })
 }
 
-/// The units among up to [`MASK_BITS`] that are within targeting range of a position, as bits.
+/// The units among the first [`MASK_BITS`] that are within targeting range of a position, as bits.
 #[inline]
-pub(crate) fn within_targeting_range(from: Vec2, xs: &[F32x4], ys: &[F32x4]) -> u64 {
+pub(crate) fn within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
     const WITHIN: f32 = TARGETING_SQUARED as f32;
-    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two subtractions, the two
-    // squares and the sum each add at most a relative 2^-24, and those of the offsets count twice. So unless one
-    // is nearer to 36 than ten times that, all comparisons are right.
+    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and the sum add
+    // a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than ten times that, all
+    // comparisons are right.
     const UNSURE: f32 = 1e-4;
     let (x, y) = (F32x4::splat(from.x), F32x4::splat(from.y));
     let mut within = 0;
     let mut nearest_to_range = F32x4::splat(f32::INFINITY);
-    for (i, (xs, ys)) in xs.iter().zip(ys).enumerate() {
-        let (dx, dy) = (*xs - x, *ys - y);
+    for (i, (xs, ys)) in fours(xs).zip(fours(ys)).take(MASK_BITS / WIDTH).enumerate() {
+        let (dx, dy) = (F32x4::new(xs) - x, F32x4::new(ys) - y);
         // Its sign is the result of the comparison.
         let beyond = dx * dx + dy * dy - F32x4::splat(WITHIN);
         nearest_to_range = nearest_to_range.fast_min(beyond.abs());
@@ -213,10 +171,16 @@ pub(crate) fn within_targeting_range(from: Vec2, xs: &[F32x4], ys: &[F32x4]) -> 
 }
 
 #[cold]
-fn exactly_within_targeting_range(from: Vec2, xs: &[F32x4], ys: &[F32x4]) -> u64 {
+fn exactly_within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
     let within = |xs, ys| at_most(distances_squared(from, xs, ys), TARGETING_SQUARED).to_bitmask();
-    let fours = xs.iter().zip(ys).enumerate();
-    fours.fold(0, |mask, (i, (&xs, &ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
+    let fours = fours(xs).zip(fours(ys)).take(MASK_BITS / WIDTH).enumerate();
+    fours.fold(0, |mask, (i, (xs, ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
+}
+
+/// The entries of a column, four at a time.
+#[inline]
+pub(crate) fn fours(column: &[f32]) -> impl Iterator<Item = [f32; WIDTH]> {
+    column.as_chunks().0.iter().copied()
 }
 
 /// Which of four numbers are at most `bound`.

@@ -1,28 +1,29 @@
 //! Observations: what each agent sees within its sight range.
 
+use std::ops::Range;
+
 use glam::Vec2;
 use wide::bytemuck::cast;
 use wide::{f64x2, i32x4};
 
 use super::View;
 use super::gathered::{
-    Faction, Gathered, SIGHT_SQUARED, TARGETING_SQUARED, at_most, distances_squared, rounded, stride,
-    within_targeting_range,
+    Faction, Gathered, SIGHT_SQUARED, TARGETING_SQUARED, at_most, distances_squared, fours, rounded, stride,
+    within_targeting_range, write_body,
 };
 use crate::SIGHT_RANGE;
 use crate::command::action;
 use crate::simd::{F32x4, MASK_BITS, WIDTH};
 
-/// Working memory.
+/// Working memory: a row for those at the end of the output, and what is written beyond it.
 #[derive(Debug, Default)]
 pub(crate) struct ObsScratch {
-    /// The allies of one agent after the other: all agents but this one.
-    others: Faction,
-    /// A row for those at the end of the output, and what is written beyond it.
     row: Vec<f32>,
 }
 
-/// Floats of a block before the body: the mark, distance, dx, dy.
+/// Floats before the enemies: the moves.
+const MOVES: usize = 4;
+/// Floats of a unit before its body: the mark, distance, dx, dy.
 const HEAD: usize = 4;
 
 /// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
@@ -32,88 +33,68 @@ const HEAD: usize = 4;
 /// elsewhere and copied.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
-    let sizes = view.arena.sizes();
+    let (sizes, features) = (view.arena.sizes(), &view.arena.features);
     let row_len = out.len() / sizes.n_agents;
     assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
-    let ObsScratch { others, row: last_row } = scratch;
-    let allies = &view.gathered.allies;
-    others.copy_all_but_first(allies, sizes.n_agents);
-    let layout = Layout::new(view, row_len);
+    let (enemy_body, ally_body) = (features.enemy_body(), features.ally_body());
+    // Up to three units too many, and a body of whole registers.
+    let extent = row_len + (WIDTH - 1) * (HEAD + enemy_body.max(ally_body)) + WIDTH - 1;
+    let writer = RowWriter {
+        view,
+        allies: MOVES + sizes.n_enemies * (HEAD + enemy_body),
+        row_len,
+        write_enemies: writer(enemy_body),
+        write_allies: writer(ally_body),
+    };
     for agent in 0..sizes.n_agents {
-        if agent > 0 {
-            // The others of this agent are those of the last one, with the last one in the place of this one.
-            others.copy_unit(agent - 1, allies);
-        }
         let begin = agent * row_len;
-        if let Some(row) = out.get_mut(begin..begin + layout.extent) {
-            layout.write_row(view, others, agent, row);
+        if let Some(row) = out.get_mut(begin..begin + extent) {
+            writer.write(agent, row);
         } else {
-            last_row.resize(layout.extent, 0.0);
-            layout.write_row(view, others, agent, last_row);
-            out[begin..begin + row_len].copy_from_slice(&last_row[..row_len]);
+            scratch.row.resize(extent, 0.0);
+            writer.write(agent, &mut scratch.row);
+            out[begin..begin + row_len].copy_from_slice(&scratch.row[..row_len]);
         }
     }
 }
 
-/// Where the parts of a row begin, and how its blocks are written.
-struct Layout {
+struct RowWriter<'a> {
+    view: &'a View<'a>,
+    /// Floats before the allies.
     allies: usize,
-    own: usize,
-    rest: usize,
-    end: usize,
-    /// Floats from the start of a row that writing it may touch.
-    extent: usize,
+    row_len: usize,
     write_enemies: WriteUnits,
     write_allies: WriteUnits,
 }
 
-impl Layout {
-    fn new(view: &View, row_len: usize) -> Layout {
-        let (sizes, features) = (view.arena.sizes(), &view.arena.features);
-        let (enemy, ally) = (features.enemy_body(), features.ally_body());
-        let (enemies, rest) = (4, sizes.obs_size);
-        let (allies, own) = (enemies + sizes.n_enemies * (HEAD + enemy), rest - ally);
-        // The end of the last of four units, and of the last register of its body.
-        let extent = |begin, n_units: usize, body| {
-            begin + n_units.next_multiple_of(WIDTH) * (HEAD + body) + stride(body) - body
-        };
-        let extents = [
-            extent(enemies, sizes.n_enemies, enemy),
-            extent(allies, sizes.n_agents - 1, ally),
-            own + stride(ally),
-        ];
-        Layout {
-            allies,
-            own,
-            rest,
-            end: row_len,
-            extent: extents.into_iter().fold(row_len, usize::max),
-            write_enemies: writer(enemy),
-            write_allies: writer(ally),
-        }
-    }
-
-    #[inline]
-    fn write_row(&self, view: &View, others: &Faction, agent: usize, row: &mut [f32]) {
-        let gathered = view.gathered;
-        let available = view.available.of(agent)[0];
+impl RowWriter<'_> {
+    /// Writes a row, and anything beyond it.
+    fn write(&self, agent: usize, row: &mut [f32]) {
+        let View { arena, gathered: Gathered { allies, enemies }, available, .. } = self.view;
+        let available = available.of(agent)[0];
         if available == 1 << action::NO_OP {
             // The agent is dead.
-            row[..self.end].fill(0.0);
+            row[..self.row_len].fill(0.0);
             return;
         }
-        row[..4].copy_from_slice(move_features(available).as_array());
-        let position = gathered.allies.position(agent);
-        if view.arena.stats(view.arena.agents[agent]).is_healer {
-            (self.write_enemies)(&gathered.enemies, position, SIGHT_SQUARED, &mut row[4..]);
-            mark_healable(view, position, agent, &mut row[4..]);
+        row[..MOVES].copy_from_slice(move_features(available).as_array());
+        let position = allies.position(agent);
+        let blocks = &mut row[MOVES..];
+        if arena.stats(arena.agents[agent]).is_healer {
+            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, SIGHT_SQUARED, blocks);
+            mark_healable(self.view, position, agent, blocks);
         } else {
-            (self.write_enemies)(&gathered.enemies, position, TARGETING_SQUARED, &mut row[4..]);
+            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, TARGETING_SQUARED, blocks);
         }
-        (self.write_allies)(others, position, SIGHT_SQUARED, &mut row[self.allies..]);
-        gathered.allies.write_body(agent, &mut row[self.own..]);
-        if self.end > self.rest {
-            row[self.rest..self.end].fill(0.0);
+        // An agent has no block in its own row.
+        let (before, after) = (0..agent, agent + 1..arena.agents.len());
+        let own_block = self.allies + agent * (HEAD + allies.body_size);
+        (self.write_allies)(allies, before, position, SIGHT_SQUARED, &mut row[self.allies..]);
+        (self.write_allies)(allies, after, position, SIGHT_SQUARED, &mut row[own_block..]);
+        let end = arena.sizes().obs_size;
+        write_body(allies.body(agent), &mut row[end - allies.body_size..]);
+        if self.row_len > end {
+            row[end..self.row_len].fill(0.0);
         }
     }
 }
@@ -130,23 +111,23 @@ fn move_features(available: u64) -> F32x4 {
 /// which the available actions exclude.
 fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
     let Gathered { allies, enemies } = view.gathered;
-    let mut blocks =
-        blocks.chunks_exact_mut(HEAD + enemies.body_size).take(view.arena.enemies.len()).enumerate();
-    let mut fours = allies.xs.chunks(MASK_BITS / WIDTH).zip(allies.ys.chunks(MASK_BITS / WIDTH));
-    while blocks.len() > 0 {
-        let in_range = fours.next().map_or(0, |(xs, ys)| within_targeting_range(healer, xs, ys));
-        for (enemy, block) in blocks.by_ref().take(MASK_BITS) {
-            // It is 1 as yet if the enemy is seen.
-            if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
-                block[0] = 0.0;
-            }
+    let mut in_range = 0;
+    let blocks = blocks.chunks_exact_mut(HEAD + enemies.body_size);
+    for (enemy, block) in blocks.take(view.arena.enemies.len()).enumerate() {
+        if enemy % MASK_BITS == 0 {
+            let from = enemy.min(allies.xs.len());
+            in_range = within_targeting_range(healer, &allies.xs[from..], &allies.ys[from..]);
+        }
+        // It is 1 as yet if the enemy is seen.
+        if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
+            block[0] = 0.0;
         }
     }
 }
 
-/// Writes the blocks of units for an observer at a position: a mark, which is 1 for units that are seen and
-/// whose squared distance is at most the third argument, distance, dx, dy, and the body.
-type WriteUnits = fn(&Faction, Vec2, f64, &mut [f32]);
+/// Writes the blocks of a range of units for an observer at a position: a mark, which is 1 for units that are
+/// seen and whose squared distance is at most the fourth argument, distance, dx, dy, and the body.
+type WriteUnits = fn(&Faction, Range<usize>, Vec2, f64, &mut [f32]);
 
 /// [`write_units`] for bodies of this size.
 fn writer(body_size: usize) -> WriteUnits {
@@ -164,35 +145,42 @@ fn writer(body_size: usize) -> WriteUnits {
 }
 
 /// `BODY` is the size of bodies where it is known to the compiler, and 0 for all others.
-fn write_units<const BODY: usize>(units: &Faction, from: Vec2, marked_within: f64, out: &mut [f32]) {
+fn write_units<const BODY: usize>(
+    units: &Faction,
+    range: Range<usize>,
+    observer: Vec2,
+    marked_within: f64,
+    out: &mut [f32],
+) {
     let body = if BODY == 0 { units.body_size } else { BODY };
     let (block, stride) = (HEAD + body, stride(body));
-    let (x, y, range) = (F32x4::splat(from.x), F32x4::splat(from.y), F32x4::splat(SIGHT_RANGE as f32));
+    let (x, y, sight) =
+        (F32x4::splat(observer.x), F32x4::splat(observer.y), F32x4::splat(SIGHT_RANGE as f32));
+    let positions = fours(&units.xs[range.start..]).zip(fours(&units.ys[range.start..]));
+    let bodies = units.bodies[range.start * stride..].chunks_exact(WIDTH * stride);
     let mut rest = out;
-    let positions = units.xs.iter().zip(&units.ys);
-    for ((&xs, &ys), bodies) in positions.zip(units.bodies.chunks_exact(stride)) {
+    for ((xs, ys), bodies) in positions.zip(bodies).take(range.len().div_ceil(WIDTH)) {
         let blocks = &mut rest[..WIDTH * block + stride - body];
-        let squared = distances_squared(from, xs, ys);
+        let squared = distances_squared(observer, xs, ys);
         let is_seen = at_most(squared, SIGHT_SQUARED);
         if is_seen.any() {
             // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the
             // published environment.
             let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
+            let (dx, dy) = (F32x4::new(xs) - x, F32x4::new(ys) - y);
             let mark = at_most(squared, marked_within) & F32x4::ONE;
-            let heads = [mark, rounded(distance), (xs - x) / range, (ys - y) / range];
-            let heads = F32x4::transpose(heads.map(|column| column & is_seen));
-            for (i, head) in heads.iter().enumerate() {
-                blocks[i * block..i * block + HEAD].copy_from_slice(head.as_array());
+            let heads = [mark, rounded(distance), dx / sight, dy / sight].map(|column| column & is_seen);
+            for (i, head) in F32x4::transpose(heads).iter().enumerate() {
+                let to = &mut blocks[i * block..];
+                to[..HEAD].copy_from_slice(head.as_array());
                 if stride == 1 {
-                    blocks[i * block + HEAD] = (bodies[0] & is_seen).as_array()[i];
-                } else {
-                    let is_seen = F32x4::splat(is_seen.as_array()[i]);
-                    let begin = i * block + HEAD;
-                    let fours = &bodies[i * (stride / WIDTH)..(i + 1) * (stride / WIDTH)];
-                    for (j, four) in fours.iter().enumerate() {
-                        blocks[begin + j * WIDTH..begin + (j + 1) * WIDTH]
-                            .copy_from_slice((*four & is_seen).as_array());
-                    }
+                    to[HEAD] = (register(bodies, 0) & is_seen).as_array()[i];
+                    continue;
+                }
+                let is_seen = F32x4::splat(is_seen.as_array()[i]);
+                for begin in (0..stride).step_by(WIDTH) {
+                    let four = register(bodies, i * stride + begin) & is_seen;
+                    to[HEAD + begin..HEAD + begin + WIDTH].copy_from_slice(four.as_array());
                 }
             }
         } else {
@@ -200,4 +188,10 @@ fn write_units<const BODY: usize>(units: &Faction, from: Vec2, marked_within: f6
         }
         rest = &mut rest[WIDTH * block..];
     }
+}
+
+/// Four floats from this one on.
+#[inline]
+fn register(floats: &[f32], begin: usize) -> F32x4 {
+    F32x4::new(std::array::from_fn(|i| floats[begin + i]))
 }

@@ -1,6 +1,7 @@
 //! The state: features of all units, for centralised training.
 
-use super::{View, ratio};
+use super::gathered::write_body;
+use super::{Gathered, View, ratio};
 use crate::arena::Arena;
 
 /// Writes the state; `last_actions` is indexed by agent.
@@ -8,36 +9,36 @@ use crate::arena::Arena;
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
-    // A body is written where its health, which it begins with, stands before the shield; then what comes
-    // before it, and health again. The zeros that follow a body may end up in the next block, which is written
-    // later.
-    let (features, gathered) = (&arena.features, view.gathered);
+    // The dead have zeros only, and one-hots mostly. In parts, because the C library clears large slices with an
+    // instruction that takes long to start.
+    out.chunks_mut(256).for_each(|part| part.fill(0.0));
+    // A body is written so that what follows its health is in place; then what precedes that, health included.
+    // The zeros at its end may reach into the next block, which is written later.
+    let (features, Gathered { allies, enemies }) = (&arena.features, view.gathered);
     let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
-    // The dead have zeros only.
-    out[..sizes.n_agents * ally + sizes.n_enemies * enemy].fill(0.0);
     let mut begin = 0;
-    for (unit, &id) in arena.agents.iter().enumerate() {
-        if view.units.alive[id as usize] {
+    for (&id, (position, body)) in arena.agents.iter().zip(allies.units()) {
+        if position.x < f32::INFINITY {
             let block = &mut out[begin..];
-            gathered.allies.write_body(unit, &mut block[3..]);
-            let [x, y] = features.relative(view.units.pos[id as usize]);
-            block[..4].copy_from_slice(&[gathered.allies.health(unit), energy_or_cooldown(view, id), x, y]);
+            write_body(body, &mut block[3..]);
+            let [x, y] = features.relative(position);
+            block[..4].copy_from_slice(&[body[0], energy_or_cooldown(view, id), x, y]);
         }
         begin += ally;
     }
-    for (unit, &id) in arena.enemies.iter().enumerate() {
-        if view.units.alive[id as usize] {
+    for (position, body) in enemies.units().take(sizes.n_enemies) {
+        if position.x < f32::INFINITY {
             let block = &mut out[begin..];
-            gathered.enemies.write_body(unit, &mut block[2..]);
-            let [x, y] = features.relative(view.units.pos[id as usize]);
-            block[..3].copy_from_slice(&[gathered.enemies.health(unit), x, y]);
+            write_body(body, &mut block[2..]);
+            let [x, y] = features.relative(position);
+            block[..3].copy_from_slice(&[body[0], x, y]);
         }
         begin += enemy;
     }
-    for (action, one_hot) in last_actions.iter().zip(out[begin..].chunks_exact_mut(sizes.n_actions)) {
-        one_hot.fill(0.0);
+    let one_hots = &mut out[begin..];
+    for (agent, action) in last_actions.iter().enumerate() {
         if let Some(action) = action {
-            one_hot[*action as usize] = 1.0;
+            one_hots[agent * sizes.n_actions + *action as usize] = 1.0;
         }
     }
 }
