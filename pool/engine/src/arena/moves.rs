@@ -37,7 +37,7 @@ impl Moves {
         // One square away from a unit on the map is a neighbouring square, whichever part of its square the unit
         // is in. Off the map that may fail: from -1e-30, `x + 1` is rounded to 1, two squares away.
         if x >= 0.0 && y >= 0.0 && x < self.size.x && y < self.size.y {
-            self.squares[y as usize * self.n_columns + x as usize]
+            self.squares[y as i32 as usize * self.n_columns + x as i32 as usize]
         } else {
             moves_from(terrain, position)
         }

@@ -29,6 +29,11 @@ impl Available {
         &self.bits[agent * self.words..(agent + 1) * self.words]
     }
 
+    /// The first word of the row of an agent.
+    pub fn first_bits(&self, agent: usize) -> u64 {
+        self.bits[agent * self.words]
+    }
+
     /// Whether an action is available to an agent.
     pub fn has(&self, agent: usize, action: usize) -> bool {
         action < self.n_actions && self.of(agent)[action / 64] >> (action % 64) & 1 == 1
@@ -76,11 +81,9 @@ impl Available {
             // Bits of the next word, which precede those of the next targets.
             let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
             for (i, word) in row.iter_mut().enumerate() {
-                let begin = (i * MASK_BITS).min(targets.xs.len());
-                let mut in_range =
-                    within_targeting_range(position, &targets.xs[begin..], &targets.ys[begin..]);
+                let mut in_range = within_targeting_range(position, targets, i * MASK_BITS);
                 if is_healer {
-                    in_range &= !healers(arena, begin);
+                    in_range &= !healers(arena, i * MASK_BITS);
                 }
                 *word = first_bits | in_range << action::FIRST_TARGET;
                 first_bits = in_range >> (MASK_BITS - action::FIRST_TARGET);
@@ -99,7 +102,8 @@ fn spread(bits: u16) -> [u8; 16] {
     cast(bytes)
 }
 
-/// Which of 64 agents, from this one on, are healers. Healers heal neither themselves nor other healers.
+/// Which of [`MASK_BITS`] agents, from this one on, are healers. Healers heal neither themselves nor other healers.
+#[inline(never)]
 fn healers(arena: &Arena, first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
     arena.agents.iter().skip(first).take(MASK_BITS).enumerate().map(bit).sum()

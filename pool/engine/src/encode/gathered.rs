@@ -137,7 +137,7 @@ pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
 ///
 /// [`distance_squared`]: crate::units::distance_squared
 #[inline]
-pub(crate) fn distances_squared(from: Vec2, xs: [f32; WIDTH], ys: [f32; WIDTH]) -> [f64x2; 2] {
+pub(crate) fn distances_squared(from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]) -> [f64x2; 2] {
     let offset =
         |from: f32, [a, b]: [f32; 2]| f64x2::splat(f64::from(from)) - f64x2::new([a.into(), b.into()]);
     [0, 2].map(|i| {
@@ -146,23 +146,26 @@ pub(crate) fn distances_squared(from: Vec2, xs: [f32; WIDTH], ys: [f32; WIDTH]) 
     })
 }
 
-/// The units among the first [`MASK_BITS`] that are within targeting range of a position, as bits.
-#[inline]
-pub(crate) fn within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
+/// Which of [`MASK_BITS`] units, from this one on, are within targeting range of a position, as bits.
+#[inline(never)]
+pub(crate) fn within_targeting_range(from: Vec2, units: &Faction, begin: usize) -> u64 {
     const WITHIN: f32 = TARGETING_SQUARED as f32;
-    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and the sum add
-    // a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than ten times that, all
-    // comparisons are right.
+    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and the sum
+    // add a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than ten times that,
+    // all comparisons are right.
     const UNSURE: f32 = 1e-4;
+    let end = units.xs.len().min(begin + MASK_BITS);
+    let (Some(xs), Some(ys)) = (units.xs.get(begin..end), units.ys.get(begin..end)) else { return 0 };
     let (x, y) = (F32x4::splat(from.x), F32x4::splat(from.y));
-    let mut within = 0;
+    let (mut within, mut shift) = (0, 0);
     let mut nearest_to_range = F32x4::splat(f32::INFINITY);
-    for (i, (xs, ys)) in fours(xs).zip(fours(ys)).take(MASK_BITS / WIDTH).enumerate() {
-        let (dx, dy) = (F32x4::new(xs) - x, F32x4::new(ys) - y);
+    for (xs, ys) in fours(xs).zip(fours(ys)) {
+        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
         // Its sign is the result of the comparison.
         let beyond = dx * dx + dy * dy - F32x4::splat(WITHIN);
         nearest_to_range = nearest_to_range.fast_min(beyond.abs());
-        within |= u64::from(beyond.to_bitmask()) << (WIDTH * i);
+        within |= u64::from(beyond.to_bitmask()) << shift;
+        shift += WIDTH;
     }
     if nearest_to_range.simd_lt(F32x4::splat(UNSURE)).any() {
         within = exactly_within_targeting_range(from, xs, ys);
@@ -173,14 +176,14 @@ pub(crate) fn within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 
 #[cold]
 fn exactly_within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
     let within = |xs, ys| at_most(distances_squared(from, xs, ys), TARGETING_SQUARED).to_bitmask();
-    let fours = fours(xs).zip(fours(ys)).take(MASK_BITS / WIDTH).enumerate();
+    let fours = fours(xs).zip(fours(ys)).enumerate();
     fours.fold(0, |mask, (i, (xs, ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
 }
 
 /// The entries of a column, four at a time.
 #[inline]
-pub(crate) fn fours(column: &[f32]) -> impl Iterator<Item = [f32; WIDTH]> {
-    column.as_chunks().0.iter().copied()
+pub(crate) fn fours(column: &[f32]) -> impl Iterator<Item = &[f32; WIDTH]> {
+    column.as_chunks().0.iter()
 }
 
 /// Which of four numbers are at most `bound`.

@@ -37,8 +37,8 @@ pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) 
     let row_len = out.len() / sizes.n_agents;
     assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
     let (enemy_body, ally_body) = (features.enemy_body(), features.ally_body());
-    // Up to three units too many, and a body of whole registers.
-    let extent = row_len + (WIDTH - 1) * (HEAD + enemy_body.max(ally_body)) + WIDTH - 1;
+    // Up to three units too many, or an own body of whole registers.
+    let extent = row_len + (WIDTH - 1) * (HEAD + enemy_body.max(ally_body));
     let writer = RowWriter {
         view,
         allies: MOVES + sizes.n_enemies * (HEAD + enemy_body),
@@ -71,7 +71,7 @@ impl RowWriter<'_> {
     /// Writes a row, and anything beyond it.
     fn write(&self, agent: usize, row: &mut [f32]) {
         let View { arena, gathered: Gathered { allies, enemies }, available, .. } = self.view;
-        let available = available.of(agent)[0];
+        let available = available.first_bits(agent);
         if available == 1 << action::NO_OP {
             // The agent is dead.
             row[..self.row_len].fill(0.0);
@@ -115,8 +115,7 @@ fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
     let blocks = blocks.chunks_exact_mut(HEAD + enemies.body_size);
     for (enemy, block) in blocks.take(view.arena.enemies.len()).enumerate() {
         if enemy % MASK_BITS == 0 {
-            let from = enemy.min(allies.xs.len());
-            in_range = within_targeting_range(healer, &allies.xs[from..], &allies.ys[from..]);
+            in_range = within_targeting_range(healer, allies, enemy);
         }
         // It is 1 as yet if the enemy is seen.
         if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
@@ -156,37 +155,39 @@ fn write_units<const BODY: usize>(
     let (block, stride) = (HEAD + body, stride(body));
     let (x, y, sight) =
         (F32x4::splat(observer.x), F32x4::splat(observer.y), F32x4::splat(SIGHT_RANGE as f32));
-    let positions = fours(&units.xs[range.start..]).zip(fours(&units.ys[range.start..]));
-    let bodies = units.bodies[range.start * stride..].chunks_exact(WIDTH * stride);
-    let mut rest = out;
-    for ((xs, ys), bodies) in positions.zip(bodies).take(range.len().div_ceil(WIDTH)) {
-        let blocks = &mut rest[..WIDTH * block + stride - body];
+    let n_units = range.len().next_multiple_of(WIDTH);
+    let (begin, end) = (range.start, range.start + n_units);
+    let positions = fours(&units.xs[begin..end]).zip(fours(&units.ys[begin..end]));
+    let bodies = units.bodies[begin * stride..end * stride].chunks_exact(WIDTH * stride);
+    let blocks = out[..n_units * block].chunks_exact_mut(WIDTH * block);
+    for (((xs, ys), bodies), blocks) in positions.zip(bodies).zip(blocks) {
         let squared = distances_squared(observer, xs, ys);
         let is_seen = at_most(squared, SIGHT_SQUARED);
-        if is_seen.any() {
-            // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the
-            // published environment.
-            let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
-            let (dx, dy) = (F32x4::new(xs) - x, F32x4::new(ys) - y);
-            let mark = at_most(squared, marked_within) & F32x4::ONE;
-            let heads = [mark, rounded(distance), dx / sight, dy / sight].map(|column| column & is_seen);
-            for (i, head) in F32x4::transpose(heads).iter().enumerate() {
-                let to = &mut blocks[i * block..];
-                to[..HEAD].copy_from_slice(head.as_array());
-                if stride == 1 {
-                    to[HEAD] = (register(bodies, 0) & is_seen).as_array()[i];
-                    continue;
-                }
-                let is_seen = F32x4::splat(is_seen.as_array()[i]);
-                for begin in (0..stride).step_by(WIDTH) {
-                    let four = register(bodies, i * stride + begin) & is_seen;
-                    to[HEAD + begin..HEAD + begin + WIDTH].copy_from_slice(four.as_array());
-                }
-            }
-        } else {
-            blocks[..WIDTH * block].fill(0.0);
+        if !is_seen.any() {
+            blocks.fill(0.0);
+            continue;
         }
-        rest = &mut rest[WIDTH * block..];
+        // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
+        // environment.
+        let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
+        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
+        let mark = at_most(squared, marked_within) & F32x4::ONE;
+        let heads = [mark, rounded(distance), dx / sight, dy / sight].map(|column| column & is_seen);
+        for (i, head) in F32x4::transpose(heads).iter().enumerate() {
+            let to = &mut blocks[i * block..];
+            to[..HEAD].copy_from_slice(head.as_array());
+            if stride == 1 {
+                to[HEAD] = (register(bodies, 0) & is_seen).as_array()[i];
+                continue;
+            }
+            let is_seen = F32x4::splat(is_seen.as_array()[i]);
+            for begin in (0..stride).step_by(WIDTH) {
+                let four = register(bodies, i * stride + begin) & is_seen;
+                // What follows a body is written over by the next unit, which the last of four does not have.
+                let n = if i + 1 < WIDTH { WIDTH } else { WIDTH.min(body - begin) };
+                to[HEAD + begin..HEAD + begin + n].copy_from_slice(&four.as_array()[..n]);
+            }
+        }
     }
 }
 
