@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::arena::{Arena, Sizes};
 use crate::command::{Command, IllegalAction, action};
-use crate::encode::{self, Available, UnitFeatures};
+use crate::encode::{self, Available, Gathered, UnitFeatures};
 use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::scratch::Scratch;
@@ -26,6 +26,7 @@ pub struct Battle {
     alive_ids: AliveIds,
     neighbour_order: NeighbourOrder,
     last_actions: Vec<Option<u32>>,
+    gathered: Gathered,
     available: Available,
     generator: Generator,
     episode_length: u32,
@@ -37,6 +38,7 @@ impl Battle {
     /// environment with that seed.
     pub fn new(arena: Arc<Arena>, seed: u64) -> Battle {
         let mut battle = Battle {
+            gathered: Gathered::new(&arena),
             available: Available::new(&arena.sizes()),
             arena,
             units: Units::default(),
@@ -81,10 +83,16 @@ impl Battle {
         self.refresh_derived();
     }
 
-    /// Computes what follows from the units: which are alive, and which actions are available.
+    /// Computes what follows from the units: which are alive, and what the encoders read.
     fn refresh_derived(&mut self) {
         self.alive_ids.refresh(&self.arena, &self.units);
-        self.available.update(&self.arena, &self.units, &self.alive_ids);
+        self.refresh_encoded();
+    }
+
+    /// Computes what the encoders read: the gathered units, and the available actions.
+    fn refresh_encoded(&mut self) {
+        self.gathered.update(&self.arena, &self.units);
+        self.available.update(&self.arena, &self.units, &self.gathered);
     }
 
     /// Whether [`step`](Self::step) accepts this joint action, one number per agent.
@@ -241,7 +249,7 @@ impl Battle {
     }
 
     fn finish_step(&mut self, earned: f64) -> Step {
-        self.available.update(&self.arena, &self.units, &self.alive_ids);
+        self.refresh_encoded();
         // A win is that no enemy is alive, also if the last agent died in the same tick. At the time limit
         // only this counts, not the health that is left: a truncated episode is not won.
         let battle_won = self.alive_ids.enemies.is_empty();
@@ -342,7 +350,12 @@ impl Battle {
     }
 
     fn view(&self) -> encode::View<'_> {
-        encode::View { arena: &self.arena, units: &self.units, available: &self.available }
+        encode::View {
+            arena: &self.arena,
+            units: &self.units,
+            gathered: &self.gathered,
+            available: &self.available,
+        }
     }
 
     /// The current state of all units.

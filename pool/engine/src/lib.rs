@@ -36,7 +36,9 @@
 //! | rewards: earning | `tick/targeters.rs` (`hit`, `explode`) |
 //! | rewards: scaling | `arena/mod.rs` (`scale_reward`) |
 //! | victory, defeat and the time limit | `battle.rs` (`finish_step`) |
-//! | available actions: targeting range, moves near walls | `encode/avail.rs` |
+//! | available actions: targets | `encode/avail.rs` |
+//! | available actions: moves near walls | `arena/moves.rs` |
+//! | targeting range | `encode/gathered.rs` |
 //! | sight range and observations | `encode/obs.rs` |
 //! | the state | `encode/state.rs` |
 //! | differences between the rule sets `smaclite` and `paper`, R1 to R4 | `rules.rs` |

@@ -6,6 +6,7 @@
 mod cells;
 mod edges;
 mod line_choice;
+mod moves;
 mod partition;
 mod unit_stats;
 
@@ -13,12 +14,13 @@ use glam::{DVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Placement, Scenario, Terrain};
 
+pub(crate) use cells::EdgesByCell;
 pub(crate) use edges::{Edge, left_of};
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
-pub(crate) use cells::EdgesByCell;
+use moves::Moves;
 
 /// Everything about a scenario that never changes, under one rule set; shared by `Arc` between battles.
 #[derive(Debug)]
@@ -35,6 +37,7 @@ pub struct Arena {
     pub(crate) edges: EdgesByCell,
     /// The parameters of collision avoidance of each unit, by battle-wide id.
     pub(crate) avoidance: Vec<AvoidanceParams>,
+    moves: Moves,
     /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
     /// What phases 1 and 2 read of each unit, by battle-wide id.
@@ -141,6 +144,7 @@ impl Arena {
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
             approaches,
             regenerations: all_stats.iter().map(Regeneration::new).collect(),
+            moves: Moves::new(&scenario.terrain),
             n_types: types.len(),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
@@ -201,6 +205,11 @@ impl Arena {
 
     pub(crate) fn id_in_faction(&self, id: u32) -> usize {
         self.id_in_faction[id as usize]
+    }
+
+    /// The moves that are available to a unit at a position, in the order of their actions from the lowest bit on.
+    pub(crate) fn moves(&self, position: Vec2) -> u8 {
+        self.moves.from(&self.terrain, position)
     }
 
     /// Whether the attacker can attack the plane of the victim; of healers: whether it can heal it.

@@ -1,12 +1,13 @@
 //! The available actions of each agent, as bits; computed once after each step, reset or restore.
 
-use glam::Vec2;
+use wide::bytemuck::cast;
+use wide::{u8x16, u16x8};
 
-use crate::TARGETING_RANGE;
+use super::gathered::{Gathered, within_targeting_range};
 use crate::arena::{Arena, Sizes};
-use crate::command::{DIRECTIONS, action};
-use crate::fast_math::floor;
-use crate::units::{AliveIds, Units, distance_squared};
+use crate::command::action;
+use crate::simd::MASK_BITS;
+use crate::units::Units;
 
 /// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
 #[derive(Clone, Debug)]
@@ -28,6 +29,11 @@ impl Available {
         &self.bits[agent * self.words..(agent + 1) * self.words]
     }
 
+    /// The first word of the row of an agent.
+    pub fn first_bits(&self, agent: usize) -> u64 {
+        self.bits[agent * self.words]
+    }
+
     /// Whether an action is available to an agent.
     pub fn has(&self, agent: usize, action: usize) -> bool {
         action < self.n_actions && self.of(agent)[action / 64] >> (action % 64) & 1 == 1
@@ -37,53 +43,68 @@ impl Available {
     #[inline(never)]
     pub fn write(&self, out: &mut [u8]) {
         assert_eq!(out.len() * self.words, self.bits.len() * self.n_actions, "one byte per agent and action");
-        for (row, out) in self.bits.chunks_exact(self.words).zip(out.chunks_exact_mut(self.n_actions)) {
-            for (word, out) in row.iter().zip(out.chunks_mut(64)) {
-                for (bit, out) in out.iter_mut().enumerate() {
-                    *out = (word >> bit & 1) as u8;
+        let mut rest = out;
+        for row in self.bits.chunks_exact(self.words) {
+            let mut n_left = self.n_actions;
+            for &word in row {
+                let mut bits = word;
+                let n_here = n_left.min(64);
+                for begin in (0..n_here).step_by(16) {
+                    let bytes = spread(bits as u16);
+                    // The last sixteen of a row may end in the next one, which is written later.
+                    match rest.get_mut(begin..begin + 16) {
+                        Some(out) => out.copy_from_slice(&bytes),
+                        None => rest[begin..].iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte),
+                    }
+                    bits >>= 16;
                 }
+                rest = &mut rest[n_here..];
+                n_left -= n_here;
             }
         }
     }
 
     /// Computes all rows.
     #[inline(never)]
-    pub fn update(&mut self, arena: &Arena, units: &Units, alive_ids: &AliveIds) {
+    pub fn update(&mut self, arena: &Arena, units: &Units, gathered: &Gathered) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
-            row.fill(0);
-            let mut allow = |action: usize| row[action / 64] |= 1 << (action % 64);
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {
-                allow(action::NO_OP);
+                row.iter_mut().for_each(|word| *word = 0);
+                row[0] = 1 << action::NO_OP;
                 continue;
             }
-            allow(action::STOP);
             let position = units.pos[id as usize];
-            for (direction, action) in DIRECTIONS.into_iter().zip(action::NORTH..) {
-                if can_move(arena, position, direction) {
-                    allow(action);
-                }
-            }
             let is_healer = arena.stats(id).is_healer;
-            for &target in if is_healer { &alive_ids.allies } else { &alive_ids.enemies } {
-                let squared = distance_squared(position, units.pos[target as usize]);
-                // Healers heal neither themselves nor other healers.
-                let is_targetable = !(is_healer && arena.stats(target).is_healer);
-                // Planes do not matter here: a target that the unit cannot attack is available, too.
-                if is_targetable && squared.sqrt() <= TARGETING_RANGE {
-                    allow(action::FIRST_TARGET + arena.id_in_faction(target));
+            // Planes do not matter here: a target that the unit cannot attack is available, too.
+            let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
+            // Bits of the next word, which precede those of the next targets.
+            let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
+            for (i, word) in row.iter_mut().enumerate() {
+                let mut in_range = within_targeting_range(position, targets, i * MASK_BITS);
+                if is_healer {
+                    in_range &= !healers(arena, i * MASK_BITS);
                 }
+                *word = first_bits | in_range << action::FIRST_TARGET;
+                first_bits = in_range >> (MASK_BITS - action::FIRST_TARGET);
             }
         }
     }
 }
 
-/// Whether a direction is available: whether the square one square away from the unit is on the map and
-/// walkable.
-///
-/// Units and the far end of the move, which is two squares away, do not matter. Near a wall a move may thus
-/// be available that collision avoidance then stops at the wall.
-fn can_move(arena: &Arena, position: Vec2, [dx, dy]: [f64; 2]) -> bool {
-    let (x, y) = (f64::from(position.x) + dx, f64::from(position.y) + dy);
-    arena.terrain.is_walkable(floor(x), floor(y))
+/// Sixteen bits as bytes, lowest bit first.
+fn spread(bits: u16) -> [u8; 16] {
+    // Each of eight bytes has the low or the high half of the bits, of which it keeps one.
+    let half = u8x16::new([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1]);
+    let bit = u8x16::new(std::array::from_fn(|i| 1 << (i % 8)));
+    let halves: u8x16 = cast(u16x8::splat(bits.to_le()));
+    let bytes = (halves.shuffle_zeroing(half) & bit).simd_eq(bit) & u8x16::splat(1);
+    cast(bytes)
+}
+
+/// Which of [`MASK_BITS`] agents, from this one on, are healers. Healers heal neither themselves nor other healers.
+#[inline(never)]
+fn healers(arena: &Arena, first: usize) -> u64 {
+    let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
+    arena.agents.iter().skip(first).take(MASK_BITS).enumerate().map(bit).sum()
 }

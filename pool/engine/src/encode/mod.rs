@@ -2,11 +2,13 @@
 
 mod avail;
 mod features;
+mod gathered;
 mod obs;
 mod state;
 
 pub(crate) use avail::Available;
 pub use features::{FeatureBlock, obs_features, state_features};
+pub(crate) use gathered::Gathered;
 pub(crate) use obs::{ObsScratch, write_obs};
 pub use state::UnitFeatures;
 pub(crate) use state::write_state;
@@ -18,23 +20,8 @@ use crate::units::Units;
 pub(crate) struct View<'a> {
     pub arena: &'a Arena,
     pub units: &'a Units,
+    pub gathered: &'a Gathered,
     pub available: &'a Available,
-}
-
-/// Writes the features of a unit that do not depend on the observer: health, \[shield\], \[type\].
-fn write_body(view: &View, id: u32, out: &mut [f32]) {
-    let (arena, i) = (view.arena, id as usize);
-    let (stats, features) = (arena.stats(id), &arena.features);
-    out.fill(0.0);
-    out[0] = ratio(view.units.hp[i], stats.hp);
-    // A scenario decides per faction whether shields are features, whatever its unit types have.
-    let has_shield = features.has_shield(arena.is_enemy(id));
-    if has_shield {
-        out[1] = ratio(view.units.shield[i], stats.shield);
-    }
-    if features.n_types > 0 {
-        out[1 + usize::from(has_shield) + features.type_of[i]] = 1.0;
-    }
 }
 
 /// A value divided by its maximum; 0 if the maximum is 0.

@@ -1,171 +1,198 @@
 //! Observations: what each agent sees within its sight range.
 
+use std::ops::Range;
+
 use glam::Vec2;
+use wide::bytemuck::cast;
+use wide::{f64x2, i32x4};
 
-use super::{View, write_body};
-use crate::arena::Sizes;
+use super::View;
+use super::gathered::{
+    Faction, Gathered, SIGHT_SQUARED, TARGETING_SQUARED, at_most, distances_squared, fours, rounded, stride,
+    within_targeting_range, write_body,
+};
+use crate::SIGHT_RANGE;
 use crate::command::action;
-use crate::units::distance_squared;
-use crate::{SIGHT_RANGE, TARGETING_RANGE};
+use crate::simd::{F32x4, MASK_BITS, WIDTH};
 
-/// Working memory: the features of every unit, computed once per step rather than once per observer.
+/// Working memory: a row for those at the end of the output, and what is written beyond it.
 #[derive(Debug, Default)]
 pub(crate) struct ObsScratch {
-    allies: FactionScratch,
-    enemies: FactionScratch,
+    row: Vec<f32>,
 }
 
-/// The units of one faction, by in-faction id.
-#[derive(Debug, Default)]
-struct FactionScratch {
-    /// Positions. Dead units are at infinity, out of sight of every unit.
-    positions: Vec<Vec2>,
-    /// Health, \[shield\], \[type\] of one unit after the other.
-    bodies: Vec<f32>,
-    body_size: usize,
-}
-
-impl FactionScratch {
-    fn gather(&mut self, view: &View, ids: &[u32], body_size: usize) {
-        self.body_size = body_size;
-        self.bodies.resize(ids.len() * body_size, 0.0);
-        self.positions.clear();
-        for (&id, body) in ids.iter().zip(self.bodies.chunks_exact_mut(body_size)) {
-            write_body(view, id, body);
-            let alive = view.units.alive[id as usize];
-            self.positions.push(if alive { view.units.pos[id as usize] } else { Vec2::INFINITY });
-        }
-    }
-
-    fn body(&self, unit: usize) -> &[f32] {
-        &self.bodies[unit * self.body_size..(unit + 1) * self.body_size]
-    }
-
-    /// Number of floats for one unit in the row of another.
-    fn block_size(&self) -> usize {
-        4 + self.body_size
-    }
-}
+/// Floats before the enemies: the moves.
+const MOVES: usize = 4;
+/// Floats of a unit before its body: the mark, distance, dx, dy.
+const HEAD: usize = 4;
 
 /// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
+///
+/// A row is written from left to right in whole registers, four units at a time. Each part may end beyond its
+/// end, where the next part, or the next row, is written later. So rows near the end of the output are written
+/// elsewhere and copied.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
-    let (arena, features) = (view.arena, &view.arena.features);
-    let sizes = arena.sizes();
+    let (sizes, features) = (view.arena.sizes(), &view.arena.features);
     let row_len = out.len() / sizes.n_agents;
     assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
-    scratch.allies.gather(view, &arena.agents, features.ally_body());
-    scratch.enemies.gather(view, &arena.enemies, features.enemy_body());
-    for (agent, row) in out.chunks_exact_mut(row_len).enumerate() {
-        // What is not written below stays 0: rows of dead agents, blocks of units out of sight, and what
-        // follows the features.
-        row.fill(0.0);
-        if view.units.alive[arena.agents[agent] as usize] {
-            write_moves(view, agent, row);
-            write_enemies(view, scratch, agent, row);
-            let own = sizes.obs_size - scratch.allies.body_size;
-            row[own..sizes.obs_size].copy_from_slice(scratch.allies.body(agent));
-        }
-    }
-    write_allies(&sizes, scratch, row_len, out);
-}
-
-fn write_moves(view: &View, agent: usize, row: &mut [f32]) {
-    for (i, out) in row[..4].iter_mut().enumerate() {
-        *out = bit(view.available.has(agent, action::NORTH + i));
-    }
-}
-
-/// Writes the enemies that an agent sees.
-///
-/// The first entry of a block says whether target action i is available. A healer's target actions mean
-/// allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
-/// which the available actions exclude.
-fn write_enemies(view: &View, scratch: &ObsScratch, agent: usize, row: &mut [f32]) {
-    let ObsScratch { allies, enemies } = scratch;
-    let own = allies.positions[agent];
-    let is_healer = view.arena.stats(view.arena.agents[agent]).is_healer;
-    let blocks = row[4..].chunks_exact_mut(enemies.block_size());
-    for (enemy, (&position, block)) in enemies.positions.iter().zip(blocks).enumerate() {
-        if let Some(relative) = RelativePosition::of(own, position) {
-            let targetable = if is_healer {
-                allies
-                    .positions
-                    .get(enemy)
-                    .is_some_and(|&ally| enemy != agent && in_targeting_range(own, ally))
-            } else {
-                view.available.has(agent, action::FIRST_TARGET + enemy)
-            };
-            relative.write(bit(targetable), enemies.body(enemy), block);
-        }
-    }
-}
-
-/// Writes the allies that agents see. Sight is mutual, so each pair is computed once.
-fn write_allies(sizes: &Sizes, scratch: &ObsScratch, row_len: usize, out: &mut [f32]) {
-    let allies = &scratch.allies;
-    let size = allies.block_size();
-    let first_block = 4 + sizes.n_enemies * scratch.enemies.block_size();
-    // An agent has no block in its own row.
-    let mut write = |agent: usize, other: usize, relative: &RelativePosition| {
-        let block = if other < agent { other } else { other - 1 };
-        let begin = agent * row_len + first_block + block * size;
-        relative.write(1.0, allies.body(other), &mut out[begin..begin + size]);
+    let (enemy_body, ally_body) = (features.enemy_body(), features.ally_body());
+    // Up to three units too many, or an own body of whole registers.
+    let extent = row_len + (WIDTH - 1) * (HEAD + enemy_body.max(ally_body));
+    let writer = RowWriter {
+        view,
+        allies: MOVES + sizes.n_enemies * (HEAD + enemy_body),
+        row_len,
+        write_enemies: writer(enemy_body),
+        write_allies: writer(ally_body),
     };
-    for (agent, &from) in allies.positions.iter().enumerate() {
-        for (other, &to) in allies.positions.iter().enumerate().skip(agent + 1) {
-            if let Some(relative) = RelativePosition::of(from, to) {
-                write(agent, other, &relative);
-                write(other, agent, &relative.reversed());
+    for agent in 0..sizes.n_agents {
+        let begin = agent * row_len;
+        if let Some(row) = out.get_mut(begin..begin + extent) {
+            writer.write(agent, row);
+        } else {
+            scratch.row.resize(extent, 0.0);
+            writer.write(agent, &mut scratch.row);
+            out[begin..begin + row_len].copy_from_slice(&scratch.row[..row_len]);
+        }
+    }
+}
+
+struct RowWriter<'a> {
+    view: &'a View<'a>,
+    /// Floats before the allies.
+    allies: usize,
+    row_len: usize,
+    write_enemies: WriteUnits,
+    write_allies: WriteUnits,
+}
+
+impl RowWriter<'_> {
+    /// Writes a row, and anything beyond it.
+    fn write(&self, agent: usize, row: &mut [f32]) {
+        let View { arena, gathered: Gathered { allies, enemies }, available, .. } = self.view;
+        let available = available.first_bits(agent);
+        if available == 1 << action::NO_OP {
+            // The agent is dead.
+            row[..self.row_len].fill(0.0);
+            return;
+        }
+        row[..MOVES].copy_from_slice(move_features(available).as_array());
+        let position = allies.position(agent);
+        let blocks = &mut row[MOVES..];
+        if arena.stats(arena.agents[agent]).is_healer {
+            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, SIGHT_SQUARED, blocks);
+            mark_healable(self.view, position, agent, blocks);
+        } else {
+            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, TARGETING_SQUARED, blocks);
+        }
+        // An agent has no block in its own row.
+        let (before, after) = (0..agent, agent + 1..arena.agents.len());
+        let own_block = self.allies + agent * (HEAD + allies.body_size);
+        (self.write_allies)(allies, before, position, SIGHT_SQUARED, &mut row[self.allies..]);
+        (self.write_allies)(allies, after, position, SIGHT_SQUARED, &mut row[own_block..]);
+        let end = arena.sizes().obs_size;
+        write_body(allies.body(agent), &mut row[end - allies.body_size..]);
+        if self.row_len > end {
+            row[end..self.row_len].fill(0.0);
+        }
+    }
+}
+
+/// Whether each of the moves is available, as 0 or 1.
+fn move_features(available: u64) -> F32x4 {
+    let bits = i32x4::new([0, 1, 2, 3].map(|i| 1 << (action::NORTH + i)));
+    let is_available = (i32x4::splat(available as i32) & bits).simd_eq(bits);
+    cast::<i32x4, F32x4>(is_available) & F32x4::ONE
+}
+
+/// The mark of an enemy says whether the target action of its number is available. A healer's target actions
+/// mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
+/// which the available actions exclude.
+fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
+    let Gathered { allies, enemies } = view.gathered;
+    let mut in_range = 0;
+    let blocks = blocks.chunks_exact_mut(HEAD + enemies.body_size);
+    for (enemy, block) in blocks.take(view.arena.enemies.len()).enumerate() {
+        if enemy % MASK_BITS == 0 {
+            in_range = within_targeting_range(healer, allies, enemy);
+        }
+        // It is 1 as yet if the enemy is seen.
+        if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
+            block[0] = 0.0;
+        }
+    }
+}
+
+/// Writes the blocks of a range of units for an observer at a position: a mark, which is 1 for units that are
+/// seen and whose squared distance is at most the fourth argument, distance, dx, dy, and the body.
+type WriteUnits = fn(&Faction, Range<usize>, Vec2, f64, &mut [f32]);
+
+/// [`write_units`] for bodies of this size.
+fn writer(body_size: usize) -> WriteUnits {
+    match body_size {
+        1 => write_units::<1>,
+        2 => write_units::<2>,
+        3 => write_units::<3>,
+        4 => write_units::<4>,
+        5 => write_units::<5>,
+        6 => write_units::<6>,
+        7 => write_units::<7>,
+        8 => write_units::<8>,
+        _ => write_units::<0>,
+    }
+}
+
+/// `BODY` is the size of bodies where it is known to the compiler, and 0 for all others.
+fn write_units<const BODY: usize>(
+    units: &Faction,
+    range: Range<usize>,
+    observer: Vec2,
+    marked_within: f64,
+    out: &mut [f32],
+) {
+    let body = if BODY == 0 { units.body_size } else { BODY };
+    let (block, stride) = (HEAD + body, stride(body));
+    let (x, y, sight) =
+        (F32x4::splat(observer.x), F32x4::splat(observer.y), F32x4::splat(SIGHT_RANGE as f32));
+    let n_units = range.len().next_multiple_of(WIDTH);
+    let (begin, end) = (range.start, range.start + n_units);
+    let positions = fours(&units.xs[begin..end]).zip(fours(&units.ys[begin..end]));
+    let bodies = units.bodies[begin * stride..end * stride].chunks_exact(WIDTH * stride);
+    let blocks = out[..n_units * block].chunks_exact_mut(WIDTH * block);
+    for (((xs, ys), bodies), blocks) in positions.zip(bodies).zip(blocks) {
+        let squared = distances_squared(observer, xs, ys);
+        let is_seen = at_most(squared, SIGHT_SQUARED);
+        if !is_seen.any() {
+            blocks.fill(0.0);
+            continue;
+        }
+        // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
+        // environment.
+        let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
+        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
+        let mark = at_most(squared, marked_within) & F32x4::ONE;
+        let heads = [mark, rounded(distance), dx / sight, dy / sight].map(|column| column & is_seen);
+        for (i, head) in F32x4::transpose(heads).iter().enumerate() {
+            let to = &mut blocks[i * block..];
+            to[..HEAD].copy_from_slice(head.as_array());
+            if stride == 1 {
+                to[HEAD] = (register(bodies, 0) & is_seen).as_array()[i];
+                continue;
+            }
+            let is_seen = F32x4::splat(is_seen.as_array()[i]);
+            for begin in (0..stride).step_by(WIDTH) {
+                let four = register(bodies, i * stride + begin) & is_seen;
+                // What follows a body is written over by the next unit, which the last of four does not have.
+                let n = if i + 1 < WIDTH { WIDTH } else { WIDTH.min(body - begin) };
+                to[HEAD + begin..HEAD + begin + n].copy_from_slice(&four.as_array()[..n]);
             }
         }
     }
 }
 
-/// The offset from one unit to another that it sees, in shares of the sight range.
-struct RelativePosition {
-    distance: f32,
-    dx: f32,
-    dy: f32,
-}
-
-impl RelativePosition {
-    /// `None` if the other is out of sight, or either is at infinity.
-    ///
-    /// The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
-    /// environment.
-    fn of(from: Vec2, to: Vec2) -> Option<RelativePosition> {
-        let squared = distance_squared(from, to);
-        // A unit is seen if the root is less than the sight range. Where the square is not less the root is
-        // not either, so most pairs need no root.
-        if squared < SIGHT_RANGE * SIGHT_RANGE {
-            let distance = squared.sqrt();
-            let offset = to - from;
-            return (distance < SIGHT_RANGE).then(|| RelativePosition {
-                distance: (distance / SIGHT_RANGE) as f32,
-                dx: offset.x / SIGHT_RANGE as f32,
-                dy: offset.y / SIGHT_RANGE as f32,
-            });
-        }
-        None
-    }
-
-    /// The offset in the other direction. Subtracting from 0 keeps 0.0 where negation would give -0.0.
-    fn reversed(&self) -> RelativePosition {
-        RelativePosition { distance: self.distance, dx: 0.0 - self.dx, dy: 0.0 - self.dy }
-    }
-
-    fn write(&self, first: f32, body: &[f32], block: &mut [f32]) {
-        let (start, rest) = block.split_at_mut(4);
-        start.copy_from_slice(&[first, self.distance, self.dx, self.dy]);
-        rest.copy_from_slice(body);
-    }
-}
-
-fn in_targeting_range(from: Vec2, to: Vec2) -> bool {
-    distance_squared(from, to).sqrt() <= TARGETING_RANGE
-}
-
-fn bit(is_set: bool) -> f32 {
-    if is_set { 1.0 } else { 0.0 }
+/// Four floats from this one on.
+#[inline]
+fn register(floats: &[f32], begin: usize) -> F32x4 {
+    F32x4::new(std::array::from_fn(|i| floats[begin + i]))
 }

@@ -1,6 +1,7 @@
 //! The state: features of all units, for centralised training.
 
-use super::{View, ratio, write_body};
+use super::gathered::write_body;
+use super::{Gathered, View, ratio};
 use crate::arena::Arena;
 
 /// Writes the state; `last_actions` is indexed by agent.
@@ -8,44 +9,38 @@ use crate::arena::Arena;
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
-    out.fill(0.0);
-    let (ally, enemy) = (3 + arena.features.ally_body(), 2 + arena.features.enemy_body());
-    let (allies, rest) = out.split_at_mut(sizes.n_agents * ally);
-    let (enemies, actions) = rest.split_at_mut(sizes.n_enemies * enemy);
-    for (&id, block) in arena.agents.iter().zip(allies.chunks_exact_mut(ally)) {
-        write_unit(view, id, block);
+    // The dead have zeros only, and one-hots mostly. In parts, because the C library clears large slices with an
+    // instruction that takes long to start.
+    out.chunks_mut(256).for_each(|part| part.fill(0.0));
+    // A body is written so that what follows its health is in place; then what precedes that, health included.
+    // The zeros at its end may reach into the next block, which is written later.
+    let (features, Gathered { allies, enemies }) = (&arena.features, view.gathered);
+    let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
+    let mut begin = 0;
+    for (&id, (position, body)) in arena.agents.iter().zip(allies.units()) {
+        if position.x < f32::INFINITY {
+            let block = &mut out[begin..];
+            write_body(body, &mut block[3..]);
+            let [x, y] = features.relative(position);
+            block[..4].copy_from_slice(&[body[0], energy_or_cooldown(view, id), x, y]);
+        }
+        begin += ally;
     }
-    for (&id, block) in arena.enemies.iter().zip(enemies.chunks_exact_mut(enemy)) {
-        write_unit(view, id, block);
+    for (position, body) in enemies.units().take(sizes.n_enemies) {
+        if position.x < f32::INFINITY {
+            let block = &mut out[begin..];
+            write_body(body, &mut block[2..]);
+            let [x, y] = features.relative(position);
+            block[..3].copy_from_slice(&[body[0], x, y]);
+        }
+        begin += enemy;
     }
-    for (action, one_hot) in last_actions.iter().zip(actions.chunks_exact_mut(sizes.n_actions)) {
+    let one_hots = &mut out[begin..];
+    for (agent, action) in last_actions.iter().enumerate() {
         if let Some(action) = action {
-            one_hot[*action as usize] = 1.0;
+            one_hots[agent * sizes.n_actions + *action as usize] = 1.0;
         }
     }
-}
-
-/// Writes a living unit's health, \[cooldown or energy of agents\], x, y, \[shield\], \[type\].
-fn write_unit(view: &View, id: u32, block: &mut [f32]) {
-    let (arena, units, i) = (view.arena, view.units, id as usize);
-    if !units.alive[i] {
-        return;
-    }
-    let features = &arena.features;
-    let n_before = if arena.is_enemy(id) { 2 } else { 3 };
-    // The block is health, [cooldown or energy], x, y, [shield], [type], and the body is health, [shield],
-    // [type]. The body is written to the end of the block; then its health moves to the front, and y takes
-    // the entry that becomes free.
-    let (before, body) = block.split_at_mut(n_before);
-    write_body(view, id, body);
-    let health = body[0];
-    before[0] = health;
-    if n_before == 3 {
-        before[1] = energy_or_cooldown(view, id);
-    }
-    let [x, y] = features.relative(units.pos[i]);
-    before[n_before - 1] = x;
-    body[0] = y;
 }
 
 /// As in SMAC, the entry of the cooldown is the energy for healers.

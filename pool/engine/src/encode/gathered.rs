@@ -1,0 +1,215 @@
+//! The units as the encoders read them, gathered once after each step: positions four at a time, and the
+//! features that do not depend on the observer.
+
+use glam::Vec2;
+use wide::bytemuck::cast;
+use wide::f64x2;
+
+use super::ratio;
+use crate::arena::{Arena, UnitStats};
+use crate::simd::{F32x4, MASK_BITS, Mask, WIDTH};
+use crate::units::Units;
+use crate::{SIGHT_RANGE, TARGETING_RANGE};
+
+/// The units of both factions.
+#[derive(Clone, Debug)]
+pub(crate) struct Gathered {
+    pub allies: Faction,
+    pub enemies: Faction,
+}
+
+impl Gathered {
+    /// Memory for the units of an arena, with their types.
+    pub fn new(arena: &Arena) -> Gathered {
+        let features = &arena.features;
+        let of = |ids: &[u32], size, has_shield| {
+            let mut faction = Faction::new(ids.len(), size);
+            for (unit, &id) in ids.iter().enumerate().filter(|_| features.n_types > 0) {
+                let body = unit * stride(size);
+                faction.bodies[body + 1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
+            }
+            faction
+        };
+        Gathered {
+            allies: of(&arena.agents, features.ally_body(), features.ally_shields),
+            enemies: of(&arena.enemies, features.enemy_body(), features.enemy_shields),
+        }
+    }
+
+    /// Gathers what a step has changed.
+    #[inline(never)]
+    pub fn update(&mut self, arena: &Arena, units: &Units) {
+        self.allies.update(arena, units, &arena.agents, arena.features.ally_shields);
+        self.enemies.update(arena, units, &arena.enemies, arena.features.enemy_shields);
+    }
+}
+
+/// The units of one faction, by in-faction id.
+///
+/// Columns are read in whole registers, from any unit on, so they are longer than there are units. Coordinates
+/// beyond the last unit are infinite, as are those of dead units: they are out of sight of every unit. Bodies
+/// begin at multiples of [`stride`]; what follows a body up to the next is 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Faction {
+    pub xs: Vec<f32>,
+    pub ys: Vec<f32>,
+    /// Health, \[shield\], \[type\] of one unit after the other; those of dead units are stale.
+    pub bodies: Vec<f32>,
+    pub body_size: usize,
+}
+
+/// The distance between two bodies in memory, in floats: whole registers, but bodies of one float (in battles
+/// of equal units without shields) are packed.
+pub(crate) const fn stride(body_size: usize) -> usize {
+    if body_size == 1 { 1 } else { body_size.next_multiple_of(WIDTH) }
+}
+
+impl Faction {
+    fn new(n_units: usize, body_size: usize) -> Faction {
+        let length = n_units + WIDTH - 1;
+        Faction {
+            xs: vec![f32::INFINITY; length],
+            ys: vec![f32::INFINITY; length],
+            bodies: vec![0.0; length * stride(body_size)],
+            body_size,
+        }
+    }
+
+    fn update(&mut self, arena: &Arena, units: &Units, ids: &[u32], has_shield: bool) {
+        let positions = self.xs.iter_mut().zip(&mut self.ys);
+        let bodies = self.bodies.chunks_exact_mut(stride(self.body_size));
+        for ((&id, (x, y)), body) in ids.iter().zip(positions).zip(bodies) {
+            let i = id as usize;
+            if !units.alive[i] {
+                (*x, *y) = (f32::INFINITY, f32::INFINITY);
+                continue;
+            }
+            (*x, *y) = units.pos[i].into();
+            let stats: &UnitStats = arena.stats(id);
+            body[0] = ratio(units.hp[i], stats.hp);
+            // A scenario decides per faction whether shields are features, whatever its unit types have.
+            if has_shield {
+                body[1] = ratio(units.shield[i], stats.shield);
+            }
+        }
+    }
+
+    /// The position of a unit; infinite if it is dead.
+    pub fn position(&self, unit: usize) -> Vec2 {
+        Vec2::new(self.xs[unit], self.ys[unit])
+    }
+
+    /// The position and the body of each unit, and of some at infinity.
+    pub fn units(&self) -> impl Iterator<Item = (Vec2, &[f32])> {
+        let positions = self.xs.iter().zip(&self.ys).map(|(&x, &y)| Vec2::new(x, y));
+        positions.zip(self.bodies.chunks_exact(stride(self.body_size)))
+    }
+
+    /// Health, \[shield\], \[type\] of a unit, and zeros up to the next.
+    pub fn body(&self, unit: usize) -> &[f32] {
+        let stride = stride(self.body_size);
+        &self.bodies[unit * stride..(unit + 1) * stride]
+    }
+}
+
+/// Writes a [body](Faction::body) with the zeros that follow it.
+#[inline]
+pub(crate) fn write_body(body: &[f32], out: &mut [f32]) {
+    if body.len() == 1 {
+        out[0] = body[0];
+    } else {
+        for (out, four) in out.chunks_exact_mut(WIDTH).zip(body.chunks_exact(WIDTH)) {
+            out.copy_from_slice(four);
+        }
+    }
+}
+
+/// A unit is in sight if its squared distance is at most this. What counts is that the root, the distance, is less
+/// than [`SIGHT_RANGE`], and the rounded root of the number above this is not.
+pub(crate) const SIGHT_SQUARED: f64 = (SIGHT_RANGE * SIGHT_RANGE).next_down().next_down();
+
+/// A unit is within targeting range if its squared distance is at most this, and then the distance is at most
+/// [`TARGETING_RANGE`].
+pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
+
+/// The squares of the distances from one point to four, in f64 as [`distance_squared`] computes them, two per
+/// register.
+///
+/// [`distance_squared`]: crate::units::distance_squared
+#[inline]
+pub(crate) fn distances_squared(from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]) -> [f64x2; 2] {
+    let offset =
+        |from: f32, [a, b]: [f32; 2]| f64x2::splat(f64::from(from)) - f64x2::new([a.into(), b.into()]);
+    [0, 2].map(|i| {
+        let (dx, dy) = (offset(from.x, [xs[i], xs[i + 1]]), offset(from.y, [ys[i], ys[i + 1]]));
+        dx * dx + dy * dy
+    })
+}
+
+/// Which of [`MASK_BITS`] units, from this one on, are within targeting range of a position, as bits.
+#[inline(never)]
+pub(crate) fn within_targeting_range(from: Vec2, units: &Faction, begin: usize) -> u64 {
+    const WITHIN: f32 = TARGETING_SQUARED as f32;
+    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and the sum
+    // add a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than ten times that,
+    // all comparisons are right.
+    const UNSURE: f32 = 1e-4;
+    let end = units.xs.len().min(begin + MASK_BITS);
+    let (Some(xs), Some(ys)) = (units.xs.get(begin..end), units.ys.get(begin..end)) else { return 0 };
+    let (x, y) = (F32x4::splat(from.x), F32x4::splat(from.y));
+    let (mut within, mut shift) = (0, 0);
+    let mut nearest_to_range = F32x4::splat(f32::INFINITY);
+    for (xs, ys) in fours(xs).zip(fours(ys)) {
+        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
+        // Its sign is the result of the comparison.
+        let beyond = dx * dx + dy * dy - F32x4::splat(WITHIN);
+        nearest_to_range = nearest_to_range.fast_min(beyond.abs());
+        within |= u64::from(beyond.to_bitmask()) << shift;
+        shift += WIDTH;
+    }
+    if nearest_to_range.simd_lt(F32x4::splat(UNSURE)).any() {
+        within = exactly_within_targeting_range(from, xs, ys);
+    }
+    within
+}
+
+#[cold]
+fn exactly_within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
+    let within = |xs, ys| at_most(distances_squared(from, xs, ys), TARGETING_SQUARED).to_bitmask();
+    let fours = fours(xs).zip(fours(ys)).enumerate();
+    fours.fold(0, |mask, (i, (xs, ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
+}
+
+/// The entries of a column, four at a time.
+#[inline]
+pub(crate) fn fours(column: &[f32]) -> impl Iterator<Item = &[f32; WIDTH]> {
+    column.as_chunks().0.iter()
+}
+
+/// Which of four numbers are at most `bound`.
+#[inline]
+pub(crate) fn at_most(numbers: [f64x2; 2], bound: f64) -> Mask {
+    // A comparison sets all bits of an entry or none, so the lower half of an entry has its result.
+    let [[a, _, b, _], [c, _, d, _]] =
+        numbers.map(|two| cast::<f64x2, [f32; 4]>(two.simd_le(f64x2::splat(bound))));
+    F32x4::new([a, b, c, d])
+}
+
+/// Four numbers rounded to f32.
+#[inline]
+pub(crate) fn rounded(numbers: [f64x2; 2]) -> F32x4 {
+    let [[a, b], [c, d]] = numbers.map(|two| two.to_array());
+    F32x4::new([a as f32, b as f32, c as f32, d as f32])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::square_within;
+
+    #[test]
+    fn comparing_squares_is_comparing_distances() {
+        assert_eq!(SIGHT_SQUARED, square_within(SIGHT_RANGE.next_down()));
+        assert_eq!(TARGETING_SQUARED, square_within(TARGETING_RANGE));
+    }
+}
