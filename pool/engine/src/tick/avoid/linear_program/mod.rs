@@ -19,7 +19,7 @@
 //! one unit at a time, and compare the bits.
 
 #[cfg(test)]
-pub(super) mod alone;
+mod alone;
 
 use glam::Vec2;
 
@@ -286,4 +286,113 @@ impl<S: Lanes> HalfPlanes<S> {
 /// A vector scaled to length 1, by the rounded reciprocal of its length.
 pub(super) fn normalize(vector: Vec2) -> Vec2 {
     vector * (1.0 / vector.length())
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+    use crate::lanes::{Kernel, Level, MAX_LANES};
+
+    /// The program of one unit.
+    struct Program {
+        half_planes: Vec<HalfPlane>,
+        n_hard: usize,
+        preferred: Vec2,
+        max_speed: f32,
+    }
+
+    impl Program {
+        /// Some half-planes are parallel or the same, and some leave no velocity.
+        fn random(random: &mut Pcg64Mcg) -> Program {
+            let n = random.random_range(0..=9);
+            let angle = |random: &mut Pcg64Mcg| match random.random_range(0..3) {
+                0 => random.random_range(0..4) as f32 * std::f32::consts::FRAC_PI_2,
+                _ => random.random_range(0.0..std::f32::consts::TAU),
+            };
+            let mut half_plane = || HalfPlane {
+                point: Vec2::from_angle(angle(random)) * random.random_range(0.0..4.0),
+                direction: Vec2::from_angle(angle(random)),
+            };
+            let half_planes = (0..n).map(|_| half_plane()).collect();
+            let n_hard = random.random_range(0..=3).min(n) * random.random_range(0..=1);
+            let preferred = Vec2::from_angle(angle(random)) * random.random_range(0.1..3.5);
+            Program { half_planes, n_hard, preferred, max_speed: random.random_range(1.0..4.0) }
+        }
+
+        fn solve_alone(&self) -> Vec2 {
+            alone::solve(&self.half_planes, self.n_hard, self.max_speed, self.preferred)
+        }
+    }
+
+    /// Solves programs together, as many as there are lanes.
+    struct Together<'a> {
+        programs: &'a [Program],
+        solutions: &'a mut Vec<Vec2>,
+    }
+
+    impl Kernel for Together<'_> {
+        #[inline(always)]
+        fn run<S: Lanes>(self, simd: S) {
+            for programs in self.programs.chunks(S::F32_LANES) {
+                let column = |of: &dyn Fn(&Program) -> f32| {
+                    let mut column = Column::default();
+                    column.iter_mut().zip(programs).for_each(|(x, program)| *x = of(program));
+                    column
+                };
+                let n = programs.iter().map(|program| program.half_planes.len()).max().unwrap_or(0);
+                // Lanes without a half-plane in this slot have one that must not count.
+                let unused = HalfPlane { point: Vec2::X, direction: Vec2::NEG_X };
+                let slots: Vec<_> = (0..n)
+                    .map(|i| {
+                        let get = |program: &Program| *program.half_planes.get(i).unwrap_or(&unused);
+                        HalfPlaneColumns {
+                            point: [column(&|p| get(p).point.x), column(&|p| get(p).point.y)],
+                            direction: [column(&|p| get(p).direction.x), column(&|p| get(p).direction.y)],
+                            exists: column(&|p| f32::from(i < p.half_planes.len())),
+                        }
+                    })
+                    .collect();
+                let preferred = [column(&|p| p.preferred.x), column(&|p| p.preferred.y)];
+                let preferred = Vectors::load(simd, &preferred);
+                let max_speed = Floats::load(simd, &column(&|p| p.max_speed));
+                let all = Programs {
+                    preferred,
+                    unconstrained: preferred.within(max_speed),
+                    max_speed,
+                    n_hard: Floats::load(simd, &column(&|p| p.n_hard as f32)),
+                    max_n_hard: programs.iter().map(|program| program.n_hard).max().unwrap_or(0),
+                };
+                let mut solved = [Column::default(); 2];
+                all.solve(&slots, &mut slots.clone()).store(&mut solved);
+                let [x, y] = solved;
+                self.solutions.extend((0..programs.len()).map(|lane| Vec2::new(x[lane], y[lane])));
+            }
+        }
+    }
+
+    #[test]
+    fn programs_solved_together_have_the_bits_of_one_alone() {
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let programs: Vec<Program> = (0..1000 * MAX_LANES).map(|_| Program::random(&mut random)).collect();
+        let alone: Vec<Vec2> = programs.iter().map(Program::solve_alone).collect();
+        let mut hindered = [0, 0];
+        for (program, velocity) in programs.iter().zip(&alone) {
+            let is_permitted = |l: &HalfPlane| l.direction.perp_dot(l.point - *velocity) <= 1e-3;
+            let permitted = program.half_planes.iter().all(is_permitted);
+            hindered[usize::from(!permitted)] += usize::from(*velocity != program.preferred);
+        }
+        assert!(hindered.iter().all(|n| *n > 3_000), "both kinds of program: {hindered:?}");
+        for level in Level::available() {
+            let mut solutions = Vec::new();
+            level.run(Together { programs: &programs, solutions: &mut solutions });
+            for (i, (together, alone)) in solutions.iter().zip(&alone).enumerate() {
+                let bits = |velocity: &Vec2| velocity.to_array().map(f32::to_bits);
+                assert_eq!(bits(together), bits(alone), "{level:?}, program {i}: {together} and {alone}");
+            }
+            assert_eq!(solutions.len(), programs.len());
+        }
+    }
 }
