@@ -10,9 +10,9 @@
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Not, Sub};
 
 use glam::Vec2;
+use pulp::Simd;
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::{V2, V3, V4};
-use pulp::Simd;
 
 /// The largest number of lanes of all levels.
 pub(crate) const MAX_LANES: usize = 16;
@@ -46,6 +46,7 @@ pub(crate) enum Level {
     Sse(V2),
     #[cfg(target_arch = "aarch64")]
     Neon(pulp::aarch64::Neon),
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     Scalar(pulp::Scalar),
 }
 
@@ -54,13 +55,14 @@ impl Level {
     pub fn available() -> Vec<Level> {
         let levels = [
             #[cfg(target_arch = "x86_64")]
-            V4::try_new().map(Level::Avx512).filter(|_| false),
+            V4::try_new().map(Level::Avx512),
             #[cfg(target_arch = "x86_64")]
             V3::try_new().map(Level::Avx2),
             #[cfg(target_arch = "x86_64")]
             V2::try_new().map(Level::Sse),
             #[cfg(target_arch = "aarch64")]
             pulp::aarch64::Neon::try_new().map(Level::Neon),
+            #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
             Some(Level::Scalar(pulp::Scalar)),
         ];
         levels.into_iter().flatten().collect()
@@ -71,14 +73,15 @@ impl Level {
     pub fn run(self, kernel: impl Kernel) {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512(_simd) => {}, //simd.vectorize(Inlined(kernel, simd)),
+            Level::Avx512(simd) => simd.vectorize(Inlined(kernel, simd)),
             #[cfg(target_arch = "x86_64")]
             Level::Avx2(simd) => simd.vectorize(Inlined(kernel, simd)),
             #[cfg(target_arch = "x86_64")]
-            Level::Sse(_simd) => {}, //simd.vectorize(Inlined(kernel, simd)),
+            Level::Sse(simd) => simd.vectorize(Inlined(kernel, simd)),
             #[cfg(target_arch = "aarch64")]
             Level::Neon(simd) => simd.vectorize(Inlined(kernel, simd)),
-            Level::Scalar(_simd) => {} //kernel.run(simd),
+            #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+            Level::Scalar(simd) => kernel.run(simd),
         }
     }
 }

@@ -20,14 +20,6 @@ pub(crate) const WIDTH: usize = 4;
 /// Number of comparisons in one bit mask.
 pub(crate) const MASK_BITS: usize = u64::BITS as usize;
 
-/// The results of up to [`MASK_BITS`] comparisons as bits, lowest bit first.
-#[inline]
-pub(crate) fn mask<T>(fours: &[T], compare: impl Fn(&T) -> Mask) -> u64 {
-    // Four bits per comparison of four, the first ones lowest.
-    let bits = |four| u64::from(compare(four).to_bitmask());
-    fours.iter().enumerate().fold(0, |mask, (i, four)| mask | bits(four) << (WIDTH * i))
-}
-
 /// Four vectors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Vec2x4 {
@@ -44,26 +36,12 @@ impl Vec2x4 {
         Vec2x4 { x: F32x4::splat(vector.x), y: F32x4::splat(vector.y) }
     }
 
-    /// The vector with this index.
-    pub fn extract(&self, i: usize) -> Vec2 {
-        Vec2::new(self.x.as_array()[i], self.y.as_array()[i])
-    }
-
     pub fn dot(self, other: Vec2x4) -> F32x4 {
         self.x * other.x + self.y * other.y
     }
 
-    pub fn perp_dot(self, other: Vec2x4) -> F32x4 {
-        self.x * other.y - self.y * other.x
-    }
-
     pub fn length_squared(self) -> F32x4 {
         self.dot(self)
-    }
-
-    /// The first where the mask is set, elsewhere the second.
-    pub fn either(holds: Mask, this: Vec2x4, that: Vec2x4) -> Vec2x4 {
-        Vec2x4 { x: holds.select(this.x, that.x), y: holds.select(this.y, that.y) }
     }
 }
 

@@ -382,3 +382,89 @@ impl PlaneUnits {
     }
 }
 
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::{Kernel, Level};
+    use smaclite_scenarios::Terrain;
+
+    /// A search around every unit.
+    struct Search<'a> {
+        positions: &'a [Vec2],
+        range_squared: f32,
+        /// The neighbours of each unit, nearest first, by battle-wide id.
+        found: Vec<Vec<u32>>,
+    }
+
+    impl Kernel for &mut Search<'_> {
+        #[inline(always)]
+        fn run<S: Lanes>(self, simd: S) {
+            let n = self.positions.len();
+            let stats = AvoidanceParams { neighbour_range_squared: self.range_squared, ..Default::default() };
+            let (mut plane, mut near, mut sorted) = Default::default();
+            PlaneUnits::reserve(&mut plane, n);
+            NearList::reserve(&mut near, n);
+            NearestList::reserve(&mut sorted, n);
+            let mut ids: Vec<u32> = (0..n as u32).collect();
+            let stats = vec![stats; n];
+            plane.pack(&mut ids, self.positions, &vec![Vec2::ZERO; n], &vec![Vec2::ONE; n], &stats);
+            let edges = EdgesByCell::new(&Terrain::from_fn(32, 32, |_, _| true).unwrap(), 1.0);
+            plane.find_unconstrained(simd, &edges);
+            plane.find_neighbours(simd, &stats, &edges, &mut near);
+            self.found = vec![Vec::new(); n];
+            for entries in near.units() {
+                plane.sort_neighbours(entries, self.range_squared, &mut sorted);
+                let id = |index: usize| plane.members()[index].id;
+                self.found[id(entries[0].index as usize) as usize] = sorted.indices().map(id).collect();
+            }
+        }
+    }
+
+    /// The same at every level.
+    fn search(positions: &[Vec2], range_squared: f32) -> Vec<Vec<u32>> {
+        let at = |level: Level| {
+            let mut search = Search { positions, range_squared, found: Vec::new() };
+            level.run(&mut search);
+            search.found
+        };
+        let found = at(Level::default());
+        for level in Level::available() {
+            assert_eq!(at(level), found, "{level:?}");
+        }
+        found
+    }
+
+    /// A grid, so that there are many equal distances, and a few units in one spot.
+    #[test]
+    fn finds_those_in_range_nearest_first() {
+        let spot = |i: usize| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25);
+        let positions: Vec<Vec2> = (0..1200).map(spot).collect();
+        for n in [1, 4, 9, 10, 11, 63, 64, 65, 97, 1100] {
+            let positions = &positions[..n];
+            for range_squared in [0.0, 0.1, 1.3, 100.0] {
+                for (id, mut found) in search(positions, range_squared).into_iter().enumerate() {
+                    let away = |other: &u32| (positions[id] - positions[*other as usize]).length_squared();
+                    assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
+                    found.sort_unstable();
+                    let near = |other: &u32| away(other) < range_squared && *other as usize != id;
+                    assert_eq!(found, (0..n as u32).filter(near).collect::<Vec<_>>());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn of_a_few_equally_near_the_lowest_id_is_first() {
+        assert_eq!(search(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X], 2.0)[1], [0, 2]);
+    }
+
+    /// Of more than a leaf of the tree holds, those in the half whose box is nearer; of equally near boxes
+    /// the upper one.
+    #[test]
+    fn of_many_equally_near_the_tree_decides() {
+        let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
+        let found = search(&positions, 2.0);
+        assert_eq!([&found[5][..], &found[6][..]], [[4, 6], [7, 5]]);
+    }
+}
