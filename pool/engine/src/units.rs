@@ -31,8 +31,8 @@ pub struct Units {
     pub shield_cooldown: Vec<f64>,
     /// Healing that was paid for with energy and not used yet, in health.
     pub healing: Vec<f64>,
-    /// Whether the unit is in the battle. Within a tick a unit may be without health and alive, because deaths
-    /// wait for phase 5. A dead unit stays dead, even if its health rises again (R2).
+    /// Whether the unit is in the battle. Within a tick a unit may be without health and alive, because
+    /// deaths wait for phase 5. A dead unit stays dead, even if its health rises again (R2).
     pub alive: Vec<bool>,
     /// The unit's target.
     pub target: Vec<Option<u32>>,

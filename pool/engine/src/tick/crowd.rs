@@ -83,8 +83,8 @@ impl Crowd {
     }
 
     /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position, and some
-    /// others. Returns a squared distance that all those not visited are farther than; it is more than that of
-    /// the search radius if they are beyond it.
+    /// others. Returns a squared distance that all those not visited are farther than; it is more than that
+    /// of the search radius if they are beyond it.
     #[inline(always)]
     pub fn visit_nearest(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) -> f64 {
         let centre = Vec2x4::splat(position);

@@ -35,8 +35,8 @@ enum Event {
     IsWithoutHealth,
 }
 
-/// Runs turns from `turn` on, up to the first with an event, and returns that unit. A unit that acts has moved
-/// and regenerated then; its action concludes its turn.
+/// Runs turns from `turn` on, up to the first with an event, and returns that unit. A unit that acts has
+/// moved and regenerated then; its action concludes its turn.
 #[inline(always)]
 fn take_plain_turns(world: &mut World, turn: &mut usize) -> Option<(u32, Event)> {
     let World { arena, units, scratch, .. } = world;
