@@ -218,8 +218,8 @@ fn encoders_write_what_is_defined() {
     }
 }
 
-/// Words of available actions and of targets in range end where they end, however many units there are; healers
-/// may follow the last ally that they can heal.
+/// Words of available actions and of targets in range end where they end, however many units there are;
+/// healers may follow the last ally that they can heal.
 #[test]
 fn encoders_take_any_number_of_units() {
     let (mut numbers, mut scratch) = (Numbers(2), ObsScratch::default());
