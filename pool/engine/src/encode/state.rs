@@ -18,7 +18,7 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
     let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
     let mut begin = 0;
     for (&id, (position, body)) in arena.agents.iter().zip(allies.units()) {
-        if position.x < f32::INFINITY {
+        if view.units.alive[id as usize] {
             let block = &mut out[begin..];
             write_body(body, &mut block[3..]);
             let [x, y] = features.relative(position);
@@ -26,8 +26,8 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
         }
         begin += ally;
     }
-    for (position, body) in enemies.units().take(sizes.n_enemies) {
-        if position.x < f32::INFINITY {
+    for (&id, (position, body)) in arena.enemies.iter().zip(enemies.units()) {
+        if view.units.alive[id as usize] {
             let block = &mut out[begin..];
             write_body(body, &mut block[2..]);
             let [x, y] = features.relative(position);
