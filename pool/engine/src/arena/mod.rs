@@ -207,7 +207,8 @@ impl Arena {
         self.id_in_faction[id as usize]
     }
 
-    /// The moves that are available to a unit at a position, in the order of their actions from the lowest bit on.
+    /// The moves that are available to a unit at a position, in the order of their actions from the lowest
+    /// bit on.
     pub(crate) fn moves(&self, position: Vec2) -> u8 {
         self.moves.from(&self.terrain, position)
     }

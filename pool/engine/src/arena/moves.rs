@@ -29,13 +29,13 @@ impl Moves {
 
     /// The available moves of a unit, in the order of their actions from the lowest bit on.
     ///
-    /// A move is available if the square one square away from the unit is on the map and walkable. Units and the
-    /// far end of the move, which is two squares away, do not matter. Near a wall a move may thus be available
-    /// that collision avoidance then stops at the wall.
+    /// A move is available if the square one square away from the unit is on the map and walkable. Units
+    /// and the far end of the move, which is two squares away, do not matter. Near a wall a move may thus
+    /// be available that collision avoidance then stops at the wall.
     pub fn from(&self, terrain: &Terrain, position: Vec2) -> u8 {
         let Vec2 { x, y } = position;
-        // One square away from a unit on the map is a neighbouring square, whichever part of its square the unit
-        // is in. Off the map that may fail: from -1e-30, `x + 1` is rounded to 1, two squares away.
+        // One square away from a unit on the map is a neighbouring square, whichever part of its square the
+        // unit is in. Off the map that may fail: from -1e-30, `x + 1` is rounded to 1, two squares away.
         if x >= 0.0 && y >= 0.0 && x < self.size.x && y < self.size.y {
             self.squares[y as i32 as usize * self.n_columns + x as i32 as usize]
         } else {

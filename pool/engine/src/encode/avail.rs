@@ -102,7 +102,8 @@ fn spread(bits: u16) -> [u8; 16] {
     cast(bytes)
 }
 
-/// Which of [`MASK_BITS`] agents, from this one on, are healers. Healers heal neither themselves nor other healers.
+/// Which of [`MASK_BITS`] agents, from this one on, are healers. Healers heal neither themselves nor other
+/// healers.
 #[inline(never)]
 fn healers(arena: &Arena, first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;

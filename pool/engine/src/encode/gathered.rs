@@ -46,9 +46,9 @@ impl Gathered {
 
 /// The units of one faction, by in-faction id.
 ///
-/// Columns are read in whole registers, from any unit on, so they are longer than there are units. Coordinates
-/// beyond the last unit are infinite, as are those of dead units: they are out of sight of every unit. Bodies
-/// begin at multiples of [`stride`]; what follows a body up to the next is 0.
+/// Columns are read in whole registers, from any unit on, so they are longer than there are units.
+/// Coordinates beyond the last unit are infinite, as are those of dead units: they are out of sight of
+/// every unit. Bodies begin at multiples of [`stride`]; what follows a body up to the next is 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Faction {
     pub xs: Vec<f32>,
@@ -124,8 +124,8 @@ pub(crate) fn write_body(body: &[f32], out: &mut [f32]) {
     }
 }
 
-/// A unit is in sight if its squared distance is at most this. What counts is that the root, the distance, is less
-/// than [`SIGHT_RANGE`], and the rounded root of the number above this is not.
+/// A unit is in sight if its squared distance is at most this. What counts is that the root, the distance,
+/// is less than [`SIGHT_RANGE`], and the rounded root of the number above this is not.
 pub(crate) const SIGHT_SQUARED: f64 = (SIGHT_RANGE * SIGHT_RANGE).next_down().next_down();
 
 /// A unit is within targeting range if its squared distance is at most this, and then the distance is at most
@@ -150,9 +150,9 @@ pub(crate) fn distances_squared(from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]
 #[inline(never)]
 pub(crate) fn within_targeting_range(from: Vec2, units: &Faction, begin: usize) -> u64 {
     const WITHIN: f32 = TARGETING_SQUARED as f32;
-    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and the sum
-    // add a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than ten times that,
-    // all comparisons are right.
+    // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and
+    // the sum add a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than
+    // ten times that, all comparisons are right.
     const UNSURE: f32 = 1e-4;
     let end = units.xs.len().min(begin + MASK_BITS);
     let (Some(xs), Some(ys)) = (units.xs.get(begin..end), units.ys.get(begin..end)) else { return 0 };

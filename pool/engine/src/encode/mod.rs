@@ -5,6 +5,8 @@ mod features;
 mod gathered;
 mod obs;
 mod state;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use avail::Available;
 pub use features::{FeatureBlock, obs_features, state_features};

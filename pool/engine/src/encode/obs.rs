@@ -28,9 +28,9 @@ const HEAD: usize = 4;
 
 /// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
 ///
-/// A row is written from left to right in whole registers, four units at a time. Each part may end beyond its
-/// end, where the next part, or the next row, is written later. So rows near the end of the output are written
-/// elsewhere and copied.
+/// A row is written from left to right in whole registers, four units at a time. Each part may end beyond
+/// its end, where the next part, or the next row, is written later. So rows near the end of the output are
+/// written elsewhere and copied.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
     let (sizes, features) = (view.arena.sizes(), &view.arena.features);
@@ -106,9 +106,9 @@ fn move_features(available: u64) -> F32x4 {
     cast::<i32x4, F32x4>(is_available) & F32x4::ONE
 }
 
-/// The mark of an enemy says whether the target action of its number is available. A healer's target actions
-/// mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for healers too,
-/// which the available actions exclude.
+/// The mark of an enemy says whether the target action of its number is available. A healer's target
+/// actions mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for
+/// healers too, which the available actions exclude.
 fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
     let Gathered { allies, enemies } = view.gathered;
     let mut in_range = 0;

@@ -9,16 +9,16 @@ use crate::arena::Arena;
 pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [f32]) {
     let (arena, sizes) = (view.arena, view.arena.sizes());
     assert_eq!(out.len(), sizes.state_size, "one state");
-    // The dead have zeros only, and one-hots mostly. In parts, because the C library clears large slices with an
-    // instruction that takes long to start.
+    // The dead have zeros only, and one-hots mostly. In parts, because the C library clears large slices
+    // with an instruction that takes long to start.
     out.chunks_mut(256).for_each(|part| part.fill(0.0));
-    // A body is written so that what follows its health is in place; then what precedes that, health included.
-    // The zeros at its end may reach into the next block, which is written later.
+    // A body is written so that what follows its health is in place; then what precedes that, health
+    // included. The zeros at its end may reach into the next block, which is written later.
     let (features, Gathered { allies, enemies }) = (&arena.features, view.gathered);
     let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
     let mut begin = 0;
     for (&id, (position, body)) in arena.agents.iter().zip(allies.units()) {
-        if position.x < f32::INFINITY {
+        if view.units.alive[id as usize] {
             let block = &mut out[begin..];
             write_body(body, &mut block[3..]);
             let [x, y] = features.relative(position);
@@ -26,8 +26,8 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
         }
         begin += ally;
     }
-    for (position, body) in enemies.units().take(sizes.n_enemies) {
-        if position.x < f32::INFINITY {
+    for (&id, (position, body)) in arena.enemies.iter().zip(enemies.units()) {
+        if view.units.alive[id as usize] {
             let block = &mut out[begin..];
             write_body(body, &mut block[2..]);
             let [x, y] = features.relative(position);
