@@ -220,7 +220,7 @@ impl<S: Lanes> Floats<S> {
     }
 
     /// The floats one by one.
-    #[inline(always)]
+    #[cfg(test)]
     pub fn each(&self) -> &[f32] {
         bytemuck::cast_slice(std::slice::from_ref(&self.value))
     }
@@ -309,6 +309,19 @@ impl<S: Lanes> Mask<S> {
     #[inline(always)]
     pub fn bits(self) -> u32 {
         self.simd.bits(self.value)
+    }
+
+    #[inline(always)]
+    pub fn simd(self) -> S {
+        self.simd
+    }
+
+    /// Exchanges two columns where the condition holds.
+    #[inline(always)]
+    pub fn swap(self, a: &mut Column, b: &mut Column) {
+        let (x, y) = (Floats::load(self.simd, a), Floats::load(self.simd, b));
+        self.select(y, x).store(a);
+        self.select(x, y).store(b);
     }
 
     #[inline(always)]

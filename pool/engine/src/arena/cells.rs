@@ -16,6 +16,13 @@ use crate::lanes::{Floats, Lanes, Vectors};
 /// speed, and beyond the size of the processor's caches they are not faster than the search.
 const MAX_ENTRIES: usize = 1 << 22;
 
+/// Floats from 2^23 to 2^24 are integers, and their low 23 bits are what exceeds 2^23.
+const CELL_BASE: f32 = 8_388_608.0;
+
+fn number(cell: f32) -> usize {
+    cell.to_bits() as usize & 0x7f_ffff
+}
+
 /// The edges to consider in each square, with a ring of squares around the map for units that are pushed off
 /// it.
 #[derive(Debug)]
@@ -79,7 +86,8 @@ impl EdgesByCell {
         self.partition.visit(south_west, self.range, list);
     }
 
-    /// The numbers of the cells of positions; exact, because there are fewer cells than f32 counts exactly.
+    /// The cells of positions, as [`may_see`](Self::may_see) and [`near`](Self::near) take them: with the number
+    /// of the cell in the low bits, which saves a conversion.
     #[inline(always)]
     pub fn cells<S: Lanes>(&self, positions: Vectors<S>) -> Floats<S> {
         let simd = positions.x.simd();
@@ -87,21 +95,21 @@ impl EdgesByCell {
         // not farther from any of them, so its list contains all edges that the unit sees.
         let column = (positions.x.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.x));
         let row = (positions.y.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.y));
-        row * Floats::splat(simd, self.columns as f32) + column
+        // Exact: there are fewer cells than that.
+        row * Floats::splat(simd, self.columns as f32) + column + Floats::splat(simd, CELL_BASE)
     }
 
     /// Whether [`near`](Self::near) has any edges.
     #[inline(always)]
     pub fn may_see(&self, cell: f32) -> bool {
         let Some(lists) = &self.lists else { return true };
-        let cell = cell as usize;
-        lists.starts[cell] != lists.starts[cell + 1]
+        let ends = &lists.starts[number(cell)..][..2];
+        ends[0] != ends[1]
     }
 
-    /// The indices of the edges that may be in sight of `position`, with its square on their outer side.
-    /// `searched` is working memory.
-    pub fn near<'a>(&'a self, position: Vec2, searched: &'a mut Vec<u32>) -> &'a [u32] {
-        let cell = self.cells(Vectors::splat(pulp::Scalar, position)).each()[0] as usize;
+    /// The indices of the edges that may be in sight of a position in this cell. `searched` is working memory.
+    pub fn near<'a>(&'a self, cell: f32, searched: &'a mut Vec<u32>) -> &'a [u32] {
+        let cell = number(cell);
         match &self.lists {
             Some(lists) => &lists.edges[lists.starts[cell] as usize..lists.starts[cell + 1] as usize],
             None => {
@@ -129,6 +137,10 @@ mod tests {
 
     use super::*;
 
+    fn cell_of(cells: &EdgesByCell, position: Vec2) -> f32 {
+        cells.cells(Vectors::splat(pulp::Scalar, position)).each()[0]
+    }
+
     #[test]
     fn a_search_finds_what_is_in_the_list() {
         let mut terrains: Vec<Terrain> = Terrain::preset_names().filter_map(Terrain::preset).collect();
@@ -140,8 +152,8 @@ mod tests {
             for cell in 0..searched.columns * 50 {
                 let position =
                     Vec2::new((cell % searched.columns) as f32, (cell / searched.columns) as f32) - 0.5;
-                let expected = listed.near(position, &mut none);
-                assert_eq!(searched.near(position, &mut found), expected, "{position} of {terrain:?}");
+                let expected = listed.near(cell_of(&listed, position), &mut none);
+                assert_eq!(searched.near(cell_of(&searched, position), &mut found), expected, "{position} of {terrain:?}");
                 assert!(found.len() <= terrain.outline_in_sight(3.75), "{position} of {terrain:?}");
             }
             assert!(none.is_empty() && listed.longest_list() > 0);
@@ -159,7 +171,7 @@ mod tests {
             let cells = EdgesByCell::new(&terrain, 4.0);
             assert!(cells.lists.is_none() && cells.longest_list() < 100_000);
             let mut found = Vec::new();
-            let corner = cells.near(Vec2::new(511.5, 511.5), &mut found).to_vec();
+            let corner = cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found).to_vec();
             assert!(!corner.is_empty() && corner.len() <= cells.longest_list());
         }
         assert!(begin.elapsed() < Duration::from_secs(60), "{:?}", begin.elapsed());

@@ -1,90 +1,120 @@
 //! The linear programs of several units: collected unit by unit, solved together, one per lane.
 //!
-//! A unit's half-planes have *slots*: first those of obstacles, nearest first, then those of neighbours,
-//! nearest first. The order decides the rounding.
+//! The half-planes of a unit have *slots*. Those of obstacles, nearest first, come before those of neighbours,
+//! nearest first: the order decides the rounding. Lanes have different numbers of both, and leave slots empty.
 
 use glam::Vec2;
 
 use super::linear_program::{HalfPlane, HalfPlaneColumns, Programs};
+use super::nearest_list::NearestList;
 use super::neighbours::{Movers, NeighbourColumns};
-use super::plane_units::Member;
+use super::plane_units::{Member, PlaneUnits};
 use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
 
 /// The programs that are not solved yet.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     n_programs: usize,
-    ids: [u32; MAX_LANES],
+    units: [UnitOfLane; MAX_LANES],
     position: [Column; 2],
     velocity: [Column; 2],
     radius: Column,
     preferred: [Column; 2],
     unconstrained: [Column; 2],
     max_speed: Column,
-    /// The number of half-planes of obstacles, and of all half-planes.
-    n_hard: Column,
-    n: Column,
-    max_n_hard: usize,
-    max_n: usize,
-    /// By slot. A lane has an entry in one of the two: obstacles in `half_planes` from the start, neighbours
-    /// here.
+    /// How many half-planes of obstacles each lane has, and the greatest of these numbers.
+    n_obstacles: Column,
+    max_obstacles: usize,
+    /// The same of neighbours.
+    n_neighbours: Column,
+    max_neighbours: usize,
+    /// By slot; first in any order, then nearest first.
     neighbours: Vec<NeighbourColumns>,
+    ranks: Vec<Rank>,
+    /// By slot: those of obstacles, then those of neighbours.
     half_planes: Vec<HalfPlaneColumns>,
     projected: Vec<HalfPlaneColumns>,
+    /// Neighbours of one unit in the order of the tree.
+    in_tree_order: NearestList,
 }
 
-/// What a unit would do without neighbours and obstacles.
-pub(super) struct Goal {
+#[derive(Clone, Copy, Debug, Default)]
+struct UnitOfLane {
+    id: u32,
+    plane: usize,
+    /// Its index in the plane.
+    index: usize,
+    neighbour_range_squared: f32,
+}
+
+/// By what neighbours are sorted.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rank {
+    /// Infinite where there is no neighbour.
+    distance_squared: Column,
+    /// The neighbour's index in its plane.
+    index: Column,
+}
+
+/// A unit and what it would do without neighbours and obstacles.
+pub(super) struct Mover<'a> {
+    pub plane: usize,
+    pub index: usize,
+    pub member: &'a Member,
     pub preferred: Vec2,
     /// The preferred velocity within the speed limit.
     pub unconstrained: Vec2,
     pub max_speed: f32,
+    pub neighbour_range_squared: f32,
 }
 
 impl Batch {
-    /// Reserves memory for units with at most `n_half_planes` each.
-    pub fn reserve(&mut self, n_half_planes: usize) {
-        self.neighbours.resize(n_half_planes, NeighbourColumns::default());
-        self.half_planes.resize(n_half_planes, HalfPlaneColumns::default());
-        self.projected.resize(n_half_planes, HalfPlaneColumns::default());
+    /// Reserves memory for units with at most this many half-planes each.
+    pub fn reserve(&mut self, max_obstacles: usize, max_neighbours: usize) {
+        self.neighbours.resize(max_neighbours, NeighbourColumns::default());
+        self.ranks.resize(max_neighbours, Rank::default());
+        self.half_planes.resize(max_obstacles + max_neighbours, HalfPlaneColumns::default());
+        self.projected.resize(max_obstacles + max_neighbours, HalfPlaneColumns::default());
+        self.in_tree_order.reserve(max_neighbours);
     }
 
-    /// Adds the program of a unit. There must be a free lane.
+    /// Adds the program of a unit, with its half-planes of obstacles and its neighbours in any order: their
+    /// index and themselves. There must be a free lane.
     #[inline(always)]
     pub fn push<'a>(
         &mut self,
-        unit: &Member,
-        goal: &Goal,
+        mover: &Mover,
         obstacles: &[HalfPlane],
-        neighbours: impl Iterator<Item = &'a Member>,
+        neighbours: impl Iterator<Item = (usize, &'a Member)>,
     ) {
         let lane = self.n_programs;
         assert!(lane < MAX_LANES);
         self.n_programs += 1;
-        self.ids[lane] = unit.id;
-        set(&mut self.position, lane, unit.position);
-        set(&mut self.velocity, lane, unit.velocity);
-        self.radius[lane] = unit.radius;
-        set(&mut self.preferred, lane, goal.preferred);
-        set(&mut self.unconstrained, lane, goal.unconstrained);
-        self.max_speed[lane] = goal.max_speed;
+        let &Mover { plane, index, neighbour_range_squared, .. } = mover;
+        self.units[lane] = UnitOfLane { id: mover.member.id, plane, index, neighbour_range_squared };
+        set(&mut self.position, lane, mover.member.position);
+        set(&mut self.velocity, lane, mover.member.velocity);
+        self.radius[lane] = mover.member.radius;
+        set(&mut self.preferred, lane, mover.preferred);
+        set(&mut self.unconstrained, lane, mover.unconstrained);
+        self.max_speed[lane] = mover.max_speed;
         for (slot, half_plane) in self.half_planes.iter_mut().zip(obstacles) {
             set(&mut slot.point, lane, half_plane.point);
             set(&mut slot.direction, lane, half_plane.direction);
         }
-        let n_hard = obstacles.len();
-        let mut n = n_hard;
-        for (slot, neighbour) in self.neighbours[n_hard..].iter_mut().zip(neighbours) {
+        let mut n_neighbours = 0;
+        for ((slot, rank), (index, neighbour)) in self.neighbours.iter_mut().zip(&mut self.ranks).zip(neighbours) {
             set(&mut slot.position, lane, neighbour.position);
             set(&mut slot.velocity, lane, neighbour.velocity);
             slot.radius[lane] = neighbour.radius;
             slot.share[lane] = neighbour.share;
-            n += 1;
+            rank.index[lane] = index as f32;
+            n_neighbours += 1;
         }
-        self.n_hard[lane] = n_hard as f32;
-        self.n[lane] = n as f32;
-        self.max_n_hard = self.max_n_hard.max(n_hard);
-        self.max_n = self.max_n.max(n);
+        self.n_obstacles[lane] = obstacles.len() as f32;
+        self.max_obstacles = self.max_obstacles.max(obstacles.len());
+        self.n_neighbours[lane] = n_neighbours as f32;
+        self.max_neighbours = self.max_neighbours.max(n_neighbours);
     }
 
     /// Whether every lane has a program.
@@ -95,47 +125,122 @@ impl Batch {
 
     /// Solves the programs and removes them; sets the velocities, by battle-wide id.
     #[inline(always)]
-    pub fn solve<S: Lanes>(&mut self, simd: S, velocities: &mut [Vec2]) {
+    pub fn solve<S: Lanes>(&mut self, simd: S, planes: &mut [PlaneUnits], velocities: &mut [Vec2]) {
         if self.n_programs == 0 {
             return;
         }
-        // Lanes without a program have the half-planes of earlier ones, which must not count.
-        self.n[self.n_programs..].fill(0.0);
-        let (n, n_hard) = (Floats::load(simd, &self.n), Floats::load(simd, &self.n_hard));
-        let movers = Movers {
-            position: Vectors::load(simd, &self.position),
-            velocity: Vectors::load(simd, &self.velocity),
-            radius: Floats::load(simd, &self.radius),
-        };
-        let (neighbours, half_planes) = (&self.neighbours[..self.max_n], &mut self.half_planes[..self.max_n]);
-        for (slot, (neighbours, half_planes)) in neighbours.iter().zip(&mut *half_planes).enumerate() {
-            let mut here = movers.keep_off(neighbours);
-            let slot_number = Floats::splat(simd, slot as f32);
-            if slot < self.max_n_hard {
-                let (obstacles, _) = half_planes.load(simd);
-                let is_hard = slot_number.lt(n_hard);
-                here.point = is_hard.either(obstacles.point, here.point);
-                here.direction = is_hard.either(obstacles.direction, here.direction);
-            }
-            half_planes.store(here, slot_number.lt(n));
-        }
+        self.make_half_planes(simd);
+        self.sort(simd, planes);
         let programs = Programs {
             preferred: Vectors::load(simd, &self.preferred),
             unconstrained: Vectors::load(simd, &self.unconstrained),
             max_speed: Floats::load(simd, &self.max_speed),
-            n_hard,
-            max_n_hard: self.max_n_hard,
+            n_hard: self.max_obstacles,
         };
+        let half_planes = &self.half_planes[..self.max_obstacles + self.max_neighbours];
         // Two units at one point have no direction in which to separate, which gives NaN or infinity; such a
         // unit stays.
         let solutions = programs.solve(half_planes, &mut self.projected).finite_or_zero();
         let mut solved = [Column::default(); 2];
         solutions.store(&mut solved);
         let [x, y] = &solved;
-        for ((&id, &x), &y) in self.ids[..self.n_programs].iter().zip(x).zip(y) {
-            velocities[id as usize] = Vec2::new(x, y);
+        for ((unit, &x), &y) in self.units[..self.n_programs].iter().zip(x).zip(y) {
+            velocities[unit.id as usize] = Vec2::new(x, y);
         }
-        (self.n_programs, self.max_n_hard, self.max_n) = (0, 0, 0);
+        (self.n_programs, self.max_obstacles, self.max_neighbours) = (0, 0, 0);
+    }
+
+    /// Makes the half-planes of neighbours, and marks which slots of a lane have one.
+    #[inline(always)]
+    fn make_half_planes<S: Lanes>(&mut self, simd: S) {
+        // Lanes without a program have the half-planes of earlier ones, which must not count.
+        self.n_obstacles[self.n_programs..].fill(0.0);
+        self.n_neighbours[self.n_programs..].fill(0.0);
+        let movers = Movers {
+            position: Vectors::load(simd, &self.position),
+            velocity: Vectors::load(simd, &self.velocity),
+            radius: Floats::load(simd, &self.radius),
+        };
+        let (obstacles, half_planes) = self.half_planes.split_at_mut(self.max_obstacles);
+        let n_obstacles = Floats::load(simd, &self.n_obstacles);
+        for (slot, obstacles) in obstacles.iter_mut().enumerate() {
+            obstacles.set_exist(Floats::splat(simd, slot as f32).lt(n_obstacles));
+        }
+        let n_neighbours = Floats::load(simd, &self.n_neighbours);
+        let neighbours = self.neighbours[..self.max_neighbours].iter().zip(&mut self.ranks).zip(half_planes);
+        for (slot, ((neighbours, rank), half_planes)) in neighbours.enumerate() {
+            let exist = Floats::splat(simd, slot as f32).lt(n_neighbours);
+            half_planes.store(movers.keep_off(neighbours), exist);
+            let distance_squared = movers.offset_of(neighbours).length_squared();
+            let infinite = Floats::splat(simd, f32::INFINITY);
+            exist.select(distance_squared, infinite).store(&mut rank.distance_squared);
+        }
+    }
+
+    /// Sorts the half-planes of neighbours, nearest first.
+    #[inline(always)]
+    fn sort<S: Lanes>(&mut self, simd: S, planes: &mut [PlaneUnits]) {
+        let n = self.max_neighbours;
+        let half_planes = &mut self.half_planes[self.max_obstacles..][..n];
+        let ranks = &mut self.ranks[..n];
+        // Odd-even transposition sort: it compares the same slots whatever their order, so all lanes can be
+        // sorted at once; the comparisons of a pass do not wait for each other; and it exchanges adjacent slots
+        // only, so equally near neighbours keep their order.
+        for pass in 0..n {
+            let pairs = ranks[pass % 2..].chunks_exact_mut(2).zip(half_planes[pass % 2..].chunks_exact_mut(2));
+            for (ranks, half_planes) in pairs {
+                let ([near_rank, far_rank], [near, far]) = (ranks, half_planes) else { continue };
+                let is_wrong = Floats::load(simd, &far_rank.distance_squared)
+                    .lt(Floats::load(simd, &near_rank.distance_squared));
+                if !is_wrong.any() {
+                    continue;
+                }
+                is_wrong.swap(&mut near_rank.distance_squared, &mut far_rank.distance_squared);
+                is_wrong.swap(&mut near_rank.index, &mut far_rank.index);
+                for i in 0..2 {
+                    is_wrong.swap(&mut near.point[i], &mut far.point[i]);
+                    is_wrong.swap(&mut near.direction[i], &mut far.direction[i]);
+                }
+            }
+        }
+        let mut tied = 0;
+        for pair in ranks.windows(2) {
+            let near = Floats::load(simd, &pair[0].distance_squared);
+            let far = Floats::load(simd, &pair[1].distance_squared);
+            tied |= (near.eq(far) & near.lt(Floats::splat(simd, f32::INFINITY))).bits();
+        }
+        while tied != 0 {
+            self.sort_lane_by_tree(tied.trailing_zeros() as usize, planes);
+            tied &= tied - 1;
+        }
+    }
+
+    /// Puts the half-planes of a lane with equally near neighbours into the order of the tree.
+    #[cold]
+    fn sort_lane_by_tree(&mut self, lane: usize, planes: &mut [PlaneUnits]) {
+        let unit = self.units[lane];
+        if !planes[unit.plane].find_by_tree(unit.index, unit.neighbour_range_squared, &mut self.in_tree_order) {
+            return;
+        }
+        let half_planes = &mut self.half_planes[self.max_obstacles..];
+        for (slot, index) in self.in_tree_order.indices().enumerate() {
+            let is_here = |rank: &Rank| rank.index[lane] == index as f32;
+            let Some(from) = self.ranks[slot..].iter().position(is_here) else { continue };
+            let swap = |columns: [&mut Column; 2]| {
+                let [a, b] = columns;
+                std::mem::swap(&mut a[lane], &mut b[lane]);
+            };
+            if let Ok([a, b]) = self.ranks.get_disjoint_mut([slot, slot + from]) {
+                swap([&mut a.distance_squared, &mut b.distance_squared]);
+                swap([&mut a.index, &mut b.index]);
+            }
+            if let Ok([a, b]) = half_planes.get_disjoint_mut([slot, slot + from]) {
+                for i in 0..2 {
+                    swap([&mut a.point[i], &mut b.point[i]]);
+                    swap([&mut a.direction[i], &mut b.direction[i]]);
+                }
+            }
+        }
     }
 }
 

@@ -28,7 +28,7 @@ use crate::arena::Arena;
 use crate::lanes::{Kernel, Lanes, Level};
 use crate::neighbour_order::PlaneOrder;
 use crate::units::clear_and_reserve;
-use batch::{Batch, Goal};
+use batch::{Batch, Mover};
 use linear_program::HalfPlane;
 use nearest_list::NearestList;
 use plane_units::{NearList, PlaneUnits};
@@ -46,7 +46,7 @@ pub(crate) struct AvoidScratch {
     near: NearList,
     /// Indices of edges that may be in sight of a unit.
     near_edges: Vec<u32>,
-    /// Edges in sight, or neighbours, of a unit.
+    /// Edges in sight of a unit.
     sorted: NearestList,
     /// The half-planes of obstacles that a unit sees.
     obstacles: Vec<HalfPlane>,
@@ -57,8 +57,8 @@ impl AvoidScratch {
     /// Reserves memory for `n_units` units, each of which sees at most `n_edges` edges.
     pub fn reserve(&mut self, n_units: usize, n_edges: usize) {
         self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
-        self.sorted.reserve(n_units.max(n_edges));
-        self.batch.reserve(n_edges + n_units);
+        self.sorted.reserve(n_edges);
+        self.batch.reserve(n_edges, n_units);
         clear_and_reserve(&mut self.near_edges, n_edges);
         clear_and_reserve(&mut self.obstacles, n_edges);
         self.near.reserve(n_units);
@@ -100,18 +100,26 @@ impl Kernel for Planning<'_> {
             let AvoidScratch { planes, .. } = &mut *self.scratch;
             // The list keeps its order for the next tick: see `NeighbourOrder`.
             let list = &mut self.order[plane].list;
+            if list.is_empty() {
+                continue;
+            }
             planes[plane].pack(list, self.positions, self.velocities, self.preferred, &self.arena.avoidance);
+            // A unit that prefers to stay does so and plans nothing: this lets units block and surround others.
+            if planes[plane].movers().is_empty() {
+                list.iter().for_each(|&id| self.velocities[id as usize] = self.preferred[id as usize]);
+                continue;
+            }
             self.find_neighbours(simd, plane);
             self.collect_programs(simd, plane);
         }
         // Programs of all planes are solved together: so fewer lanes stay empty.
-        self.scratch.batch.solve(simd, self.velocities);
+        let AvoidScratch { planes, batch, .. } = &mut *self.scratch;
+        batch.solve(simd, planes, self.velocities);
     }
 }
 
 impl Planning<'_> {
-    /// Gives every unit its velocity without neighbours and obstacles, and lists the neighbours. A unit that
-    /// prefers to stay does so and plans nothing: this lets units block and surround others.
+    /// Gives every unit its velocity without neighbours and obstacles, and lists the neighbours.
     #[inline(always)]
     fn find_neighbours<S: Lanes>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, .. } = &mut *self.scratch;
@@ -127,29 +135,34 @@ impl Planning<'_> {
     #[inline(always)]
     fn collect_programs<S: Lanes>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, near_edges, sorted, obstacles, batch, .. } = &mut *self.scratch;
-        let plane = &mut planes[plane];
+        let mut plane_units = &planes[plane];
         for entries in near.units() {
             let index = entries[0].index as usize;
-            let unit = &plane.members()[index];
-            let stats = &self.arena.avoidance[unit.id as usize];
+            let member = &plane_units.members()[index];
+            let stats = &self.arena.avoidance[member.id as usize];
             obstacles.clear();
             if let Some(range) = stats.edge_range_squared.filter(|_| entries[0].may_see_edges()) {
-                obstacles::half_planes(self.arena, unit, range, near_edges, sorted, obstacles);
+                let edges = self.arena.edges.near(plane_units.cell(index), near_edges);
+                obstacles::half_planes(self.arena, member, range, edges, sorted, obstacles);
+                if obstacles.is_empty() && entries.len() == 1 {
+                    continue;
+                }
             }
-            plane.sort_neighbours(entries, stats.neighbour_range_squared, sorted);
-            if sorted.is_empty() && obstacles.is_empty() {
-                continue;
-            }
-            let members = plane.members();
-            let goal = Goal {
-                preferred: plane.preferred(index),
-                unconstrained: plane.unconstrained(index),
+            let mover = Mover {
+                plane,
+                index,
+                member,
+                preferred: plane_units.preferred(index),
+                unconstrained: plane_units.unconstrained(index),
                 max_speed: stats.max_speed,
+                neighbour_range_squared: stats.neighbour_range_squared,
             };
-            let neighbours = sorted.indices().map(#[inline(always)] |index| &members[index]);
-            batch.push(&members[index], &goal, obstacles, neighbours);
+            let members = plane_units.members();
+            let neighbours = entries.iter().flat_map(#[inline(always)] |entry| entry.indices());
+            batch.push(&mover, obstacles, neighbours.map(#[inline(always)] |index| (index, &members[index])));
             if batch.is_full(simd) {
-                batch.solve(simd, self.velocities);
+                batch.solve(simd, planes, self.velocities);
+                plane_units = &planes[plane];
             }
         }
     }

@@ -23,31 +23,19 @@ impl NearestList {
         self.n = 0;
     }
 
-    /// Replaces all results by those with these indices, which come ascending.
-    #[inline(always)]
-    pub fn refill(&mut self, indices: impl Iterator<Item = usize>, distance_squared: impl Fn(usize) -> f32) {
-        let (keys, mut n) = (&mut self.keys[..], 0);
-        for index in indices {
-            insert(keys, n, distance_squared(index), index);
-            n += 1;
-        }
-        self.n = n;
-    }
-
     /// Inserts a result at its position.
     pub fn insert(&mut self, distance_squared: f32, index: usize) {
-        insert(&mut self.keys, self.n, distance_squared, index);
+        // Insertion sort: there are seldom more than two or three results.
+        let key = u64::from(distance_squared.to_bits()) << 32 | index as u64;
+        let keys = &mut self.keys[..=self.n];
+        let mut at = self.n;
         self.n += 1;
+        while at > 0 && keys[at - 1] > key {
+            keys[at] = keys[at - 1];
+            at -= 1;
+        }
+        keys[at] = key;
     }
-    pub fn is_empty(&self) -> bool {
-        self.n == 0
-    }
-
-    /// Whether two results have equal distances.
-    pub fn has_equals(&self) -> bool {
-        self.keys[..self.n].windows(2).any(|pair| pair[0] >> 32 == pair[1] >> 32)
-    }
-
     /// Replaces every index by the entry of a list at that index.
     pub fn replace(&mut self, list: &[u32]) {
         for key in &mut self.keys[..self.n] {
@@ -59,20 +47,6 @@ impl NearestList {
     pub fn indices(&self) -> impl ExactSizeIterator<Item = usize> {
         self.keys[..self.n].iter().map(|&key| key as u32 as usize)
     }
-}
-
-/// Inserts a result among the first `n` keys.
-#[inline(always)]
-fn insert(keys: &mut [u64], n: usize, distance_squared: f32, index: usize) {
-    // Insertion sort: there are seldom more than two or three results.
-    let key = u64::from(distance_squared.to_bits()) << 32 | index as u64;
-    let keys = &mut keys[..=n];
-    let mut at = n;
-    while at > 0 && keys[at - 1] > key {
-        keys[at] = keys[at - 1];
-        at -= 1;
-    }
-    keys[at] = key;
 }
 
 #[cfg(test)]
@@ -87,7 +61,6 @@ mod tests {
             found.insert(distance_squared, index);
         }
         assert_eq!(found.indices().collect::<Vec<_>>(), [1, 3, 4, 0, 2, 5]);
-        assert!(found.has_equals());
         found.replace(&[9, 8, 3, 7, 1, 5]);
         assert_eq!(found.indices().collect::<Vec<_>>(), [8, 7, 1, 9, 3, 5]);
     }

@@ -46,11 +46,17 @@ struct Escape<S: Lanes> {
 }
 
 impl<S: Lanes> Movers<S> {
+    /// The positions of neighbours seen from each unit.
+    #[inline(always)]
+    pub fn offset_of(&self, neighbours: &NeighbourColumns) -> Vectors<S> {
+        Vectors::load(self.radius.simd(), &neighbours.position) - self.position
+    }
+
     /// The velocities that keep each unit off its neighbour for the time horizon.
     #[inline(always)]
     pub fn keep_off(&self, neighbours: &NeighbourColumns) -> HalfPlanes<S> {
         let simd = self.radius.simd();
-        let offset = Vectors::load(simd, &neighbours.position) - self.position;
+        let offset = self.offset_of(neighbours);
         let relative = self.velocity - Vectors::load(simd, &neighbours.velocity);
         let reach = self.radius + Floats::load(simd, &neighbours.radius);
         let apart = offset.length_squared().gt(reach * reach);

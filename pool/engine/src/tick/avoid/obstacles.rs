@@ -24,16 +24,15 @@ use super::EPSILON;
 use super::plane_units::Member;
 use crate::arena::{Arena, Edge, left_of};
 
-/// Adds the half-planes of the obstacles that `mover` sees; `searched` and `found` are working memory.
+/// Adds the half-planes of the obstacles that `mover` sees, of the edges that are `near`. `found` is working memory.
 pub(super) fn half_planes(
     arena: &Arena,
     mover: &Member,
     range: f32,
-    searched: &mut Vec<u32>,
+    near: &[u32],
     found: &mut NearestList,
     half_planes: &mut Vec<HalfPlane>,
 ) {
-    let near = arena.edges.near(mover.position, searched);
     find(arena, mover, near, range, found);
     for index in found.indices() {
         if let Some(half_plane) = half_plane(mover, arena.edges.edge(near[index]), half_planes) {

@@ -23,14 +23,14 @@ pub(super) struct PlaneUnits {
     /// The indices of the units that move.
     movers: Vec<u32>,
     n_movers: usize,
-    /// What is computed for several units at a time, by index. Padded to full words; padding is at infinity,
-    /// where no search finds it.
+    /// What is computed for several units at a time, by index. Padded to full registers; padding is at
+    /// infinity, where no search finds it.
     position: Columns,
     preferred: Columns,
     max_speed: Vec<f32>,
     /// The preferred velocity within the speed limit.
     unconstrained: Columns,
-    /// The number of the cell in which each unit is.
+    /// The cell in which each unit is.
     cell: Vec<f32>,
     /// The corners of the box around the units of each word, padded to [`MAX_LANES`] with boxes at infinity.
     /// Empty if there is one word only.
@@ -128,7 +128,7 @@ impl Near {
 
     /// The indices of the neighbours, ascending.
     #[inline(always)]
-    fn indices(&self) -> impl Iterator<Item = usize> {
+    pub fn indices(&self) -> impl Iterator<Item = usize> {
         let (begin, mut bits) = (self.word as usize * WORD, self.bits);
         std::iter::from_fn(move || {
             let first = bits.trailing_zeros() as usize;
@@ -144,8 +144,8 @@ impl PlaneUnits {
     pub fn reserve(&mut self, n_units: usize) {
         self.members.resize(n_units, Member::default());
         clear_and_reserve(&mut self.visited, n_units);
-        let n_padded = n_units.next_multiple_of(WORD);
-        let n_boxes = (n_padded / WORD).next_multiple_of(MAX_LANES);
+        let n_padded = n_units.next_multiple_of(MAX_LANES);
+        let n_boxes = n_units.div_ceil(WORD).next_multiple_of(MAX_LANES);
         self.movers.resize(n_units, 0);
         for columns in [&mut self.position, &mut self.preferred, &mut self.unconstrained] {
             columns.resize(n_padded);
@@ -194,7 +194,7 @@ impl PlaneUnits {
             n_movers += usize::from(!stays);
         }
         (self.n, self.n_movers) = (n, n_movers);
-        let n_padded = n.next_multiple_of(WORD);
+        let n_padded = n.next_multiple_of(MAX_LANES);
         self.position.x[n..n_padded].fill(f32::INFINITY);
         self.position.y[n..n_padded].fill(f32::INFINITY);
         if n > WORD {
@@ -226,6 +226,11 @@ impl PlaneUnits {
     /// All members.
     pub fn members(&self) -> &[Member] {
         &self.members[..self.n]
+    }
+
+    /// The cell in which a unit is.
+    pub fn cell(&self, index: usize) -> f32 {
+        self.cell[index]
     }
 
     /// The velocity that a unit prefers.
@@ -345,27 +350,12 @@ impl PlaneUnits {
         list.add_if(bits != 0, Near { index, word: word as u32, bits });
     }
 
-    /// Sorts the neighbours of a unit, which are in several entries, nearest first. `range_squared` is that of
-    /// the search.
-    #[inline(always)]
-    pub fn sort_neighbours(&mut self, entries: &[Near], range_squared: f32, sorted: &mut NearestList) {
-        let index = entries[0].index as usize;
-        let members = &self.members[..self.n];
-        let position = members[index].position;
-        sorted.refill(
-            entries.iter().flat_map(|entry| entry.indices()),
-            #[inline(always)]
-            |other| (position - members[other].position).length_squared(),
-        );
-        // In a leaf, the order of units that are equally near is that of their indices, else the tree's.
-        if self.n > Tree::LEAF_SIZE && sorted.has_equals() {
-            self.sort_by_tree(index, range_squared, sorted);
+    /// Finds the neighbours of a unit, nearest first, and those that are equally near in the order of the tree.
+    /// `false` if that is the order of their indices.
+    pub fn find_by_tree(&mut self, index: usize, range_squared: f32, sorted: &mut NearestList) -> bool {
+        if self.n <= Tree::LEAF_SIZE {
+            return false; // all in one leaf
         }
-    }
-
-    /// The same, in the order of the tree where distances are equal.
-    #[cold]
-    fn sort_by_tree(&mut self, index: usize, range_squared: f32, sorted: &mut NearestList) {
         let PlaneUnits { members, tree, visited, .. } = self;
         let position = members[index].position;
         // Equal distances are sorted by index, so the index is first the number of the visit and then
@@ -379,6 +369,7 @@ impl PlaneUnits {
             }
         });
         sorted.replace(visited);
+        true
     }
 }
 
@@ -393,8 +384,9 @@ mod tests {
     struct Search<'a> {
         positions: &'a [Vec2],
         range_squared: f32,
-        /// The neighbours of each unit, nearest first, by battle-wide id.
+        /// The neighbours of each unit by battle-wide id, in any order, and as the tree has them.
         found: Vec<Vec<u32>>,
+        by_tree: Vec<Vec<u32>>,
     }
 
     impl Kernel for &mut Search<'_> {
@@ -412,21 +404,25 @@ mod tests {
             let edges = EdgesByCell::new(&Terrain::from_fn(32, 32, |_, _| true).unwrap(), 1.0);
             plane.find_unconstrained(simd, &edges);
             plane.find_neighbours(simd, &stats, &edges, &mut near);
-            self.found = vec![Vec::new(); n];
+            (self.found, self.by_tree) = (vec![Vec::new(); n], vec![Vec::new(); n]);
             for entries in near.units() {
-                plane.sort_neighbours(entries, self.range_squared, &mut sorted);
+                let index = entries[0].index as usize;
                 let id = |index: usize| plane.members()[index].id;
-                self.found[id(entries[0].index as usize) as usize] = sorted.indices().map(id).collect();
+                let unit = id(index) as usize;
+                self.found[unit] = entries.iter().flat_map(Near::indices).map(id).collect();
+                plane.find_by_tree(index, self.range_squared, &mut sorted);
+                let id = |index: usize| plane.members()[index].id;
+                self.by_tree[unit] = sorted.indices().map(id).collect();
             }
         }
     }
 
     /// The same at every level.
-    fn search(positions: &[Vec2], range_squared: f32) -> Vec<Vec<u32>> {
+    fn search(positions: &[Vec2], range_squared: f32) -> [Vec<Vec<u32>>; 2] {
         let at = |level: Level| {
-            let mut search = Search { positions, range_squared, found: Vec::new() };
+            let mut search = Search { positions, range_squared, found: Vec::new(), by_tree: Vec::new() };
             level.run(&mut search);
-            search.found
+            [search.found, search.by_tree]
         };
         let found = at(Level::default());
         for level in Level::available() {
@@ -437,26 +433,25 @@ mod tests {
 
     /// A grid, so that there are many equal distances, and a few units in one spot.
     #[test]
-    fn finds_those_in_range_nearest_first() {
+    fn finds_those_in_range() {
         let spot = |i: usize| Vec2::new((i * 37 % 23) as f32 * 0.25, (i * 53 % 19) as f32 * 0.25);
         let positions: Vec<Vec2> = (0..1200).map(spot).collect();
         for n in [1, 4, 9, 10, 11, 63, 64, 65, 97, 1100] {
             let positions = &positions[..n];
             for range_squared in [0.0, 0.1, 1.3, 100.0] {
-                for (id, mut found) in search(positions, range_squared).into_iter().enumerate() {
+                let [found, by_tree] = search(positions, range_squared);
+                for (id, (mut found, mut by_tree)) in found.into_iter().zip(by_tree).enumerate() {
                     let away = |other: &u32| (positions[id] - positions[*other as usize]).length_squared();
-                    assert!(found.is_sorted_by_key(away), "nearest first: {found:?}");
-                    found.sort_unstable();
                     let near = |other: &u32| away(other) < range_squared && *other as usize != id;
-                    assert_eq!(found, (0..n as u32).filter(near).collect::<Vec<_>>());
+                    let expected: Vec<u32> = (0..n as u32).filter(near).collect();
+                    found.sort_unstable();
+                    assert_eq!(found, expected);
+                    assert!(by_tree.is_sorted_by_key(away), "nearest first: {by_tree:?}");
+                    by_tree.sort_unstable();
+                    assert!(n <= 10 || by_tree == expected);
                 }
             }
         }
-    }
-
-    #[test]
-    fn of_a_few_equally_near_the_lowest_id_is_first() {
-        assert_eq!(search(&[Vec2::X, Vec2::ZERO, Vec2::NEG_X], 2.0)[1], [0, 2]);
     }
 
     /// Of more than a leaf of the tree holds, those in the half whose box is nearer; of equally near boxes
@@ -464,7 +459,7 @@ mod tests {
     #[test]
     fn of_many_equally_near_the_tree_decides() {
         let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
-        let found = search(&positions, 2.0);
-        assert_eq!([&found[5][..], &found[6][..]], [[4, 6], [7, 5]]);
+        let [_, by_tree] = search(&positions, 2.0);
+        assert_eq!([&by_tree[5][..], &by_tree[6][..]], [[4, 6], [7, 5]]);
     }
 }

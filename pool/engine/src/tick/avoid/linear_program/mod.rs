@@ -60,11 +60,17 @@ impl HalfPlaneColumns {
     }
 
     #[inline(always)]
-    pub fn store<S: Lanes>(&mut self, half_planes: HalfPlanes<S>, exists: Mask<S>) {
-        let simd = half_planes.point.x.simd();
+    pub fn store<S: Lanes>(&mut self, half_planes: HalfPlanes<S>, exist: Mask<S>) {
         half_planes.point.store(&mut self.point);
         half_planes.direction.store(&mut self.direction);
-        exists.select(Floats::splat(simd, 1.0), Floats::splat(simd, 0.0)).store(&mut self.exists);
+        self.set_exist(exist);
+    }
+
+    /// Sets in which lanes the half-planes exist.
+    #[inline(always)]
+    pub fn set_exist<S: Lanes>(&mut self, exist: Mask<S>) {
+        let simd = exist.simd();
+        exist.select(Floats::splat(simd, 1.0), Floats::splat(simd, 0.0)).store(&mut self.exists);
     }
 }
 
@@ -83,10 +89,8 @@ pub(super) struct Programs<S: Lanes> {
     /// The preferred velocities within the speed limit.
     pub unconstrained: Vectors<S>,
     pub max_speed: Floats<S>,
-    /// How many half-planes, the first ones, are never relaxed.
-    pub n_hard: Floats<S>,
-    /// The greatest of these numbers.
-    pub max_n_hard: usize,
+    /// How many slots, the first ones, have half-planes that are never relaxed.
+    pub n_hard: usize,
 }
 
 /// The objective: which of the permitted velocities is best.
@@ -230,19 +234,13 @@ impl<S: Lanes> Programs<S> {
             }
             // The hard half-planes come first and stay as they are. If one of them failed, there are none of
             // units before it.
-            let projected = &mut projected[..i.max(self.max_n_hard)];
-            for (j, (other, projected)) in half_planes.iter().zip(&mut *projected).enumerate() {
+            let projected = &mut projected[..i.max(self.n_hard)];
+            let (hard, relaxed) = projected.split_at_mut(self.n_hard);
+            hard.copy_from_slice(&half_planes[..self.n_hard]);
+            for (other, projected) in half_planes[self.n_hard..].iter().zip(relaxed) {
                 let (other, exists) = other.load(simd);
-                let (between, mut applies) = half_plane.equal_violation(&other);
-                if j >= i {
-                    applies = applies & !applies;
-                }
-                let is_hard = Floats::splat(simd, j as f32).lt(self.n_hard);
-                let either = HalfPlanes {
-                    point: is_hard.either(other.point, between.point),
-                    direction: is_hard.either(other.direction, between.direction),
-                };
-                projected.store(either, exists & (is_hard | applies));
+                let (between, applies) = half_plane.equal_violation(&other);
+                projected.store(between, exists & applies);
             }
             let inward = Vectors { x: -half_plane.direction.y, y: half_plane.direction.x };
             let better = self.best_velocity(projected, Aim::Farthest(inward), inward * self.max_speed);
@@ -342,16 +340,23 @@ mod tests {
                     column.iter_mut().zip(programs).for_each(|(x, program)| *x = of(program));
                     column
                 };
-                let n = programs.iter().map(|program| program.half_planes.len()).max().unwrap_or(0);
+                let n_hard = programs.iter().map(|program| program.n_hard).max().unwrap_or(0);
+                let n_relaxed = programs.iter().map(|p| p.half_planes.len() - p.n_hard).max().unwrap_or(0);
+                // The number in a program of the half-plane in a slot.
+                let number = |p: &Program, slot: usize| match slot {
+                    _ if slot >= n_hard => Some(slot - n_hard + p.n_hard),
+                    _ => Some(slot).filter(|slot| *slot < p.n_hard),
+                };
+                let in_slot = |p: &Program, slot| number(p, slot).and_then(|i| p.half_planes.get(i)).copied();
                 // Lanes without a half-plane in this slot have one that must not count.
                 let unused = HalfPlane { point: Vec2::X, direction: Vec2::NEG_X };
-                let slots: Vec<_> = (0..n)
+                let slots: Vec<_> = (0..n_hard + n_relaxed)
                     .map(|i| {
-                        let get = |program: &Program| *program.half_planes.get(i).unwrap_or(&unused);
+                        let get = |program: &Program| in_slot(program, i).unwrap_or(unused);
                         HalfPlaneColumns {
                             point: [column(&|p| get(p).point.x), column(&|p| get(p).point.y)],
                             direction: [column(&|p| get(p).direction.x), column(&|p| get(p).direction.y)],
-                            exists: column(&|p| f32::from(i < p.half_planes.len())),
+                            exists: column(&|p| f32::from(in_slot(p, i).is_some())),
                         }
                     })
                     .collect();
@@ -362,8 +367,7 @@ mod tests {
                     preferred,
                     unconstrained: preferred.within(max_speed),
                     max_speed,
-                    n_hard: Floats::load(simd, &column(&|p| p.n_hard as f32)),
-                    max_n_hard: programs.iter().map(|program| program.n_hard).max().unwrap_or(0),
+                    n_hard,
                 };
                 let mut solved = [Column::default(); 2];
                 all.solve(&slots, &mut slots.clone()).store(&mut solved);
