@@ -96,8 +96,10 @@ impl<E> InboxState<E> {
 }
 
 impl<E> Inbox<E> {
-    /// Wakes the owner if it sleeps.
-    fn wake(&self, state: &MutexGuard<'_, InboxState<E>>) -> Ring {
+    /// Wakes the owner if it sleeps. It is called, and not only given work: if another thread takes that first,
+    /// it must not sleep on, since `release` counts on it to lead.
+    fn wake(&self, state: &mut MutexGuard<'_, InboxState<E>>) -> Ring {
+        state.called |= state.asleep.is_some();
         match state.asleep {
             Some(Bed::Inbox) => self.bell.notify_one(),
             Some(Bed::Door) => return Ring(true),
@@ -137,7 +139,7 @@ impl<E: Copy> WorkQueues<E> {
         let mut state = lock(&inbox.state);
         state.queues[lane].extend(entries);
         inbox.ready.fetch_add(entries.len(), Ordering::Relaxed);
-        if state.guest { Ring(false) } else { inbox.wake(&state) }
+        if state.guest { Ring(false) } else { inbox.wake(&mut state) }
     }
 
     /// Moves up to `most` entries of one lane into `run`: of `lane`, if it is given, or of the next in turn;
@@ -205,8 +207,8 @@ impl<E: Copy> WorkQueues<E> {
         inbox.taken.store(false, Ordering::Relaxed);
         // `release` ends the leadership before it looks for a worker that may take it; one of the two
         // notices the other.
-        state.called |= must_lead && state.asleep.is_some() && !self.led.load(Ordering::SeqCst);
-        if state.called || state.has_work() { inbox.wake(&state) } else { Ring(false) }
+        let leaderless = must_lead && !self.led.load(Ordering::SeqCst);
+        if leaderless || state.has_work() { inbox.wake(&mut state) } else { Ring(false) }
     }
 
     /// Waits at the inbox until there is work or no worker leads. Polls for the time `spin`, then blocks.
@@ -266,15 +268,18 @@ impl<E: Copy> WorkQueues<E> {
         state.called = false;
     }
 
-    /// Ends the leadership and wakes a sleeping worker without work to take it.
+    /// Ends the leadership and wakes a sleeping worker without work to take it. Sleepers with work wake up for
+    /// that, but are called too: if another thread takes their work first, they must not sleep on.
     pub(crate) fn release(&self, leadership: Leadership<'_>) {
         drop(leadership);
         for inbox in &self.inboxes {
             let mut state = lock(&inbox.state);
-            if state.asleep.is_some() && !state.called && !state.guest && !state.has_work() {
+            if state.asleep.is_some() && !state.called && !state.guest {
                 state.called = true;
                 inbox.bell.notify_one();
-                return;
+                if !state.has_work() {
+                    return;
+                }
             }
         }
     }
@@ -386,21 +391,25 @@ mod loom_tests {
     }
 
     #[test]
-    fn leadership_does_not_pass_to_a_sleeper_that_has_work() {
+    fn leadership_passes_to_the_worker_that_gets_no_work() {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(3); // three threads have too many interleavings to explore all
         model.check(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(3, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let busy = spawn(&queues, |queues| {
-                let mut run = Vec::new();
-                while queues.take_of(1, None, 8, &mut run).is_none() {
-                    if let Some(leadership) = try_lead(queues, 1) {
+            // One of the two takes the work and has it for the rest of the test; the other one must lead.
+            let worker = |worker: usize| {
+                spawn(&queues, move |queues| {
+                    while queues.take(worker, None, 8, &mut Vec::new()).is_none() {
+                        let Some(leadership) = try_lead(queues, worker) else { continue };
+                        if !queues.has_work_for(worker) {
+                            return;
+                        }
                         queues.release(leadership);
                     }
-                } // and works for the rest of the test
-            });
-            let idle = spawn(&queues, |queues| while try_lead(queues, 2).is_none() {});
+                })
+            };
+            let (busy, idle) = (worker(1), worker(2));
             push(&queues, 1);
             queues.release(leading);
             busy.join().unwrap();
