@@ -8,7 +8,7 @@ use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Reads the batches of a lane without being its learner, who does not notice.
 ///
