@@ -96,8 +96,8 @@ impl<E> InboxState<E> {
 }
 
 impl<E> Inbox<E> {
-    /// Wakes the owner if it sleeps. It is called, and not only given work: if another thread takes that first,
-    /// it must not sleep on, since `release` counts on it to lead.
+    /// Wakes the owner if it sleeps. It is called, and not only given work: if another thread takes that
+    /// first, it must not sleep on, since `release` counts on it to lead.
     fn wake(&self, state: &mut MutexGuard<'_, InboxState<E>>) -> Ring {
         state.called |= state.asleep.is_some();
         match state.asleep {
@@ -268,8 +268,8 @@ impl<E: Copy> WorkQueues<E> {
         state.called = false;
     }
 
-    /// Ends the leadership and wakes a sleeping worker without work to take it. Sleepers with work wake up for
-    /// that, but are called too: if another thread takes their work first, they must not sleep on.
+    /// Ends the leadership and wakes a sleeping worker without work to take it. Sleepers with work wake up
+    /// for that, but are called too: if another thread takes their work first, they must not sleep on.
     pub(crate) fn release(&self, leadership: Leadership<'_>) {
         drop(leadership);
         for inbox in &self.inboxes {
