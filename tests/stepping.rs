@@ -89,9 +89,8 @@ fn no_environment_starves_in_asynchronous_mode() {
                 .threads(threads);
         let _supervisor = dir.start(&plan);
         let mut learner = dir.learner(&plan.lanes[0]);
-        // Environments stay with their worker (one half each, with two). How much each worker runs is decided
-        // by the kernel, so the guarantee is: every environment makes progress, and those of one worker make
-        // about the same, however slow one of them is.
+        // How much each worker runs is decided by the kernel, so the guarantee is: every environment makes
+        // progress, and those of one seat make about the same, however slow one of them is.
         learner.reset(Some(3), TIMEOUT).expect("a reset");
         let mut batches = 0;
         let mut steps = Vec::new();

@@ -54,7 +54,7 @@ class Options:
     # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
     # in a busy loop, and on a machine with other work that multiplies the time.
     torch_threads: int = option(1, "threads of PyTorch")
-    threads: int = option(0, "worker threads of the pool; 0: one less than the cores")
+    threads: int = option(0, "threads of the pool; 0: as many as there are cores")
     last_actions: int = option(0, "how many of its own last actions an agent observes")
     num_envs: int = option(64, "number of environments")
     horizon: int = option(64, "steps of each environment per update")

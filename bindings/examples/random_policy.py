@@ -16,7 +16,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("scenario", nargs="?", default="2s3z", help=a_scenario)
     parser.add_argument("--num-envs", type=int, default=64, help="environments stepped at once (default: 64)")
     parser.add_argument("--seconds", type=float, default=5.0, help="how long to play (default: 5)")
-    parser.add_argument("--threads", type=int, help="worker threads (default: one less than the cores)")
+    parser.add_argument("--threads", type=int, help="threads (default: as many as there are cores)")
     parser.add_argument("--seed", type=int, default=1, help="of environments and policy (default: 1)")
     return parser.parse_args()
 

@@ -160,8 +160,25 @@ pub fn float32_array<'py>(
 }
 
 /// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_agents]`.
-pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -> PyResult<Int32Array<'py>> {
-    int32_array("actions", arg, &[Some(num_envs), Some(n_agents)])
+pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -> PyResult<Actions<'py>> {
+    contiguous_int32("actions", arg, &[Some(num_envs), Some(n_agents)]).map(Actions)
+}
+
+/// Actions as a C-contiguous int32 array.
+pub struct Actions<'py>(Bound<'py, PyArrayDyn<i32>>);
+
+impl Actions<'_> {
+    /// Copies them, row by row. A read-only borrow would allocate memory in each step.
+    #[allow(unsafe_code)]
+    pub fn copy_to(&self, out: &mut Vec<i32>) -> PyResult<()> {
+        // SAFETY: the array is contiguous, and nothing detaches from the interpreter before the copy is made.
+        // Other code of this module writes to arrays only while it is attached, so not meanwhile. Whether
+        // Python code of another thread does is its own affair, as with any NumPy operation.
+        let actions = unsafe { self.0.as_slice()? };
+        out.clear();
+        out.extend_from_slice(actions);
+        Ok(())
+    }
 }
 
 /// Environment ids: an integer array-like with one axis.
@@ -214,19 +231,27 @@ fn int32_array<'py>(
     arg: &Bound<'py, PyAny>,
     shape: &[Option<usize>],
 ) -> PyResult<Int32Array<'py>> {
+    Ok(Int32Array(contiguous_int32(name, arg, shape)?.try_readonly()?))
+}
+
+fn contiguous_int32<'py>(
+    name: &str,
+    arg: &Bound<'py, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
     let array = to_array(name, arg)?;
     check_shape(name, "an integer", arg, &array, shape)?;
     if let Ok(array) = array.cast::<PyArrayDyn<i32>>()
         && array.is_c_contiguous()
     {
-        return Ok(Int32Array(array.try_readonly()?));
+        return Ok(array.clone());
     }
     let py = array.py();
     let empty = array.len() == 0; // NumPy converts an empty list to a float array
     match array.dtype().kind() {
         b'i' => narrow::<i64>(name, &array.call_method1("astype", ("int64",))?),
         b'u' => narrow::<u64>(name, &array.call_method1("astype", ("uint64",))?),
-        _ if empty => Ok(Int32Array(numpy::PyArray::zeros(py, array.shape(), false).try_readonly()?)),
+        _ if empty => Ok(numpy::PyArray::zeros(py, array.shape(), false)),
         _ => {
             let dtype = array.dtype();
             let text = format!("{name} must be an integer array, got {dtype} (int32 avoids a copy)");
@@ -270,7 +295,7 @@ fn to_array<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyU
 fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
     name: &str,
     wide: &Bound<'py, PyAny>,
-) -> PyResult<Int32Array<'py>> {
+) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
     let wide = wide.cast::<PyArrayDyn<T>>()?.try_readonly()?;
     let mut narrowed = Vec::with_capacity(wide.len());
     for (index, element) in wide.as_array().indexed_iter() {
@@ -282,8 +307,7 @@ fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
         })?;
         narrowed.push(value);
     }
-    let array = PyArray1::from_vec(wide.py(), narrowed).reshape(wide.shape())?;
-    Ok(Int32Array(array.try_readonly()?))
+    PyArray1::from_vec(wide.py(), narrowed).reshape(wide.shape())
 }
 
 /// The ids of the environments that a mask, `bool[num_envs]`, selects.

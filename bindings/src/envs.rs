@@ -2,11 +2,12 @@
 
 use crate::batch::Batch;
 use crate::convert::{
-    self, Int32Array, IntArg, env_ids, require_envs, selected_envs, timeout_seconds, to_dict, to_duration,
-    to_unsigned,
+    self, Actions, Int32Array, IntArg, env_ids, require_envs, selected_envs, timeout_seconds, to_dict,
+    to_duration, to_unsigned,
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit;
+use crate::held::{Held, Places};
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, SheetStyle, render_batch};
@@ -17,7 +18,7 @@ use pyo3::types::{PyDict, PyTuple};
 use smaclite_ipc::{Client, LaneDescription, Supervisor, lane_scenario};
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 /// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
 pub struct SharedClient(Mutex<Option<Attached>>);
@@ -27,6 +28,8 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
+    /// A copy of the actions of the present call.
+    actions: Vec<i32>,
     _embedded: Option<Arc<Supervisor>>,
 }
 
@@ -77,8 +80,19 @@ pub struct Embedded {
 struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
 
 impl ClientGuard<'_> {
+    fn attached(&mut self) -> &mut Attached {
+        self.0.as_mut().expect("try_lock returns a guard only while attached")
+    }
+
     fn client(&mut self) -> &mut Client {
-        &mut self.0.as_mut().expect("try_lock returns a guard only while attached").client
+        &mut self.attached().client
+    }
+
+    /// The client and a copy of the actions.
+    fn client_with(&mut self, passed: Actions<'_>) -> PyResult<(&mut Client, &[i32])> {
+        let Attached { client, actions, .. } = self.attached();
+        passed.copy_to(actions)?;
+        Ok((client, actions))
     }
 }
 
@@ -100,18 +114,18 @@ pub struct Envs {
     layout: Layout,
     /// Of an embedded pool.
     scenario: Option<Scenario>,
-    /// The newest batch, for pictures. It is not kept: a lane limits the batches that are held.
-    newest: Mutex<Weak<smaclite_ipc::Batch>>,
+    /// Batches that were received. They are not kept: a lane limits the batches that are held.
+    places: Places,
 }
 
 impl Envs {
     pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
-        let attached = Attached { recording, client, _embedded: supervisor };
+        let attached = Attached { recording, client, actions: Vec::new(), _embedded: supervisor };
         let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
         exit::close_at_exit(&shared);
-        Envs { shared, description, layout, scenario, newest: Mutex::default() }
+        Envs { shared, description, layout, scenario, places: Places::default() }
     }
 
     pub fn lane_description(&self) -> &LaneDescription {
@@ -134,19 +148,16 @@ impl Envs {
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
-    fn received(&self, py: Python<'_>, batch: smaclite_ipc::Batch) -> PyResult<Batch> {
-        let batch = Arc::new(batch);
-        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&batch);
-        Batch::new(py, batch)
+    fn received(&self, batch: smaclite_ipc::Batch) -> Batch {
+        Batch::new(self.places.hold(batch))
     }
 
     /// The batch to draw: the one that was passed, or the newest one.
-    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Arc<smaclite_ipc::Batch>> {
+    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Held> {
         if let Some(batch) = batch {
-            return Ok(Arc::clone(batch.get().received()));
+            return Ok(batch.get().received().clone());
         }
-        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner).upgrade();
-        newest.ok_or_else(|| {
+        self.places.newest().ok_or_else(|| {
             invalid_request(
                 "there is no batch to draw: none was received, or the newest one and its arrays are not held \
                  any more; pass a batch",
@@ -164,7 +175,7 @@ impl Envs {
         &self,
         actions: &Bound<'py, PyAny>,
         env_id: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Int32Array<'py>, Option<Int32Array<'py>>)> {
+    ) -> PyResult<(Actions<'py>, Option<Int32Array<'py>>)> {
         let ids = env_ids(env_id)?;
         if let Some(ids) = &ids {
             require_envs("env_id", ids.as_slice()?)?;
@@ -222,7 +233,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?;
-        self.received(py, batch)
+        Ok(self.received(batch))
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
@@ -250,11 +261,11 @@ impl Envs {
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
         let (actions, ids) = self.step_arguments(actions, env_id)?;
-        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
+        let (client, actions) = guard.client_with(actions)?;
         let batch = wait_detached(py, timeout, |wait| client.step(actions, ids, wait))?;
-        self.received(py, batch)
+        Ok(self.received(batch))
     }
 
     /// Send actions without waiting for the result.
@@ -282,9 +293,9 @@ impl Envs {
         env_id: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let (actions, ids) = self.step_arguments(actions, env_id)?;
-        let (actions, ids) = (actions.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
+        let (client, actions) = guard.client_with(actions)?;
         wait_detached(py, None, |wait| client.send(actions, ids, wait))
     }
 
@@ -311,7 +322,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.recv(wait))?;
-        self.received(py, batch)
+        Ok(self.received(batch))
     }
 
     /// Request new episodes in all environments without waiting; `recv` returns the first observations.
@@ -414,7 +425,7 @@ impl Envs {
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let batch = self.batch_to_draw(batch)?;
         let style = SheetStyle::new(columns, captions)?;
-        render_batch(py, self, &batch, env_id, renderer, style)
+        batch.with(|batch| render_batch(py, self, batch, env_id, renderer, style))
     }
 
     /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays

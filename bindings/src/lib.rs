@@ -9,6 +9,7 @@ mod convert;
 mod envs;
 mod errors;
 mod exit;
+mod held;
 mod make;
 mod policy;
 mod program;

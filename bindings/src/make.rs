@@ -39,8 +39,8 @@ const MAX_LANES: usize = 64;
 ///         environments, and `recv` the first M that finish.
 ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. With the same seed and actions it
 ///         plays the same episodes as the published environment.
-///     threads: number of worker threads, 1 to 1024. The default is the number of cores available to this
-///         process, minus one for the learner, but at least one.
+///     threads: number of threads that step environments, 1 to 1024. While the learner waits for a batch, its
+///         thread is one of them. The default is the number of cores available to this process.
 ///     autoreset: what happens at the end of an episode. "next_step": the next step ignores the actions,
 ///         resets the environment and returns reward 0. "same_step": the last step already returns the first
 ///         observation of the next episode, and `final_*` hold the last one. "disabled": the environment
@@ -148,16 +148,15 @@ pub fn make(
             names.push(name);
             first_env += num_envs;
         }
-        let config = SupervisorConfig { name: name.clone(), lanes: configs, options, runtime_dir };
+        let config = SupervisorConfig { name, lanes: configs, options, runtime_dir };
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
         let supervisor = Arc::new(supervisor);
         let runtime_dir = supervisor.runtime_dir();
         let mut record = record; // of the first lane
-        let attached = names.iter().map(|lane| {
-            let connect = || Client::connect(runtime_dir, &name, Some(lane), wait);
-            attach(runtime_dir, record.take(), connect)
-        });
+        let attached = names
+            .iter()
+            .map(|lane| attach(runtime_dir, record.take(), || supervisor.connect(Some(lane), wait)));
         let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
         Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }))
     };

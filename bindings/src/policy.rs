@@ -77,7 +77,27 @@ impl ScriptedPolicy {
         batch: &Bound<'py, Batch>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        let batch = batch.get().received();
+        batch.get().received().with(|batch| self.act(py, batch, out))
+    }
+
+    /// The policy's name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<smaclite_pool.ScriptedPolicy {}>", self.name)
+    }
+}
+
+impl ScriptedPolicy {
+    fn act<'py>(
+        &self,
+        py: Python<'py>,
+        batch: &smaclite_ipc::Batch,
+        out: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let sizes = batch.layout().sizes();
         // Policies read no observations, which may have what a lane appends.
         let expected = Sizes { obs_size: sizes.obs_size, ..self.arena.sizes() };
@@ -112,15 +132,5 @@ impl ScriptedPolicy {
             }
             None => PyArray1::from_vec(py, actions).reshape(shape),
         }
-    }
-
-    /// The policy's name.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<smaclite_pool.ScriptedPolicy {}>", self.name)
     }
 }

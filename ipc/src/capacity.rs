@@ -32,7 +32,7 @@ pub struct Capacity {
 }
 
 impl Capacity {
-    /// What a lane needs that `threads` workers serve.
+    /// What a lane needs that at most `threads` threads write to at once.
     pub fn new(
         settings: &LaneSettings,
         threads: usize,
@@ -41,7 +41,7 @@ impl Capacity {
     ) -> Capacity {
         let LaneSettings { num_envs, batch_size, .. } = *settings;
         let synchronous = settings.is_synchronous();
-        // A worker that opens a frame writes to no other; each of the rest may write to a frame of an earlier
+        // A thread that opens a frame writes to no other; each of the rest may write to a frame of an earlier
         // epoch, or to the last slot of a full one. One more is for a rejection, and one is kept back to
         // report a failure.
         let writing = threads.min(num_envs);

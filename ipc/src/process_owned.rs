@@ -32,7 +32,8 @@ impl<T> ProcessOwned<T> {
         if self.is_owned() { Ok(&mut self.value) } else { Err(NotOwner { owner: self.owner }) }
     }
 
-    fn is_owned(&self) -> bool {
+    /// Whether this process made the value.
+    pub(crate) fn is_owned(&self) -> bool {
         self.owner == std::process::id()
     }
 }

@@ -29,6 +29,10 @@ pub(crate) struct HostedEnv {
     pub(crate) actions: Vec<i32>,
     /// The accepted request that this environment has not yet answered.
     pub(crate) busy: Option<Ticket>,
+    /// How many entries of accepted requests this environment got.
+    pub(crate) accepted: u64,
+    /// The number of the last of them that was carried out.
+    pub(crate) served: u64,
     /// The episode ended and the environment was not reset since.
     pub(crate) is_over: bool,
     /// What it did, if it has followers.
@@ -41,7 +45,7 @@ impl HostedEnv {
     pub(crate) fn new(env: Box<dyn Environment>, settings: &LaneSettings) -> HostedEnv {
         let actions = vec![0; env.sizes().n_agents];
         let own = OwnFeatures::new(settings, env.sizes());
-        HostedEnv { env, actions, busy: None, is_over: false, log: None, own }
+        HostedEnv { env, actions, busy: None, accepted: 0, served: 0, is_over: false, log: None, own }
     }
 
     /// Carries a task out, up to the point where its slot is needed.

@@ -2,7 +2,7 @@
 //! the number of slots and the chosen fields, so the writer and every reader compute the same offsets. They
 //! compare the hash.
 
-use crate::fields::{Axis, Dtype, FIELD_COUNT, Field, FieldSet};
+use crate::fields::{Axis, Dtype, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
 use crate::fnv::Fnv1a;
 use smaclite_engine::Sizes;
 
@@ -22,6 +22,8 @@ pub struct Layout {
     slots: usize,
     fields: FieldSet,
     offsets: [usize; FIELD_COUNT],
+    /// Elements of one slot.
+    rows: [usize; FIELD_COUNT],
     bytes: usize,
     hash: u64,
 }
@@ -30,6 +32,8 @@ impl Layout {
     /// The layout of a frame of `slots` slots.
     pub fn new(sizes: Sizes, slots: usize, fields: FieldSet) -> Layout {
         let mut offsets = [usize::MAX; FIELD_COUNT];
+        let row = |spec: &FieldSpec| spec.axes.iter().map(|axis| extent(sizes, *axis)).product::<usize>();
+        let rows = FIELDS.each_ref().map(row);
         let mut end = 0usize;
         let mut hash = Fnv1a::default();
         hash.write_u64(u64::from(FORMAT_VERSION));
@@ -37,14 +41,14 @@ impl Layout {
         for field in fields.iter() {
             let spec = field.spec();
             offsets[field as usize] = end;
-            let row: usize = spec.axes.iter().map(|a| extent(sizes, *a)).product();
+            let row = rows[field as usize];
             hash.write(spec.name.as_bytes());
             hash.write(spec.dtype.name().as_bytes());
             spec.axes.iter().for_each(|a| hash.write_u64(extent(sizes, *a) as u64));
             hash.write_u64(end as u64);
             end = (end + slots * row * spec.dtype.size()).next_multiple_of(BLOCK_ALIGN);
         }
-        Layout { sizes, slots, fields, offsets, bytes: end.max(MIN_FRAME_BYTES), hash: hash.finish() }
+        Layout { sizes, slots, fields, offsets, rows, bytes: end.max(MIN_FRAME_BYTES), hash: hash.finish() }
     }
 
     /// The scenario's sizes.
@@ -74,7 +78,7 @@ impl Layout {
 
     /// Elements of one slot of a field.
     pub fn row_len(&self, field: Field) -> usize {
-        field.spec().axes.iter().map(|a| extent(self.sizes, *a)).product()
+        self.rows[field as usize]
     }
 
     /// Shape of a field for `slots` slots: `[slots, ...]`.

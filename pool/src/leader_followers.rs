@@ -1,38 +1,62 @@
 //! The Leader/Followers pattern (Schmidt et al., POSA volume 2): how worker threads share the work without a
 //! dispatcher.
 //!
-//! Every worker has an inbox. At any time at most one idle worker is the *leader*: it polls the lanes for
-//! requests and shares them out. The other idle workers are *followers*: they wait at their inboxes. A leader
-//! that receives work releases the leadership and wakes a sleeping follower to take it, so that
-//! requests never wait while a worker is idle. With one worker a request is received, stepped and answered on
-//! the same thread.
+//! Every worker has a seat with an inbox. At any time at most one idle worker is the *leader*: it polls the
+//! lanes for requests and shares them out. The other idle workers are *followers*: they wait at their
+//! inboxes. A leader that receives work releases the leadership and wakes a sleeping follower to take it, so
+//! that requests never wait while a worker is idle. With one worker a request is received, stepped and
+//! answered on the same thread. A thread whose inbox is empty takes work from the others, so that all end
+//! together.
 //!
-//! Synchronisation: an inbox's mutex publishes its entries from the leader to the follower. `WorkQueues::led`
-//! orders one leader's accesses to the lanes before the next leader's. `Inbox::ready` is only a hint that
-//! lets a spinning follower poll without the lock; it publishes nothing.
+//! A learner's thread of this process that waits for its batch is a *guest*: it takes the seat of a worker,
+//! which stands down (sleeps) meanwhile. So a pool of N threads never has more than N at work, and a waiting
+//! learner is one of them.
+//!
+//! Synchronisation: an inbox's mutex publishes its entries to the thread that takes them, and guards its
+//! seat. `WorkQueues::led` orders one leader's accesses to the lanes before the next leader's. The atomics of
+//! an inbox are only hints that let a spinning thread poll without the lock; they publish nothing.
 
-use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, Ordering, lock, yield_now};
+use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, lock, yield_now};
 use crossbeam::utils::CachePadded;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Work for one worker, in one queue per lane, so that no lane waits behind another lane's batch.
+/// Work for one seat, in one queue per lane, so that no lane waits behind another lane's batch.
 struct Inbox<E> {
     state: Mutex<InboxState<E>>,
     bell: Condvar,
+    /// How many entries there are.
     ready: AtomicUsize,
+    /// A guest has the seat.
+    taken: AtomicBool,
 }
 
 struct InboxState<E> {
     queues: Vec<VecDeque<E>>,
     next_queue: usize,
-    /// The owner sleeps or is about to: it sets this before its last attempt to lead.
-    asleep: bool,
+    /// Where the owner sleeps or is about to: it sets this before its last attempt to lead.
+    asleep: Option<Bed>,
     /// The owner should wake up and try to lead.
     called: bool,
+    /// A guest has the seat, so the owner is not woken for work.
+    guest: bool,
 }
 
-/// The inboxes of all workers, and whether one of them leads.
+/// Where a worker sleeps.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Bed {
+    /// At its inbox.
+    Inbox,
+    /// At the doorbell, as the leader.
+    Door,
+}
+
+/// Says that a worker sleeps at the doorbell, which must be rung.
+#[must_use]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Ring(pub(crate) bool);
+
+/// The inboxes of all seats, and whether a worker leads.
 pub(crate) struct WorkQueues<E> {
     inboxes: Vec<CachePadded<Inbox<E>>>,
     /// A worker leads. Not a mutex: no thread blocks on it, and loom does not model the races of a failed
@@ -53,20 +77,48 @@ impl Drop for Leadership<'_> {
 
 /// Why a follower's wait ended.
 pub(crate) enum Wakeup<'a> {
-    /// There may be work in the inbox, or the pool stops.
+    /// There may be work, or the pool stops.
     Work,
     /// No worker led; now this one does.
     Leading(Leadership<'a>),
+}
+
+impl<E> InboxState<E> {
+    fn has_work(&self) -> bool {
+        !self.queues.iter().all(VecDeque::is_empty)
+    }
+
+    /// The next lane in turn that has entries.
+    fn next_lane(&self) -> Option<usize> {
+        let lanes = self.queues.len();
+        (0..lanes).map(|i| (self.next_queue + i) % lanes).find(|lane| !self.queues[*lane].is_empty())
+    }
+}
+
+impl<E> Inbox<E> {
+    /// Wakes the owner if it sleeps. It is called, and not only given work: if another thread takes that
+    /// first, it must not sleep on, since `release` counts on it to lead.
+    fn wake(&self, state: &mut MutexGuard<'_, InboxState<E>>) -> Ring {
+        state.called |= state.asleep.is_some();
+        match state.asleep {
+            Some(Bed::Inbox) => self.bell.notify_one(),
+            Some(Bed::Door) => return Ring(true),
+            None => {}
+        }
+        Ring(false)
+    }
 }
 
 impl<E: Copy> WorkQueues<E> {
     pub(crate) fn new(workers: usize, lanes: usize) -> Self {
         let inbox = || {
             let queues = (0..lanes).map(|_| VecDeque::new()).collect();
+            let state = InboxState { queues, next_queue: 0, asleep: None, called: false, guest: false };
             CachePadded::new(Inbox {
-                state: Mutex::new(InboxState { queues, next_queue: 0, asleep: false, called: false }),
+                state: Mutex::new(state),
                 bell: Condvar::new(),
                 ready: AtomicUsize::new(0),
+                taken: AtomicBool::new(false),
             })
         };
         WorkQueues {
@@ -80,45 +132,90 @@ impl<E: Copy> WorkQueues<E> {
         self.inboxes.len()
     }
 
-    /// Puts entries of one lane into a worker's inbox and wakes it if it sleeps. Keeps their order.
-    pub(crate) fn push(&self, worker: usize, lane: usize, entries: &[E]) {
-        let inbox = &self.inboxes[worker];
+    /// Puts entries of one lane into a seat's inbox and wakes its owner if that sleeps and has the seat to
+    /// itself. Keeps their order.
+    pub(crate) fn push(&self, seat: usize, lane: usize, entries: &[E]) -> Ring {
+        let inbox = &self.inboxes[seat];
         let mut state = lock(&inbox.state);
         state.queues[lane].extend(entries);
         inbox.ready.fetch_add(entries.len(), Ordering::Relaxed);
-        if state.asleep {
-            inbox.bell.notify_one();
-        }
+        if state.guest { Ring(false) } else { inbox.wake(&mut state) }
     }
 
-    /// Moves up to `most` entries of the next lane in turn into `run`; returns the lane.
-    pub(crate) fn take(&self, worker: usize, most: usize, run: &mut Vec<E>) -> Option<usize> {
-        let inbox = &self.inboxes[worker];
+    /// Moves up to `most` entries of one lane into `run`: of `lane`, if it is given, or of the next in turn;
+    /// of this seat, or of another whose owner has not come to them. Returns the lane.
+    ///
+    /// Entries are taken half by half, so that the threads of a batch end together. They leave an inbox in
+    /// order, whoever takes them.
+    pub(crate) fn take(
+        &self,
+        seat: usize,
+        lane: Option<usize>,
+        most: usize,
+        run: &mut Vec<E>,
+    ) -> Option<usize> {
+        let seats = self.inboxes.len();
+        (0..seats).find_map(|i| self.take_of((seat + i) % seats, lane, most, run))
+    }
+
+    fn take_of(&self, seat: usize, lane: Option<usize>, most: usize, run: &mut Vec<E>) -> Option<usize> {
+        let inbox = &self.inboxes[seat];
         if inbox.ready.load(Ordering::Relaxed) == 0 {
-            return None; // `wait_for_work` checks again under the lock before it sleeps
+            return None; // `sleep` checks again under the lock
         }
         let mut state = lock(&inbox.state);
-        let lanes = state.queues.len();
-        let lane =
-            (0..lanes).map(|i| (state.next_queue + i) % lanes).find(|l| !state.queues[*l].is_empty())?;
-        state.next_queue = (lane + 1) % lanes;
+        let lane = match lane {
+            Some(lane) => Some(lane).filter(|lane| !state.queues[*lane].is_empty()),
+            None => state.next_lane(),
+        }?;
+        state.next_queue = (lane + 1) % state.queues.len();
         let queue = &mut state.queues[lane];
-        let count = most.min(queue.len());
+        let count = queue.len().div_ceil(2).min(most);
         run.extend(queue.drain(..count));
         inbox.ready.fetch_sub(count, Ordering::Relaxed);
         Some(lane)
     }
 
-    /// Whether the worker's inbox has work. A leader calls this after it shared out a request.
-    pub(crate) fn has_work(&self, worker: usize) -> bool {
-        self.inboxes[worker].ready.load(Ordering::Relaxed) > 0
+    /// Whether there is work that this worker may take. One whose seat a guest has may take none.
+    pub(crate) fn has_work_for(&self, worker: usize) -> bool {
+        !self.stands_down(worker) && self.inboxes.iter().any(|inbox| inbox.ready.load(Ordering::Relaxed) > 0)
     }
 
-    /// Waits at the inbox until it has work or no worker leads. Polls for the time `spin`, then blocks.
+    /// Whether a guest has the worker's seat.
+    pub(crate) fn stands_down(&self, worker: usize) -> bool {
+        self.inboxes[worker].taken.load(Ordering::Relaxed)
+    }
+
+    /// A guest takes a seat: this one, or the next one that no other guest has. `None` if all are taken.
+    pub(crate) fn sit(&self, seat: usize) -> Option<usize> {
+        let seats = self.inboxes.len();
+        (0..seats).map(|i| (seat + i) % seats).find(|seat| {
+            let inbox = &self.inboxes[*seat];
+            let mut state = lock(&inbox.state);
+            let is_free = !std::mem::replace(&mut state.guest, true);
+            inbox.taken.store(true, Ordering::Relaxed);
+            is_free
+        })
+    }
+
+    /// A guest gives its seat back. The owner is woken if there is work, or if it `must_lead` because lanes
+    /// must be polled and no worker does it.
+    pub(crate) fn stand_up(&self, seat: usize, must_lead: bool) -> Ring {
+        let inbox = &self.inboxes[seat];
+        let mut state = lock(&inbox.state);
+        state.guest = false;
+        inbox.taken.store(false, Ordering::Relaxed);
+        // `release` ends the leadership before it looks for a worker that may take it; one of the two
+        // notices the other.
+        let leaderless = must_lead && !self.led.load(Ordering::SeqCst);
+        if leaderless || state.has_work() { inbox.wake(&mut state) } else { Ring(false) }
+    }
+
+    /// Waits at the inbox until there is work or no worker leads. Polls for the time `spin`, then blocks.
     pub(crate) fn wait_for_work(&self, worker: usize, spin: Option<Duration>) -> Wakeup<'_> {
         let spin_until = spin.map(|time| Instant::now() + time);
-        loop {
-            if self.has_work(worker) || self.is_stopped() {
+        while !self.stands_down(worker) {
+            if self.has_work_for(worker) || self.is_stopped() {
                 return Wakeup::Work;
             }
             if let Some(leadership) = self.try_lead() {
@@ -143,28 +240,46 @@ impl<E: Copy> WorkQueues<E> {
     /// sleeps.
     fn sleep(&self, worker: usize) -> Wakeup<'_> {
         let inbox = &self.inboxes[worker];
-        lock(&inbox.state).asleep = true;
+        lock(&inbox.state).asleep = Some(Bed::Inbox);
         let leadership = self.try_lead();
         let mut state = lock(&inbox.state);
         if leadership.is_none() {
-            while !state.called && !self.is_stopped() && state.queues.iter().all(VecDeque::is_empty) {
+            while !state.called && !self.is_stopped() && (state.guest || !state.has_work()) {
                 state = inbox.bell.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
             }
         }
-        state.asleep = false;
+        state.asleep = None;
         state.called = false;
         leadership.map_or(Wakeup::Work, Wakeup::Leading)
     }
 
-    /// Ends the leadership and wakes a sleeping worker without work to take it.
+    /// The leader sleeps in `wait`, which a ring of the doorbell ends, unless it has work.
+    pub(crate) fn sleep_at_the_door(&self, worker: usize, wait: impl FnOnce()) {
+        let inbox = &self.inboxes[worker];
+        let mut state = lock(&inbox.state);
+        if self.is_stopped() || (!state.guest && state.has_work()) {
+            return;
+        }
+        state.asleep = Some(Bed::Door);
+        drop(state);
+        wait();
+        let mut state = lock(&inbox.state);
+        state.asleep = None;
+        state.called = false;
+    }
+
+    /// Ends the leadership and wakes a sleeping worker without work to take it. Sleepers with work wake up
+    /// for that, but are called too: if another thread takes their work first, they must not sleep on.
     pub(crate) fn release(&self, leadership: Leadership<'_>) {
         drop(leadership);
         for inbox in &self.inboxes {
             let mut state = lock(&inbox.state);
-            if state.asleep && !state.called && state.queues.iter().all(VecDeque::is_empty) {
+            if state.asleep.is_some() && !state.called && !state.guest {
                 state.called = true;
                 inbox.bell.notify_one();
-                return;
+                if !state.has_work() {
+                    return;
+                }
             }
         }
     }
@@ -201,8 +316,32 @@ mod loom_tests {
     fn assert_all_awake(queues: &WorkQueues<u32>) {
         for inbox in &queues.inboxes {
             let state = lock(&inbox.state);
-            assert!(!state.asleep && !state.called);
+            assert!(state.asleep.is_none() && !state.called);
         }
+    }
+
+    /// What a worker does while it has nothing to do, with the bell `rung` as the doorbell.
+    fn wait_for_work(queues: &WorkQueues<u32>, worker: usize, rung: &(Mutex<bool>, Condvar)) {
+        if let Some(leadership) = try_lead(queues, worker) {
+            queues.sleep_at_the_door(worker, || {
+                let mut state = lock(&rung.0);
+                while !std::mem::take(&mut *state) {
+                    state = rung.1.wait(state).unwrap();
+                }
+            });
+            queues.release(leadership);
+        }
+    }
+
+    fn ring(rung: &(Mutex<bool>, Condvar), ring: Ring) {
+        if ring.0 {
+            *lock(&rung.0) = true;
+            rung.1.notify_one();
+        }
+    }
+
+    fn push(queues: &WorkQueues<u32>, seat: usize) {
+        assert_eq!(queues.push(seat, 0, &[7]), Ring(false), "nobody sleeps at the door");
     }
 
     fn spawn(
@@ -220,12 +359,12 @@ mod loom_tests {
             let leading = try_lead(&queues, 0).expect("no other worker leads");
             let follower = spawn(&queues, |queues| {
                 let mut run = Vec::new();
-                while queues.take(1, 8, &mut run).is_none() {
+                while queues.take(1, None, 8, &mut run).is_none() {
                     assert!(try_lead(queues, 1).is_none(), "worker 0 still leads");
                 }
                 assert_eq!(run, [7]);
             });
-            queues.push(1, 0, &[7]);
+            push(&queues, 1);
             follower.join().unwrap();
             assert_all_awake(&queues);
             queues.release(leading);
@@ -252,22 +391,26 @@ mod loom_tests {
     }
 
     #[test]
-    fn leadership_does_not_pass_to_a_sleeper_that_has_work() {
+    fn leadership_passes_to_the_worker_that_gets_no_work() {
         let mut model = loom::model::Builder::new();
         model.preemption_bound = Some(3); // three threads have too many interleavings to explore all
         model.check(|| {
             let queues = Arc::new(WorkQueues::<u32>::new(3, 1));
             let leading = try_lead(&queues, 0).expect("no other worker leads");
-            let busy = spawn(&queues, |queues| {
-                let mut run = Vec::new();
-                while queues.take(1, 8, &mut run).is_none() {
-                    if let Some(leadership) = try_lead(queues, 1) {
+            // One of the two takes the work and has it for the rest of the test; the other one must lead.
+            let worker = |worker: usize| {
+                spawn(&queues, move |queues| {
+                    while queues.take(worker, None, 8, &mut Vec::new()).is_none() {
+                        let Some(leadership) = try_lead(queues, worker) else { continue };
+                        if !queues.has_work_for(worker) {
+                            return;
+                        }
                         queues.release(leadership);
                     }
-                } // and works for the rest of the test
-            });
-            let idle = spawn(&queues, |queues| while try_lead(queues, 2).is_none() {});
-            queues.push(1, 0, &[7]);
+                })
+            };
+            let (busy, idle) = (worker(1), worker(2));
+            push(&queues, 1);
             queues.release(leading);
             busy.join().unwrap();
             idle.join().unwrap();
@@ -287,6 +430,82 @@ mod loom_tests {
             queues.stop();
             follower.join().unwrap();
             queues.release(leading);
+        });
+    }
+
+    /// The only worker sleeps at the door or is about to.
+    #[test]
+    fn what_a_guest_leaves_behind_reaches_the_owner_of_its_seat() {
+        loom::model(|| {
+            let queues = Arc::new(WorkQueues::<u32>::new(1, 1));
+            let rung = Arc::new((Mutex::new(false), Condvar::new()));
+            assert_eq!(queues.sit(0), Some(0));
+            assert_eq!(queues.sit(0), None, "a seat has one guest");
+            let bell = Arc::clone(&rung);
+            let owner = spawn(&queues, move |queues| {
+                let mut run = Vec::new();
+                while queues.stands_down(0) || queues.take(0, None, 8, &mut run).is_none() {
+                    wait_for_work(queues, 0, &bell);
+                }
+                assert_eq!(run, [7]);
+            });
+            ring(&rung, queues.push(0, 0, &[7]));
+            ring(&rung, queues.stand_up(0, false));
+            owner.join().unwrap();
+            assert_all_awake(&queues);
+        });
+    }
+
+    #[test]
+    fn work_that_comes_when_a_guest_sits_down_reaches_one_of_the_two() {
+        let mut model = loom::model::Builder::new();
+        model.preemption_bound = Some(3);
+        model.check(|| {
+            let queues = Arc::new(WorkQueues::<u32>::new(1, 1));
+            let rung = Arc::new((Mutex::new(false), Condvar::new()));
+            let bell = Arc::clone(&rung);
+            let owner = spawn(&queues, move |queues| {
+                let mut run = Vec::new();
+                while !queues.is_stopped() {
+                    if queues.stands_down(0) || queues.take(0, None, 8, &mut run).is_none() {
+                        wait_for_work(queues, 0, &bell);
+                    } else {
+                        queues.stop();
+                    }
+                }
+            });
+            let bell = Arc::clone(&rung);
+            let sender = spawn(&queues, move |queues| ring(&bell, queues.push(0, 0, &[7])));
+            let mut run = Vec::new();
+            assert_eq!(queues.sit(0), Some(0));
+            if queues.take(0, Some(0), 8, &mut run).is_some() {
+                queues.stop();
+                ring(&rung, Ring(true));
+            }
+            ring(&rung, queues.stand_up(0, false));
+            sender.join().unwrap();
+            owner.join().unwrap();
+        });
+    }
+
+    #[test]
+    fn a_worker_whose_guest_leaves_takes_the_leadership_that_is_needed() {
+        loom::model(|| {
+            let queues = Arc::new(WorkQueues::<u32>::new(2, 1));
+            let leading = try_lead(&queues, 1).expect("no other worker leads");
+            assert_eq!(queues.sit(0), Some(0));
+            let owner = spawn(&queues, |queues| {
+                let leadership = loop {
+                    if let Some(leadership) = try_lead(queues, 0) {
+                        break leadership;
+                    }
+                };
+                drop(leadership);
+            });
+            let other = spawn(&queues, |queues| assert_eq!(queues.stand_up(0, true), Ring(false)));
+            queues.release(leading); // worker 1 works elsewhere and never leads again
+            other.join().unwrap();
+            owner.join().unwrap();
         });
     }
 }

@@ -36,4 +36,4 @@ pub use lane::{LaneSpec, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS, MAX_LAST_ACTIONS};
 pub use rejection::Rejection;
 pub use wait_strategy::{UnknownWaitStrategy, WaitStrategy};
-pub use workers::{Pool, PoolOptions, PoolStartError};
+pub use workers::{Helper, Pool, PoolHandle, PoolOptions, PoolStartError};

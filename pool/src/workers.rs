@@ -1,39 +1,56 @@
-//! The worker threads. A worker takes a run of its environments and serves it; an idle one leads or follows
-//! (`leader_followers`).
+//! The worker threads. A worker takes a run of environments and serves it; an idle one leads or follows
+//! (`leader_followers`). A learner's thread of this process works among them while it waits (`Helper`).
 
 use crate::episode_log::{EpisodePart, LogCursor};
 use crate::lane::{Entry, Lane, LaneSpec, LaneStats, Received, panic_text};
-use crate::leader_followers::{Leadership, Wakeup, WorkQueues};
+use crate::leader_followers::{Leadership, Ring, Wakeup, WorkQueues};
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
 use crate::wait_strategy::WaitStrategy;
 use smaclite_engine::Scratch;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take
+/// Most environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take
 /// turns.
 const RUN: usize = 16;
+
+/// The same for a learner's thread while it serves another lane: its own batch may be ready meanwhile.
+const GUEST_RUN: usize = 1;
 
 /// A blocked leader polls the lanes at least this often, even without a ring.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
+/// How often a pool that stops looks whether learners still help.
+const LEAVING_INTERVAL: Duration = Duration::from_micros(50);
+
 /// How a pool runs.
 #[derive(Clone, Copy, Debug)]
 pub struct PoolOptions {
-    /// Worker threads, at least 1.
+    /// Threads that step environments, at least 1. While a learner of this process waits for a batch, its
+    /// thread is one of them.
     pub threads: usize,
     /// How idle workers wait.
     pub wait: WaitStrategy,
 }
 
 impl Default for PoolOptions {
-    /// One thread per core that this process may use, less one for the learner.
+    /// One thread per core that this process may use, for learners of the process.
     fn default() -> Self {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        PoolOptions { threads: (cores - 1).max(1), wait: WaitStrategy::default() }
+        PoolOptions { threads: cores(), wait: WaitStrategy::default() }
     }
+}
+
+impl PoolOptions {
+    /// One thread per core that this process may use, less one for a learner in another process.
+    pub fn for_other_processes() -> PoolOptions {
+        PoolOptions { threads: (cores() - 1).max(1), wait: WaitStrategy::default() }
+    }
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Why a pool did not start.
@@ -49,9 +66,13 @@ pub enum PoolStartError {
 
 /// Lanes and the threads that serve them. Dropping it stops the threads.
 pub struct Pool<T: Transport> {
-    shared: Arc<Shared<T>>,
+    /// `None` at the end of its drop.
+    shared: Option<Arc<Shared<T>>>,
     threads: Vec<JoinHandle<()>>,
 }
+
+/// Learners of the process can help a pool by it, for as long as the pool runs.
+pub struct PoolHandle<T: Transport>(Weak<Shared<T>>);
 
 struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
@@ -74,18 +95,31 @@ impl<T: Transport> Pool<T> {
         let queues = WorkQueues::new(threads, lanes.len());
         let spin = options.wait.spin_time(threads);
         let shared = Arc::new(Shared { lanes, queues, doorbell, spin });
-        let mut pool = Pool { shared, threads: Vec::new() };
+        let mut pool = Pool { shared: Some(Arc::clone(&shared)), threads: Vec::new() };
         for worker in 0..threads {
-            let shared = Arc::clone(&pool.shared);
+            let shared = Arc::clone(&shared);
             let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
             pool.threads.push(thread.spawn(move || shared.work(worker)).map_err(PoolStartError::Thread)?);
         }
         Ok(pool)
     }
 
+    fn shared(&self) -> &Arc<Shared<T>> {
+        self.shared.as_ref().expect("only the drop takes it")
+    }
+
+    fn lane(&self, lane: usize) -> &Lane<T> {
+        &self.shared().lanes[lane]
+    }
+
+    /// By which learners of this process help.
+    pub fn handle(&self) -> PoolHandle<T> {
+        PoolHandle(Arc::downgrade(self.shared()))
+    }
+
     /// Makes lane `lane` serve the requests of `session`, beginning with a reset; `None` is no learner.
     pub fn set_session(&self, lane: usize, session: Option<SessionId>) {
-        self.shared.lanes[lane].set_session(session);
+        self.lane(lane).set_session(session);
     }
 
     /// Adds a follower to an environment, which from now on keeps a log of its episodes; `false` if the
@@ -94,7 +128,7 @@ impl<T: Transport> Pool<T> {
     /// # Panics
     /// If there is no such lane or environment.
     pub fn follow(&self, lane: usize, env: usize) -> bool {
-        self.shared.lanes[lane].follow(env)
+        self.lane(lane).follow(env)
     }
 
     /// Removes a follower of an environment.
@@ -102,7 +136,7 @@ impl<T: Transport> Pool<T> {
     /// # Panics
     /// As [`follow`](Pool::follow).
     pub fn unfollow(&self, lane: usize, env: usize) {
-        self.shared.lanes[lane].unfollow(env);
+        self.lane(lane).unfollow(env);
     }
 
     /// What a followed environment did since `cursor`, which moves on.
@@ -110,23 +144,24 @@ impl<T: Transport> Pool<T> {
     /// # Panics
     /// As [`follow`](Pool::follow).
     pub fn read_log(&self, lane: usize, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        self.shared.lanes[lane].read_log(env, cursor)
+        self.lane(lane).read_log(env, cursor)
     }
 
     /// A lane's statistics.
     pub fn stats(&self, lane: usize) -> LaneStats {
-        self.shared.lanes[lane].stats()
+        self.lane(lane).stats()
     }
 
     /// Why lane `lane` failed, if it did.
     pub fn failure(&self, lane: usize) -> Option<&str> {
-        self.shared.lanes[lane].failure()
+        self.lane(lane).failure()
     }
 
     /// Ends the threads after their present runs.
     pub fn stop(&mut self) {
-        self.shared.queues.stop();
-        self.shared.doorbell.ring();
+        let shared = self.shared();
+        shared.queues.stop();
+        shared.doorbell.ring();
         for thread in self.threads.drain(..) {
             // A worker catches the panics of its lanes. If it panics all the same, its pool ends here anyway.
             let _ = thread.join();
@@ -137,35 +172,49 @@ impl<T: Transport> Pool<T> {
 impl<T: Transport> Drop for Pool<T> {
     fn drop(&mut self) {
         self.stop();
+        // The lanes end here and not on a thread that helps: their ports must be closed before their node.
+        let mut left = self.shared.take();
+        while let Some(shared) = left {
+            left = Arc::try_unwrap(shared).err();
+            if left.is_some() {
+                std::thread::sleep(LEAVING_INTERVAL); // a helper leaves after its present run
+            }
+        }
     }
 }
 
 impl<T: Transport> Shared<T> {
     fn work(&self, worker: usize) {
-        let mut scratch = Scratch::new();
-        let mut run = Vec::with_capacity(RUN);
+        let mut worker = Worker { seat: worker, scratch: Scratch::new(), run: Vec::with_capacity(RUN) };
         while !self.queues.is_stopped() {
-            run.clear();
-            if let Some(lane) = self.queues.take(worker, RUN, &mut run) {
-                self.lanes[lane].serve(&run, &mut scratch);
+            if !self.queues.stands_down(worker.seat) && self.serve_run(&mut worker, None, RUN) {
                 continue;
             }
-            match self.queues.wait_for_work(worker, self.spin) {
+            match self.queues.wait_for_work(worker.seat, self.spin) {
                 Wakeup::Work => {}
-                Wakeup::Leading(leadership) => self.lead(worker, leadership),
+                Wakeup::Leading(leadership) => self.lead(worker.seat, leadership),
             }
         }
+    }
+
+    /// Serves up to `most` environments of `lane`, or of any; `false` if none are waiting.
+    fn serve_run(&self, worker: &mut Worker, lane: Option<usize>, most: usize) -> bool {
+        let Worker { seat, scratch, run } = worker;
+        run.clear();
+        let Some(lane) = self.queues.take(*seat, lane, most, run) else { return false };
+        self.lanes[lane].serve(run, scratch);
+        true
     }
 
     /// Polls the lanes and shares requests out until this worker has work itself.
     fn lead(&self, worker: usize, leadership: Leadership<'_>) {
         let spin_until = || self.spin.map(|time| Instant::now() + time);
         let mut end = spin_until();
-        while !self.queues.has_work(worker) && !self.queues.is_stopped() {
+        while !self.queues.has_work_for(worker) && !self.queues.is_stopped() {
             if self.accept_all() {
                 end = spin_until();
-            } else if end.is_some_and(|end| Instant::now() >= end) {
-                self.doorbell.wait(CHECK_INTERVAL);
+            } else if self.queues.stands_down(worker) || end.is_some_and(|end| Instant::now() >= end) {
+                self.queues.sleep_at_the_door(worker, || self.doorbell.wait(CHECK_INTERVAL));
                 end = spin_until();
             } else {
                 std::thread::yield_now();
@@ -174,32 +223,127 @@ impl<T: Transport> Shared<T> {
         self.queues.release(leadership);
     }
 
-    /// Accepts the next request of every lane. Returns whether there was one.
+    /// Accepts the next request of every lane that has no helper, which accepts its requests itself. Returns
+    /// whether there was one.
     fn accept_all(&self) -> bool {
-        let mut any = false;
-        for (index, lane) in self.lanes.iter().enumerate() {
-            match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
-                Ok(Received::Nothing) => {}
-                Ok(Received::Refused) => any = true,
-                Ok(Received::Accepted(entries)) => {
-                    any = true;
-                    self.share_out(index, &entries);
-                }
-                Err(panic) => lane.fail(panic_text(panic.as_ref())),
-            }
-        }
-        any
+        let polled = (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].has_helper());
+        polled.fold(false, |any, lane| self.accept(lane) | any)
     }
 
-    /// Puts each entry into the queue of its environment's worker. Neighbouring environments share a worker,
-    /// so a request in order is one run of entries per worker. Lanes begin at different workers, so that the
-    /// only environments of several small lanes do not all belong to the first one.
+    /// Accepts the next request of a lane. Returns whether there was one.
+    fn accept(&self, index: usize) -> bool {
+        let lane = &self.lanes[index];
+        match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
+            Ok(Received::Nothing) => return false,
+            Ok(Received::Refused) => {}
+            Ok(Received::Accepted(entries)) => self.share_out(index, &entries),
+            Err(panic) => {
+                lane.fail(panic_text(panic.as_ref()));
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Puts each entry into the inbox of its environment's seat. Neighbouring environments share a seat, so a
+    /// request in order is one run of entries per seat. Lanes begin at different seats, so that the only
+    /// environments of several small lanes do not all belong to the first one.
     fn share_out(&self, lane: usize, entries: &[Entry]) {
         let workers = self.queues.workers();
         let num_envs = self.lanes[lane].num_envs();
-        let worker_of = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
-        for run in entries.chunk_by(|a, b| worker_of(a) == worker_of(b)) {
-            self.queues.push(worker_of(&run[0]), lane, run);
+        let seat_of = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
+        for run in entries.chunk_by(|a, b| seat_of(a) == seat_of(b)) {
+            self.ring(self.queues.push(seat_of(&run[0]), lane, run));
+        }
+    }
+
+    fn ring(&self, ring: Ring) {
+        if ring.0 {
+            self.doorbell.ring();
+        }
+    }
+}
+
+/// A thread that serves runs of environments.
+struct Worker {
+    seat: usize,
+    scratch: Scratch,
+    run: Vec<Entry>,
+}
+
+impl<T: Transport> PoolHandle<T> {
+    /// What a learner of lane `lane` needs to help. From now on, and until it is dropped or its session ends,
+    /// only the helper accepts the lane's requests. `None` if the session is not the lane's or the pool ends.
+    pub fn helper(&self, lane: usize, session: SessionId) -> Option<Helper<T>> {
+        let shared = self.0.upgrade()?;
+        let is_current = shared.lanes.get(lane)?.begin_help(session);
+        is_current.then(|| {
+            let worker = Worker { seat: 0, scratch: Scratch::new(), run: Vec::with_capacity(RUN) };
+            Helper { pool: Weak::clone(&self.0), lane, session, worker, seated: None }
+        })
+    }
+}
+
+/// By which a learner's thread works in the pool of its process while it waits.
+pub struct Helper<T: Transport> {
+    pool: Weak<Shared<T>>,
+    lane: usize,
+    session: SessionId,
+    worker: Worker,
+    /// The pool, while the learner's thread has the seat of a worker.
+    seated: Option<Arc<Shared<T>>>,
+}
+
+impl<T: Transport> Helper<T> {
+    /// Accepts the requests that the learner sent.
+    pub fn accept(&self) {
+        let accept = |shared: &Shared<T>| while !shared.queues.is_stopped() && shared.accept(self.lane) {};
+        match &self.seated {
+            Some(shared) => accept(shared),
+            None => drop(self.pool.upgrade().map(|shared| accept(&shared))),
+        }
+    }
+
+    /// Takes the seat of a worker, who stands down until [`stand_up`](Helper::stand_up). Without effect if
+    /// learners have all seats, or the pool ends. A pool waits for its guests to stand up before it ends.
+    pub fn sit_down(&mut self) {
+        if self.seated.is_none()
+            && let Some(shared) = self.pool.upgrade()
+            // A lane's first environments, and so all of a small lane, belong to this seat.
+            && let Some(seat) = shared.queues.sit(self.lane % shared.queues.workers())
+        {
+            self.worker.seat = seat;
+            self.seated = Some(shared);
+        }
+    }
+
+    /// Gives the seat back.
+    pub fn stand_up(&mut self) {
+        if let Some(shared) = self.seated.take() {
+            let must_lead = shared.lanes.iter().any(|lane| !lane.has_helper());
+            shared.ring(shared.queues.stand_up(self.worker.seat, must_lead));
+        }
+    }
+
+    /// Serves some environments, if it has a seat: of the learner's own lane, or else a few of another.
+    /// `false` if none are waiting, or the pool ends.
+    pub fn serve(&mut self) -> bool {
+        let Some(shared) = self.seated.as_ref().filter(|shared| !shared.queues.is_stopped()) else {
+            return false;
+        };
+        // In an asynchronous lane, any environment may complete the learner's batch.
+        let most = if shared.lanes[self.lane].is_synchronous() { RUN } else { GUEST_RUN };
+        shared.serve_run(&mut self.worker, Some(self.lane), most)
+            || shared.serve_run(&mut self.worker, None, GUEST_RUN)
+    }
+}
+
+impl<T: Transport> Drop for Helper<T> {
+    fn drop(&mut self) {
+        self.stand_up();
+        if let Some(shared) = self.pool.upgrade() {
+            shared.lanes[self.lane].end_help(self.session);
+            shared.doorbell.ring(); // the leader has a lane more to poll
         }
     }
 }

@@ -67,9 +67,8 @@ fn a_reset_of_all_drops_the_results_of_earlier_requests() {
 #[test]
 fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     let gate = Gate::default();
-    // With two workers and two environments in the lane, environment 1 of lane 0 belongs to worker 1.
-    let lanes = [LanePlan::toy(2).fault(1, Fault::Gate(gate.clone())), LanePlan::toy(4)];
-    let (_pool, mut learners) = start(2, &lanes);
+    let lanes = [LanePlan::toy(1).fault(0, Fault::Gate(gate.clone())), LanePlan::toy(4)];
+    let (pool, mut learners) = start(1, &lanes);
     let [busy, learner] = &mut learners[..] else { unreachable!("two lanes") };
     busy.send_reset_all(None);
     let rows = busy.batch();
@@ -81,6 +80,8 @@ fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     learner.step_rows(&before);
     learner.send_reset_all(Some(3));
     learner.send_step(&all(4), &[0; 8]);
+    // The only worker waits at the gate, so a helper accepts the requests.
+    pool.handle().helper(1, SessionId(1)).expect("the lane's session").accept();
     let rejection = learner.rejection(); // so the reset before it was accepted
     assert!(matches!(rejection, Rejection::BusyEnv { .. }), "{rejection}");
     gate.open();

@@ -44,10 +44,14 @@ impl Learner {
         plan: &LanePlan,
         wait: WaitStrategy,
     ) -> Result<Learner, ConnectError> {
-        let client = Client::connect(runtime_dir, pool, Some(&plan.name), wait)?;
+        Ok(Learner::new(Client::connect(runtime_dir, pool, Some(&plan.name), wait)?, plan))
+    }
+
+    /// The learner of a client of the plan's lane.
+    pub fn new(client: Client, plan: &LanePlan) -> Learner {
         let synchronous = client.description().settings.is_synchronous();
         let ready = (0..plan.num_envs as i32).collect();
-        Ok(Learner { client, reference: Reference::new(plan), synchronous, ready, sequence: 0 })
+        Learner { client, reference: Reference::new(plan), synchronous, ready, sequence: 0 }
     }
 
     /// The client.

@@ -31,12 +31,15 @@ pub(super) fn measure(
         let process = second_process(workload, &name).and_then(SecondProcess::start);
         Server::SecondProcess(process.map_err(MeasureError::SecondProcess)?)
     } else {
-        Server::ThisProcess { _supervisor: workload.serve(&runtime_dir, &name)? }
+        Server::ThisProcess(workload.serve(&runtime_dir, &name)?)
     };
-    let mut client = connect(workload, &runtime_dir, &name, || {
-        interrupt.check()?;
-        server.check_running()
-    })?;
+    let mut client = match &mut server {
+        Server::ThisProcess(supervisor) => supervisor.connect(None, workload.options.wait)?,
+        Server::SecondProcess(process) => connect(workload, &runtime_dir, &name, || {
+            interrupt.check()?;
+            check_running(process)
+        })?,
+    };
     let counts = match policy {
         Policy::Sampled => sample(workload, &mut client, interrupt)?,
         Policy::Nearest | Policy::Random => replay(workload, &mut client, interrupt)?,
@@ -46,24 +49,23 @@ pub(super) fn measure(
 
 /// The supervisor of a measurement, which ends when this is dropped.
 enum Server {
-    ThisProcess { _supervisor: Supervisor },
+    ThisProcess(Supervisor),
     SecondProcess(SecondProcess),
 }
 
 impl Server {
-    fn check_running(&mut self) -> Result<(), MeasureError> {
-        let Server::SecondProcess(process) = self else { return Ok(()) };
-        match process.exit_status().map_err(MeasureError::SecondProcess)? {
-            Some(status) => Err(MeasureError::SecondProcessEnded(status)),
-            None => Ok(()),
-        }
-    }
-
     fn pid(&self) -> u32 {
         match self {
-            Server::ThisProcess { .. } => std::process::id(),
+            Server::ThisProcess(_) => std::process::id(),
             Server::SecondProcess(process) => process.pid(),
         }
+    }
+}
+
+fn check_running(process: &mut SecondProcess) -> Result<(), MeasureError> {
+    match process.exit_status().map_err(MeasureError::SecondProcess)? {
+        Some(status) => Err(MeasureError::SecondProcessEnded(status)),
+        None => Ok(()),
     }
 }
 

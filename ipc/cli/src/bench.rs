@@ -26,8 +26,8 @@ pub(super) struct Bench {
     /// What is measured
     #[arg(long, value_enum, default_value = "embedded")]
     mode: Mode,
-    /// Number of worker threads of a pool, 1 to 1024 [default: the CPU cores available to this process, minus
-    /// one for the learner]
+    /// Number of threads of a pool, 1 to 1024 [default: the CPU cores available to this process, in the mode
+    /// `attached` minus one for the learner]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Number of environments
@@ -90,7 +90,11 @@ impl Bench {
     }
 
     fn workloads(&self) -> Result<Vec<Workload>, Box<dyn Error>> {
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let default = match self.mode {
+            Mode::Attached => PoolOptions::for_other_processes(),
+            Mode::Embedded | Mode::Engine => PoolOptions::default(),
+        };
+        let threads = self.threads.unwrap_or(default.threads);
         let num_envs = self.num_envs;
         let batch_size = self.batch_size.unwrap_or(num_envs);
         check_range("--threads", THREADS, threads)?;

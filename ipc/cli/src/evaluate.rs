@@ -21,8 +21,7 @@ pub(super) struct Evaluate {
     /// Take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
-    /// Number of worker threads of the pool, 1 to 1024 [default: the CPU cores available to this process,
-    /// minus one]
+    /// Number of threads that step environments, 1 to 1024 [default: the CPU cores available to this process]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Print one JSON object per episode, and one with the result

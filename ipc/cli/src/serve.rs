@@ -106,7 +106,7 @@ impl Serve {
 
     fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let threads = self.threads.unwrap_or(PoolOptions::for_other_processes().threads);
         check_range("--threads", THREADS, threads)?;
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })

@@ -8,7 +8,7 @@ use crate::config::Config;
 use smaclite_engine::{Rules, Sizes};
 use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario,
-    RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, lane_scenario,
+    RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
@@ -133,9 +133,9 @@ impl Lanes {
         let config =
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let pool = Supervisor::start(config)?;
-        let mut lanes = Lanes::attach(scenario, runtime_dir, &name, &names)?;
-        lanes._pool = Some(pool);
-        Ok(lanes)
+        let connect = |lane: Option<&str>| pool.connect(lane, WaitStrategy::default());
+        let lanes = Lanes::attach_by(&connect, scenario, runtime_dir, &name, &names)?;
+        Ok(Lanes { _pool: Some(pool), ..lanes })
     }
 
     /// Attaches to lanes of a running pool, or to its only one if none is named.
@@ -143,6 +143,17 @@ impl Lanes {
     /// # Errors
     /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.
     pub fn attach(
+        scenario: &LaneScenario,
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        names: &[String],
+    ) -> Result<Lanes, LaneError> {
+        let connect = |lane: Option<&str>| Client::connect(runtime_dir, pool, lane, WaitStrategy::default());
+        Lanes::attach_by(&connect, scenario, runtime_dir, pool, names)
+    }
+
+    fn attach_by(
+        connect: &dyn Fn(Option<&str>) -> Result<Client, ConnectError>,
         scenario: &LaneScenario,
         runtime_dir: &RuntimeDir,
         pool: &str,
@@ -157,7 +168,7 @@ impl Lanes {
         };
         let (mut lanes, mut first_env) = (Vec::new(), 0);
         for name in names {
-            let client = Client::connect(runtime_dir, pool, name, Default::default())?;
+            let client = connect(name)?;
             let description = client.description();
             check_settings(description)?;
             let given = lane_scenario(runtime_dir, pool, Some(&description.lane))?;

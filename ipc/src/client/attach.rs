@@ -99,6 +99,7 @@ impl Client {
         let layout = Arc::new(checked_layout(&description)?);
         let ports = Ports::open(runtime_dir, &description, &layout);
         let lane = AttachedLane {
+            helper: None,
             ports: ports.map_err(|error| control.cause_of(error))?,
             control,
             validator: RequestValidator::new(&layout, &description.settings),

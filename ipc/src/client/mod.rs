@@ -1,5 +1,5 @@
 //! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads
-//! of this one.
+//! of this one; in that case the learner's thread works for it instead of waiting.
 //!
 //! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `request_validator`
 //! checks a request before it is sent, and `sampler` draws random actions.
@@ -18,13 +18,15 @@ use crate::batch::Batch;
 use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
 use crate::process_owned::ProcessOwned;
+use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
 use request_validator::RequestValidator;
 use sampler::Sampler;
+use smaclite_pool::Helper;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Epoch, RequestNumber};
+use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -36,6 +38,8 @@ pub struct Client {
 /// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
 /// when everything else is given back.
 struct AttachedLane {
+    /// Of a learner that works for the pool of its own process.
+    helper: Option<Helper<Iceoryx>>,
     ports: Ports,
     control: ControlClient,
     description: LaneDescription,
@@ -92,7 +96,7 @@ impl Client {
 
     /// Waits for the next batch.
     pub fn recv(&mut self, mut wait: WaitOptions<'_>) -> Result<Batch, ClientError> {
-        self.attached()?.recv(Instant::now(), &mut wait)
+        Seat::new(self.attached()?).lane.recv(Instant::now(), &mut wait)
     }
 
     /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).
@@ -103,9 +107,9 @@ impl Client {
         mut wait: WaitOptions<'_>,
     ) -> Result<Batch, ClientError> {
         let begin = Instant::now();
-        let lane = self.attached()?;
-        lane.send_reset(seed, env_ids, &mut wait)?;
-        lane.recv(begin, &mut wait)
+        let seat = Seat::new(self.attached()?);
+        seat.lane.send_reset(seed, env_ids, &mut wait)?;
+        seat.lane.recv(begin, &mut wait)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -116,9 +120,9 @@ impl Client {
         mut wait: WaitOptions<'_>,
     ) -> Result<Batch, ClientError> {
         let begin = Instant::now();
-        let lane = self.attached()?;
-        lane.send_step(actions, env_ids, &mut wait)?;
-        lane.recv(begin, &mut wait)
+        let seat = Seat::new(self.attached()?);
+        seat.lane.send_step(actions, env_ids, &mut wait)?;
+        seat.lane.recv(begin, &mut wait)
     }
 
     /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of
@@ -136,12 +140,41 @@ impl Client {
         }
     }
 
+    /// From now on this learner works for the pool of its own process.
+    pub(crate) fn help(&mut self, helper: impl FnOnce(SessionId) -> Option<Helper<Iceoryx>>) {
+        if let Ok(lane) = self.lane.get_mut() {
+            lane.helper = helper(lane.epoch.session);
+        }
+    }
+
     /// The lane, if this process may use it and it has not failed.
     fn attached(&mut self) -> Result<&mut AttachedLane, ClientError> {
         let lane = self.lane.get_mut()?;
         match &lane.failure {
             Some(failure) => Err(failure.clone().into()),
             None => Ok(lane),
+        }
+    }
+}
+
+/// A lane whose learner has a seat in the pool of its own process, if there is one.
+struct Seat<'a> {
+    lane: &'a mut AttachedLane,
+}
+
+impl<'a> Seat<'a> {
+    fn new(lane: &'a mut AttachedLane) -> Seat<'a> {
+        if let Some(helper) = &mut lane.helper {
+            helper.sit_down();
+        }
+        Seat { lane }
+    }
+}
+
+impl Drop for Seat<'_> {
+    fn drop(&mut self) {
+        if let Some(helper) = &mut self.lane.helper {
+            helper.stand_up();
         }
     }
 }

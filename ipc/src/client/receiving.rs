@@ -8,10 +8,10 @@ use crate::services::{FrameSample, doing};
 use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, frames_lost, read_frame};
 use iceoryx2::port::ReceiveError;
-use smaclite_pool::Rejection;
 use smaclite_pool::transport::RequestNumber;
+use smaclite_pool::{Helper, Rejection};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 impl AttachedLane {
     /// Waits for the next batch. The timeout counts from `begin`.
@@ -30,7 +30,7 @@ impl AttachedLane {
         begin: Instant,
         wait: &mut WaitOptions<'_>,
     ) -> Result<FrameSample, ClientError> {
-        let spin_until = self.spin.map(|time| begin + time);
+        let mut idle_since = begin;
         // A timeout beyond what an `Instant` can hold is no limit.
         let end = wait.timeout.and_then(|timeout| begin.checked_add(timeout));
         let mut next_check = begin + CHECK_INTERVAL;
@@ -52,13 +52,28 @@ impl AttachedLane {
                     return Err(ClientError::Interrupted);
                 }
             }
-            if spin_until.is_none_or(|spin_until| now < spin_until) {
+            if self.helper.as_mut().is_some_and(Helper::serve) {
+                idle_since = Instant::now();
+                continue;
+            }
+            if self.spin.is_none_or(|spin| now < idle_since + spin) {
                 std::thread::yield_now();
                 continue;
             }
             let wake = end.map_or(next_check, |end| next_check.min(end));
-            // Whatever ends this wait, the loop polls again.
-            let _ = self.ports.frame_sent.timed_wait(|_| {}, wake - now);
+            self.sleep(wake - now);
+        }
+    }
+
+    /// Blocks until a frame is sent, or for this time. The pool has the thread's seat back meanwhile.
+    fn sleep(&mut self, time: Duration) {
+        if let Some(helper) = &mut self.helper {
+            helper.stand_up();
+        }
+        // Whatever ends this wait, the caller polls again.
+        let _ = self.ports.frame_sent.timed_wait(|_| {}, time);
+        if let Some(helper) = &mut self.helper {
+            helper.sit_down();
         }
     }
 

@@ -179,6 +179,13 @@ impl RequestValidator {
         let truncated = layout.view::<u8>(frame, Field::Truncated).expect("every lane has truncated");
         let masks = layout.view::<u8>(frame, Field::AvailActions);
         let row = self.n_agents * self.n_actions;
+        // A synchronous frame has its environments in order, and one copy is faster than many: the workers'
+        // cores wrote these lines, and so their transfers overlap.
+        let in_order = self.synchronous && ids.iter().zip(0..).all(|(id, slot)| *id == slot);
+        let (all, masks) = if in_order { (masks, None) } else { (None, masks) };
+        if let Some(all) = all {
+            self.masks.copy_from_slice(all);
+        }
         for (slot, id) in ids.iter().enumerate() {
             let Ok(env) = self.env_index(*id) else { continue }; // a supervisor may lie
             let ended = terminated[slot] | truncated[slot] != 0;

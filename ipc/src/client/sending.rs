@@ -103,8 +103,11 @@ impl AttachedLane {
             payload[actions_offset(count)..].copy_from_slice(bytemuck::cast_slice(actions));
         }
         let delivered = sample.send();
-        // Fails only if the supervisor's event is gone, and then so is the supervisor.
-        let _ = self.ports.work.notify();
+        match &self.helper {
+            Some(helper) => helper.accept(),
+            // Fails only if the supervisor's event is gone, and then so is the supervisor.
+            None => drop(self.ports.work.notify()),
+        }
         Ok(matches!(delivered, Ok(receivers) if receivers > 0))
     }
 }

@@ -87,6 +87,9 @@ struct PoolInfo<'a> {
     name: &'a str,
     instance: &'a str,
     threads: usize,
+    /// Threads that may write frames at once: while a learner of this process takes a seat, the worker may
+    /// still end its run.
+    writers: usize,
 }
 
 /// Environments that are ready to be made, and how they are described.
@@ -144,7 +147,7 @@ impl LaneConfig {
             episode_limit,
             rules,
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
-            capacity: Capacity::new(&settings, pool.threads, self.max_held_batches, self.spectators),
+            capacity: Capacity::new(&settings, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
         PreparedLane { spec: LaneSpec { name: self.name, sizes, settings, make }, description, files }
@@ -188,7 +191,9 @@ impl SupervisorConfig {
         let options = PoolOptions { threads: options.threads.max(1), ..options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
-        let pool = PoolInfo { name: &name, instance: &instance, threads: options.threads };
+        let (threads, learners) = (options.threads, lanes.len());
+        let writers = threads + threads.min(learners);
+        let pool = PoolInfo { name: &name, instance: &instance, threads, writers };
         let lanes: Vec<_> = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect();
         let frames = lanes.iter().map(|lane| lane.description.capacity.frame_memory(&lane.spec.layout()));
         let shared_memory = frames.sum();

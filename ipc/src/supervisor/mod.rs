@@ -11,6 +11,7 @@ pub use config::{LaneConfig, LaneEnvs, PreparedPool, SupervisorConfig};
 pub use error::{LaneConfigError, StartError};
 pub(crate) use name_lock::NameLock;
 
+use crate::client::{Client, ConnectError};
 use crate::control::protocol::LaneDescription;
 use crate::control::served_lane::ServedLane;
 use crate::control::server::ControlServer;
@@ -21,7 +22,7 @@ use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use control_thread::ControlThread;
 use iceoryx2::prelude::Node;
-use smaclite_pool::{Pool, PoolOptions};
+use smaclite_pool::{Pool, PoolHandle, PoolOptions, WaitStrategy};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -29,6 +30,7 @@ use std::time::Instant;
 pub struct Supervisor {
     /// Stops first; the name is given up last.
     _control: ProcessOwned<ControlThread>,
+    pool: ProcessOwned<PoolHandle<Iceoryx>>,
     name: String,
     lanes: Vec<LaneDescription>,
     shared_memory: usize,
@@ -73,6 +75,7 @@ impl Supervisor {
         if !reserve_segments(&runtime_dir, "frames of all lanes", interrupted)? {
             return Err(StartError::Interrupted);
         }
+        let handle = ProcessOwned::new(pool.handle());
         let server = ControlServer {
             pool,
             lanes: served,
@@ -86,7 +89,31 @@ impl Supervisor {
         let _control = ProcessOwned::new(ControlThread::start(server, &runtime_dir.socket(&name))?);
         tracing::info!(pool = name, shared_memory, threads, "serving");
         let lanes = descriptions;
-        Ok(Supervisor { _control, name, lanes, shared_memory, threads, runtime_dir, _name_lock })
+        Ok(Supervisor {
+            _control,
+            pool: handle,
+            name,
+            lanes,
+            shared_memory,
+            threads,
+            runtime_dir,
+            _name_lock,
+        })
+    }
+
+    /// Attaches to a lane of this pool: to its only lane, if none is named. While such a learner waits for a
+    /// batch, its thread steps environments.
+    ///
+    /// # Errors
+    /// As [`Client::connect`].
+    pub fn connect(&self, lane: Option<&str>, strategy: WaitStrategy) -> Result<Client, ConnectError> {
+        let mut client = Client::connect(&self.runtime_dir, &self.name, lane, strategy)?;
+        let index = self.lanes.iter().position(|lane| lane.lane == client.description().lane);
+        // In a forked child the pool is that of another process.
+        if let Some(index) = index.filter(|_| self.pool.is_owned()) {
+            client.help(|session| self.pool.helper(index, session));
+        }
+        Ok(client)
     }
 
     /// The pool's name.

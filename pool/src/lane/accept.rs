@@ -20,6 +20,8 @@ pub(crate) struct Entry {
     pub(super) task: Task,
     pub(super) epoch: Epoch,
     pub(super) ticket: Ticket,
+    /// Counts the entries of the environment, from 1.
+    pub(super) turn: u64,
 }
 
 /// Numbers the requests that a lane received, of all sessions. A busy environment holds the ticket of its
@@ -27,8 +29,8 @@ pub(crate) struct Entry {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Ticket(u64);
 
-/// The receiving side of a lane. The leading worker locks it to accept requests; the control thread locks it
-/// to change the session.
+/// The receiving side of a lane. The thread that accepts requests locks it, and the control thread to change
+/// the session.
 pub(super) struct Intake<I> {
     inlet: I,
     /// `None` while the lane has no learner.
@@ -43,6 +45,11 @@ pub(super) struct Intake<I> {
 impl<I> Intake<I> {
     pub(super) fn new(inlet: I) -> Self {
         Intake { inlet, epoch: None, last_request: None, ticket: Ticket::default(), entries: Vec::new() }
+    }
+
+    /// The learner's session.
+    pub(super) fn session(&self) -> Option<SessionId> {
+        self.epoch.map(|epoch| epoch.session)
     }
 
     /// Returns the session's epoch before its first reset.
@@ -224,7 +231,9 @@ impl<T: Transport> Lane<T> {
             Some(_) => Err(Rejection::BusyEnv { env }),
             None => {
                 hosted.busy = Some(intake.ticket);
-                intake.entries.push(Entry { env: env as u32, task, epoch, ticket: intake.ticket });
+                hosted.accepted += 1;
+                let (ticket, turn) = (intake.ticket, hosted.accepted);
+                intake.entries.push(Entry { env: env as u32, task, epoch, ticket, turn });
                 Ok(hosted)
             }
         }
@@ -232,7 +241,11 @@ impl<T: Transport> Lane<T> {
 
     /// Frees the environments that a refused request had reserved.
     fn roll_back(&self, entries: &[Entry]) {
-        entries.iter().for_each(|entry| lock(&self.envs[entry.env as usize]).busy = None);
+        for entry in entries {
+            let mut hosted = lock(&self.envs[entry.env as usize]);
+            hosted.busy = None;
+            hosted.accepted -= 1;
+        }
     }
 }
 

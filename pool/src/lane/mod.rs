@@ -1,6 +1,6 @@
-//! A lane: N environments of one scenario with one learner. The leading worker accepts its requests
-//! (`accept`); every worker steps its own environments and writes their slots of a frame. `workers` decides
-//! which thread does what.
+//! A lane: N environments of one scenario with one learner. The leading worker or the learner's own thread
+//! accepts its requests (`accept`); any thread steps runs of environments and writes their slots of a frame.
+//! `workers` decides which thread does what.
 
 mod accept;
 mod stats;
@@ -17,7 +17,7 @@ use crate::lane_settings::LaneSettings;
 use crate::layout::Layout;
 use crate::rejection::Rejection;
 use crate::slot::FrameMemory;
-use crate::sync::{Mutex, lock};
+use crate::sync::{AtomicBool, Mutex, MutexGuard, Ordering, lock, yield_now};
 use crate::transport::{Epoch, Request, SessionId, Transport, TransportError};
 use accept::Intake;
 use smaclite_engine::{Scratch, Sizes, Step};
@@ -58,6 +58,8 @@ pub(crate) struct Lane<T: Transport> {
     envs: Vec<Mutex<HostedEnv>>,
     intake: Mutex<Intake<T::Inlet>>,
     assembler: Mutex<FrameAssembler<T::Outlet>>,
+    /// The learner is a thread of this process that accepts its requests itself.
+    has_helper: AtomicBool,
     failure: OnceLock<String>,
     counters: Counters,
 }
@@ -75,6 +77,7 @@ impl<T: Transport> Lane<T> {
             envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
             intake: Mutex::new(Intake::new(inlet)),
             assembler: Mutex::new(FrameAssembler::new(outlet, batch_size)?),
+            has_helper: AtomicBool::new(false),
             failure: OnceLock::new(),
             counters: Counters::default(),
         })
@@ -84,7 +87,7 @@ impl<T: Transport> Lane<T> {
         self.num_envs
     }
 
-    fn is_synchronous(&self) -> bool {
+    pub(crate) fn is_synchronous(&self) -> bool {
         self.layout.slots() == self.num_envs
     }
 
@@ -92,7 +95,31 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn set_session(&self, session: Option<SessionId>) {
         let mut intake = lock(&self.intake);
         let epoch = intake.begin_session(session);
+        self.has_helper.store(false, Ordering::Release);
         self.begin_epoch(epoch);
+    }
+
+    /// From now on the learner of `session` accepts its requests itself; `false` if it is not the lane's.
+    pub(crate) fn begin_help(&self, session: SessionId) -> bool {
+        let intake = lock(&self.intake);
+        let is_current = intake.session() == Some(session);
+        if is_current {
+            self.has_helper.store(true, Ordering::Release);
+        }
+        is_current
+    }
+
+    /// Ends [`begin_help`](Lane::begin_help), unless the session has ended before.
+    pub(crate) fn end_help(&self, session: SessionId) {
+        let intake = lock(&self.intake);
+        if intake.session() == Some(session) {
+            self.has_helper.store(false, Ordering::Release);
+        }
+    }
+
+    /// Whether the learner accepts its requests itself.
+    pub(crate) fn has_helper(&self) -> bool {
+        self.has_helper.load(Ordering::Acquire)
     }
 
     /// Adds a follower to an environment; `false` if it cannot be followed.
@@ -150,7 +177,7 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    /// Steps a worker's run of environments and writes their slots. `run` has the order of the requests.
+    /// Steps a run of environments and writes their slots. `run` has the order of the requests.
     pub(crate) fn serve(&self, run: &[Entry], scratch: &mut Scratch) {
         if self.failure().is_some() {
             return; // after a panic the environments may be in any state
@@ -171,20 +198,21 @@ impl<T: Transport> Lane<T> {
         self.counters.stepped(&counts);
     }
 
-    /// Environment i has slot i of the one open frame, so a worker claims the slots of its whole run at once.
+    /// Environment i has slot i of the one open frame, so the slots of a whole run are claimed at once.
     fn serve_synchronous(
         &self,
         run: &[Entry],
         scratch: &mut Scratch,
         counts: &mut StepCounts,
     ) -> Result<(), TransportError> {
-        // After a delay a worker may find steps of an old epoch and resets of a new one in the same run.
+        // After a delay there may be steps of an old epoch and resets of a new one in the same run.
         for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
             let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
             for entry in run {
-                let step = self.step(entry, scratch, counts);
+                let Some(mut hosted) = self.lock_in_turn(entry) else { return Ok(()) };
+                let step = self.step(&mut hosted, entry, scratch, counts);
                 let slot = claim.map(|claim| (claim.memory, entry.env as usize));
-                self.write(entry, step, slot, scratch);
+                self.write(&mut hosted, entry, step, slot, scratch);
             }
             self.complete(claim);
         }
@@ -199,33 +227,58 @@ impl<T: Transport> Lane<T> {
         counts: &mut StepCounts,
     ) -> Result<(), TransportError> {
         for entry in run {
-            let step = self.step(entry, scratch, counts);
+            let Some(mut hosted) = self.lock_in_turn(entry) else { return Ok(()) };
+            let step = self.step(&mut hosted, entry, scratch, counts);
+            drop(hosted); // the claim may wait for a frame
             let claim = self.with_frame(|frames| frames.claim(entry.epoch, 1))?;
-            self.write(entry, step, claim.map(|claim| (claim.memory, claim.first)), scratch);
+            let mut hosted = lock(&self.envs[entry.env as usize]);
+            let slot = claim.map(|claim| (claim.memory, claim.first));
+            self.write(&mut hosted, entry, step, slot, scratch);
+            drop(hosted);
             self.complete(claim);
         }
         Ok(())
     }
 
-    fn step(&self, entry: &Entry, scratch: &mut Scratch, counts: &mut StepCounts) -> Option<Step> {
-        let mut hosted = lock(&self.envs[entry.env as usize]);
+    /// Locks an entry's environment once its earlier entries are done; `None` if the lane failed. There are
+    /// earlier ones only if a new epoch began; they left the queue before this one, but another thread may
+    /// have taken them and not come to them yet.
+    fn lock_in_turn(&self, entry: &Entry) -> Option<MutexGuard<'_, HostedEnv>> {
+        loop {
+            let hosted = lock(&self.envs[entry.env as usize]);
+            if hosted.served + 1 == entry.turn {
+                return Some(hosted);
+            }
+            drop(hosted);
+            if self.failure().is_some() {
+                return None;
+            }
+            yield_now();
+        }
+    }
+
+    fn step(
+        &self,
+        hosted: &mut HostedEnv,
+        entry: &Entry,
+        scratch: &mut Scratch,
+        counts: &mut StepCounts,
+    ) -> Option<Step> {
         let step = hosted.run(entry.task, self.autoreset, scratch)?;
         counts.count(&step, hosted.env.episode_return());
         Some(step)
     }
 
-    /// Writes an environment's results into its slot, or discards them if their epoch is over. Since
-    /// [`step`](Lane::step) a new epoch may have given the environment another task, which this worker
-    /// carries out later.
+    /// Writes an environment's results into its slot, or discards them if their epoch is over.
     fn write(
         &self,
+        hosted: &mut HostedEnv,
         entry: &Entry,
         step: Option<Step>,
         slot: Option<(FrameMemory, usize)>,
         scratch: &mut Scratch,
     ) {
-        let env = entry.env as usize;
-        let mut hosted = lock(&self.envs[env]);
+        hosted.served = entry.turn;
         let Some((memory, index)) = slot else {
             hosted.discard(self.autoreset);
             return;
@@ -235,7 +288,7 @@ impl<T: Transport> Lane<T> {
         // and in a synchronous lane `index` is the environment, which an accepted request names once
         // (`busy`).
         let mut slot = unsafe { memory.slot(&self.layout, index) };
-        hosted.write(env, step, self.autoreset, &mut slot, scratch);
+        hosted.write(entry.env as usize, step, self.autoreset, &mut slot, scratch);
         // If a new epoch began after the claim, the environment may be busy with another request.
         hosted.busy = hosted.busy.filter(|ticket| *ticket != entry.ticket);
     }

@@ -239,7 +239,7 @@ def make(
         env_type: "gymnasium"; "gym" is the same.
         num_envs: number of environments (N).
         batch_size: environments per batch (M); None or 0 for all of them, fewer for asynchronous stepping.
-        num_threads: number of worker threads; 0 for one less than the cores that this process may use.
+        num_threads: number of threads that step environments; 0 for the cores that this process may use.
         seed: environment i is seeded with seed + i.
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         thread_affinity_offset: must be -1 (no pinning).

@@ -1,0 +1,183 @@
+//! A learner of the pool's own process steps environments while it waits. It sees the same bits as any other,
+//! and whatever happens to it or to the pool, nobody waits in vain. Every frame is compared with the
+//! [reference](smaclite_tests::reference).
+
+use smaclite_ipc::{ClientError, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_pool::Autoreset;
+use smaclite_tests::fault::Fault;
+use smaclite_tests::learner::LearnerError;
+use smaclite_tests::process::TIMEOUT;
+use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
+use std::time::Duration;
+
+const STRATEGIES: [WaitStrategy; 3] = [WaitStrategy::Adaptive, WaitStrategy::Spin, WaitStrategy::Block];
+
+fn helper(pool: &Supervisor, plan: &LanePlan, wait: WaitStrategy) -> Learner {
+    Learner::new(pool.connect(Some(&plan.name), wait).expect("a client"), plan)
+}
+
+/// Resets, then steps until `steps` batches came.
+fn run(learner: &mut Learner, steps: usize) -> Result<(), LearnerError> {
+    learner.reset(Some(3), TIMEOUT)?;
+    (0..steps).try_for_each(|_| learner.step(TIMEOUT).map(drop))
+}
+
+#[test]
+fn a_helping_learner_sees_the_bits_of_the_reference() {
+    for wait in STRATEGIES {
+        for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+            for (threads, batch_size) in [(1, 12), (2, 12), (4, 12), (1, 5), (3, 5), (2, 1)] {
+                let dir = TestDir::new();
+                let plan =
+                    LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
+                let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
+                let result = run(&mut helper(&pool, &plan, wait), 200 / batch_size);
+                result.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {wait:?}: {e}"));
+            }
+        }
+    }
+}
+
+/// More learners than seats, each on its own thread, and one on a thread that serves two lanes in turn.
+#[test]
+fn several_learners_help_a_pool() {
+    for threads in [1, 2, 3] {
+        let dir = TestDir::new();
+        let lane = |name: &str, num_envs, batch_size| LanePlan {
+            name: name.to_owned(),
+            batch_size,
+            ..LanePlan::new("3m", num_envs)
+        };
+        let lanes = [lane("a", 20, 20), lane("b", 1, 1), lane("c", 9, 4), lane("d", 6, 6), lane("e", 6, 6)];
+        let pool = dir.start(&PoolPlan::new(lanes.clone()).threads(threads));
+        std::thread::scope(|scope| {
+            for plan in &lanes[..3] {
+                let mut learner = helper(&pool, plan, WaitStrategy::Adaptive);
+                scope.spawn(move || run(&mut learner, 300).expect("frames as in the reference"));
+            }
+            let mut pair = [3, 4].map(|lane| helper(&pool, &lanes[lane], WaitStrategy::Adaptive));
+            scope.spawn(move || {
+                pair.iter_mut().for_each(|learner| learner.reset(None, TIMEOUT).expect("a reset"));
+                pair[0].send().expect("sent");
+                for step in 0..300 {
+                    pair[(step + 1) % 2].send().expect("sent");
+                    pair[step % 2].recv(TIMEOUT).expect("a frame as in the reference");
+                }
+            });
+        });
+    }
+}
+
+/// A lane is polled again when its helping learner is gone, and a learner that does not help comes.
+#[test]
+fn a_lane_serves_helping_and_other_learners_in_turn() {
+    for threads in [1, 2] {
+        let dir = TestDir::new();
+        let plan = LanePlan::new("2s3z", 6);
+        let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
+        for _ in 0..3 {
+            run(&mut helper(&pool, &plan, WaitStrategy::Block), 5).expect("helps");
+            run(&mut dir.learner(&plan), 5).expect("is served");
+        }
+    }
+}
+
+/// Work that a learner leaves behind is done without it, also if it never waits.
+#[test]
+fn workers_go_on_while_a_learner_does_something_else() {
+    for threads in [1, 2] {
+        let dir = TestDir::new();
+        let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 8) };
+        let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
+        let mut learner = helper(&pool, &plan, WaitStrategy::Adaptive);
+        learner.reset(None, TIMEOUT).expect("a reset");
+        learner.send().expect("sent");
+        learner.recv(TIMEOUT).expect("the first two");
+        let all_done = || dir.status().lanes[0].stats.steps == 8;
+        assert!(smaclite_tests::process::eventually(all_done), "the other six wait for the learner");
+    }
+}
+
+#[test]
+fn a_panic_on_the_learners_thread_fails_its_lane() {
+    for threads in [1, 2] {
+        let dir = TestDir::new();
+        let lanes = [LanePlan::new("2s3z", 4).fault(2, Fault::PanicInStep(4)), LanePlan::new("3s5z", 4)];
+        let pool = dir.start(&PoolPlan::new(lanes.clone()).threads(threads));
+        let [mut failed, mut other] = [0, 1].map(|lane| helper(&pool, &lanes[lane], WaitStrategy::Adaptive));
+        failed.reset(None, TIMEOUT).expect("a reset");
+        (0..3).for_each(|_| drop(failed.step(TIMEOUT).expect("a step")));
+        let error = failed.step(TIMEOUT).err().expect("it panicked").to_string();
+        assert!(error.contains("environment 2 broke in step 4"), "{error}");
+        run(&mut other, 20).expect("the other lane goes on");
+    }
+}
+
+#[test]
+fn a_pool_ends_while_its_learners_help() {
+    for threads in [1, 2] {
+        let dir = TestDir::new();
+        let slow = Fault::Sleep(Duration::from_millis(300));
+        let plan = LanePlan::new("2s3z", 4).fault(0, slow);
+        let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
+        let mut learner = helper(&pool, &plan, WaitStrategy::Adaptive);
+        learner.reset(None, TIMEOUT).expect("a reset");
+        let ended = std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| {
+                loop {
+                    if let Err(error) = learner.step(TIMEOUT) {
+                        return error;
+                    }
+                }
+            });
+            std::thread::sleep(Duration::from_millis(100));
+            drop(pool);
+            waiting.join().expect("no panic")
+        });
+        assert!(matches!(ended, LearnerError::Client(ClientError::PoolDied { .. })), "{ended}");
+        drop(learner);
+        dir.assert_empty();
+    }
+}
+
+#[test]
+fn a_wait_of_a_helping_learner_ends_by_its_timeout_or_an_interruption() {
+    let dir = TestDir::new();
+    let slow = Fault::Sleep(Duration::from_millis(700));
+    let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 2) }.fault(0, slow);
+    let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(1));
+    for wait in STRATEGIES {
+        let mut client = pool.connect(None, wait).expect("a client");
+        let mut never = || false;
+        drop(client.reset(None, None, WaitOptions::forever()).expect("a reset"));
+        let mut actions = vec![0; 10];
+        client.sample_actions(None, &mut actions).expect("actions");
+        client.send(&actions, None, WaitOptions::forever()).expect("sent");
+        std::thread::sleep(Duration::from_millis(50)); // the worker has the slow environment now
+        let timeout = Some(Duration::from_millis(50));
+        let error = client.recv(WaitOptions { timeout, interrupted: &mut never }).err().expect("it sleeps");
+        assert!(error.to_string().contains("0.05 s"), "{error}");
+        let mut interrupted = || true;
+        let error = client.recv(WaitOptions { timeout: None, interrupted: &mut interrupted });
+        assert!(error.err().expect("interrupted").to_string().contains("interrupted"));
+        client.recv(WaitOptions::forever()).expect("the result still comes");
+    }
+}
+
+/// Resets of all environments while steps are under way: an environment's tasks keep their order, whichever
+/// threads take them.
+#[test]
+fn resets_overtake_no_step() {
+    for (threads, batch_size) in [(1, 8), (2, 8), (4, 8), (2, 4), (4, 1)] {
+        let dir = TestDir::new();
+        let plan = LanePlan { batch_size, ..LanePlan::new("2s3z", 8) };
+        let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
+        let mut learner = helper(&pool, &plan, WaitStrategy::Adaptive);
+        learner.reset(None, TIMEOUT).expect("a reset");
+        for repetition in 0..100 {
+            learner.send().expect("sent");
+            let seed = (repetition % 3 > 0).then_some(repetition);
+            learner.reset(seed, TIMEOUT).unwrap_or_else(|e| panic!("{threads} threads, {repetition}: {e}"));
+        }
+    }
+}
