@@ -5,7 +5,6 @@
 
 mod engine;
 mod instructions;
-mod null;
 mod ping_pong;
 mod policies;
 mod pools;
@@ -14,6 +13,7 @@ mod step_times;
 mod transport;
 
 use clap::{Parser, Subcommand};
+use smaclite_benches::null;
 use smaclite_benches::play::Policy;
 use smaclite_benches::process::wait_for_termination;
 use smaclite_benches::throughput::Workload;
@@ -148,10 +148,4 @@ fn second_process(arguments: &[&str]) -> std::io::Result<Command> {
     let mut command = Command::new(std::env::current_exe()?);
     command.arg("second").args(arguments);
     Ok(command)
-}
-
-/// The median; of an even number of values the upper of the two in the middle.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
