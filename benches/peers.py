@@ -1,13 +1,12 @@
-"""Other programs that step environments, for `smaclite-pool bench --against` (benches/src/peers.rs runs this).
+"""Other programs that step environments, for `smaclite-pool bench --against`; benches/src/peers.rs runs this.
 
     python -c PEERS describe PEER                     one line: what the peer is, or why it cannot be imported
     python -c PEERS measure PEER SCENARIO INDEX       one line per line of input, until the input ends
 
 `measure` answers `{"ready": true}` when everything is compiled, and then to `CONFIGURATION SECONDS` with
 `{"steps_per_s": ...}`. INDEX is the index of this process among those of the peer. Every answer is a line of
-JSON; what a peer prints goes to the standard error output. Of each peer the configurations are measured that
-are its best here; each step includes the choice of a random available action and everything that the peer gives
-to a learner.
+JSON; what a peer prints goes to the standard error output. The configurations of a peer are those that were
+its best; a step includes the choice of random available actions and all that the peer gives to a learner.
 """
 
 from __future__ import annotations
@@ -65,7 +64,8 @@ def make_published(scenario: str) -> list[Configuration]:
     import gymnasium
     import numpy as np
 
-    env: Any = gymnasium.make(f"smaclite/{scenario}-v0", use_cpp_rvo2=has_addon()).unwrapped
+    options: dict[str, Any] = {"use_cpp_rvo2": has_addon(), "disable_env_checker": True}
+    env: Any = gymnasium.make(f"smaclite/{scenario}-v0", **options).unwrapped
     random = np.random.default_rng(CORES.index(min(os.sched_getaffinity(0))))
     env.reset()
     length = 0
@@ -126,12 +126,11 @@ def smax_configuration(scenario: str, num_envs: int) -> Configuration:
         obs, state, rewards, dones, _ = jax.vmap(env.step)(keys, state, actions)
         return (key, state, obs), (rewards, dones)
 
-    @jax.jit
     def begin(key: Any) -> Any:
         obs, state = jax.vmap(env.reset)(jax.random.split(key, num_envs))
         return key, state, obs
 
-    carry = begin(jax.random.key(min(os.sched_getaffinity(0))))
+    carry = jax.jit(begin)(jax.random.key(min(os.sched_getaffinity(0))))
     scan = jax.jit(lambda carry: jax.lax.scan(advance, carry, None, length=length)).lower(carry).compile()
 
     def step() -> int:
@@ -238,7 +237,10 @@ PEERS = {
     "envpool": Peer(
         import_envpool,
         None,
-        [f"CartPole-v1, {len(CORES)} threads, {FREE_ENVS} environments{text}" for text in ("", " in batches of 32")],
+        [
+            f"CartPole-v1, {len(CORES)} threads, {FREE_ENVS} environments{batches}"
+            for batches in ("", f" in batches of {FREE_ENVS // 2}")
+        ],
         False,
         make_envpool,
     ),

@@ -80,8 +80,8 @@ fn play_counted(player: &mut Player, recording: &Recording) {
     player.play(recording);
 }
 
-/// This program as `second` under valgrind. glibc chooses `memcpy` by the processor, which changes counts by up
-/// to 0.6 %; here it gets the same one everywhere.
+/// This program as `second` under valgrind. glibc chooses `memcpy` by the processor, which changes counts by
+/// up to 0.6 %; here the choice is the same everywhere.
 pub(crate) fn under_valgrind(options: &[&str], second: &[&str]) -> Result<Command, CountError> {
     let mut command = Command::new("valgrind");
     command.args(options).arg(std::env::current_exe()?).arg("second").args(second);

@@ -283,7 +283,8 @@ mod tests {
 
     const TWO_CONFIGURATIONS: &str = r#"
         if [ "$3" = describe ]; then
-            echo '{"versions": "x 1", "scenarios": ["3m"], "configurations": ["slow", "fast"], "processes": 2}'
+            echo '{"versions": "x 1", "scenarios": ["3m"],
+                   "configurations": ["slow", "fast"], "processes": 2}' | tr -d '\n'
             exit
         fi
         echo '{"ready": true}'

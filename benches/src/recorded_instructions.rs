@@ -71,8 +71,8 @@ fn report(comparison: &Comparison, counts: usize) -> Result<(), Box<dyn Error>> 
     Err(format!(
         "more instructions per living unit and tick than recorded in benches/instructions.csv:\n{}\
          Find the cause: `just figures instructions SCENARIO --policy POLICY` shows the phases of a step, here \
-         and before the change.\nIf the growth is intended, record it with `just figures instructions --record` \
-         and give the reason in the commit message.\n{}",
+         and before.\nIf the growth is intended, record it with `just figures instructions --record` and give \
+         the reason in the commit message.\n{}",
         comparison.larger,
         comparison.conditions.trim_end()
     )
@@ -215,7 +215,7 @@ fn compare(recorded: &Recorded, now: &Recorded) -> Comparison {
         if before != value {
             let _ = writeln!(
                 comparison.conditions,
-                "note: {name}: recorded with `{before}`, here `{value}`; the counts may differ for this reason"
+                "note: {name}: recorded with `{before}`, here `{value}`; counts may differ for this reason"
             );
         }
     }

@@ -137,7 +137,7 @@ impl Report {
                 out!()?;
             }
             self.notes.iter().try_for_each(|note| out!("{note}"))?;
-            if let Some(workload) = workloads.first() {
+            if let (1.., Some(workload)) = (self.results, workloads.first()) {
                 out!("here: {}", configuration(workload))?;
             }
         }
