@@ -70,9 +70,9 @@ fn report(comparison: &Comparison, counts: usize) -> Result<(), Box<dyn Error>> 
     }
     Err(format!(
         "more instructions per living unit and tick than recorded in benches/instructions.csv:\n{}\
-         Find the cause: `just figures instructions SCENARIO --policy POLICY` shows the phases of a step, here \
-         and before.\nIf the growth is intended, record it with `just figures instructions --record` and give \
-         the reason in the commit message.\n{}",
+         Find the cause: `just figures instructions SCENARIO --policy POLICY` shows the phases of a step.\n\
+         If the growth is intended, record it with `just figures instructions --record` and give the reason \
+         in the commit message.\n{}",
         comparison.larger,
         comparison.conditions.trim_end()
     )
