@@ -97,8 +97,8 @@ def smax_scenarios() -> list[str]:
 
 SMAX_ENVS = [16, 64]
 """Environments per process: the better of them counts. On 2s3z, two processes with 8, 16, 32, 64 and 256
-reached 52,000, 65,500, 43,000, 46,000 and 45,000 steps/s together, and one process with XLA's threads and 256 reached
-20,000 (one measurement each)."""
+reached 52,000, 65,500, 43,000, 46,000 and 45,000 steps/s together, and one process with XLA's threads and
+256 reached 20,000 (one measurement each)."""
 
 
 def make_smax(scenario: str) -> list[Configuration]:
