@@ -72,6 +72,9 @@ bench *args:
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
+# Fail if the engine executes over 3 % more instructions than recorded (Debian: apt install valgrind)
+instructions *scenarios: (figures "instructions" "--check" scenarios)
+
 results := "PYTHONPATH=" + justfile_directory() / "benches"
 
 # Train the teams of docs/results.md, for hours (--help, --list); what is there is skipped

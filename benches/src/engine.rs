@@ -17,7 +17,7 @@ pub(crate) struct Plays {
     pub(crate) steps: usize,
     /// Names or files of scenarios [default: the standard scenarios]
     #[arg(value_name = "SCENARIO")]
-    scenarios: Vec<String>,
+    pub(crate) scenarios: Vec<String>,
 }
 
 impl Plays {

@@ -1,12 +1,14 @@
-//! Number of instructions of the phases of a step, counted by callgrind (`valgrind` must be installed).
+//! Number of instructions of the phases of a step, counted by callgrind (`valgrind` must be installed). The
+//! recorded counts, which no change may exceed, are in `recorded_instructions.rs`.
 //!
 //! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
 use crate::engine::{Plays, record};
 use smaclite_benches::play::{Player, Policy, Recording};
+use smaclite_scenarios::ScenarioError;
 use std::collections::HashMap;
 use std::error::Error;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
 /// have the names of the engine's modules.
@@ -31,14 +33,35 @@ pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
     println!(" {:>9}", "rest");
     for scenario in plays.scenarios() {
         let unit_ticks = record(&scenario, plays.policy, plays.steps)?.1.unit_ticks() as f64;
-        let counts = count(&scenario, plays)?;
-        let total = counts.of("instructions::play_counted");
+        let counts = count(&scenario, plays.policy, plays.steps)?;
+        let total = counts.total();
         let phases = PHASES.map(|(_, function)| counts.of(function));
         print!("{scenario:16} {:9.0}", total / unit_ticks);
         phases.iter().for_each(|count| print!(" {:9.1}", count / unit_ticks));
         println!(" {:9.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
     }
     Ok(())
+}
+
+/// All instructions per living unit and tick.
+pub(crate) fn per_unit_tick(scenario: &str, policy: Policy, steps: usize) -> Result<f64, CountError> {
+    let unit_ticks = record(scenario, policy, steps)?.1.unit_ticks() as f64;
+    Ok(count(scenario, policy, steps)?.total() / unit_ticks)
+}
+
+/// Why there is no count.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CountError {
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    #[error("valgrind cannot be started ({0}); install it to count instructions")]
+    NotStarted(#[source] std::io::Error),
+    #[error("valgrind: {0}")]
+    Failed(String),
+    #[error("callgrind's output cannot be read: {0}")]
+    Output(#[from] std::io::Error),
+    #[error("callgrind counted nothing: its output does not have the function `{COUNTED}`")]
+    NothingCounted,
 }
 
 /// Plays once, in the process that callgrind runs.
@@ -48,27 +71,43 @@ pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<
     Ok(())
 }
 
+/// How the name of [`play_counted`] ends.
+const COUNTED: &str = "instructions::play_counted";
+
 /// Not inlined: callgrind counts inside this function only.
 #[inline(never)]
 fn play_counted(player: &mut Player, recording: &Recording) {
     player.play(recording);
 }
 
-fn count(scenario: &str, plays: &Plays) -> Result<Counts, Box<dyn Error>> {
-    let file = std::env::temp_dir().join(format!("callgrind-{}", std::process::id()));
-    let output = Command::new("valgrind")
-        .args(["--tool=callgrind", "--toggle-collect=*instructions::play_counted*"])
-        .arg(format!("--callgrind-out-file={}", file.display()))
-        .arg(std::env::current_exe()?)
-        .args(["second", "play", scenario, &plays.policy.name(), &plays.steps.to_string()])
-        .output()
-        .map_err(|error| format!("valgrind cannot be started ({error}); install it to count instructions"))?;
+/// This program as `second` under valgrind. glibc chooses `memcpy` by the processor, which changes counts by
+/// up to 0.6 %; here the choice is the same everywhere.
+pub(crate) fn under_valgrind(options: &[&str], second: &[&str]) -> Result<Command, CountError> {
+    let mut command = Command::new("valgrind");
+    command.args(options).arg(std::env::current_exe()?).arg("second").args(second);
+    command.env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-AVX2_Usable,-ERMS,-FSRM");
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    Ok(command)
+}
+
+fn count(scenario: &str, policy: Policy, steps: usize) -> Result<Counts, CountError> {
+    let folder = std::env::temp_dir();
+    let options = [
+        "--tool=callgrind",
+        &format!("--toggle-collect=*{COUNTED}*"),
+        &format!("--callgrind-out-file={}/callgrind-%p", folder.display()), // %p: id of the process
+    ];
+    let second = ["play", scenario, &policy.name(), &steps.to_string()];
+    let child = under_valgrind(&options, &second)?.spawn().map_err(CountError::NotStarted)?;
+    let file = folder.join(format!("callgrind-{}", child.id()));
+    let output = child.wait_with_output()?;
     if !output.status.success() {
-        return Err(format!("valgrind: {}", String::from_utf8_lossy(&output.stderr)).into());
+        return Err(CountError::Failed(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
     let text = std::fs::read(&file)?;
     std::fs::remove_file(&file)?;
-    Ok(Counts::parse(&String::from_utf8_lossy(&text)))
+    let counts = Counts::parse(&String::from_utf8_lossy(&text));
+    if counts.total() > 0.0 { Ok(counts) } else { Err(CountError::NothingCounted) }
 }
 
 /// Instructions by function, including the functions that it called.
@@ -91,6 +130,11 @@ impl Counts {
             }
         }
         Counts(counts)
+    }
+
+    /// Everything that was counted.
+    fn total(&self) -> f64 {
+        self.of(COUNTED)
     }
 
     fn of(&self, function: &str) -> f64 {

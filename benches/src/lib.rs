@@ -4,7 +4,18 @@
 
 #![forbid(unsafe_code)]
 
+pub mod null;
 pub mod paper;
+pub mod peers;
 pub mod play;
 pub mod process;
 pub mod throughput;
+
+/// The median; of an even number of values the upper of the two in the middle.
+///
+/// # Panics
+/// If there are no values.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

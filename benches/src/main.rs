@@ -5,14 +5,15 @@
 
 mod engine;
 mod instructions;
-mod null;
 mod ping_pong;
 mod policies;
 mod pools;
+mod recorded_instructions;
 mod step_times;
 mod transport;
 
 use clap::{Parser, Subcommand};
+use smaclite_benches::null;
 use smaclite_benches::play::Policy;
 use smaclite_benches::process::wait_for_termination;
 use smaclite_benches::throughput::Workload;
@@ -55,7 +56,16 @@ enum Measurement {
         seconds: f64,
     },
     /// Instructions of each phase of a step, counted by callgrind
-    Instructions(engine::Plays),
+    Instructions {
+        #[command(flatten)]
+        plays: engine::Plays,
+        /// Count all standard scenarios with both policies and write benches/instructions.csv
+        #[arg(long, conflicts_with_all = ["check", "policy", "steps", "scenarios"])]
+        record: bool,
+        /// Fail if a count exceeds the one in benches/instructions.csv by more than 3 %
+        #[arg(long, conflicts_with_all = ["policy", "steps"])]
+        check: bool,
+    },
     /// Returns and win rates of the scripted policies, as a Markdown table (docs/policies.md)
     Policies(policies::Games),
     /// The second process of a measurement
@@ -72,6 +82,8 @@ enum SecondProcess {
     Pong { name: String, wait: WaitStrategy },
     /// Plays a battle once, under callgrind
     Play { scenario: String, policy: Policy, steps: usize },
+    /// Prints which extensions of the instruction set the processor has
+    Extensions,
     /// Serves environments that do nothing
     Null { name: String, num_envs: usize, threads: usize, wait: WaitStrategy },
     /// Serves the pool of a workload
@@ -103,7 +115,11 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
         Measurement::Asynchronous => pools::asynchronous(rounds),
         Measurement::Many => pools::many(rounds),
         Measurement::Engine { plays, seconds } => step_times::measure(&plays, seconds),
-        Measurement::Instructions(plays) => instructions::measure(&plays),
+        Measurement::Instructions { record: true, .. } => recorded_instructions::record(),
+        Measurement::Instructions { plays, check: true, .. } => {
+            recorded_instructions::check(&plays.scenarios)
+        }
+        Measurement::Instructions { plays, .. } => instructions::measure(&plays),
         Measurement::Policies(games) => policies::measure(&games),
         Measurement::Second { process } => run_second(process),
     }
@@ -113,6 +129,10 @@ fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
     match process {
         SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
         SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, policy, steps),
+        SecondProcess::Extensions => {
+            recorded_instructions::print_extensions();
+            Ok(())
+        }
         SecondProcess::Null { name, num_envs, threads, wait } => null::serve(&name, num_envs, threads, wait),
         SecondProcess::Pool { name, scenario, num_envs, batch_size, threads, wait } => {
             let options = PoolOptions { threads, wait };
@@ -128,10 +148,4 @@ fn second_process(arguments: &[&str]) -> std::io::Result<Command> {
     let mut command = Command::new(std::env::current_exe()?);
     command.arg("second").args(arguments);
     Ok(command)
-}
-
-/// The median; of an even number of values the upper of the two in the middle.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

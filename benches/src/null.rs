@@ -1,15 +1,20 @@
 //! An environment that does nothing and has the sizes of 2s3z: what remains is the cost of the pool and of
 //! the transport.
 
-use smaclite_benches::process::wait_for_termination;
+use crate::process::wait_for_termination;
+use crate::throughput::MeasureError;
 use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
-use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitStrategy};
+use smaclite_ipc::{
+    Client, LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions,
+    WaitStrategy,
+};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use std::error::Error;
+use std::time::{Duration, Instant};
 
-pub(crate) const SIZES: Sizes =
-    Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
+/// The sizes of 2s3z.
+pub const SIZES: Sizes = Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
 
 struct Null;
 
@@ -46,12 +51,40 @@ impl Environment for Null {
 }
 
 /// Serves them until the process is terminated.
-pub(crate) fn serve(
+///
+/// # Errors
+/// If the pool cannot start.
+pub fn serve(name: &str, num_envs: usize, threads: usize, wait: WaitStrategy) -> Result<(), Box<dyn Error>> {
+    let _supervisor = start(name, &RuntimeDir::for_current_user()?, num_envs, PoolOptions { threads, wait })?;
+    Ok(wait_for_termination()?)
+}
+
+/// Steps of single environments per second of an embedded, synchronous pool of them.
+///
+/// # Errors
+/// If the pool cannot start or fails.
+pub fn steps_per_s(num_envs: usize, options: PoolOptions, time: Duration) -> Result<f64, MeasureError> {
+    let runtime_dir = RuntimeDir::for_current_user()?;
+    let name = format!("null-{}", std::process::id());
+    let _supervisor = start(&name, &runtime_dir, num_envs, options)?;
+    let mut client = Client::connect(&runtime_dir, &name, None, options.wait)?;
+    client.reset(Some(0), None, WaitOptions::forever())?;
+    let actions = vec![1; num_envs * SIZES.n_agents];
+    let begin = Instant::now();
+    let mut steps = 0;
+    while steps == 0 || begin.elapsed() < time {
+        drop(client.step(&actions, None, WaitOptions::forever())?);
+        steps += num_envs;
+    }
+    Ok(steps as f64 / begin.elapsed().as_secs_f64())
+}
+
+fn start(
     name: &str,
+    runtime_dir: &RuntimeDir,
     num_envs: usize,
-    threads: usize,
-    wait: WaitStrategy,
-) -> Result<(), Box<dyn Error>> {
+    options: PoolOptions,
+) -> Result<Supervisor, StartError> {
     let lane = LaneConfig {
         name: "null".to_owned(),
         envs: LaneEnvs::Other { name: "null".to_owned(), sizes: SIZES, make: Box::new(|_| Box::new(Null)) },
@@ -59,11 +92,10 @@ pub(crate) fn serve(
         max_held_batches: 4,
         spectators: 0,
     };
-    let _supervisor = Supervisor::start(SupervisorConfig {
+    Supervisor::start(SupervisorConfig {
         name: name.to_owned(),
         lanes: vec![lane],
-        options: PoolOptions { threads, wait },
-        runtime_dir: RuntimeDir::for_current_user()?,
-    })?;
-    Ok(wait_for_termination()?)
+        options,
+        runtime_dir: runtime_dir.clone(),
+    })
 }

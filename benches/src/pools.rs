@@ -1,6 +1,7 @@
 //! Pools compared with the engine alone, with each other, and by their number of environments.
 
-use crate::{median, second_process};
+use crate::second_process;
+use smaclite_benches::median;
 use smaclite_benches::play::Policy;
 use smaclite_benches::process::interrupt_flag;
 use smaclite_benches::throughput::{Mode, Throughput, Workload};

@@ -1,8 +1,9 @@
 //! What a batch costs apart from its environments: round trips of lanes whose environments do nothing.
 
-use crate::null::SIZES;
 use crate::ping_pong::Endpoint;
-use crate::{median, second_process};
+use crate::second_process;
+use smaclite_benches::median;
+use smaclite_benches::null::SIZES;
 use smaclite_benches::process::SecondProcess;
 use smaclite_ipc::{Client, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
 use std::error::Error;

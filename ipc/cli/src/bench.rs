@@ -1,6 +1,7 @@
 //! `smaclite-pool bench`: steps per second of the engine or of a pool. `smaclite_benches` measures; here are
 //! the options and the tables.
 
+use super::against::Against;
 use super::table::Table;
 use super::{CommandResult, THREADS, check_range, megabytes};
 use clap::Args;
@@ -12,6 +13,7 @@ use smaclite_ipc::WaitStrategy;
 use smaclite_pool::PoolOptions;
 use smaclite_scenarios::Scenario;
 use std::error::Error;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
@@ -46,11 +48,13 @@ pub(super) struct Bench {
     /// Print one JSON object per scenario
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    against: Against,
     /// Print the speed table of the SMAClite paper instead, with a column for this machine
     #[arg(
         long,
         conflicts_with_all = [
-            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
+            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait", "against"
         ]
     )]
     paper_table: bool,
@@ -63,6 +67,9 @@ impl Bench {
         }
         let workloads = self.workloads()?;
         let interrupted = interrupt_flag()?;
+        if self.against.is_given() {
+            return self.against.run(&workloads, self.json, &interrupted);
+        }
         let mut table = Table::new(&[
             "scenario",
             "policy",
@@ -129,7 +136,7 @@ fn cells(result: &Throughput) -> [String; 9] {
 }
 
 /// `smaclite-pool serve` for a workload.
-fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
+pub(super) fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
     let mut command = this_program()?;
     let Workload { options, batch_size, num_envs, scenario_argument, .. } = workload;
     command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
@@ -138,18 +145,22 @@ fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
     Ok(command)
 }
 
-/// This program once more. From Python, the executable of this process is the interpreter. It is called as
-/// this process was: the interpreter of a virtual environment is a link, and knows its packages by the link's
-/// path.
+/// This program once more.
 fn this_program() -> std::io::Result<Command> {
-    let executable = std::env::current_exe()?;
-    let is_python = executable.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("python"));
-    if !is_python {
-        return Ok(Command::new(executable));
-    }
-    let mut command = Command::new(std::env::args_os().next().unwrap_or(executable.into()));
+    let Some(interpreter) = python_interpreter() else {
+        return Ok(Command::new(std::env::current_exe()?));
+    };
+    let mut command = Command::new(interpreter);
     command.args(["-m", "smaclite_pool"]);
     Ok(command)
+}
+
+/// The interpreter, if this program runs in Python. It is named as this process was: the interpreter of a
+/// virtual environment is a link, and knows its packages by the link's path.
+pub(super) fn python_interpreter() -> Option<PathBuf> {
+    let executable = std::env::current_exe().ok()?;
+    let is_python = executable.file_name()?.to_str()?.starts_with("python");
+    is_python.then(|| std::env::args_os().next().map_or(executable, PathBuf::from))
 }
 
 fn print_paper_json() -> CommandResult {

@@ -10,6 +10,7 @@ macro_rules! out {
     }};
 }
 
+mod against;
 mod bench;
 mod check;
 mod clean;
