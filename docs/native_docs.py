@@ -1,4 +1,4 @@
-"""Docstrings for the site: those of the native module, whose stub has only its types, and colours for examples."""
+"""Docstrings for the site: those of the native module, whose stub has only types, and examples in colour."""
 
 from __future__ import annotations
 
@@ -22,8 +22,27 @@ class NativeDocs(griffe.Extension):
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
         """Called by griffe after it has read a package."""
         if pkg.path == "smaclite_pool":
-            describe(pkg["_native"], smaclite_pool._native.__name__)
+            native = pkg["_native"]
+            join_overloads(native)
+            describe(native, smaclite_pool._native.__name__)
+            missing = set(smaclite_pool.__all__) & set(dir(smaclite_pool._native)) - set(native.members)
+            if missing:
+                raise ValueError(f"not in the reference: {', '.join(sorted(missing))}")
             colour(pkg)
+
+
+def join_overloads(module: griffe.Module) -> None:
+    """Makes one function of several overloads: a stub has no other function of that name."""
+    for name, overloads in module.overloads.items():
+        parameters = {parameter.name: parameter for each in overloads for parameter in each.parameters}
+        for parameter in parameters.values():
+            annotations = {str(each.parameters[parameter.name].annotation): None for each in reversed(overloads)}
+            defaults = [each.parameters[parameter.name].default for each in overloads]
+            parameter.annotation = " | ".join(annotations)
+            parameter.default = next((default for default in defaults if default is not None), None)
+        returns = " | ".join({str(function.returns): None for function in overloads})
+        joined = griffe.Function(name, parameters=griffe.Parameters(*parameters.values()), returns=returns)
+        module.set_member(name, joined)
 
 
 def describe(parent: griffe.Module | griffe.Class, path: str) -> None:
@@ -50,7 +69,7 @@ def colour(parent: griffe.Object) -> None:
 
 
 def fenced(docstring: str) -> str:
-    """The docstring with fences around its indented blocks. Lists of arguments follow a line without a gap."""
+    """The docstring with fences around its indented blocks, which follow an empty line."""
 
     def fence(found: re.Match[str]) -> str:
         code = inspect.cleandoc(found[1])

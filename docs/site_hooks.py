@@ -1,7 +1,7 @@
 """What pages take from the installed package when the site is built, so that it is written once.
 
-A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a batch,
-`unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command.
+A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
+batch, `unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def batch_fields() -> str:
     """The table of fields, from the docstrings of the native module."""
     lines = ["| field | type | shape | meaning |", "| --- | --- | --- | --- |"]
     for name, member in vars(smaclite_pool.Batch).items():
-        field = re.match(r"(\w+) (\[M[^]]*\]): (.*)\. Read-only, in place\.$", getattr(member, "__doc__", None) or "")
+        field = re.match(r"(\w+) (\[M[^]]*\]): (.*)\. Read-only, in place\.$", member.__doc__ or "")
         if field:
             dtype, shape, meaning = field.groups()
             lines.append(f"| `{name}` | {dtype} | {shape} | {meaning} |")

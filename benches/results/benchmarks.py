@@ -1,7 +1,7 @@
 """Draws the charts of docs/benchmarks.md and writes its tables, from the CSV files in docs/benchmarks.
 
-The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. The numbers
-are those of benches/README.md, which names machine and commands.
+The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. The
+numbers are those of benches/README.md, which names machine and commands.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Benchmark:
 BENCHMARKS = [
     Benchmark("peers", "environment steps per second", log=True),
     Benchmark("pool", "environment steps per second", log=True),
-    Benchmark("paper", "seconds per step", log=True),
+    Benchmark("paper", "microseconds per step", log=True),
     Benchmark("epymarl", "environment steps per second"),
     Benchmark("many", "", drawn=False),
     Benchmark("asynchronous", "environment steps per second", drawn=False),
@@ -82,7 +82,8 @@ def draw(benchmark: Benchmark, header: list[str], rows: list[list[str]], path: P
 
     series = header[1:]
     thickness = 0.8 / len(series)
-    figure, axes = plt.subplots(figsize=(7.5, 0.9 + 0.19 * len(rows) * (len(series) + 1)), layout="constrained")
+    height = 0.9 + 0.19 * len(rows) * (len(series) + 1)
+    figure, axes = plt.subplots(figsize=(7.5, height), layout="constrained")
     for index, label in enumerate(series):
         values = [float(row[index + 1] or 0) for row in rows]
         places = [group + (index - (len(series) - 1) / 2) * thickness for group in range(len(rows))]
@@ -101,6 +102,8 @@ def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int) -> 
     axes.grid(axis="x", visible=True)
     if benchmark.log:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value:,g}" if value < 1e6 else f"{value / 1e6:g} M")
+        axes.xaxis.set_minor_formatter(lambda *_: "")
     axes.margins(x=0.15)  # for the numbers
     if series > 1:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=series, fontsize=8, frameon=False)
