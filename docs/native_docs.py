@@ -36,11 +36,10 @@ def join_overloads(module: griffe.Module) -> None:
     for name, overloads in module.overloads.items():
         parameters = {parameter.name: parameter for each in overloads for parameter in each.parameters}
         for parameter in parameters.values():
-            annotations = {str(each.parameters[parameter.name].annotation): None for each in reversed(overloads)}
-            defaults = [each.parameters[parameter.name].default for each in overloads]
-            parameter.annotation = " | ".join(annotations)
-            parameter.default = next((default for default in defaults if default is not None), None)
-        returns = " | ".join({str(function.returns): None for function in overloads})
+            variants = [each.parameters[parameter.name] for each in reversed(overloads)]
+            parameter.annotation = " | ".join(dict.fromkeys(str(each.annotation) for each in variants))
+            parameter.default = next((each.default for each in variants if each.default is not None), None)
+        returns = " | ".join(dict.fromkeys(str(each.returns) for each in overloads))
         joined = griffe.Function(name, parameters=griffe.Parameters(*parameters.values()), returns=returns)
         module.set_member(name, joined)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +36,7 @@ class Benchmark:
 
 BENCHMARKS = [
     Benchmark("peers", "environment steps per second", log=True),
-    Benchmark("pool", "environment steps per second", log=True),
+    Benchmark("pool", "environment steps per second"),
     Benchmark("paper", "microseconds per step", log=True),
     Benchmark("epymarl", "environment steps per second"),
     Benchmark("many", "", drawn=False),
@@ -90,11 +91,14 @@ def draw(benchmark: Benchmark, header: list[str], rows: list[list[str]], path: P
         bars = axes.barh(places, values, thickness, label=label, color=COLOURS[index % len(COLOURS)])
         labels = [cells(row)[index + 1] for row in rows]
         axes.bar_label(bars, labels, padding=3, fontsize=8)
-    decorate(axes, benchmark, [row[0] for row in rows], len(series))
+    smallest = min(float(cell) for row in rows for cell in row[1:] if cell)
+    decorate(axes, benchmark, [row[0] for row in rows], len(series), smallest)
     charts.write(figure, path)
 
 
-def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int) -> None:
+def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int, smallest: float) -> None:
+    """Axes, grid and legend."""
+    axes.margins(x=0.15)  # for the numbers
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set_xlabel(benchmark.axis)
@@ -102,9 +106,9 @@ def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int) -> 
     axes.grid(axis="x", visible=True)
     if benchmark.log:
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:,g}" if value < 1e6 else f"{value / 1e6:g} M")
-        axes.xaxis.set_minor_formatter(lambda *_: "")
-    axes.margins(x=0.15)  # for the numbers
+        axes.set_xlim(left=10 ** math.floor(math.log10(smallest)))
+        axes.xaxis.set_major_formatter("{x:,.0f}")
+        axes.xaxis.set_minor_formatter("")
     if series > 1:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=series, fontsize=8, frameon=False)
         axes.set_ylim(len(names) - 0.5, -1.1)  # a row for the legend

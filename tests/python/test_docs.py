@@ -310,6 +310,17 @@ def test_the_reference_has_every_public_name() -> None:
     assert set(sp.__all__) - listed == {"__version__"}
 
 
+def test_lists_of_members_are_complete() -> None:
+    listed = r"::: smaclite_pool\.((?:integrations|marl)\S+)\n    options:\n      members: \[(.*)\]"
+    for page in PAGES:
+        for path, names in re.findall(listed, page.read_text()):
+            module = PACKAGE / path.replace(".", "/")
+            file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+            [public] = re.findall(r"^__all__ = (\[.*?\])$", file.read_text(), re.M | re.S)
+            aliases = {"StarCraft2Env"}
+            assert set(ast.literal_eval(public)) - aliases <= set(names.split(", ")), page
+
+
 def test_pages_get_what_they_take_from_the_package() -> None:
     spec = importlib.util.spec_from_file_location("site_hooks", DOCS / "site_hooks.py")
     assert spec and spec.loader
