@@ -1,5 +1,5 @@
-//! Returns and win rates of the scripted policies, the table in `docs/reference/policies.md`. Equal seeds give
-//! equal tables on every machine.
+//! Returns and win rates of the scripted policies, the table in `docs/reference/policies.md`. Equal seeds
+//! give equal tables on every machine.
 
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Arena, Battle, IllegalAction, Rules, Scratch};
