@@ -56,7 +56,7 @@ enum Measurement {
     },
     /// Instructions of each phase of a step, counted by callgrind
     Instructions(engine::Plays),
-    /// Returns and win rates of the scripted policies, as a Markdown table (docs/policies.md)
+    /// Returns and win rates of the scripted policies, as a Markdown table (docs/reference/policies.md)
     Policies(policies::Games),
     /// The second process of a measurement
     #[command(hide = true)]
