@@ -95,6 +95,11 @@ results: _venv
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
 
+# Draw charts and tables of docs/benchmarks.md from the CSV files in docs/benchmarks
+benchmark-plots: _venv
+    {{ python }} -m pip install --quiet matplotlib
+    {{ results }} {{ python }} -m results.benchmarks
+
 # Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
 pictures: install
     cargo build --release --quiet -p smaclite-cli
@@ -167,7 +172,14 @@ lint: _venv
 docs $RUSTDOCFLAGS="-D warnings":
     cargo doc --release --no-deps
 
+_site: install
+    {{ python }} -m pip install --quiet 'mkdocs-material>=9.6,<10' 'mkdocstrings[python]>=1' 'mike>=2.1,<3'
+
 # Build the documentation site in site/
-site: install
-    {{ python }} -m pip install mkdocs-material 'mkdocstrings[python]'
+site: _site
     {{ python }} -m mkdocs build
+
+# Commit the site of a version, such as 0.1, to the branch gh-pages, as the newest (`--push` publishes it)
+site-deploy version *args: _site
+    PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike deploy --update-aliases {{ args }} {{ version }} latest
+    PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike set-default {{ args }} latest

@@ -96,10 +96,17 @@ def save(folder: Path, name: str, panels: list[Panel], columns: int) -> None:
             axes.legend(loc="lower right", fontsize=8, framealpha=0.8)
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
+    write(figure, folder / f"{name}.svg")
+
+
+def write(figure: Any, path: Path) -> None:
+    """Writes a figure as a small SVG file, and closes it."""
+    import matplotlib.pyplot as plt
+
     svg = io.StringIO()
     figure.savefig(svg, facecolor="white", metadata={"Date": None, "Creator": None})
     plt.close(figure)
-    (folder / f"{name}.svg").write_text(compact(svg.getvalue()))
+    path.write_text(compact(svg.getvalue()))
 
 
 def compact(svg: str) -> str:

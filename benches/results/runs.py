@@ -32,7 +32,7 @@ class Runs:
 
 MILLION = 1_000_000
 
-# What wins the hard maps; docs/training.md says why.
+# What wins the hard maps; docs/tutorials/training.md says why.
 SHOOT_AND_STEP_BACK = (
     "--algorithm ippo --activation tanh --lambda 0.98 --advantage-floor 0.5 --entropy 0.15 --entropy-end 0"
 )

@@ -66,7 +66,7 @@ enum Measurement {
         #[arg(long, conflicts_with_all = ["policy", "steps"])]
         check: bool,
     },
-    /// Returns and win rates of the scripted policies, as a Markdown table (docs/policies.md)
+    /// Returns and win rates of the scripted policies, as a Markdown table (docs/reference/policies.md)
     Policies(policies::Games),
     /// The second process of a measurement
     #[command(hide = true)]

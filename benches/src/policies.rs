@@ -1,5 +1,5 @@
-//! Returns and win rates of the scripted policies, the table in `docs/policies.md`. Equal seeds give equal
-//! tables on every machine.
+//! Returns and win rates of the scripted policies, the table in `docs/reference/policies.md`. Equal seeds
+//! give equal tables on every machine.
 
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Arena, Battle, IllegalAction, Rules, Scratch};
@@ -79,10 +79,10 @@ mod tests {
     #[test]
     fn the_table_of_the_documentation_is_current() {
         let games = Games { episodes: NonZeroU32::new(200).unwrap(), seed: 1, scenarios: Vec::new() };
-        let page = include_str!("../../docs/policies.md");
+        let page = include_str!("../../docs/reference/policies.md");
         for name in ["3m", "3s_vs_3z", "MMM"] {
             let row = row(name, &games).unwrap();
-            assert!(page.lines().any(|line| line == row), "not in docs/policies.md: {row}");
+            assert!(page.lines().any(|line| line == row), "not in docs/reference/policies.md: {row}");
         }
     }
 }

@@ -7,9 +7,9 @@ with the current policy, then improve policy and critic by a few passes of gradi
 agents share one policy, which sees an agent's own observation and its number. The critic, which only training
 uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO: one per agent).
 
-Algorithm, defaults, log and names of weights are those of `smaclite-pool train` (docs/training.md), which is
-faster. This file is to be read and changed: from top to bottom, options, networks, advantages, the learner,
-log, and the loop around it. The same seed gives the same log on a CPU.
+Algorithm, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
+(docs/tutorials/training.md). This file is to be read and changed: from top to bottom, options, networks,
+advantages, the learner, log, and the loop around it. The same seed gives the same log on a CPU.
 
 Axes of arrays: T steps of a rollout, N environments, A agents, V values per environment (1 or A).
 """

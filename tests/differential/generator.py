@@ -1,6 +1,6 @@
 """Random scenarios: a seed gives invented units, terrain, groups and flags.
 
-Left out is what differs from the published environment on purpose (docs/fidelity.md): units in plane
+Left out is what differs from the published environment on purpose (docs/concepts/fidelity.md): units in plane
 `COLOSSUS`, maps that are not square, and agents' healers that the published environment has no action
 indices for.
 """

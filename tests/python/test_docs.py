@@ -1,110 +1,292 @@
-"""Runs every Python block of the documentation and of the docstrings of modules.
+"""Runs the code of the documentation, page by page from top to bottom, and the examples of docstrings.
 
-Blocks whose framework is not installed are skipped, as the frameworks cannot share one environment.
+A page is a session: its blocks share a folder, files that it names are written, and a pool that it starts
+runs until the page ends. What cannot be run here is in `NOT_RUN`, with the reason. Blocks whose framework is
+not installed are skipped, as the frameworks cannot share one environment.
 """
 
+from __future__ import annotations
+
 import ast
+import importlib.util
+import json
 import os
 import re
+import shlex
+import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
+from results import benchmarks, tables
+
+import smaclite_pool as sp
 
 ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
 PACKAGE = ROOT / "bindings/python/smaclite_pool"
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
-
+PAGES = sorted(DOCS.rglob("*.md"))
 
 FRAMEWORKS = {"gymnasium", "pettingzoo", "safetensors", "torch", "torchrl", "tensordict", "jax", "ray"}
-COMMAND = r"^(python|pip|smaclite-pool)"
+
+CLONE = "builds in a clone of the repository"
+DOCKER = "needs Docker and an image"
+INSTALLS = "installs packages"
+SERVES = "serves a page until Ctrl-C; test_watch.py and test_editor.py run it"
+OTHER_CODE = "needs another code base"
+FRAGMENT = "a fragment, whose names are explained around it"
+
+NOT_RUN: dict[str, dict[str, str]] = {
+    "concepts/fidelity.md": {"export SMACLITE_PYTHON": "needs the published environment"},
+    "frameworks/epymarl.md": {"python -m smaclite_pool.compat": OTHER_CODE, "python bindings": OTHER_CODE},
+    "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
+    "how-to/docker.md": {"docker run --rm": DOCKER, "docker run -d": DOCKER, "services:": DOCKER},
+    "how-to/editor.md": {"smaclite-pool edit": SERVES},
+    "how-to/pytorch-learners.md": {
+        "pip install": INSTALLS,
+        "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
+    },
+    "how-to/ray.md": {"ray start": "needs a cluster", "python bindings": "test_ray.py runs the program"},
+    "how-to/slurm.md": {"sbatch": "needs a cluster"},
+    "how-to/systemd.md": {
+        "[Unit]": "needs systemd",
+        "systemctl": "needs systemd",
+        "SMACLITE_POOL_ROOT": "needs the service above",
+    },
+    "reference/policies.md": {
+        "let mut policy": "an excerpt; the documentation of the crate has a test",
+        "just figures": CLONE,
+    },
+    "reference/rust.md": {"just docs": CLONE},
+    "results.md": {"just results-train": "trains for hours"},
+    "tutorials/installation.md": {
+        "pip install smaclite_pool": INSTALLS,
+        "python3 -m venv": INSTALLS,
+        "pip wheel": INSTALLS,
+        "pip install '.[": INSTALLS,
+    },
+    "tutorials/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
+    "tutorials/watching.md": {
+        "smaclite-pool watch": SERVES,
+        "ssh": "needs another machine",
+        "smaclite-pool record --pool": "follows a learner that plays; test_recorder.py runs it",
+    },
+    # Docstrings, by module.
+    "_evaluation.py": {"result = ": FRAGMENT},
+    "_rollout.py": {"rollout = ": FRAGMENT},
+    "_wrapper.py": {"class Scaled": FRAGMENT},
+    "compat/__init__.py": {
+        "python -m smaclite_pool.compat src": OTHER_CODE,
+        "python -m smaclite_pool.compat --ep": OTHER_CODE,
+    },
+    "integrations/torch.py": {"envs = sp.connect": "needs a GPU"},
+    "marl/epymarl.py": {"from smaclite_pool.marl.epymarl import PoolRunner; REG": OTHER_CODE},
+    "marl/smac/__init__.py": {"python -m": OTHER_CODE},
+    "marl/smac/rewards.py": {"REWARD_SCALE *": "a formula"},
+}
+"""The beginnings of blocks that are not run, by page, and why."""
+
+BEFORE = {"tutorials/watching.md": "smaclite-pool new scenario my_scenario.json"}
+"""Commands whose results a page takes for granted."""
+
+SHORTER = {r"--steps \d+": "--steps 5000", r"--threads 16": "--threads 2", r"--seconds \d": "--seconds 0.2"}
+"""Commands are run with fewer steps of training than on the page."""
 
 
-def fenced(text: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+class Block(NamedTuple):
+    language: str
+    code: str
+    file: str
+    """The name in the line before the block, as in "`sniper.json`:", or empty."""
+
+    @property
+    def is_output(self) -> bool:
+        """What a program prints, not code."""
+        return self.language == "text" or self.language.startswith("{ .text")
 
 
-def indented(docstring: str) -> Iterator[str]:
-    """The indented blocks of a docstring that are complete Python programs."""
-    for block in re.findall(r"\n\n((?: {4}.*\n|\n(?= {4}))+)", docstring + "\n"):
-        code = "".join(line[4:] if line.strip() else "\n" for line in block.splitlines(keepends=True))
-        try:
-            tree = ast.parse(code)
-        except SyntaxError:
-            assert re.search(COMMAND, code, re.MULTILINE), code
-            continue
-        names = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-        names |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
-        if any((name or "").startswith("smaclite_pool") for name in names) and "REGISTRY" not in code:
-            yield code
+def place(page: Path) -> str:
+    return str(page.relative_to(DOCS))
 
 
-def examples() -> Iterator[object]:
-    for page in sorted((ROOT / "docs").rglob("*.md")):
-        for number, code in enumerate(fenced(page.read_text(), "python")):
-            yield pytest.param(page, code, id=f"{page.relative_to(ROOT)}-{number}")
-    for module in sorted(PACKAGE.rglob("*.py")):
-        docstring = ast.get_docstring(ast.parse(module.read_text())) or ""
-        for number, code in enumerate(indented(docstring)):
-            yield pytest.param(module, code, id=f"{module.relative_to(PACKAGE)}-{number}")
+def blocks(text: str) -> list[Block]:
+    """The fenced blocks of a page."""
+    pattern = r"^(?P<indent> *)```([^\n`]*)\n(.*?)^(?P=indent)```$"
+    found = []
+    for match in re.finditer(pattern, text, re.M | re.S):
+        name = re.search(r"`(\w+\.\w+)`[^\n]*\n\n\Z", text[: match.start()])
+        found.append(Block(match[2].strip(), textwrap.dedent(match[3]), name[1] if name else ""))
+    return found
+
+
+def reason(where: str, code: str) -> str | None:
+    """Why a block of a page or module is not run."""
+    return next((why for start, why in NOT_RUN.get(where, {}).items() if code.startswith(start)), None)
+
+
+class Session:
+    """A folder with the program, in which the blocks of a page run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.servers: list[subprocess.Popen[str]] = []
+        self.missing: set[str] = set()
+        commands = folder / "bin"
+        commands.mkdir()
+        python = shlex.quote(sys.executable)
+        for name, command in {"smaclite-pool": f"{python} -m smaclite_pool", "python": python}.items():
+            (commands / name).write_text(f'#!/bin/sh\nexec {command} "$@"\n')
+            (commands / name).chmod(stat.S_IRWXU)
+        (folder / ".venv/bin").mkdir(parents=True)
+        (folder / ".venv/bin/activate").touch()
+        self.environment = {
+            **os.environ,
+            "PATH": f"{commands}:{os.environ['PATH']}",
+            "SMACLITE_POOL_ROOT": str(folder / "pools"),
+            "SLURM_JOB_ID": f"test-{os.getpid()}",
+            "SLURM_ARRAY_TASK_ID": "1",
+        }
+
+    def run(self, block: Block) -> None:
+        """Runs a block, or checks that it is data of its kind."""
+        code = block.code
+        if block.language == "python":
+            self.execute([sys.executable, "-c", code], code)
+        elif block.language == "sh" and code.startswith("smaclite-pool serve"):
+            self.serve(code)
+        elif block.language == "sh":
+            for pattern, short in SHORTER.items():
+                code = re.sub(pattern, short, code)
+            self.execute(["bash", "-euo", "pipefail", "-c", code], code)
+        elif block.language == "json":
+            json.loads(code)
+            if block.file:
+                (self.folder / block.file).write_text(code)
+        else:
+            pytest.fail(f"a block in `{block.language}` cannot be run; add it to NOT_RUN:\n{code}")
+
+    def serve(self, code: str) -> None:
+        """Starts a pool that runs until the page ends."""
+        argv = ["bash", "-c", f"exec {code}"]
+        pool = subprocess.Popen(
+            argv, env=self.environment, cwd=self.folder, stdout=subprocess.PIPE, text=True
+        )
+        self.servers.append(pool)
+        assert pool.stdout is not None
+        assert any("smaclite_pool.connect" in line for line in pool.stdout), f"no pool started:\n{code}"
+
+    def execute(self, argv: list[str], code: str) -> None:
+        done = subprocess.run(
+            argv, env=self.environment, cwd=self.folder, capture_output=True, text=True, timeout=180
+        )
+        missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", done.stderr)
+        if missing and missing[1] in FRAMEWORKS:
+            self.missing.add(missing[1])
+        else:
+            assert done.returncode == 0, f"{code}\n{done.stdout}\n{done.stderr}"
+
+    def end(self) -> None:
+        for pool in self.servers:
+            pool.terminate()
+            assert pool.wait(timeout=10) == 0
 
 
 @pytest.fixture
-def folder() -> Iterator[Path]:
-    """A folder for pools, with the files of the pages; its path is short, as it contains sockets."""
+def session() -> Iterator[Session]:
+    """A folder for pools; its path is short, as it contains sockets."""
     with tempfile.TemporaryDirectory(prefix="docs-") as folder:
-        for page in (ROOT / "docs").rglob("*.md"):
-            file = r"^`(\w+\.json)`[^\n]*\n\n```json\n(.*?)^```"
-            for name, text in re.findall(file, page.read_text(), re.M | re.S):
-                (Path(folder) / name).write_text(text)
-        yield Path(folder)
+        session = Session(Path(folder))
+        try:
+            yield session
+        finally:
+            session.end()
 
 
-@pytest.mark.parametrize(("source", "code"), list(examples()))
-def test_example(source: Path, code: str, folder: Path) -> None:
-    environment = {**os.environ, "SMACLITE_POOL_ROOT": str(folder / "pools")}
-    pool = None
-    try:
-        if "sp.connect(" in code:
-            arguments = ["serve", "2s3z:4", "MMM2:4", "--name", "train"]
-            program = [*PROGRAM, *arguments]
-            pool = subprocess.Popen(program, env=environment, stdout=subprocess.PIPE, text=True)
-            assert pool.stdout is not None
-            assert any("smaclite_pool.connect" in line for line in pool.stdout), "the pool did not start"
-        command = [sys.executable, "-c", code]
-        done = subprocess.run(
-            command, env=environment, cwd=folder, capture_output=True, text=True, timeout=180, check=False
-        )
-    finally:
-        if pool is not None:
-            pool.terminate()
-            pool.wait(timeout=10)
-    missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", done.stderr)
-    if missing and missing[1] in FRAMEWORKS:
-        pytest.skip(f"{missing[1]} is not installed")
-    assert done.returncode == 0, f"{source}:\n{code}\n{done.stderr}"
+def runnable(page: Path) -> list[Block]:
+    """The blocks of a page that are run; `text` is output and not code."""
+    found = [block for block in blocks(page.read_text()) if not block.is_output]
+    return [block for block in found if not reason(place(page), block.code)]
 
 
-def test_the_files_of_the_tutorial_are_correct(folder: Path) -> None:
-    files = sorted(str(file) for file in folder.glob("*.json"))
-    assert len(files) == 2
-    done = subprocess.run([*PROGRAM, "check", *files], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
+@pytest.mark.parametrize("place", [place(page) for page in PAGES if runnable(page)])
+def test_page(place: str, session: Session) -> None:
+    if before := BEFORE.get(place):
+        session.run(Block("sh", before, ""))
+    for block in runnable(DOCS / place):
+        session.run(block)
+    if session.missing:
+        pytest.skip(f"not installed: {', '.join(sorted(session.missing))}")
+
+
+def docstrings(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            yield ast.get_docstring(node) or ""
+
+
+def indented(docstring: str) -> list[str]:
+    """The indented blocks of a docstring."""
+    found = re.findall(r"\n\n((?: {4}.*\n|\n(?= {4}))+)", docstring + "\n")
+    return [textwrap.dedent(block) for block in found]
+
+
+def examples() -> Iterator[tuple[str, str]]:
+    """Module and code of the examples in docstrings. Those of the native module are in no file."""
+    for module in sorted(PACKAGE.rglob("*.py")):
+        for docstring in docstrings(ast.parse(module.read_text())):
+            for code in indented(docstring):
+                yield str(module.relative_to(PACKAGE)), code
+
+
+RUN_EXAMPLES = [(module, code) for module, code in examples() if not reason(module, code)]
+
+
+@pytest.mark.parametrize(("module", "code"), RUN_EXAMPLES, ids=[module for module, _ in RUN_EXAMPLES])
+def test_docstring(module: str, code: str, session: Session) -> None:
+    session.run(Block("python", code, ""))
+    if session.missing:
+        pytest.skip(f"not installed: {', '.join(sorted(session.missing))}")
+
+
+def test_what_is_not_run_is_there() -> None:
+    there = {(place(page), block.code) for page in PAGES for block in blocks(page.read_text())}
+    there |= set(examples())
+    stale = [
+        (where, start)
+        for where, starts in NOT_RUN.items()
+        for start in starts
+        if not any(there_is == where and code.startswith(start) for there_is, code in there)
+    ]
+    assert not stale
+
+
+def test_code_fits_the_column_of_the_site() -> None:
+    for page in PAGES:
+        code = [block.code for block in blocks(page.read_text()) if not block.is_output]
+        assert not [line for line in "".join(code).splitlines() if len(line) > 100], page
 
 
 def test_the_site_names_every_page() -> None:
-    named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
-    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
-    assert named == pages
+    nav = (ROOT / "mkdocs.yml").read_text().split("\nnav:")[1]
+    assert set(re.findall(r"([\w/-]+\.md)", nav)) == {place(page) for page in PAGES}
+
+
+def test_links_of_other_files_lead_to_pages() -> None:
+    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "benches/README.md"]:
+        for path in re.findall(r"\bdocs/[\w/-]+\.md\b", (ROOT / name).read_text()):
+            assert (ROOT / path).exists(), f"{name}: {path}"
 
 
 def test_every_picture_exists_and_loads_fast() -> None:
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
-    named = {path for page in pages for path in pictures(page)}
-    assert named == {*(ROOT / "docs/pictures").iterdir(), *(ROOT / "docs/results").glob("*.svg")}
+    named = {path for page in [ROOT / "README.md", *PAGES] for path in pictures(page)}
+    drawn = [*DOCS.glob("pictures/*"), *DOCS.glob("results/*.svg"), *DOCS.glob("benchmarks/*.svg")]
+    assert named == set(drawn)
     limits = {"battle.gif": 700_000, "maps.png": 150_000}  # the sheet has 23 pictures
     for picture in named:
         usual = 60_000 if picture.suffix == ".svg" else 40_000  # servers compress SVG to a third
@@ -115,4 +297,123 @@ def pictures(page: Path) -> Iterator[Path]:
     """The pictures of a page, all of which have an alternative text."""
     for text, path in re.findall(r"!\[(.*?)\]\((.+?)\)", page.read_text()):
         assert text, path
-        yield page.parent / path
+        yield (page.parent / path).resolve()
+
+
+def test_the_reference_has_every_public_name() -> None:
+    page = (DOCS / "reference/python.md").read_text()
+    listed = {name.strip() for names in re.findall(r"members: \[(.*)\]", page) for name in names.split(",")}
+    for module in re.findall(r"::: smaclite_pool\.(?!_native)(\w+)", page):
+        tree = ast.parse((PACKAGE / f"{module}.py").read_text())
+        listed |= {node.name for node in tree.body if isinstance(node, ast.ClassDef | ast.FunctionDef)}
+    assert set(sp.__all__) - listed == {"__version__"}
+
+
+def test_lists_of_members_are_complete() -> None:
+    listed = r"::: smaclite_pool\.((?:integrations|marl)\S+)\n    options:\n      members: \[(.*)\]"
+    for page in PAGES:
+        for path, names in re.findall(listed, page.read_text()):
+            module = PACKAGE / path.replace(".", "/")
+            file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+            [public] = re.findall(r"^__all__ = (\[.*?\])$", file.read_text(), re.M | re.S)
+            aliases = {"StarCraft2Env"}
+            assert set(ast.literal_eval(public)) - aliases <= set(names.split(", ")), page
+
+
+def test_pages_get_what_they_take_from_the_package() -> None:
+    spec = importlib.util.spec_from_file_location("site_hooks", DOCS / "site_hooks.py")
+    assert spec and spec.loader
+    hooks = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hooks)
+    pages = {place(page): hooks.on_page_markdown(page.read_text()) for page in PAGES}
+    assert "| `obs` | float32 | [M, n_agents, obs_size] |" in pages["concepts/batches.md"]
+    assert "| `attack_point` | required |" in pages["reference/scenario-files.md"]
+    assert "Usage: smaclite-pool serve" in pages["reference/cli.md"]
+    assert not any("<!-- insert" in text for text in pages.values())
+    fields = [member for member in vars(sp.Batch).values() if re.match(r"\w+ \[M", member.__doc__ or "")]
+    assert pages["concepts/batches.md"].count("| [M") == len(fields)
+
+
+def test_tables_of_benchmarks_are_those_of_the_files() -> None:
+    text = benchmarks.PAGE.read_text()
+    for benchmark in benchmarks.BENCHMARKS:
+        header, rows = benchmarks.read(benchmarks.FOLDER / f"{benchmark.name}.csv")
+        table = tables.markdown(header, [benchmarks.cells(row) for row in rows])
+        assert tables.insert(text, benchmark.name, table) == text, "run `just benchmark-plots`"
+
+
+def errors() -> dict[str, Callable[[], object]]:
+    """What the FAQ is about, and code that gets there."""
+    envs = sp.make("2s3z", num_envs=4, name=f"faq-{os.getpid()}")
+    few = sp.make("2s3z", num_envs=4, fields=["obs", "avail_actions"])
+    asynchronous = sp.make("2s3z", num_envs=4, batch_size=2)
+    disabled = sp.make("3m", num_envs=2, autoreset="disabled")
+    closed = sp.make("3m", num_envs=1)
+    closed.close()
+    spectators: list[sp.Spectator] = []
+
+    def twice() -> None:
+        asynchronous.async_reset(seed=1)
+        ids = asynchronous.recv().env_id.copy()
+        asynchronous.send(np.ones((2, 5), int), ids)
+        asynchronous.send(np.ones((2, 5), int), ids)
+
+    def hold() -> None:
+        batches = [envs.reset(seed=1)]
+        while True:
+            batches.append(envs.step(envs.sample_actions()))
+
+    def finish() -> None:
+        disabled.reset(seed=1)
+        while True:
+            disabled.step(disabled.sample_actions())
+
+    def watch() -> None:
+        while True:
+            spectators.append(sp.Spectator(envs.name))
+
+    def illegal() -> None:
+        envs.reset(seed=1)
+        envs.step(np.full((4, 5), 9))
+
+    return {
+        "no reset": envs.sample_actions,
+        "illegal": illegal,
+        "shape": lambda: envs.step(np.zeros((4, 4), int)),
+        "busy": twice,
+        "nothing": envs.recv,
+        "finished": finish,
+        "autoreset": lambda: sp.make("2s3z", autoreset="same-step"),  # type: ignore[call-overload]
+        "fields": lambda: sp.make("2s3z", fields="obs"),  # type: ignore[call-overload]
+        "float": lambda: envs.step(np.zeros((4, 5))),
+        "omitted": lambda: few.reset(seed=1).state,
+        "final": lambda: few.reset(seed=1).final_obs,
+        "unknown": lambda: sp.make("3m5z"),
+        "held": hold,
+        "memory": lambda: sp.make("27m_vs_30m", num_envs=1_000_000),
+        "pool": lambda: sp.connect("nothing"),
+        "taken": lambda: sp.connect(envs.name),
+        "lane": lambda: sp.connect(envs.name, lane="zz"),
+        "spectators": watch,
+        "name": lambda: sp.make("2s3z", name=envs.name),
+        "timeout": lambda: envs.reset(seed=1, timeout=0),
+        "closed": closed.reset,
+    }
+
+
+def alike(message: str) -> str:
+    """A message without numbers, and without names of pools, which are others on the page."""
+    message = re.sub(r"named `\w[^`]*`|running: .*|`docker[^`]*`", "", message)
+    return re.sub(r"\[?\d[\d, ]*\]?", "0", message)
+
+
+def test_the_messages_of_the_faq_are_the_real_ones() -> None:
+    page = (DOCS / "faq.md").read_text()
+    described = {alike(block.code.strip()) for block in blocks(page) if block.language == "text"}
+    for name, provoke in errors().items():
+        with pytest.raises(Exception) as raised:  # noqa: PT011, the message is compared below
+            provoke()
+        assert alike(str(raised.value)) in described, f"{name}: {raised.value}"
+        kind = type(raised.value).__name__
+        section = blocks(page.split(f"## {kind}\n")[1].split("\n## ")[0])
+        assert alike(str(raised.value)) in [alike(block.code.strip()) for block in section], f"{name}: {kind}"

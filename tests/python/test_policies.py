@@ -34,7 +34,7 @@ def wins(scenario: str, name: Name, episodes: int = 20) -> int:
 
 
 def test_policies_win_as_often_as_in_the_table() -> None:
-    """Battles of docs/policies.md that end the same way in every episode."""
+    """Battles of docs/reference/policies.md that end the same way in every episode."""
     assert wins("3m", "nearest") == wins("3m", "focus_fire") == 20
     assert wins("8m", "focus_fire") == 20 and wins("8m", "nearest") == 0
     assert wins("3s_vs_3z", "kite") == 20 and wins("3s_vs_3z", "hold") == 0

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from results import data, page, tables, train
+from results import benchmarks, data, page, tables, train
 from results.data import Row
 from results.runs import PAPER, RUNS, Runs
 
@@ -138,3 +138,20 @@ def test_equal_data_gives_equal_and_small_pictures(tmp_path: Path) -> None:
     for theirs in PAPER.values():
         assert f"paper, {theirs.algorithm}" in drawn[0]["paper.svg"]
     assert "| 2s3z | 500,000 | 90.0 |" in text.read_text()
+
+
+@pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
+def test_charts_of_benchmarks_are_those_of_the_files(tmp_path: Path) -> None:
+    text = tmp_path / "page.md"
+    text.write_text(benchmarks.PAGE.read_text())
+    for file in benchmarks.FOLDER.glob("*.csv"):
+        (tmp_path / file.name).write_text(file.read_text())
+    assert benchmarks.main(["--data", str(tmp_path), "--page", str(text)]) == 0
+    assert text.read_text() == benchmarks.PAGE.read_text()
+    drawn = {path.name for path in tmp_path.glob("*.svg")}
+    assert drawn == {path.name for path in benchmarks.FOLDER.glob("*.svg")}
+    for file in tmp_path.glob("*.csv"):
+        header, rows = benchmarks.read(file)
+        if (chart := file.with_suffix(".svg")).exists():
+            numbers = [cell for row in rows for cell in benchmarks.cells(row)[1:]]
+            assert all(f">{word}<" in chart.read_text() for word in numbers + header[1:] if word), file

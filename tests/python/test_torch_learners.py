@@ -24,7 +24,7 @@ ppo: Any = importlib.import_module("ppo")
 value_decomposition: Any = importlib.import_module("value_decomposition")
 
 NO_OP = 0
-RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/policies.md)
+RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/reference/policies.md)
 TIMES = ("seconds", "cpu_seconds", "steps_per_s", "wait_share", "learn_share")
 PPO = {"steps": 45_000}
 SHORT = {"steps": 28_000, "episodes_per_update": 8, "epsilon_steps": 12_000, "log_interval": 5}

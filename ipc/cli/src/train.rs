@@ -63,7 +63,7 @@ macro_rules! hyperparameters {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+) => {
         #[derive(Args)]
         #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
-        #[command(next_help_heading = "Hyperparameters (docs/training.md)")]
+        #[command(next_help_heading = "Hyperparameters (docs/tutorials/training.md)")]
         struct Hyperparameters {
             $($(#[doc = $doc])+ #[arg(long, allow_negative_numbers = true)] $name: Option<$type>,)+
             /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]

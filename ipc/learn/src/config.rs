@@ -1,4 +1,5 @@
-//! The hyperparameters of a run. The defaults solve most standard scenarios; docs/training.md describes them.
+//! The hyperparameters of a run. The defaults solve most standard scenarios; docs/tutorials/training.md
+//! describes them.
 
 use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;

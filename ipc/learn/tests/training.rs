@@ -85,7 +85,7 @@ fn small() -> Config {
     Config { seed: 3, num_envs: 10, horizon: 16, steps: 930, hidden, ..Config::default() }
 }
 
-/// The random policy has a return of 1.4 (docs/policies.md).
+/// The random policy has a return of 1.4 (docs/reference/policies.md).
 #[test]
 fn a_team_learns() {
     let place = Place::new();

@@ -1,0 +1,118 @@
+"""Draws the charts of docs/benchmarks.md and writes its tables, from the CSV files in docs/benchmarks.
+
+The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. The
+numbers are those of benches/README.md, which names machine and commands.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import data, tables
+
+FOLDER = data.REPOSITORY / "docs" / "benchmarks"
+PAGE = data.REPOSITORY / "docs" / "benchmarks.md"
+COLOURS = ["#0060a8", "#e08214", "#208040", "#8a3fa0", "#888888"]
+"""Of the bars of a group, by their order."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A CSV file, its table, and its chart."""
+
+    name: str
+    axis: str
+    """What the numbers are; they share one axis."""
+    log: bool = False
+    drawn: bool = True
+    """Whether there is a chart."""
+
+
+BENCHMARKS = [
+    Benchmark("peers", "environment steps per second", log=True),
+    Benchmark("pool", "environment steps per second"),
+    Benchmark("paper", "microseconds per step", log=True),
+    Benchmark("epymarl", "environment steps per second"),
+    Benchmark("many", "", drawn=False),
+    Benchmark("asynchronous", "environment steps per second", drawn=False),
+    Benchmark("transport", "microseconds per round trip", log=True),
+]
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser("results.benchmarks", description=__doc__)
+    parser.add_argument("--data", help="folder of the CSV files (docs/benchmarks)", type=Path, default=FOLDER)
+    parser.add_argument("--page", help="the page (docs/benchmarks.md)", type=Path, default=PAGE)
+    options = parser.parse_args(argv)
+    text = options.page.read_text()
+    for benchmark in BENCHMARKS:
+        header, rows = read(options.data / f"{benchmark.name}.csv")
+        text = tables.insert(text, benchmark.name, tables.markdown(header, [cells(row) for row in rows]))
+        if benchmark.drawn:
+            draw(benchmark, header, rows, options.data / f"{benchmark.name}.svg")
+    options.page.write_text(text)
+    return 0
+
+
+def read(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a CSV file."""
+    with path.open(newline="") as file:
+        header, *rows = csv.reader(file)
+    for row in rows:
+        if len(row) != len(header):
+            raise ValueError(f"{path}: {len(row)} cells instead of {len(header)} in {row}")
+    return header, rows
+
+
+def cells(row: list[str]) -> list[str]:
+    """Numbers of four digits and more with commas; all others as they are."""
+    return [f"{int(cell):,}" if cell.isdigit() and len(cell) > 3 else cell for cell in row]
+
+
+def draw(benchmark: Benchmark, header: list[str], rows: list[list[str]], path: Path) -> None:
+    """Groups of horizontal bars, one group per row."""
+    import matplotlib.pyplot as plt
+
+    from . import charts  # sets the style
+
+    series = header[1:]
+    thickness = 0.8 / len(series)
+    height = 0.9 + 0.19 * len(rows) * (len(series) + 1)
+    figure, axes = plt.subplots(figsize=(7.5, height), layout="constrained")
+    for index, label in enumerate(series):
+        values = [float(row[index + 1] or 0) for row in rows]
+        places = [group + (index - (len(series) - 1) / 2) * thickness for group in range(len(rows))]
+        bars = axes.barh(places, values, thickness, label=label, color=COLOURS[index % len(COLOURS)])
+        labels = [cells(row)[index + 1] for row in rows]
+        axes.bar_label(bars, labels, padding=3, fontsize=8)
+    smallest = min(float(cell) for row in rows for cell in row[1:] if cell)
+    decorate(axes, benchmark, [row[0] for row in rows], len(series), smallest)
+    charts.write(figure, path)
+
+
+def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int, smallest: float) -> None:
+    """Axes, grid and legend."""
+    axes.margins(x=0.15)  # for the numbers
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel(benchmark.axis)
+    axes.grid(axis="y", visible=False)
+    axes.grid(axis="x", visible=True)
+    if benchmark.log:
+        axes.set_xscale("log")
+        axes.set_xlim(left=10 ** math.floor(math.log10(smallest)))
+        axes.xaxis.set_major_formatter("{x:,.0f}")
+        axes.xaxis.set_minor_formatter("")
+    if series > 1:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=series, fontsize=8, frameon=False)
+        axes.set_ylim(len(names) - 0.5, -1.1)  # a row for the legend
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+"""What pages take from the installed package when the site is built, so that it is written once.
+
+A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
+batch, `unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from typing import Any
+
+import smaclite_pool
+
+COLUMNS = "90"
+"""Characters per line of the help."""
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Called by MkDocs with the text of every page."""
+    return re.sub(r"^<!-- insert: (\S+) -->$", lambda found: INSERTS[found[1]](), markdown, flags=re.M)
+
+
+def batch_fields() -> str:
+    """The table of fields, from the docstrings of the native module."""
+    lines = ["| field | type | shape | meaning |", "| --- | --- | --- | --- |"]
+    for name, member in vars(smaclite_pool.Batch).items():
+        field = re.match(r"(\w+) (\[M[^]]*\]): (.*)\. Read-only, in place\.$", member.__doc__ or "")
+        if field:
+            dtype, shape, meaning = field.groups()
+            lines.append(f"| `{name}` | {dtype} | {shape} | {meaning} |")
+    if len(lines) < 4:
+        raise ValueError("no fields found: the docstrings of smaclite_pool.Batch have another form")
+    return "\n".join(lines)
+
+
+def keys(kind: str) -> str:
+    """The table of the keys of a kind of file, from its JSON Schema."""
+    schema = json.loads(run("schema", kind))
+    lines = ["| key | default | meaning |", "| --- | --- | --- |"]
+    properties = schema["properties"].items()
+    for name, key in sorted(properties, key=lambda item: item[0] not in schema["required"]):
+        default = "required" if name in schema["required"] else key.get("default", "")
+        values = f" One of `{'`, `'.join(key['enum'])}`." if "enum" in key else ""
+        lines.append(f"| `{name}` | {default} | {key['description']}{values} |")
+    return "\n".join(lines)
+
+
+def commands() -> str:
+    """What `--help` prints, for the program and for each of its commands."""
+    overview = run("--help")
+    listed = overview.split("Commands:")[1].split("Options:")[0]
+    names = [name for name in re.findall(r"^  (\w+)", listed, re.M) if name != "help"]
+    parts = [f"```text\n{overview}```"]
+    parts += [f"## {name}\n\n```text\n{run(name, '--help')}```" for name in names]
+    return "\n\n".join(parts)
+
+
+def run(*command: str) -> str:
+    """What the program prints."""
+    argv = [sys.executable, "-m", "smaclite_pool", *command]
+    environment = {**os.environ, "COLUMNS": COLUMNS}
+    return subprocess.run(argv, env=environment, capture_output=True, text=True, check=True).stdout
+
+
+INSERTS = {
+    "batch-fields": batch_fields,
+    "unit-keys": lambda: keys("unit"),
+    "scenario-keys": lambda: keys("scenario"),
+    "commands": commands,
+}
