@@ -89,8 +89,8 @@ fn no_environment_starves_in_asynchronous_mode() {
                 .threads(threads);
         let _supervisor = dir.start(&plan);
         let mut learner = dir.learner(&plan.lanes[0]);
-        // How much each worker runs is decided by the kernel, so the guarantee is: every environment makes
-        // progress, and those of one seat make about the same, however slow one of them is.
+        // Every environment makes progress, equally fast ones make about the same, and a slow one delays only
+        // itself: other threads take the environments that wait behind it.
         learner.reset(Some(3), TIMEOUT).expect("a reset");
         let mut batches = 0;
         let mut steps = Vec::new();
@@ -103,10 +103,9 @@ fn no_environment_starves_in_asynchronous_mode() {
         println!(
             "{threads} threads, {faults:?}: steps of 16 environments in {batches} batches of 4: {steps:?}"
         );
-        for group in steps.chunks(16 / threads) {
-            let (least, most) = (group.iter().min().unwrap_or(&0), group.iter().max().unwrap_or(&0));
-            assert!(least * 3 >= *most * 2, "some environments get too few steps: {steps:?}");
-        }
+        let fast = || (0..16).filter(|env| faults.iter().all(|(slow, _)| slow != env)).map(|env| steps[env]);
+        let (least, most) = (fast().min().unwrap_or(0), fast().max().unwrap_or(0));
+        assert!(least * 3 >= most * 2, "some environments get too few steps: {steps:?}");
     }
 }
 

@@ -4,10 +4,10 @@
 //! never fused, so results have the same bits whatever the width. Code is generic over [`Lanes`], and
 //! [`Level::run`] compiles it once per instruction set and chooses the widest that the processor has.
 //!
-//! Functions from `run` down to the arithmetic must be `#[inline(always)]`: what is not inlined is compiled for
-//! the oldest processor.
+//! Functions from `run` down to the arithmetic must be `#[inline(always)]`: what is not inlined is compiled
+//! for the oldest processor.
 
-use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, Deref, DerefMut, Mul, Neg, Not, Sub};
 
 use glam::Vec2;
 use pulp::Simd;
@@ -17,11 +17,34 @@ use pulp::x86::{V2, V3, V4};
 /// The largest number of lanes of all levels.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// One float per lane, as it is kept in memory.
-pub(crate) type Column = [f32; MAX_LANES];
+/// One float per lane, as it is kept in memory: in one cache line, so that no register is loaded from two.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub(crate) struct Column([f32; MAX_LANES]);
+
+impl Deref for Column {
+    type Target = [f32; MAX_LANES];
+    #[inline(always)]
+    fn deref(&self) -> &[f32; MAX_LANES] {
+        &self.0
+    }
+}
+
+impl DerefMut for Column {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [f32; MAX_LANES] {
+        &mut self.0
+    }
+}
 
 /// An instruction set.
 pub(crate) trait Lanes: Simd {
+    /// One with fewer lanes, if its operations take less time; else this one.
+    type Narrower: Lanes;
+
+    /// The narrower one.
+    fn narrower(self) -> Self::Narrower;
+
     /// The results of a comparison as bits, lowest lane first.
     fn bits(self, mask: Self::m32s) -> u32;
 
@@ -105,6 +128,13 @@ impl<K: Kernel, S: Lanes> pulp::NullaryFnOnce for Inlined<K, S> {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V4 {
+    type Narrower = V3;
+
+    #[inline(always)]
+    fn narrower(self) -> V3 {
+        *self
+    }
+
     #[inline(always)]
     fn bits(self, mask: pulp::b16) -> u32 {
         u32::from(mask.0)
@@ -120,6 +150,13 @@ impl Lanes for V4 {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V3 {
+    type Narrower = V3;
+
+    #[inline(always)]
+    fn narrower(self) -> V3 {
+        self
+    }
+
     #[inline(always)]
     fn bits(self, mask: pulp::m32x8) -> u32 {
         self.avx._mm256_movemask_ps(bytemuck::cast(mask)) as u32
@@ -133,6 +170,13 @@ impl Lanes for V3 {
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for V2 {
+    type Narrower = V2;
+
+    #[inline(always)]
+    fn narrower(self) -> V2 {
+        self
+    }
+
     #[inline(always)]
     fn bits(self, mask: pulp::m32x4) -> u32 {
         self.sse._mm_movemask_ps(bytemuck::cast(mask)) as u32
@@ -146,6 +190,13 @@ impl Lanes for V2 {
 
 #[cfg(target_arch = "aarch64")]
 impl Lanes for pulp::aarch64::Neon {
+    type Narrower = Self;
+
+    #[inline(always)]
+    fn narrower(self) -> Self {
+        self
+    }
+
     #[inline(always)]
     fn bits(self, mask: pulp::m32x4) -> u32 {
         let [a, b, c, d]: [u32; 4] = bytemuck::cast(mask);
@@ -159,6 +210,13 @@ impl Lanes for pulp::aarch64::Neon {
 }
 
 impl Lanes for pulp::Scalar {
+    type Narrower = Self;
+
+    #[inline(always)]
+    fn narrower(self) -> Self {
+        self
+    }
+
     #[inline(always)]
     fn bits(self, mask: bool) -> u32 {
         u32::from(mask)
@@ -193,18 +251,21 @@ impl<S: Lanes> Floats<S> {
     /// The first lanes of a column.
     #[inline(always)]
     pub fn load(simd: S, column: &Column) -> Floats<S> {
-        Floats { value: S::as_simd_f32s(column).0[0], simd }
+        Floats { value: S::as_simd_f32s(&column.0).0[0], simd }
     }
 
     #[inline(always)]
     pub fn store(self, column: &mut Column) {
-        S::as_mut_simd_f32s(column).0[0] = self.value;
+        S::as_mut_simd_f32s(&mut column.0).0[0] = self.value;
     }
 
     /// The floats of a slice, one register after the other; its length must be a multiple of their size.
     #[inline(always)]
     pub fn all(simd: S, slice: &[f32]) -> impl ExactSizeIterator<Item = Floats<S>> {
-        S::as_simd_f32s(slice).0.iter().map(#[inline(always)] move |&value| Floats { value, simd })
+        S::as_simd_f32s(slice).0.iter().map(
+            #[inline(always)]
+            move |&value| Floats { value, simd },
+        )
     }
 
     /// The first floats of a slice.
@@ -420,7 +481,10 @@ impl<S: Lanes> Vectors<S> {
     #[inline(always)]
     pub fn all(simd: S, x: &[f32], y: &[f32]) -> impl Iterator<Item = Vectors<S>> {
         let (x, y) = (S::as_simd_f32s(x).0, S::as_simd_f32s(y).0);
-        x.iter().zip(y).map(#[inline(always)] move |(&x, &y)| Vectors { x: Floats { value: x, simd }, y: Floats { value: y, simd } })
+        x.iter().zip(y).map(
+            #[inline(always)]
+            move |(&x, &y)| Vectors { x: Floats { value: x, simd }, y: Floats { value: y, simd } },
+        )
     }
 
     #[inline(always)]
@@ -481,5 +545,13 @@ impl<S: Lanes> Mul<Floats<S>> for Vectors<S> {
     #[inline(always)]
     fn mul(self, factor: Floats<S>) -> Self {
         Vectors { x: self.x * factor, y: self.y * factor }
+    }
+}
+
+impl<S: Lanes> Neg for Vectors<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Vectors { x: -self.x, y: -self.y }
     }
 }

@@ -86,15 +86,19 @@ impl EdgesByCell {
         self.partition.visit(south_west, self.range, list);
     }
 
-    /// The cells of positions, as [`may_see`](Self::may_see) and [`near`](Self::near) take them: with the number
-    /// of the cell in the low bits, which saves a conversion.
+    /// The cells of positions, as [`may_see`](Self::may_see) and [`near`](Self::near) take them: with the
+    /// number of the cell in the low bits, which saves a conversion.
     #[inline(always)]
     pub fn cells<S: Lanes>(&self, positions: Vectors<S>) -> Floats<S> {
         let simd = positions.x.simd();
         // A unit beyond the ring uses the nearest cell of it. That cell is on the same side of all edges, and
         // not farther from any of them, so its list contains all edges that the unit sees.
-        let column = (positions.x.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.x));
-        let row = (positions.y.floor() + Floats::splat(simd, 1.0)).max(Floats::splat(simd, 0.0)).min(Floats::splat(simd, self.last.y));
+        let column = (positions.x.floor() + Floats::splat(simd, 1.0))
+            .max(Floats::splat(simd, 0.0))
+            .min(Floats::splat(simd, self.last.x));
+        let row = (positions.y.floor() + Floats::splat(simd, 1.0))
+            .max(Floats::splat(simd, 0.0))
+            .min(Floats::splat(simd, self.last.y));
         // Exact: there are fewer cells than that.
         row * Floats::splat(simd, self.columns as f32) + column + Floats::splat(simd, CELL_BASE)
     }
@@ -107,7 +111,8 @@ impl EdgesByCell {
         ends[0] != ends[1]
     }
 
-    /// The indices of the edges that may be in sight of a position in this cell. `searched` is working memory.
+    /// The indices of the edges that may be in sight of a position in this cell. `searched` is working
+    /// memory.
     pub fn near<'a>(&'a self, cell: f32, searched: &'a mut Vec<u32>) -> &'a [u32] {
         let cell = number(cell);
         match &self.lists {
@@ -153,7 +158,11 @@ mod tests {
                 let position =
                     Vec2::new((cell % searched.columns) as f32, (cell / searched.columns) as f32) - 0.5;
                 let expected = listed.near(cell_of(&listed, position), &mut none);
-                assert_eq!(searched.near(cell_of(&searched, position), &mut found), expected, "{position} of {terrain:?}");
+                assert_eq!(
+                    searched.near(cell_of(&searched, position), &mut found),
+                    expected,
+                    "{position} of {terrain:?}"
+                );
                 assert!(found.len() <= terrain.outline_in_sight(3.75), "{position} of {terrain:?}");
             }
             assert!(none.is_empty() && listed.longest_list() > 0);

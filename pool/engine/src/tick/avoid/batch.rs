@@ -1,14 +1,17 @@
 //! The linear programs of several units: collected unit by unit, solved together, one per lane.
 //!
-//! The half-planes of a unit have *slots*. Those of obstacles, nearest first, come before those of neighbours,
-//! nearest first: the order decides the rounding. Lanes have different numbers of both, and leave slots empty.
+//! The half-planes of a unit have *slots*. Those of obstacles, nearest first, come before those of
+//! neighbours, nearest first: the order decides the rounding. Lanes have different numbers of both, and leave
+//! slots empty.
 
 use glam::Vec2;
 
-use super::linear_program::{HalfPlane, HalfPlaneColumns, Programs};
+use super::linear_program::{HalfPlaneColumns, Programs};
 use super::nearest_list::NearestList;
 use super::neighbours::{Movers, NeighbourColumns};
+use super::obstacles::{self, EdgeColumns};
 use super::plane_units::{Member, PlaneUnits};
+use crate::arena::Edge;
 use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
 
 /// The programs that are not solved yet.
@@ -22,9 +25,11 @@ pub(super) struct Batch {
     preferred: [Column; 2],
     unconstrained: [Column; 2],
     max_speed: Column,
-    /// How many half-planes of obstacles each lane has, and the greatest of these numbers.
-    n_obstacles: Column,
-    max_obstacles: usize,
+    /// How many edges of obstacles each lane sees, and the greatest of these numbers.
+    n_edges: Column,
+    max_edges: usize,
+    /// By slot, nearest first.
+    edges: Vec<EdgeColumns>,
     /// The same of neighbours.
     n_neighbours: Column,
     max_neighbours: usize,
@@ -70,21 +75,22 @@ pub(super) struct Mover<'a> {
 
 impl Batch {
     /// Reserves memory for units with at most this many half-planes each.
-    pub fn reserve(&mut self, max_obstacles: usize, max_neighbours: usize) {
+    pub fn reserve(&mut self, max_edges: usize, max_neighbours: usize) {
+        self.edges.resize(max_edges, EdgeColumns::default());
         self.neighbours.resize(max_neighbours, NeighbourColumns::default());
         self.ranks.resize(max_neighbours, Rank::default());
-        self.half_planes.resize(max_obstacles + max_neighbours, HalfPlaneColumns::default());
-        self.projected.resize(max_obstacles + max_neighbours, HalfPlaneColumns::default());
+        self.half_planes.resize(max_edges + max_neighbours, HalfPlaneColumns::default());
+        self.projected.resize(max_edges + max_neighbours, HalfPlaneColumns::default());
         self.in_tree_order.reserve(max_neighbours);
     }
 
-    /// Adds the program of a unit, with its half-planes of obstacles and its neighbours in any order: their
-    /// index and themselves. There must be a free lane.
+    /// Adds the program of a unit, with the edges that it sees, nearest first, and its neighbours in any
+    /// order: their index and themselves. There must be a free lane.
     #[inline(always)]
     pub fn push<'a>(
         &mut self,
         mover: &Mover,
-        obstacles: &[HalfPlane],
+        edges: impl Iterator<Item = &'a Edge>,
         neighbours: impl Iterator<Item = (usize, &'a Member)>,
     ) {
         let lane = self.n_programs;
@@ -98,12 +104,15 @@ impl Batch {
         set(&mut self.preferred, lane, mover.preferred);
         set(&mut self.unconstrained, lane, mover.unconstrained);
         self.max_speed[lane] = mover.max_speed;
-        for (slot, half_plane) in self.half_planes.iter_mut().zip(obstacles) {
-            set(&mut slot.point, lane, half_plane.point);
-            set(&mut slot.direction, lane, half_plane.direction);
+        let mut n_edges = 0;
+        for (slot, edge) in self.edges.iter_mut().zip(edges) {
+            slot.set(lane, edge);
+            n_edges += 1;
         }
         let mut n_neighbours = 0;
-        for ((slot, rank), (index, neighbour)) in self.neighbours.iter_mut().zip(&mut self.ranks).zip(neighbours) {
+        for ((slot, rank), (index, neighbour)) in
+            self.neighbours.iter_mut().zip(&mut self.ranks).zip(neighbours)
+        {
             set(&mut slot.position, lane, neighbour.position);
             set(&mut slot.velocity, lane, neighbour.velocity);
             slot.radius[lane] = neighbour.radius;
@@ -111,16 +120,15 @@ impl Batch {
             rank.index[lane] = index as f32;
             n_neighbours += 1;
         }
-        self.n_obstacles[lane] = obstacles.len() as f32;
-        self.max_obstacles = self.max_obstacles.max(obstacles.len());
+        self.n_edges[lane] = n_edges as f32;
+        self.max_edges = self.max_edges.max(n_edges);
         self.n_neighbours[lane] = n_neighbours as f32;
         self.max_neighbours = self.max_neighbours.max(n_neighbours);
     }
 
-    /// Whether every lane has a program.
-    #[inline(always)]
-    pub fn is_full<S: Lanes>(&self, _: S) -> bool {
-        self.n_programs == S::F32_LANES
+    /// Number of programs, at most one per lane.
+    pub fn len(&self) -> usize {
+        self.n_programs
     }
 
     /// Solves the programs and removes them; sets the velocities, by battle-wide id.
@@ -135,36 +143,38 @@ impl Batch {
             preferred: Vectors::load(simd, &self.preferred),
             unconstrained: Vectors::load(simd, &self.unconstrained),
             max_speed: Floats::load(simd, &self.max_speed),
-            n_hard: self.max_obstacles,
+            n_hard: self.max_edges,
         };
-        let half_planes = &self.half_planes[..self.max_obstacles + self.max_neighbours];
+        let half_planes = &self.half_planes[..self.max_edges + self.max_neighbours];
         // Two units at one point have no direction in which to separate, which gives NaN or infinity; such a
         // unit stays.
         let solutions = programs.solve(half_planes, &mut self.projected).finite_or_zero();
         let mut solved = [Column::default(); 2];
         solutions.store(&mut solved);
         let [x, y] = &solved;
-        for ((unit, &x), &y) in self.units[..self.n_programs].iter().zip(x).zip(y) {
+        for ((unit, &x), &y) in self.units[..self.n_programs].iter().zip(&**x).zip(&**y) {
             velocities[unit.id as usize] = Vec2::new(x, y);
         }
-        (self.n_programs, self.max_obstacles, self.max_neighbours) = (0, 0, 0);
+        (self.n_programs, self.max_edges, self.max_neighbours) = (0, 0, 0);
     }
 
-    /// Makes the half-planes of neighbours, and marks which slots of a lane have one.
+    /// Makes the half-planes of obstacles and neighbours, and marks which slots of a lane have one.
     #[inline(always)]
     fn make_half_planes<S: Lanes>(&mut self, simd: S) {
         // Lanes without a program have the half-planes of earlier ones, which must not count.
-        self.n_obstacles[self.n_programs..].fill(0.0);
+        self.n_edges[self.n_programs..].fill(0.0);
         self.n_neighbours[self.n_programs..].fill(0.0);
         let movers = Movers {
             position: Vectors::load(simd, &self.position),
             velocity: Vectors::load(simd, &self.velocity),
             radius: Floats::load(simd, &self.radius),
         };
-        let (obstacles, half_planes) = self.half_planes.split_at_mut(self.max_obstacles);
-        let n_obstacles = Floats::load(simd, &self.n_obstacles);
-        for (slot, obstacles) in obstacles.iter_mut().enumerate() {
-            obstacles.set_exist(Floats::splat(simd, slot as f32).lt(n_obstacles));
+        let (obstacles, half_planes) = self.half_planes.split_at_mut(self.max_edges);
+        let n_edges = Floats::load(simd, &self.n_edges);
+        for (slot, edges) in self.edges[..self.max_edges].iter().enumerate() {
+            let (earlier, rest) = obstacles.split_at_mut(slot);
+            let (here, exist) = obstacles::keep_off(&movers, edges, earlier);
+            rest[0].store(here, exist & Floats::splat(simd, slot as f32).lt(n_edges));
         }
         let n_neighbours = Floats::load(simd, &self.n_neighbours);
         let neighbours = self.neighbours[..self.max_neighbours].iter().zip(&mut self.ranks).zip(half_planes);
@@ -181,13 +191,14 @@ impl Batch {
     #[inline(always)]
     fn sort<S: Lanes>(&mut self, simd: S, planes: &mut [PlaneUnits]) {
         let n = self.max_neighbours;
-        let half_planes = &mut self.half_planes[self.max_obstacles..][..n];
+        let half_planes = &mut self.half_planes[self.max_edges..][..n];
         let ranks = &mut self.ranks[..n];
         // Odd-even transposition sort: it compares the same slots whatever their order, so all lanes can be
-        // sorted at once; the comparisons of a pass do not wait for each other; and it exchanges adjacent slots
-        // only, so equally near neighbours keep their order.
+        // sorted at once; the comparisons of a pass do not wait for each other; and it exchanges adjacent
+        // slots only, so equally near neighbours keep their order.
         for pass in 0..n {
-            let pairs = ranks[pass % 2..].chunks_exact_mut(2).zip(half_planes[pass % 2..].chunks_exact_mut(2));
+            let pairs =
+                ranks[pass % 2..].chunks_exact_mut(2).zip(half_planes[pass % 2..].chunks_exact_mut(2));
             for (ranks, half_planes) in pairs {
                 let ([near_rank, far_rank], [near, far]) = (ranks, half_planes) else { continue };
                 let is_wrong = Floats::load(simd, &far_rank.distance_squared)
@@ -219,10 +230,11 @@ impl Batch {
     #[cold]
     fn sort_lane_by_tree(&mut self, lane: usize, planes: &mut [PlaneUnits]) {
         let unit = self.units[lane];
-        if !planes[unit.plane].find_by_tree(unit.index, unit.neighbour_range_squared, &mut self.in_tree_order) {
+        if !planes[unit.plane].find_by_tree(unit.index, unit.neighbour_range_squared, &mut self.in_tree_order)
+        {
             return;
         }
-        let half_planes = &mut self.half_planes[self.max_obstacles..];
+        let half_planes = &mut self.half_planes[self.max_edges..];
         for (slot, index) in self.in_tree_order.indices().enumerate() {
             let is_here = |rank: &Rank| rank.index[lane] == index as f32;
             let Some(from) = self.ranks[slot..].iter().position(is_here) else { continue };

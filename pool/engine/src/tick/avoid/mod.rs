@@ -6,8 +6,8 @@
 //! velocity (`linear_program`). All units plan against the same frozen positions and velocities; then all
 //! velocities change at once.
 //!
-//! It takes three stages over all units of a plane: neighbours, half-planes, solutions. Each is computed for as
-//! many units at a time as a register has lanes ([`crate::lanes`]), to the same bits.
+//! It takes three stages over all units of a plane: neighbours, half-planes, solutions. Each is computed for
+//! as many units at a time as a register has lanes ([`crate::lanes`]), to the same bits.
 //!
 //! All arithmetic is in f32, and a vector is divided by a scalar by multiplying it with the rounded
 //! reciprocal: the recorded battles depend on it to the last bit. The time horizon of the paper, tau, is 1 s
@@ -22,6 +22,7 @@ mod plane_units;
 mod tree;
 
 use glam::Vec2;
+use pulp::Simd;
 
 use super::World;
 use crate::arena::Arena;
@@ -29,7 +30,6 @@ use crate::lanes::{Kernel, Lanes, Level};
 use crate::neighbour_order::PlaneOrder;
 use crate::units::clear_and_reserve;
 use batch::{Batch, Mover};
-use linear_program::HalfPlane;
 use nearest_list::NearestList;
 use plane_units::{NearList, PlaneUnits};
 
@@ -47,9 +47,7 @@ pub(crate) struct AvoidScratch {
     /// Indices of edges that may be in sight of a unit.
     near_edges: Vec<u32>,
     /// Edges in sight of a unit.
-    sorted: NearestList,
-    /// The half-planes of obstacles that a unit sees.
-    obstacles: Vec<HalfPlane>,
+    seen: NearestList,
     batch: Batch,
 }
 
@@ -57,10 +55,9 @@ impl AvoidScratch {
     /// Reserves memory for `n_units` units, each of which sees at most `n_edges` edges.
     pub fn reserve(&mut self, n_units: usize, n_edges: usize) {
         self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
-        self.sorted.reserve(n_edges);
+        self.seen.reserve(n_edges);
         self.batch.reserve(n_edges, n_units);
         clear_and_reserve(&mut self.near_edges, n_edges);
-        clear_and_reserve(&mut self.obstacles, n_edges);
         self.near.reserve(n_units);
     }
 }
@@ -104,7 +101,8 @@ impl Kernel for Planning<'_> {
                 continue;
             }
             planes[plane].pack(list, self.positions, self.velocities, self.preferred, &self.arena.avoidance);
-            // A unit that prefers to stay does so and plans nothing: this lets units block and surround others.
+            // A unit that prefers to stay does so and plans nothing: this lets units block and surround
+            // others.
             if planes[plane].movers().is_empty() {
                 list.iter().for_each(|&id| self.velocities[id as usize] = self.preferred[id as usize]);
                 continue;
@@ -112,9 +110,13 @@ impl Kernel for Planning<'_> {
             self.find_neighbours(simd, plane);
             self.collect_programs(simd, plane);
         }
-        // Programs of all planes are solved together: so fewer lanes stay empty.
+        // The programs that are left, of all planes together: so fewer lanes stay empty.
         let AvoidScratch { planes, batch, .. } = &mut *self.scratch;
-        batch.solve(simd, planes, self.velocities);
+        if batch.len() <= <S::Narrower as Simd>::F32_LANES {
+            batch.solve(simd.narrower(), planes, self.velocities);
+        } else {
+            batch.solve(simd, planes, self.velocities);
+        }
     }
 }
 
@@ -134,17 +136,17 @@ impl Planning<'_> {
     /// Collects the linear programs of the listed units, and solves them whenever every lane has one.
     #[inline(always)]
     fn collect_programs<S: Lanes>(&mut self, simd: S, plane: usize) {
-        let AvoidScratch { planes, near, near_edges, sorted, obstacles, batch, .. } = &mut *self.scratch;
+        let AvoidScratch { planes, near, near_edges, seen, batch, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
         for entries in near.units() {
             let index = entries[0].index as usize;
             let member = &plane_units.members()[index];
             let stats = &self.arena.avoidance[member.id as usize];
-            obstacles.clear();
+            seen.clear();
             if let Some(range) = stats.edge_range_squared.filter(|_| entries[0].may_see_edges()) {
                 let edges = self.arena.edges.near(plane_units.cell(index), near_edges);
-                obstacles::half_planes(self.arena, member, range, edges, sorted, obstacles);
-                if obstacles.is_empty() && entries.len() == 1 {
+                obstacles::find(self.arena, member.position, edges, range, seen);
+                if seen.indices().len() == 0 && entries.len() == 1 {
                     continue;
                 }
             }
@@ -158,9 +160,23 @@ impl Planning<'_> {
                 neighbour_range_squared: stats.neighbour_range_squared,
             };
             let members = plane_units.members();
-            let neighbours = entries.iter().flat_map(#[inline(always)] |entry| entry.indices());
-            batch.push(&mover, obstacles, neighbours.map(#[inline(always)] |index| (index, &members[index])));
-            if batch.is_full(simd) {
+            let neighbours = entries.iter().flat_map(
+                #[inline(always)]
+                |entry| entry.indices(),
+            );
+            let seen = seen.indices().map(
+                #[inline(always)]
+                |number| self.arena.edges.edge(number as u32),
+            );
+            batch.push(
+                &mover,
+                seen,
+                neighbours.map(
+                    #[inline(always)]
+                    |index| (index, &members[index]),
+                ),
+            );
+            if batch.len() == S::F32_LANES {
                 batch.solve(simd, planes, self.velocities);
                 plane_units = &planes[plane];
             }

@@ -57,7 +57,10 @@ impl Columns {
 
     #[inline(always)]
     fn load<S: Lanes>(&self, simd: S, begin: usize) -> Vectors<S> {
-        Vectors { x: Floats::from_slice(simd, &self.x[begin..]), y: Floats::from_slice(simd, &self.y[begin..]) }
+        Vectors {
+            x: Floats::from_slice(simd, &self.x[begin..]),
+            y: Floats::from_slice(simd, &self.y[begin..]),
+        }
     }
 
     fn get(&self, index: usize) -> Vec2 {
@@ -72,8 +75,8 @@ pub(super) struct Member {
     /// The velocity that it planned in the last tick, which its neighbours expect it to keep.
     pub velocity: Vec2,
     pub radius: f32,
-    /// The share of the avoidance that neighbours take. Reciprocity: both units take one half each. A unit that
-    /// stays takes none, so its neighbours take all.
+    /// The share of the avoidance that neighbours take. Reciprocity: both units take one half each. A unit
+    /// that stays takes none, so its neighbours take all.
     pub share: f32,
     /// Battle-wide id.
     pub id: u32,
@@ -178,7 +181,8 @@ impl PlaneUnits {
         let (preferred_x, preferred_y) = (&mut self.preferred.x[..n], &mut self.preferred.y[..n]);
         let max_speed = &mut self.max_speed[..n];
         let n_units = positions.len();
-        let (velocities, preferred, stats) = (&velocities[..n_units], &preferred[..n_units], &stats[..n_units]);
+        let (velocities, preferred, stats) =
+            (&velocities[..n_units], &preferred[..n_units], &stats[..n_units]);
         let mut n_movers = 0;
         for (index, &id) in ids.iter().enumerate() {
             let i = id as usize;
@@ -252,8 +256,8 @@ impl PlaneUnits {
         self.unconstrained.get(index)
     }
 
-    /// Finds the cells of all units, and their velocities without neighbours and obstacles: the preferred ones
-    /// within the speed limit. Those that are no finite number are zero.
+    /// Finds the cells of all units, and their velocities without neighbours and obstacles: the preferred
+    /// ones within the speed limit. Those that are no finite number are zero.
     #[inline(always)]
     pub fn find_unconstrained<S: Lanes>(&mut self, simd: S, edges: &EdgesByCell) {
         let n = self.n.next_multiple_of(MAX_LANES);
@@ -350,8 +354,8 @@ impl PlaneUnits {
         list.add_if(bits != 0, Near { index, word: word as u32, bits });
     }
 
-    /// Finds the neighbours of a unit, nearest first, and those that are equally near in the order of the tree.
-    /// `false` if that is the order of their indices.
+    /// Finds the neighbours of a unit, nearest first, and those that are equally near in the order of the
+    /// tree. `false` if that is the order of their indices.
     pub fn find_by_tree(&mut self, index: usize, range_squared: f32, sorted: &mut NearestList) -> bool {
         if self.n <= Tree::LEAF_SIZE {
             return false; // all in one leaf
@@ -372,7 +376,6 @@ impl PlaneUnits {
         true
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -1,5 +1,5 @@
-//! The linear program of one unit, as the module above describes it: what the programs of many units at a time are
-//! compared with.
+//! The linear program of one unit, as the module above describes it: what the programs of many units at a
+//! time are compared with.
 
 use glam::Vec2;
 
@@ -129,12 +129,7 @@ fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f3
 
 /// The velocity whose worst violation of the half-planes from `n_hard` on is least, from where
 /// `best_velocity` failed.
-fn least_violation(
-    half_planes: &[HalfPlane],
-    n_hard: usize,
-    failed: Infeasible,
-    max_speed: f32,
-) -> Vec2 {
+fn least_violation(half_planes: &[HalfPlane], n_hard: usize, failed: Infeasible, max_speed: f32) -> Vec2 {
     let Infeasible { half_plane: first, mut velocity } = failed;
     // `worst` is the violation so far by the half-planes before i. One that is violated more must be among
     // the most violated of the solution; there it and some earlier one are violated equally.

@@ -14,19 +14,21 @@
 //! farthest inside i. Half-planes of obstacles are never relaxed.
 //!
 //! The programs of several units are solved at a time, one per lane. A lane cannot branch on its own: every
-//! half-plane is processed for all programs, and masks select the results that apply; the result of a case that
-//! does not apply, NaN included, is dropped. What no lane needs is skipped. The tests have the same algorithm for
-//! one unit at a time, and compare the bits.
+//! half-plane is processed for all programs, and masks select the results that apply; the result of a case
+//! that does not apply, NaN included, is dropped. What no lane needs is skipped. The tests have the same
+//! algorithm for one unit at a time, and compare the bits.
 
 #[cfg(test)]
 mod alone;
 
+#[cfg(test)]
 use glam::Vec2;
 
 use super::EPSILON;
 use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
 
 /// A half-plane of permitted velocities, by its boundary: velocities to the left of it are permitted.
+#[cfg(test)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct HalfPlane {
     pub point: Vec2,
@@ -43,10 +45,12 @@ pub(super) struct HalfPlaneColumns {
     pub exists: Column,
 }
 
-/// A half-plane per lane.
+/// A half-plane of permitted velocities per lane, by its boundary: velocities to the left of it are
+/// permitted.
 #[derive(Clone, Copy)]
 pub(super) struct HalfPlanes<S: Lanes> {
     pub point: Vectors<S>,
+    /// Of length 1.
     pub direction: Vectors<S>,
 }
 
@@ -54,22 +58,18 @@ impl HalfPlaneColumns {
     /// The half-planes, and in which lanes they exist.
     #[inline(always)]
     pub fn load<S: Lanes>(&self, simd: S) -> (HalfPlanes<S>, Mask<S>) {
-        let half_planes =
-            HalfPlanes { point: Vectors::load(simd, &self.point), direction: Vectors::load(simd, &self.direction) };
+        let half_planes = HalfPlanes {
+            point: Vectors::load(simd, &self.point),
+            direction: Vectors::load(simd, &self.direction),
+        };
         (half_planes, Floats::load(simd, &self.exists).gt(Floats::splat(simd, 0.0)))
     }
 
     #[inline(always)]
     pub fn store<S: Lanes>(&mut self, half_planes: HalfPlanes<S>, exist: Mask<S>) {
+        let simd = exist.simd();
         half_planes.point.store(&mut self.point);
         half_planes.direction.store(&mut self.direction);
-        self.set_exist(exist);
-    }
-
-    /// Sets in which lanes the half-planes exist.
-    #[inline(always)]
-    pub fn set_exist<S: Lanes>(&mut self, exist: Mask<S>) {
-        let simd = exist.simd();
         exist.select(Floats::splat(simd, 1.0), Floats::splat(simd, 0.0)).store(&mut self.exists);
     }
 }
@@ -141,7 +141,8 @@ impl<S: Lanes> Programs<S> {
             // velocity is on its boundary: on the way from any permitted velocity to the old best one the
             // objective improves, so it improves up to the boundary.
             let is_violated = half_plane.violation(solutions.velocities).gt(zero);
-            // A program that is infeasible already stays as it is: its velocity is that without the half-plane.
+            // A program that is infeasible already stays as it is: its velocity is that without the
+            // half-plane.
             let concerned = is_violated & exists & !solutions.is_infeasible;
             if !concerned.any() {
                 continue;
@@ -174,8 +175,8 @@ impl<S: Lanes> Programs<S> {
         // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
         let along = point.dot(direction);
         let discriminant = along * along + max_speed * max_speed - point.length_squared();
-        // Where the discriminant is negative, every point of the boundary is too fast, and the root is NaN. All
-        // comparisons with it are false, and the mask drops the result.
+        // Where the discriminant is negative, every point of the boundary is too fast, and the root is NaN.
+        // All comparisons with it are false, and the mask drops the result.
         let mut is_infeasible = discriminant.lt(zero);
         let root = discriminant.sqrt();
         let (mut from, mut to) = (-along - root, -along + root);
@@ -190,7 +191,8 @@ impl<S: Lanes> Programs<S> {
             let are_parallel = denominator.abs().le(Floats::splat(simd, EPSILON));
             is_infeasible = is_infeasible | exists & are_parallel & numerator.lt(zero);
             let crosses = exists & !are_parallel;
-            // The sign of the denominator says whether the boundary leaves or enters the other half-plane there.
+            // The sign of the denominator says whether the boundary leaves or enters the other half-plane
+            // there.
             let crossing = numerator.div(denominator);
             let is_end = denominator.ge(zero);
             to = (crosses & is_end & crossing.lt(to)).select(crossing, to);
@@ -210,8 +212,8 @@ impl<S: Lanes> Programs<S> {
         (point + direction * at, !is_infeasible)
     }
 
-    /// The velocities whose worst violation of the half-planes that can be relaxed is least, where there is no
-    /// permitted one.
+    /// The velocities whose worst violation of the half-planes that can be relaxed is least, where there is
+    /// no permitted one.
     #[inline(always)]
     fn least_violation(
         &self,
@@ -221,8 +223,8 @@ impl<S: Lanes> Programs<S> {
     ) -> Vectors<S> {
         let simd = self.max_speed.simd();
         let Solutions { mut velocities, is_infeasible, half_plane: first } = failed;
-        // `worst` is the violation so far by the half-planes before i. One that is violated more must be among
-        // the most violated of the solution; there it and some earlier one are violated equally.
+        // `worst` is the violation so far by the half-planes before i. One that is violated more must be
+        // among the most violated of the solution; there it and some earlier one are violated equally.
         let mut worst = Floats::splat(simd, 0.0);
         for (i, columns) in half_planes.iter().enumerate() {
             let (half_plane, exists) = columns.load(simd);
@@ -244,8 +246,8 @@ impl<S: Lanes> Programs<S> {
             }
             let inward = Vectors { x: -half_plane.direction.y, y: half_plane.direction.x };
             let better = self.best_velocity(projected, Aim::Farthest(inward), inward * self.max_speed);
-            // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes it
-            // fail, that velocity stays.
+            // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes
+            // it fail, that velocity stays.
             velocities = (concerned & !better.is_infeasible).either(better.velocities, velocities);
             worst = concerned.select(half_plane.violation(velocities), worst);
         }
@@ -262,14 +264,14 @@ struct Solutions<S: Lanes> {
 }
 
 impl<S: Lanes> HalfPlanes<S> {
-    /// The half-planes whose boundary violates these and others equally, and where the two do not face the same
-    /// way.
+    /// The half-planes whose boundary violates these and others equally, and where the two do not face the
+    /// same way.
     #[inline(always)]
     fn equal_violation(&self, other: &HalfPlanes<S>) -> (HalfPlanes<S>, Mask<S>) {
         let simd = self.point.x.simd();
         // Two lines have equal distances along the bisector of their angle: it passes through their crossing,
-        // in the direction of the difference of the two directions. If they are parallel it is the line in the
-        // middle.
+        // in the direction of the difference of the two directions. If they are parallel it is the line in
+        // the middle.
         let determinant = self.direction.perp_dot(other.direction);
         let are_parallel = determinant.abs().le(Floats::splat(simd, EPSILON));
         let face_one_way = are_parallel & self.direction.dot(other.direction).gt(Floats::splat(simd, 0.0));
@@ -282,6 +284,7 @@ impl<S: Lanes> HalfPlanes<S> {
 }
 
 /// A vector scaled to length 1, by the rounded reciprocal of its length.
+#[cfg(test)]
 pub(super) fn normalize(vector: Vec2) -> Vec2 {
     vector * (1.0 / vector.length())
 }
@@ -363,12 +366,8 @@ mod tests {
                 let preferred = [column(&|p| p.preferred.x), column(&|p| p.preferred.y)];
                 let preferred = Vectors::load(simd, &preferred);
                 let max_speed = Floats::load(simd, &column(&|p| p.max_speed));
-                let all = Programs {
-                    preferred,
-                    unconstrained: preferred.within(max_speed),
-                    max_speed,
-                    n_hard,
-                };
+                let all =
+                    Programs { preferred, unconstrained: preferred.within(max_speed), max_speed, n_hard };
                 let mut solved = [Column::default(); 2];
                 all.solve(&slots, &mut slots.clone()).store(&mut solved);
                 let [x, y] = solved;

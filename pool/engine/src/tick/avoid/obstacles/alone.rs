@@ -1,74 +1,16 @@
-//! The half-planes that obstacle edges impose on ground units, and the search for edges.
-//!
-//! Derivation (the paper's section on static obstacles). An obstacle does not move and takes no share of the
-//! avoidance, so the unit must avoid it alone. Seen from the unit, the velocity obstacle of an edge is the
-//! set of velocities that lead to a collision within the horizon of 1 s: everything behind the edge as seen
-//! from the unit (its *shadow*), widened by the radius. Its boundary has three parts: a leg from the left
-//! corner, a leg from the right corner, and the *cut-off* between them, which is the edge itself. Both legs
-//! are tangents of the discs of the unit's radius around the corners, and at the corners the boundary is an
-//! arc of these discs.
-//!
-//! The permitted velocities are the half-plane outside the boundary at the point nearest to the current
-//! velocity. This is done for every edge in sight, nearest first; edges that earlier half-planes cover
-//! already are skipped.
-//!
-//! The outline of an obstacle is closed, and adjacent edges share a corner. Where a leg would point into the
-//! adjacent edge, that edge bounds the shadow instead (a *foreign* leg), and its own half-plane does the
-//! work.
+//! The half-planes of one unit: what those of many units at a time are compared with.
 
 use glam::Vec2;
 
-use super::linear_program::{HalfPlane, normalize};
-use super::nearest_list::NearestList;
-use super::EPSILON;
-use super::plane_units::Member;
-use crate::arena::{Arena, Edge, left_of};
+use super::super::EPSILON;
+use super::super::linear_program::{HalfPlane, normalize};
+use crate::arena::Edge;
 
-/// Adds the half-planes of the obstacles that `mover` sees, of the edges that are `near`. `found` is working memory.
-pub(super) fn half_planes(
-    arena: &Arena,
-    mover: &Member,
-    range: f32,
-    near: &[u32],
-    found: &mut NearestList,
-    half_planes: &mut Vec<HalfPlane>,
-) {
-    find(arena, mover, near, range, found);
-    for index in found.indices() {
-        if let Some(half_plane) = half_plane(mover, arena.edges.edge(near[index]), half_planes) {
-            half_planes.push(half_plane);
-        }
-    }
-}
-
-/// Finds the edges of a list that `mover` sees, nearest first. `range` is a squared distance.
-fn find(arena: &Arena, mover: &Member, near: &[u32], range: f32, found: &mut NearestList) {
-    found.clear();
-    for (index, &number) in near.iter().enumerate() {
-        let edge = arena.edges.edge(number);
-        // The list is that of the unit's square; the unit itself may be on the line of an edge, and sees the
-        // outer side of edges only.
-        if left_of(edge.start, edge.end, mover.position) < 0.0 {
-            let distance_squared = distance_squared(edge, mover.position);
-            if distance_squared < range {
-                found.insert(distance_squared, index);
-            }
-        }
-    }
-}
-
-fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
-    // The projection on the line, as a share of the edge: below 0 or above 1 the nearest point is an end.
-    let span = edge.end - edge.start;
-    let share = (point - edge.start).dot(span) / span.length_squared();
-    let nearest = if share < 0.0 {
-        edge.start
-    } else if share > 1.0 {
-        edge.end
-    } else {
-        edge.start + share * span
-    };
-    (point - nearest).length_squared()
+/// A unit whose velocity is planned.
+pub(super) struct Mover {
+    pub position: Vec2,
+    pub velocity: Vec2,
+    pub radius: f32,
 }
 
 /// A corner of an obstacle, and the directions of the outline before and after it.
@@ -98,7 +40,7 @@ enum View {
 
 /// The velocities that keep `mover` off the edge for the time horizon; `None` if other half-planes ensure
 /// that.
-fn half_plane(mover: &Member, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
+pub(super) fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> Option<HalfPlane> {
     let radius = mover.radius;
     let start = Corner::start_of(edge, mover.position);
     let end = Corner::end_of(edge, mover.position);
