@@ -272,6 +272,7 @@ impl Drop for Process {
 mod tests {
     use super::*;
     use std::os::unix::fs::PermissionsExt;
+    use std::sync::{Mutex, PoisonError};
 
     /// A stand-in for the interpreter: `$3` and the following are the arguments of the script.
     fn interpreter(folder: &Path, name: &str, script: &str) -> PathBuf {
@@ -280,6 +281,10 @@ mod tests {
         std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
         path
     }
+
+    /// A file that is open for writing cannot be executed, and a process that another test starts at that moment
+    /// has it open. So these tests run one after the other.
+    static ALONE: Mutex<()> = Mutex::new(());
 
     const TWO_CONFIGURATIONS: &str = r#"
         if [ "$3" = describe ]; then
@@ -292,6 +297,7 @@ mod tests {
 
     #[test]
     fn the_best_configuration_of_all_processes_is_compared() {
+        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let missing = interpreter(folder.path(), "a", r#"echo '{"missing": "No module named x"}'"#);
         let python = interpreter(folder.path(), "b", TWO_CONFIGURATIONS);
@@ -306,6 +312,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_or_fails_is_named() {
+        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let check = |script: &str, expected: &str| {
             let python = interpreter(folder.path(), "python", script);

@@ -31,7 +31,7 @@ pub(super) fn measure(
         let process = second_process(workload, &name).and_then(SecondProcess::start);
         Server::SecondProcess(process.map_err(MeasureError::SecondProcess)?)
     } else {
-        Server::ThisProcess(workload.serve(&runtime_dir, &name)?)
+        Server::ThisProcess(Box::new(workload.serve(&runtime_dir, &name)?))
     };
     let mut client = match &mut server {
         Server::ThisProcess(supervisor) => supervisor.connect(None, workload.options.wait)?,
@@ -49,7 +49,7 @@ pub(super) fn measure(
 
 /// The supervisor of a measurement, which ends when this is dropped.
 enum Server {
-    ThisProcess(Supervisor),
+    ThisProcess(Box<Supervisor>),
     SecondProcess(SecondProcess),
 }
 

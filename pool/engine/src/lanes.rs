@@ -518,8 +518,9 @@ impl<S: Lanes> Vectors<S> {
     #[inline(always)]
     pub fn finite_or_zero(self) -> Vectors<S> {
         let zero = Vectors::splat(self.x.simd, Vec2::ZERO);
-        // The difference of an infinity and itself is NaN, and so is that of a NaN.
-        let is_finite = (self.x - self.x).eq(zero.x) & (self.y - self.y).eq(zero.y);
+        // NaN is less than nothing.
+        let infinity = Floats::splat(self.x.simd, f32::INFINITY);
+        let is_finite = self.x.abs().lt(infinity) & self.y.abs().lt(infinity);
         is_finite.either(self, zero)
     }
 }
