@@ -105,11 +105,11 @@ impl<S: Lanes> Corner<S> {
 }
 
 /// Half-planes, and in which lanes there are any.
-type Some<S> = (HalfPlanes<S>, Mask<S>);
+type Optional<S> = (HalfPlanes<S>, Mask<S>);
 
 /// The first where the condition holds, elsewhere the second.
 #[inline(always)]
-fn either<S: Lanes>(is_this: Mask<S>, this: Some<S>, that: Some<S>) -> Some<S> {
+fn either<S: Lanes>(is_this: Mask<S>, this: Optional<S>, that: Optional<S>) -> Optional<S> {
     let half_planes = HalfPlanes {
         point: is_this.either(this.0.point, that.0.point),
         direction: is_this.either(this.0.direction, that.0.direction),
@@ -124,7 +124,7 @@ pub(super) fn keep_off<S: Lanes>(
     movers: &Movers<S>,
     edges: &EdgeColumns,
     earlier: &[HalfPlaneColumns],
-) -> Some<S> {
+) -> Optional<S> {
     let (simd, radius) = (movers.radius.simd(), movers.radius);
     let (zero, one) = (Floats::splat(simd, 0.0), Floats::splat(simd, 1.0));
     let origin = Vectors { x: zero, y: zero };
@@ -235,7 +235,7 @@ impl<S: Lanes> Shadow<S> {
 
     /// The half-planes at the points of the shadows' boundaries nearest to the velocities.
     #[inline(always)]
-    fn half_planes(&self, velocity: Vectors<S>, radius: Floats<S>) -> Some<S> {
+    fn half_planes(&self, velocity: Vectors<S>, radius: Floats<S>) -> Optional<S> {
         let simd = radius.simd();
         let [zero, half, one, infinite] = [0.0, 0.5, 1.0, f32::INFINITY].map(
             #[inline(always)]
