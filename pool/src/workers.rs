@@ -184,24 +184,25 @@ impl<T: Transport> Drop for Pool<T> {
 }
 
 impl<T: Transport> Shared<T> {
-    fn work(&self, worker: usize) {
-        let mut worker = Worker { seat: worker, scratch: Scratch::new(), run: Vec::with_capacity(RUN) };
+    fn work(&self, seat: usize) {
+        let mut worker = Worker { seat, scratch: Scratch::new(), run: Vec::with_capacity(RUN) };
         while !self.queues.is_stopped() {
-            if !self.queues.stands_down(worker.seat) && self.serve_run(&mut worker, None, RUN) {
+            if !self.queues.stands_down(seat) && self.serve_run(&mut worker, seat, None, RUN) {
                 continue;
             }
-            match self.queues.wait_for_work(worker.seat, self.spin) {
+            match self.queues.wait_for_work(seat, self.spin) {
                 Wakeup::Work => {}
-                Wakeup::Leading(leadership) => self.lead(worker.seat, leadership),
+                Wakeup::Leading(leadership) => self.lead(seat, leadership),
             }
         }
     }
 
-    /// Serves up to `most` environments of `lane`, or of any; `false` if none are waiting.
-    fn serve_run(&self, worker: &mut Worker, lane: Option<usize>, most: usize) -> bool {
-        let Worker { seat, scratch, run } = worker;
+    /// Serves up to `most` environments of `lane`, or of any, from the inbox of `seat` or else of another;
+    /// `false` if none are waiting.
+    fn serve_run(&self, worker: &mut Worker, seat: usize, lane: Option<usize>, most: usize) -> bool {
+        let Worker { scratch, run, .. } = worker;
         run.clear();
-        let Some(lane) = self.queues.take(*seat, lane, most, run) else { return false };
+        let Some(lane) = self.queues.take(seat, lane, most, run) else { return false };
         self.lanes[lane].serve(run, scratch);
         true
     }
@@ -279,7 +280,7 @@ impl<T: Transport> PoolHandle<T> {
         let is_current = shared.lanes.get(lane)?.begin_help(session);
         is_current.then(|| {
             let worker = Worker { seat: 0, scratch: Scratch::new(), run: Vec::with_capacity(RUN) };
-            Helper { pool: Weak::clone(&self.0), lane, session, worker, seated: None }
+            Helper { pool: Weak::clone(&self.0), lane, session, worker, turn: 0, seated: None }
         })
     }
 }
@@ -290,6 +291,8 @@ pub struct Helper<T: Transport> {
     lane: usize,
     session: SessionId,
     worker: Worker,
+    /// The seat from which the next run of an asynchronous lane is taken.
+    turn: usize,
     /// The pool, while the learner's thread has the seat of a worker.
     seated: Option<Arc<Shared<T>>>,
 }
@@ -331,10 +334,18 @@ impl<T: Transport> Helper<T> {
         let Some(shared) = self.seated.as_ref().filter(|shared| !shared.queues.is_stopped()) else {
             return false;
         };
-        // In an asynchronous lane, any environment may complete the learner's batch.
-        let most = if shared.lanes[self.lane].is_synchronous() { RUN } else { GUEST_RUN };
-        shared.serve_run(&mut self.worker, Some(self.lane), most)
-            || shared.serve_run(&mut self.worker, None, GUEST_RUN)
+        let own = self.worker.seat;
+        // In an asynchronous lane, any environment may complete the learner's batch. The seats take turns: with
+        // its own always first, the learner would step the same environments again and again while the other
+        // threads get no core.
+        let (seat, most) = if shared.lanes[self.lane].is_synchronous() {
+            (own, RUN)
+        } else {
+            self.turn = (self.turn + 1) % shared.queues.workers();
+            (self.turn, GUEST_RUN)
+        };
+        shared.serve_run(&mut self.worker, seat, Some(self.lane), most)
+            || shared.serve_run(&mut self.worker, own, None, GUEST_RUN)
     }
 }
 
