@@ -282,8 +282,8 @@ mod tests {
         path
     }
 
-    /// A file that is open for writing cannot be executed, and a process that another test starts at that moment
-    /// has it open. So these tests run one after the other.
+    /// A file that is open for writing cannot be executed, and a process that another test starts at that
+    /// moment has it open. So these tests run one after the other.
     static ALONE: Mutex<()> = Mutex::new(());
 
     const TWO_CONFIGURATIONS: &str = r#"

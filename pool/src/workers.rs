@@ -335,9 +335,9 @@ impl<T: Transport> Helper<T> {
             return false;
         };
         let own = self.worker.seat;
-        // In an asynchronous lane, any environment may complete the learner's batch. The seats take turns: with
-        // its own always first, the learner would step the same environments again and again while the other
-        // threads get no core.
+        // In an asynchronous lane, any environment may complete the learner's batch. The seats take turns:
+        // with its own always first, the learner would step the same environments again and again while the
+        // other threads get no core.
         let (seat, most) = if shared.lanes[self.lane].is_synchronous() {
             (own, RUN)
         } else {
