@@ -348,6 +348,7 @@ def errors() -> dict[str, Callable[[], object]]:
     few = sp.make("2s3z", num_envs=4, fields=["obs", "avail_actions"])
     asynchronous = sp.make("2s3z", num_envs=4, batch_size=2)
     disabled = sp.make("3m", num_envs=2, autoreset="disabled")
+    many = sp.make("27m_vs_30m", num_envs=256)
     closed = sp.make("3m", num_envs=1)
     closed.close()
     spectators: list[sp.Spectator] = []
@@ -396,7 +397,8 @@ def errors() -> dict[str, Callable[[], object]]:
         "lane": lambda: sp.connect(envs.name, lane="zz"),
         "spectators": watch,
         "name": lambda: sp.make("2s3z", name=envs.name),
-        "timeout": lambda: envs.reset(seed=1, timeout=0),
+        # Too many to be ready when the time is looked at first: the learner's thread resets environments itself.
+        "timeout": lambda: many.reset(seed=1, timeout=0),
         "closed": closed.reset,
     }
 
