@@ -397,7 +397,7 @@ def errors() -> dict[str, Callable[[], object]]:
         "lane": lambda: sp.connect(envs.name, lane="zz"),
         "spectators": watch,
         "name": lambda: sp.make("2s3z", name=envs.name),
-        # Too many to be ready when the time is looked at first: the learner's thread resets environments itself.
+        # Too many to be ready when the time is looked at first: the learner's thread resets some itself.
         "timeout": lambda: many.reset(seed=1, timeout=0),
         "closed": closed.reset,
     }
