@@ -17,6 +17,9 @@ use pulp::x86::{V2, V3, V4};
 /// The largest number of lanes of all levels.
 pub(crate) const MAX_LANES: usize = 16;
 
+/// The sign bit of a float.
+const SIGN: u32 = 1 << 31;
+
 /// One float per lane, as it is kept in memory: in one cache line, so that no register is loaded from two.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
@@ -308,7 +311,9 @@ impl<S: Lanes> Floats<S> {
 
     #[inline(always)]
     pub fn abs(self) -> Floats<S> {
-        self.with(self.simd.abs_f32s(self.value))
+        // Not `abs_f32s` nor `neg_f32s`: these are not always inlined.
+        let without_sign = self.simd.splat_f32s(f32::from_bits(!SIGN));
+        self.with(self.simd.and_f32s(without_sign, self.value))
     }
 
     /// 1 / x, rounded.
@@ -431,7 +436,8 @@ impl<S: Lanes> Neg for Floats<S> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.with(self.simd.neg_f32s(self.value))
+        let sign = self.simd.splat_f32s(f32::from_bits(SIGN));
+        self.with(self.simd.xor_f32s(sign, self.value))
     }
 }
 
