@@ -5,6 +5,7 @@
 
 use crate::engine::{Plays, record};
 use smaclite_benches::play::{Player, Policy, Recording};
+use smaclite_engine::Scratch;
 use smaclite_scenarios::ScenarioError;
 use std::collections::HashMap;
 use std::error::Error;
@@ -67,7 +68,7 @@ pub(crate) enum CountError {
 /// Plays once, in the process that callgrind runs.
 pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<(), Box<dyn Error>> {
     let (mut player, recording) = record(scenario, policy, steps)?;
-    play_counted(&mut player, &recording);
+    play_counted(&mut player, &recording, &mut Scratch::new());
     Ok(())
 }
 
@@ -76,8 +77,8 @@ const COUNTED: &str = "instructions::play_counted";
 
 /// Not inlined: callgrind counts inside this function only.
 #[inline(never)]
-fn play_counted(player: &mut Player, recording: &Recording) {
-    player.play(recording);
+fn play_counted(player: &mut Player, recording: &Recording, scratch: &mut Scratch) {
+    player.play(recording, scratch);
 }
 
 /// This program as `second` under valgrind. glibc chooses `memcpy` by the processor, which changes counts by

@@ -116,7 +116,6 @@ fn begin_step(battle: &mut Battle, after_episode: AfterEpisode) -> bool {
 /// Plays recordings, and writes after each step everything that a pool would write.
 pub struct Player {
     battle: Battle,
-    scratch: Scratch,
     obs: Vec<f32>,
     state: Vec<f32>,
     avail: Vec<u8>,
@@ -129,7 +128,6 @@ impl Player {
         let sizes = arena.sizes();
         Player {
             battle: Battle::new(arena, 0),
-            scratch: Scratch::new(),
             obs: vec![0.0; sizes.n_agents * sizes.obs_size],
             state: vec![0.0; sizes.state_size],
             avail: vec![0; sizes.n_agents * sizes.n_actions],
@@ -158,12 +156,12 @@ impl Player {
     /// # Panics
     /// If an action is not available.
     #[inline]
-    pub fn step(&mut self, actions: &[i32], after_episode: AfterEpisode) {
+    pub fn step(&mut self, actions: &[i32], after_episode: AfterEpisode, scratch: &mut Scratch) {
         if begin_step(&mut self.battle, after_episode) {
-            let step = self.battle.step(actions, &mut self.scratch);
+            let step = self.battle.step(actions, scratch);
             black_box(step.expect("recorded actions are available").reward);
         }
-        self.battle.write_obs(&mut self.obs, &mut self.scratch);
+        self.battle.write_obs(&mut self.obs, scratch);
         self.battle.write_state(&mut self.state);
         self.battle.write_avail_actions(&mut self.avail);
         self.battle.write_alive(&mut self.alive);
@@ -174,10 +172,10 @@ impl Player {
     ///
     /// # Panics
     /// If an action is not available: the recording is of another arena.
-    pub fn play(&mut self, recording: &Recording) {
+    pub fn play(&mut self, recording: &Recording, scratch: &mut Scratch) {
         self.rewind(recording);
         for actions in recording.steps() {
-            self.step(actions, recording.after_episode);
+            self.step(actions, recording.after_episode, scratch);
         }
     }
 }

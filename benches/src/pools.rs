@@ -62,7 +62,8 @@ pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<
         let time = Duration::from_secs(1);
         let workload = Workload { time, ..Workload::new(scenario)? };
         for policy in [Policy::Nearest, Policy::Random, Policy::Sampled] {
-            let mut workloads = vec![Workload { policy, mode: Mode::Engine, ..workload.clone() }];
+            let engine = |mode| Workload { policy, mode, ..workload.clone() };
+            let mut workloads = vec![engine(Mode::Engine), engine(Mode::InTurn)];
             for mode in [Mode::Embedded, Mode::Attached] {
                 workloads.extend(threads.iter().map(|&threads| {
                     let options = PoolOptions { threads, ..workload.options };
@@ -70,10 +71,12 @@ pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<
                 }));
             }
             let steps = meter.in_turn(&workloads)?;
-            let (embedded, attached) = steps[1..].split_at(threads.len());
-            println!("{scenario}, {}: engine alone {:.0} steps/s", policy.name(), steps[0]);
+            let (embedded, attached) = steps[2..].split_at(threads.len());
+            let (alone, in_turn) = (steps[0], steps[1] / steps[0]);
+            let policy = policy.name();
+            println!("{scenario}, {policy}: engine alone {alone:.0} steps/s, in turn {in_turn:.2} x");
             for (i, n) in threads.iter().enumerate() {
-                let efficiency = embedded[i] / steps[0] / *n as f64;
+                let efficiency = embedded[i] / alone / *n as f64;
                 let ratio = attached[i] / embedded[i];
                 println!("  {n} threads: embedded {:8.0} steps/s, efficiency {efficiency:.2}", embedded[i]);
                 println!("  {n} threads: attached {:8.0} steps/s, {ratio:.2} x embedded", attached[i]);

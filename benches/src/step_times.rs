@@ -2,6 +2,7 @@
 
 use crate::engine::{Plays, record};
 use smaclite_benches::play::{AfterEpisode, Player, Recording};
+use smaclite_engine::Scratch;
 use std::error::Error;
 use std::time::{Duration, Instant};
 
@@ -17,9 +18,10 @@ pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>>
     for scenario in plays.scenarios() {
         let (mut player, recording) = record(&scenario, plays.policy, plays.steps)?;
         let mut shortest = vec![u64::MAX; plays.steps];
+        let mut scratch = Scratch::new();
         let begin = Instant::now();
         while shortest.first() == Some(&u64::MAX) || begin.elapsed() < time {
-            play_timed(&mut player, &recording, &mut shortest);
+            play_timed(&mut player, &recording, &mut scratch, &mut shortest);
         }
         let total = shortest.iter().sum::<u64>() as f64;
         let per_unit_tick = total / recording.unit_ticks() as f64;
@@ -34,11 +36,11 @@ pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>>
 
 /// Plays a recording and keeps the shortest time in nanoseconds that each of its steps has taken so far:
 /// other programs share the processor, and a step usually ends before they interrupt it.
-fn play_timed(player: &mut Player, recording: &Recording, shortest: &mut [u64]) {
+fn play_timed(player: &mut Player, recording: &Recording, scratch: &mut Scratch, shortest: &mut [u64]) {
     player.rewind(recording);
     for (actions, shortest) in recording.steps().zip(shortest) {
         let begin = Instant::now();
-        player.step(actions, AfterEpisode::ResetAndPlay);
+        player.step(actions, AfterEpisode::ResetAndPlay, scratch);
         *shortest = (*shortest).min(begin.elapsed().as_nanos() as u64);
     }
 }

@@ -30,6 +30,8 @@ const SEED: u64 = 1;
 pub enum Mode {
     /// The engine alone: one thread plays the battles of all environments one by one
     Engine,
+    /// The same with one step of each battle in turn, as a pool steps its environments
+    InTurn,
     /// A pool in this process
     Embedded,
     /// A pool in another process, with the learner in this one
@@ -98,7 +100,7 @@ impl Workload {
     ) -> Result<Throughput, MeasureError> {
         let interrupt = Interrupt(interrupted);
         let (counts, threads) = match self.mode {
-            Mode::Engine => (engine::measure(self, interrupt)?, 1),
+            Mode::Engine | Mode::InTurn => (engine::measure(self, interrupt)?, 1),
             Mode::Embedded | Mode::Attached => {
                 (pool::measure(self, second_process, interrupt)?, self.options.threads)
             }

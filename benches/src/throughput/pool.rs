@@ -41,7 +41,8 @@ pub(super) fn measure(
         })?,
     };
     let counts = match policy {
-        Policy::Sampled => sample(workload, &mut client, interrupt)?,
+        Policy::Sampled if batch_size == num_envs => sample(workload, &mut client, interrupt)?,
+        Policy::Sampled => sample_asynchronously(workload, &mut client, interrupt)?,
         Policy::Nearest | Policy::Random => replay(workload, &mut client, interrupt)?,
     };
     Ok(Counts { rss_bytes: resident_bytes(server.pid()), ..counts })
@@ -134,9 +135,28 @@ fn replay(
     Ok(Counts::of_recordings(&recordings, passes, begin.elapsed(), 0))
 }
 
+/// Samples available actions of all environments.
+fn sample(
+    workload: &Workload,
+    client: &mut Client,
+    interrupt: Interrupt<'_>,
+) -> Result<Counts, MeasureError> {
+    let mut actions = vec![0; workload.num_envs * client.layout().sizes().n_agents];
+    let mut counts = Counts { steps: 0, unit_ticks: 0, time: Duration::ZERO, rss_bytes: 0 };
+    client.reset(Some(SEED), None, wait_options(&mut || false))?;
+    let begin = Instant::now();
+    while counts.steps == 0 || begin.elapsed() < workload.time {
+        client.sample_actions(None, &mut actions)?;
+        counts.add(&client.step(&actions, None, wait_options(&mut || false))?);
+        interrupt.check()?;
+    }
+    counts.time = begin.elapsed();
+    Ok(counts)
+}
+
 /// Samples available actions of the environments in each batch. Nothing can be recorded for asynchronous
 /// stepping, because the order of the results is not known in advance.
-fn sample(
+fn sample_asynchronously(
     workload: &Workload,
     client: &mut Client,
     interrupt: Interrupt<'_>,
@@ -149,8 +169,7 @@ fn sample(
     while counts.steps == 0 || begin.elapsed() < workload.time {
         let batch = client.recv(wait_options(&mut || false))?;
         ids.copy_from_slice(batch.env_id());
-        counts.steps += ids.len() as u64;
-        counts.unit_ticks += (living_units(&batch) * TICKS_PER_STEP) as u64;
+        counts.add(&batch);
         drop(batch);
         client.sample_actions(Some(&ids), &mut actions)?;
         client.send(&actions, Some(&ids), wait_options(&mut || false))?;
@@ -158,6 +177,14 @@ fn sample(
     }
     counts.time = begin.elapsed();
     Ok(counts)
+}
+
+impl Counts {
+    /// Counts the steps of a batch.
+    fn add(&mut self, batch: &Batch) {
+        self.steps += batch.env_id().len() as u64;
+        self.unit_ticks += (living_units(batch) * TICKS_PER_STEP) as u64;
+    }
 }
 
 /// Living units in all environments of a batch.

@@ -99,7 +99,7 @@ impl Bench {
     fn workloads(&self) -> Result<Vec<Workload>, Box<dyn Error>> {
         let default = match self.mode {
             Mode::Attached => PoolOptions::for_other_processes(),
-            Mode::Embedded | Mode::Engine => PoolOptions::default(),
+            Mode::Embedded | Mode::Engine | Mode::InTurn => PoolOptions::default(),
         };
         let threads = self.threads.unwrap_or(default.threads);
         let num_envs = self.num_envs;
