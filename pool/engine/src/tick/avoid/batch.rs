@@ -38,6 +38,8 @@ pub(super) struct Batch {
     ranks: Vec<Rank>,
     /// By slot: those of obstacles, then those of neighbours.
     half_planes: Vec<HalfPlaneColumns>,
+    /// How many slots of obstacles there are: at most `max_edges`, as many edges need no half-plane.
+    n_obstacles: usize,
     projected: Vec<HalfPlaneColumns>,
     /// Neighbours of one unit in the order of the tree.
     in_tree_order: NearestList,
@@ -143,9 +145,9 @@ impl Batch {
             preferred: Vectors::load(simd, &self.preferred),
             unconstrained: Vectors::load(simd, &self.unconstrained),
             max_speed: Floats::load(simd, &self.max_speed),
-            n_hard: self.max_edges,
+            n_hard: self.n_obstacles,
         };
-        let half_planes = &self.half_planes[..self.max_edges + self.max_neighbours];
+        let half_planes = &self.half_planes[..self.n_obstacles + self.max_neighbours];
         // Two units at one point have no direction in which to separate, which gives NaN or infinity; such a
         // unit stays.
         let solutions = programs.solve(half_planes, &mut self.projected).finite_or_zero();
@@ -169,13 +171,22 @@ impl Batch {
             velocity: Vectors::load(simd, &self.velocity),
             radius: Floats::load(simd, &self.radius),
         };
-        let (obstacles, half_planes) = self.half_planes.split_at_mut(self.max_edges);
         let n_edges = Floats::load(simd, &self.n_edges);
+        self.n_obstacles = 0;
         for (slot, edges) in self.edges[..self.max_edges].iter().enumerate() {
-            let (earlier, rest) = obstacles.split_at_mut(slot);
-            let (here, exist) = obstacles::keep_off(&movers, edges, earlier);
-            rest[0].store(here, exist & Floats::splat(simd, slot as f32).lt(n_edges));
+            let (nearer, rest) = self.half_planes.split_at_mut(self.n_obstacles);
+            let exist = Floats::splat(simd, slot as f32).lt(n_edges);
+            let are_needed = exist & !obstacles::are_covered(&movers, edges, nearer);
+            // In front of a wall, its nearest edge covers the others.
+            if !are_needed.any() {
+                continue;
+            }
+            let (here, exist) = obstacles::keep_off(&movers, edges);
+            let exist = exist & are_needed;
+            rest[0].store(here, exist);
+            self.n_obstacles += usize::from(exist.any());
         }
+        let half_planes = &mut self.half_planes[self.n_obstacles..];
         let n_neighbours = Floats::load(simd, &self.n_neighbours);
         let neighbours = self.neighbours[..self.max_neighbours].iter().zip(&mut self.ranks).zip(half_planes);
         for (slot, ((neighbours, rank), half_planes)) in neighbours.enumerate() {
@@ -191,7 +202,7 @@ impl Batch {
     #[inline(always)]
     fn sort<S: Lanes>(&mut self, simd: S, planes: &mut [PlaneUnits]) {
         let n = self.max_neighbours;
-        let half_planes = &mut self.half_planes[self.max_edges..][..n];
+        let half_planes = &mut self.half_planes[self.n_obstacles..][..n];
         let ranks = &mut self.ranks[..n];
         // Odd-even transposition sort: it compares the same slots whatever their order, so all lanes can be
         // sorted at once; the comparisons of a pass do not wait for each other; and it exchanges adjacent
@@ -234,7 +245,7 @@ impl Batch {
         {
             return;
         }
-        let half_planes = &mut self.half_planes[self.max_edges..];
+        let half_planes = &mut self.half_planes[self.n_obstacles..];
         for (slot, index) in self.in_tree_order.indices().enumerate() {
             let is_here = |rank: &Rank| rank.index[lane] == index as f32;
             let Some(from) = self.ranks[slot..].iter().position(is_here) else { continue };

@@ -226,6 +226,9 @@ impl<S: Lanes> Programs<S> {
         // `worst` is the violation so far by the half-planes before i. One that is violated more must be
         // among the most violated of the solution; there it and some earlier one are violated equally.
         let mut worst = Floats::splat(simd, 0.0);
+        // The hard half-planes come first and stay as they are. If one of them failed, there are none of units
+        // before it.
+        projected[..self.n_hard].copy_from_slice(&half_planes[..self.n_hard]);
         for (i, columns) in half_planes.iter().enumerate() {
             let (half_plane, exists) = columns.load(simd);
             let is_worse = half_plane.violation(velocities).gt(worst);
@@ -234,11 +237,8 @@ impl<S: Lanes> Programs<S> {
             if !concerned.any() {
                 continue;
             }
-            // The hard half-planes come first and stay as they are. If one of them failed, there are none of
-            // units before it.
             let projected = &mut projected[..i.max(self.n_hard)];
-            let (hard, relaxed) = projected.split_at_mut(self.n_hard);
-            hard.copy_from_slice(&half_planes[..self.n_hard]);
+            let relaxed = &mut projected[self.n_hard..];
             for (other, projected) in half_planes[self.n_hard..].iter().zip(relaxed) {
                 let (other, exists) = other.load(simd);
                 let (between, applies) = half_plane.equal_violation(&other);

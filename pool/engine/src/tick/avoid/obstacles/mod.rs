@@ -117,14 +117,32 @@ fn either<S: Lanes>(is_this: Mask<S>, this: Optional<S>, that: Optional<S>) -> O
     (half_planes, is_this & this.1 | !is_this & that.1)
 }
 
-/// The velocities that keep each unit off its edge for the time horizon, and where there are any: not where
-/// other half-planes ensure that.
+/// Where half-planes of nearer edges keep each unit off its edge already.
 #[inline(always)]
-pub(super) fn keep_off<S: Lanes>(
+pub(super) fn are_covered<S: Lanes>(
     movers: &Movers<S>,
     edges: &EdgeColumns,
-    earlier: &[HalfPlaneColumns],
-) -> Optional<S> {
+    nearer: &[HalfPlaneColumns],
+) -> Mask<S> {
+    let (simd, radius) = (movers.radius.simd(), movers.radius);
+    let zero = Floats::splat(simd, 0.0);
+    let [start, end] = [&edges.start, &edges.end].map(
+        #[inline(always)]
+        |end| Vectors::load(simd, end) - movers.position,
+    );
+    let mut are_covered = zero.lt(zero);
+    for half_planes in nearer {
+        let (half_planes, exist) = half_planes.load(simd);
+        let both = covers(&half_planes, start, radius) & covers(&half_planes, end, radius);
+        are_covered = are_covered | exist & both;
+    }
+    are_covered
+}
+
+/// The velocities that keep each unit off its edge for the time horizon, and where there are any: not where
+/// the half-plane of an adjacent edge ensures that.
+#[inline(always)]
+pub(super) fn keep_off<S: Lanes>(movers: &Movers<S>, edges: &EdgeColumns) -> Optional<S> {
     let (simd, radius) = (movers.radius.simd(), movers.radius);
     let (zero, one) = (Floats::splat(simd, 0.0), Floats::splat(simd, 1.0));
     let origin = Vectors { x: zero, y: zero };
@@ -141,12 +159,6 @@ pub(super) fn keep_off<S: Lanes>(
     };
     let end =
         Corner { offset: to - movers.position, incoming: along, outgoing: Vectors::load(simd, &edges.after) };
-    let mut is_covered = zero.lt(zero);
-    for half_planes in earlier {
-        let (half_planes, exist) = half_planes.load(simd);
-        let both = covers(&half_planes, start.offset, radius) & covers(&half_planes, end.offset, radius);
-        is_covered = is_covered | exist & both;
-    }
     // The position of the unit projected on the line of the edge, as a share of the edge.
     let radius_squared = radius * radius;
     let span = to - from;
@@ -180,8 +192,7 @@ pub(super) fn keep_off<S: Lanes>(
     if touches_start.any() {
         chosen = either(touches_start, (away_from(start.offset), everywhere), chosen);
     }
-    let (half_planes, exist) = chosen;
-    (half_planes, exist & !is_covered)
+    chosen
 }
 
 /// Whether the half-planes already keep each unit off this point of an obstacle: whether all velocities that
@@ -416,9 +427,10 @@ mod tests {
                     }
                     let is_there = column(&|s| f32::from(slot < s.edges.len()));
                     let (earlier, rest) = slots.split_at_mut(slot);
-                    let (half_planes, exist) = keep_off(&movers, &edges, earlier);
+                    let (half_planes, exist) = keep_off(&movers, &edges);
                     let is_there = Floats::load(simd, &is_there).gt(Floats::splat(simd, 0.0));
-                    rest[0].store(half_planes, exist & is_there);
+                    let is_covered = are_covered(&movers, &edges, earlier);
+                    rest[0].store(half_planes, exist & is_there & !is_covered);
                 }
                 self.half_planes.extend((0..scenes.len()).map(|lane| {
                     let vector = |[x, y]: &[Column; 2]| Vec2::new(x[lane], y[lane]);
