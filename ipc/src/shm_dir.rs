@@ -90,6 +90,15 @@ impl RuntimeDir {
         self.folder_of(&File::open(self.shm_dir_lock()).ok()?)
     }
 
+    /// Those of this user's folders in shared memory that no process uses.
+    pub(crate) fn unused_shm_dirs(&self) -> Vec<PathBuf> {
+        // Locked for a moment; whoever opens the folder meanwhile tries again.
+        let lock = File::open(self.shm_dir_lock());
+        let is_used = lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
+        let used = if is_used { self.shm_dir() } else { None };
+        self.shm_dirs().into_iter().filter(|dir| Some(dir) != used.as_ref()).collect()
+    }
+
     /// This user's folders in shared memory whose names begin with this runtime folder's prefix.
     pub(crate) fn shm_dirs(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
