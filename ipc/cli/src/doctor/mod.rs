@@ -19,7 +19,7 @@ use std::time::Duration;
 #[derive(Args)]
 #[command(after_help = "\
 The pools of the checks are small, run for a moment, and end. As at the start of every pool, files that killed \
-pools left are removed. The exit status is 1 if a check failed.")]
+pools left in /dev/shm are removed. The exit status is 1 if a check failed.")]
 pub(super) struct Doctor {
     /// Print JSON
     #[arg(long)]
@@ -235,7 +235,7 @@ fn left_over(runtime_dir: &RuntimeDir) -> Check {
         0 => Check::ok("left-over files", "none"),
         files => {
             let remedy =
-                "the checks below removed them, as every new pool does; `smaclite-pool clean` does too";
+                "`smaclite-pool clean` removes them; those in /dev/shm are gone after the checks below";
             Check::warning("left-over files", format!("{files} of killed pools or learners"), remedy)
         }
     }

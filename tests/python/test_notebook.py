@@ -1,0 +1,62 @@
+"""Runs the notebook of the documentation from top to bottom, with less training."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NOTEBOOK = Path(__file__).resolve().parents[2] / "docs/tutorials/notebook.ipynb"
+
+
+def code_cells(notebook: dict[str, Any]) -> list[dict[str, Any]]:
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def printed(cell: dict[str, Any]) -> str:
+    return "".join("".join(output["text"]) for output in cell["outputs"] if output["output_type"] == "stream")
+
+
+def pictures(cell: dict[str, Any]) -> set[str]:
+    """The kinds of pictures that a cell shows."""
+    return {
+        kind
+        for output in cell["outputs"]
+        for kind, content in output.get("data", {}).items()
+        if kind.startswith("image/") and len(base64.b64decode(content)) > 1000
+    }
+
+
+def check(notebook: dict[str, Any]) -> None:
+    """Every cell ran once, in order, and what the text promises was shown."""
+    cells = code_cells(notebook)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    text = "".join(map(printed, cells))
+    for part in ["obs            float32  (16, 5, 80)", "valid scenario: 7 agents", "focus_fire", "complete",
+                 "win rate", "episode 0: "]:  # fmt: skip
+        assert part in text, text
+    assert [pictures(cell) for cell in cells if pictures(cell)] == [{"image/png"}] * 3 + [{"image/gif"}]
+
+
+def test_the_stored_outputs_are_of_one_run() -> None:
+    notebook = json.loads(NOTEBOOK.read_text())
+    check(notebook)
+    assert NOTEBOOK.stat().st_size < 500_000, "every run adds the outputs to the repository"
+
+
+def test_the_notebook_runs(tmp_path: Path) -> None:
+    nbclient = pytest.importorskip("nbclient", reason="`just test-notebook` installs it")
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    [parameters] = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
+    assert parameters.source.startswith("STEPS = ")
+    parameters.source = "STEPS = 5_000"
+    for cell in notebook.cells:
+        cell.pop("outputs", None)
+    for cell in code_cells(notebook):
+        cell.update(outputs=[], execution_count=None)
+    nbclient.NotebookClient(notebook, timeout=100, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    check(notebook)
