@@ -59,7 +59,8 @@ test-notebook *args: _notebook
 
 # Run the notebook with its whole training, and store its outputs, which the site shows
 notebook: _notebook
-    {{ venv }}/bin/jupyter execute --inplace --NotebookClient.record_timing=False {{ notebook }}
+    {{ python }} -m pip install --quiet nbconvert
+    {{ python }} -m nbconvert --execute --inplace --ExecutePreprocessor.record_timing=False {{ notebook }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:

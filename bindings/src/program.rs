@@ -1,7 +1,6 @@
 //! The `smaclite-pool` program, run from Python.
 
 use pyo3::prelude::*;
-use smaclite_cli::HostVersion;
 use std::ffi::OsString;
 
 /// Run the `smaclite-pool` program in this process and return its exit status.
@@ -10,15 +9,11 @@ use std::ffi::OsString;
 /// default action (`signal.SIG_DFL`), as in `python -m smaclite_pool`.
 #[pyfunction]
 pub fn run_program(py: Python<'_>, args: Vec<OsString>) -> i32 {
-    let host = [python(py), numpy(py)];
+    let host = [("Python", Python::version_str().to_owned()), ("NumPy", numpy(py))];
     py.detach(|| smaclite_cli::run(args, &host))
 }
 
-fn python(py: Python<'_>) -> HostVersion {
-    ("Python", py.version().to_owned())
-}
-
-fn numpy(py: Python<'_>) -> HostVersion {
-    let version = py.import("numpy").and_then(|numpy| numpy.getattr("__version__")?.extract::<String>());
-    ("NumPy", version.unwrap_or_else(|error| error.to_string()))
+fn numpy(py: Python<'_>) -> String {
+    let version = py.import("numpy").and_then(|numpy| numpy.getattr("__version__")?.extract());
+    version.unwrap_or_else(|error| error.to_string())
 }

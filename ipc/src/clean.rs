@@ -42,8 +42,8 @@ pub fn clean(runtime_dir: &RuntimeDir) -> Result<CleanReport, CleanError> {
     Ok(CleanReport { removed: before.saturating_sub(in_use), in_use })
 }
 
-/// How many files [`clean`] would remove, at least: of pools that do not run, and folders in `/dev/shm` that no
-/// process uses. Removes nothing.
+/// How many files [`clean`] would remove, at least: of pools that do not run, and of folders in `/dev/shm`
+/// that no process uses. Removes nothing.
 pub fn left_over_files(runtime_dir: &RuntimeDir) -> usize {
     let running = running_pools(runtime_dir);
     let pools = runtime_dir.stale_names().into_iter().filter(|name| !running.contains(name)).count();

@@ -184,8 +184,8 @@ fn check_folder(folder: &Path) -> Result<()> {
     let named = |error: Error| {
         let remedy = match error.kind() {
             ErrorKind::NotFound => {
-                "the processes that use it have another /dev/shm (share it: `docker run --ipc=container:NAME`), \
-                 or it was removed (stop them)"
+                "the processes that use it have another /dev/shm (share it: `docker run \
+                 --ipc=container:NAME`), or it was removed (stop them)"
             }
             _ => "stop the pools that use it and run `smaclite-pool clean`",
         };

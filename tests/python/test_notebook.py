@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,10 @@ def printed(cell: dict[str, Any]) -> str:
     return "".join("".join(output["text"]) for output in cell["outputs"] if output["output_type"] == "stream")
 
 
-def pictures(cell: dict[str, Any]) -> set[str]:
-    """The kinds of pictures that a cell shows."""
-    return {
-        kind
-        for output in cell["outputs"]
-        for kind, content in output.get("data", {}).items()
-        if kind.startswith("image/") and len(base64.b64decode(content)) > 1000
-    }
+def shown(cell: dict[str, Any]) -> set[str]:
+    """What a cell shows besides text: pictures and pages."""
+    kinds = [kind for output in cell["outputs"] for kind in output.get("data", {})]
+    return {kind for kind in kinds if kind in ("image/png", "text/html")}
 
 
 def check(notebook: dict[str, Any]) -> None:
@@ -38,13 +34,24 @@ def check(notebook: dict[str, Any]) -> None:
     for part in ["obs            float32  (16, 5, 80)", "valid scenario: 7 agents", "focus_fire", "complete",
                  "win rate", "episode 0: "]:  # fmt: skip
         assert part in text, text
-    assert [pictures(cell) for cell in cells if pictures(cell)] == [{"image/png"}] * 3 + [{"image/gif"}]
+    assert [shown(cell) for cell in cells if shown(cell)] == [{"image/png"}] * 3 + [{"text/html"}]
+    page = "".join(cells[-1]["outputs"][-1]["data"]["text/html"])
+    assert page.startswith("<div><iframe srcdoc=") and "&lt;canvas" in page
 
 
 def test_the_stored_outputs_are_of_one_run() -> None:
     notebook = json.loads(NOTEBOOK.read_text())
     check(notebook)
-    assert NOTEBOOK.stat().st_size < 500_000, "every run adds the outputs to the repository"
+    assert NOTEBOOK.stat().st_size < 300_000, "every run adds the outputs to the repository"
+
+
+def test_links_lead_to_pages() -> None:
+    cells = json.loads(NOTEBOOK.read_text())["cells"]
+    text = "".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    links = re.findall(r"\]\(([^)#:]+)\)", text)
+    assert "installation.md" in links
+    for link in links:
+        assert (NOTEBOOK.parent / link).exists(), link
 
 
 def test_the_notebook_runs(tmp_path: Path) -> None:

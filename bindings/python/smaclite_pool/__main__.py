@@ -11,7 +11,7 @@ def main() -> int:
     """Run the program with this process's arguments and return its exit status."""
     # The program handles Ctrl-C itself; Python's handler would raise KeyboardInterrupt after a clean end.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    # A script that completes commands calls the program by this path. A module is called by its name, from PATH.
+    # Scripts that complete commands call the program by this path. A module has none: its name, from PATH.
     script = sys.argv[0] if os.path.basename(sys.argv[0]) == "smaclite-pool" else "smaclite-pool"
     return run_program([script, *sys.argv[1:]])
 

@@ -1,5 +1,5 @@
-//! `smaclite-pool completions`: the script by which a shell asks this program what can follow. The answers are
-//! clap's, except for the values here: scenarios and running pools.
+//! `smaclite-pool completions`: the script by which a shell asks this program what can follow. The answers
+//! are clap's, except for the values here: scenarios and running pools.
 
 use super::{Cli, CommandResult};
 use clap::{Args, CommandFactory};
@@ -23,7 +23,7 @@ To complete commands in every new shell, add the line of your shell to the file:
   zsh         ~/.zshrc, after compinit    source <(smaclite-pool completions zsh)
   fish        ~/.config/fish/config.fish  smaclite-pool completions fish | source
   elvish      ~/.config/elvish/rc.elv     eval (smaclite-pool completions elvish | slurp)
-  powershell  $PROFILE                    smaclite-pool completions powershell | Out-String | Invoke-Expression")]
+  powershell  $PROFILE                    smaclite-pool completions powershell | Out-String | iex")]
 pub(super) struct Completions {
     /// The shell
     shell: clap_complete::Shell,

@@ -111,8 +111,8 @@ enum Command {
 /// A program or library that runs this one, and its version, for `doctor`.
 pub type HostVersion = (&'static str, String);
 
-/// Runs the program with these arguments, the first of which is the program's name or path, and returns its exit
-/// status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
+/// Runs the program with these arguments, the first of which is the program's name or path, and returns its
+/// exit status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
     if let Some(status) = completions::answer(&args) {

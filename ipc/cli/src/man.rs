@@ -10,8 +10,8 @@ Examples:
   smaclite-pool man | man -l -
   smaclite-pool man --out ~/.local/share/man/man1")]
 pub(super) struct Man {
-    /// Write a page per command to this folder, which is created if it does not exist, instead of printing the
-    /// page of the program
+    /// Write a page per command to this folder, which is created if it does not exist, instead of printing
+    /// the page of the program
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 }

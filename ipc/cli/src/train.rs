@@ -26,7 +26,8 @@ Examples:
 Ctrl-C writes a checkpoint; --resume continues with the same bits as an uninterrupted run.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"], add = completions::scenario())]
+    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
+        add = completions::scenario())]
     map: Option<String>,
     /// Folder of the run: weights, checkpoint and logs; must not hold a run
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]

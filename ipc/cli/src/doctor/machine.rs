@@ -211,8 +211,8 @@ fn inside(kernel: &str) -> Vec<String> {
     found
 }
 
-/// A namespace of this process by its number, which two processes can compare. The first ones of a machine have
-/// the numbers of `include/linux/proc_ns.h`.
+/// A namespace of this process by its number, which two processes can compare. The first ones of a machine
+/// have the numbers of `include/linux/proc_ns.h`.
 fn namespace(kind: &'static str) -> Option<(&'static str, String)> {
     let link = std::fs::read_link(format!("/proc/self/ns/{kind}")).ok()?;
     let link = link.to_str()?;

@@ -1,5 +1,5 @@
-//! `smaclite-pool doctor`: what a report of a problem needs, and whether pools work on this machine. `machine`
-//! reads what there is to know; the checks are here.
+//! `smaclite-pool doctor`: what a report of a problem needs, and whether pools work on this machine.
+//! `machine` reads what there is to know; the checks are here.
 
 mod machine;
 
@@ -18,8 +18,8 @@ use std::time::Duration;
 
 #[derive(Args)]
 #[command(after_help = "\
-The pools of the checks are small, run for a moment, and end. As at the start of every pool, files that killed \
-pools left in /dev/shm are removed. The exit status is 1 if a check failed.")]
+The pools of the checks are small, run for a moment, and end. As at the start of every pool, files that \
+killed pools left in /dev/shm are removed. The exit status is 1 if a check failed.")]
 pub(super) struct Doctor {
     /// Print JSON
     #[arg(long)]

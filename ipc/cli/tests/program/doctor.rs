@@ -19,7 +19,8 @@ fn printed(done: &Output) -> String {
 
 /// Result and text of the check with this name.
 fn check(done: &Output, name: &str) -> (String, String) {
-    let report: Value = serde_json::from_slice(&done.stdout).expect(&printed(done));
+    let report: Value =
+        serde_json::from_slice(&done.stdout).unwrap_or_else(|error| panic!("{error}: {}", printed(done)));
     let checks = report["checks"].as_array().expect("a list");
     let check = checks.iter().find(|check| check["name"] == name).expect(name);
     let has_remedy = check["remedy"].is_string();

@@ -42,7 +42,8 @@ fn bash_completes_commands_options_scenarios_and_files() {
     ] {
         let mut offered = offered(folder.path(), &folder.path().join("pools"), words);
         let mut expected: Vec<String> = expected.iter().map(|word| (*word).to_owned()).collect();
-        (offered.sort(), expected.sort());
+        offered.sort();
+        expected.sort();
         assert_eq!(offered, expected, "{words:?}");
     }
 }
