@@ -36,8 +36,7 @@ impl Completions {
         let shell = shells.completer(&self.shell.to_string()).ok_or("no script for this shell")?;
         let mut script = Vec::new();
         shell.write_registration(VARIABLE, NAME, NAME, &absolute(program)?, &mut script)?;
-        std::io::stdout().write_all(&script)?;
-        Ok(())
+        Ok(std::io::stdout().write_all(&script)?)
     }
 }
 

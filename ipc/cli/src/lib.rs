@@ -40,6 +40,7 @@ use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
 use std::error::Error;
 use std::ffi::OsString;
+use std::io::Write;
 use std::ops::RangeInclusive;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::ParseError;
@@ -115,10 +116,17 @@ pub type HostVersion = (&'static str, String);
 /// exit status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
-    if let Some(status) = completions::answer(&args) {
+    let status = run_args(&args, host);
+    // Within Python, an unfinished line would be lost at the end of the process.
+    let _ = std::io::stdout().flush();
+    status
+}
+
+fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
+    if let Some(status) = completions::answer(args) {
         return status;
     }
-    let cli = match Cli::try_parse_from(&args) {
+    let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             let _ = error.print(); // fails only if the output is closed
