@@ -51,7 +51,7 @@ test-page *args: install
 notebook := "docs/tutorials/notebook.ipynb"
 
 _notebook: install
-    {{ python }} -m pip install --quiet nbclient ipykernel matplotlib safetensors
+    {{ python }} -m pip install --quiet nbconvert ipykernel matplotlib safetensors
 
 # Test that the notebook of the documentation runs from top to bottom
 test-notebook *args: _notebook
@@ -59,7 +59,6 @@ test-notebook *args: _notebook
 
 # Run the notebook with its whole training, and store its outputs, which the site shows
 notebook: _notebook
-    {{ python }} -m pip install --quiet nbconvert
     {{ python }} -m nbconvert --execute --inplace --ExecutePreprocessor.record_timing=False {{ notebook }}
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)

@@ -54,7 +54,8 @@ def test_links_lead_to_pages() -> None:
         assert (NOTEBOOK.parent / link).exists(), link
 
 
-def test_the_notebook_runs(tmp_path: Path) -> None:
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     nbclient = pytest.importorskip("nbclient", reason="`just test-notebook` installs it")
     nbformat = pytest.importorskip("nbformat")
     notebook = nbformat.read(NOTEBOOK, as_version=4)
@@ -63,5 +64,5 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
     first["source"] = "STEPS = 5_000"
     for cell in code_cells(notebook):
         cell.update(outputs=[], execution_count=None)
-    nbclient.NotebookClient(notebook, timeout=100, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    nbclient.NotebookClient(notebook, timeout=100).execute()
     check(notebook)

@@ -19,11 +19,11 @@ const NAME: &str = "smaclite-pool";
 #[derive(Args)]
 #[command(after_help = "\
 To complete commands in every new shell, add the line of your shell to the file:
-  bash        ~/.bashrc                   source <(smaclite-pool completions bash)
-  zsh         ~/.zshrc, after compinit    source <(smaclite-pool completions zsh)
-  fish        ~/.config/fish/config.fish  smaclite-pool completions fish | source
-  elvish      ~/.config/elvish/rc.elv     eval (smaclite-pool completions elvish | slurp)
-  powershell  $PROFILE                    smaclite-pool completions powershell | Out-String | iex")]
+  ~/.bashrc                   source <(smaclite-pool completions bash)
+  ~/.zshrc, after compinit    source <(smaclite-pool completions zsh)
+  ~/.config/fish/config.fish  smaclite-pool completions fish | source
+  ~/.config/elvish/rc.elv     eval (smaclite-pool completions elvish | slurp)
+  $PROFILE of PowerShell      smaclite-pool completions powershell | Out-String | iex")]
 pub(super) struct Completions {
     /// The shell
     shell: clap_complete::Shell,
