@@ -31,8 +31,8 @@ pub(super) struct Machine {
     /// `off`, `strict` or `filter`.
     seccomp: Option<&'static str>,
     processor: Option<String>,
-    cores: Cores,
-    memory: Memory,
+    pub(super) cores: Cores,
+    pub(super) memory: Memory,
     pub(super) shared_memory: Option<SharedMemory>,
     pub(super) limits: BTreeMap<&'static str, Limit>,
     /// Environment variables of this program.
@@ -107,14 +107,6 @@ impl Machine {
             limits: limits(),
             environment: environment(),
         }
-    }
-
-    pub(super) fn usable_cores(&self) -> usize {
-        self.cores.usable
-    }
-
-    pub(super) fn free_memory(&self) -> Option<u64> {
-        self.memory.free()
     }
 
     /// Names and values, for people.

@@ -6,7 +6,7 @@ mod machine;
 use super::bench::serve_command;
 use super::{CommandResult, HostVersion, list};
 use clap::Args;
-use machine::{Machine, SHM, SharedMemory, shown};
+use machine::{Limit, Machine, SHM, SharedMemory, shown};
 use serde::Serialize;
 use smaclite_benches::process::interrupt_flag;
 use smaclite_benches::throughput::{Mode, Workload};
@@ -113,10 +113,10 @@ impl Report {
         let machine = Machine::read(host);
         let mut checks = vec![
             shared_memory(machine.shared_memory.as_ref()),
-            memory(&machine),
-            cores(machine.usable_cores()),
-            open_files(&machine),
-            address_space(&machine),
+            memory(machine.memory.free()),
+            cores(machine.cores.usable),
+            open_files(machine.limits["open files"]),
+            address_space(machine.limits["address space"]),
         ];
         let mut pools = Vec::new();
         match RuntimeDir::for_current_user() {
@@ -180,8 +180,8 @@ fn shared_memory(found: Option<&SharedMemory>) -> Check {
     Check::ok(name, format!("{SHM} has {} free", shown(found.free)))
 }
 
-fn memory(machine: &Machine) -> Check {
-    match machine.free_memory() {
+fn memory(free: Option<u64>) -> Check {
+    match free {
         Some(free) if free < LITTLE_MEMORY => {
             let remedy =
                 "end other programs, or raise the limit of the control group; shared memory counts too";
@@ -201,8 +201,8 @@ fn cores(usable: usize) -> Check {
     Check::warning("cores", "1 usable", remedy)
 }
 
-fn open_files(machine: &Machine) -> Check {
-    match machine.limits["open files"].soft {
+fn open_files(limit: Limit) -> Check {
+    match limit.soft {
         Some(limit) if limit < FEW_FILES => {
             let remedy =
                 format!("`ulimit -n 4096`; a process opens about ten files per lane, and needs {FEW_FILES}");
@@ -212,8 +212,8 @@ fn open_files(machine: &Machine) -> Check {
     }
 }
 
-fn address_space(machine: &Machine) -> Check {
-    match machine.limits["address space"].soft {
+fn address_space(limit: Limit) -> Check {
+    match limit.soft {
         Some(limit) => {
             let remedy = "`ulimit -v unlimited`; shared memory and the stacks of threads count, used or not";
             Check::warning("address space", format!("at most {}", shown(limit)), remedy)
@@ -245,9 +245,15 @@ fn left_over(runtime_dir: &RuntimeDir) -> Check {
 fn pool(name: &'static str, mode: Mode, interrupted: &AtomicBool) -> Check {
     let play = || -> Result<(), Box<dyn Error>> {
         let options = PoolOptions { threads: 1, ..PoolOptions::default() };
-        let workload =
-            Workload { mode, options, num_envs: NUM_ENVS, batch_size: NUM_ENVS, ..Workload::new(SCENARIO)? };
-        Workload { time: STEPPING, ..workload }.measure(&serve_command, interrupted)?;
+        let workload = Workload {
+            mode,
+            options,
+            num_envs: NUM_ENVS,
+            batch_size: NUM_ENVS,
+            time: STEPPING,
+            ..Workload::new(SCENARIO)?
+        };
+        workload.measure(&serve_command, interrupted)?;
         Ok(())
     };
     match play() {
