@@ -48,6 +48,19 @@ test-page *args: install
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py {{ args }}
 
+notebook := "docs/tutorials/notebook.ipynb"
+
+_notebook: install
+    {{ python }} -m pip install --quiet nbconvert ipykernel matplotlib safetensors
+
+# Test that the notebook of the documentation runs from top to bottom
+test-notebook *args: _notebook
+    {{ python }} -m pytest tests/python/test_notebook.py {{ args }}
+
+# Run the notebook with its whole training, and store its outputs, which the site shows
+notebook: _notebook
+    {{ python }} -m nbconvert --execute --inplace --ExecutePreprocessor.record_timing=False {{ notebook }}
+
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
@@ -173,7 +186,8 @@ docs $RUSTDOCFLAGS="-D warnings":
     cargo doc --release --no-deps
 
 _site: install
-    {{ python }} -m pip install --quiet 'mkdocs-material>=9.6,<10' 'mkdocstrings[python]>=1' 'mike>=2.1,<3'
+    {{ python }} -m pip install --quiet 'mkdocs-material>=9.6,<10' 'mkdocstrings[python]>=1' 'mike>=2.1,<3' \
+        'mkdocs-jupyter>=0.26,<1'
 
 # Build the documentation site in site/
 site: _site

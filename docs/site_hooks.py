@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import posixpath
 import re
 import subprocess
 import sys
@@ -22,6 +23,20 @@ COLUMNS = "90"
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Called by MkDocs with the text of every page."""
     return re.sub(r"^<!-- insert: (\S+) -->$", lambda found: INSERTS[found[1]](), markdown, flags=re.M)
+
+
+def on_page_content(html: str, page: Any, files: Any, **_: Any) -> str:
+    """Called by MkDocs with the HTML of every page. In a notebook, links still lead to Markdown files."""
+    if not page.file.src_uri.endswith(".ipynb"):
+        return html
+
+    def link(found: re.Match[str]) -> str:
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(page.file.src_uri), found[1]))
+        if (file := files.get_file_from_path(path)) is None:
+            raise ValueError(f"{page.file.src_uri}: a link to {found[1]}, which is no page")
+        return f'href="{file.url_relative_to(page.file)}{found[2] or ""}"'
+
+    return re.sub(r'href="([^":#]+\.md)(#[^"]*)?"', link, html)
 
 
 def batch_fields() -> str:

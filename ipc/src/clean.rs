@@ -1,5 +1,6 @@
-//! Removing the files that killed pools and learners left behind.
+//! The files that killed pools and learners left behind: counting and removing them.
 
+use crate::control::client::running_pools;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{IpcError, open_node};
 use crate::supervisor::NameLock;
@@ -39,6 +40,14 @@ pub fn clean(runtime_dir: &RuntimeDir) -> Result<CleanReport, CleanError> {
     }
     let in_use = count_files(runtime_dir);
     Ok(CleanReport { removed: before.saturating_sub(in_use), in_use })
+}
+
+/// How many files [`clean`] would remove, at least: of pools that do not run, and of folders in `/dev/shm`
+/// that no process uses. Removes nothing.
+pub fn left_over_files(runtime_dir: &RuntimeDir) -> usize {
+    let running = running_pools(runtime_dir);
+    let pools = runtime_dir.stale_names().into_iter().filter(|name| !running.contains(name)).count();
+    pools + runtime_dir.unused_shm_dirs().iter().map(|dir| files_in(dir)).sum::<usize>()
 }
 
 /// Files in shared memory, and pools with a lock or a socket.

@@ -53,7 +53,7 @@ pub mod wire;
 
 pub use batch::Batch;
 pub use capacity::Capacity;
-pub use clean::{CleanError, CleanReport, clean};
+pub use clean::{CleanError, CleanReport, clean, left_over_files};
 pub use client::{Client, ClientError, ConnectError};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};

@@ -90,6 +90,15 @@ impl RuntimeDir {
         self.folder_of(&File::open(self.shm_dir_lock()).ok()?)
     }
 
+    /// Those of this user's folders in shared memory that no process uses.
+    pub(crate) fn unused_shm_dirs(&self) -> Vec<PathBuf> {
+        // Locked for a moment; whoever opens the folder meanwhile tries again.
+        let lock = File::open(self.shm_dir_lock());
+        let is_used = lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
+        let used = if is_used { self.shm_dir() } else { None };
+        self.shm_dirs().into_iter().filter(|dir| Some(dir) != used.as_ref()).collect()
+    }
+
     /// This user's folders in shared memory whose names begin with this runtime folder's prefix.
     pub(crate) fn shm_dirs(&self) -> Vec<PathBuf> {
         let entries = std::fs::read_dir(SHM).into_iter().flatten().flatten();
@@ -173,7 +182,13 @@ fn is_ours(folder: &Path) -> bool {
 /// No other user can replace the folder: `/dev/shm` is sticky.
 fn check_folder(folder: &Path) -> Result<()> {
     let named = |error: Error| {
-        let remedy = "stop the pools that use it and run `smaclite-pool clean`";
+        let remedy = match error.kind() {
+            ErrorKind::NotFound => {
+                "the processes that use it have another /dev/shm (share it: `docker run \
+                 --ipc=container:NAME`), or it was removed (stop them)"
+            }
+            _ => "stop the pools that use it and run `smaclite-pool clean`",
+        };
         Error::new(error.kind(), format!("{}: {error}; {remedy}", folder.display()))
     };
     let found = folder.symlink_metadata().map_err(named)?;
@@ -245,6 +260,16 @@ mod tests {
         assert!(!shm.exists() && runtime_dir.shm_dir().is_none());
         mine.iter().for_each(|file| assert!(file.exists(), "{}", file.display()));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    /// A learner in a container with its own `/dev/shm` was advised to stop the pool and to clean up.
+    #[test]
+    fn a_folder_that_is_not_in_this_shared_memory_says_what_to_share() {
+        let (_root, runtime_dir) = runtime_dir();
+        let pool = runtime_dir.open_shm_dir().unwrap();
+        remove_folder(&pool.usage.folder).unwrap();
+        let error = runtime_dir.open_shm_dir().err().expect("no folder").to_string();
+        assert!(error.contains("No such file") && error.contains("--ipc=container:NAME"), "{error}");
     }
 
     #[test]

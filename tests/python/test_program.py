@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import platform
 import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import numpy as np
 
 import smaclite_pool as sp
 
@@ -46,6 +50,28 @@ def test_exit_codes_distinguish_usage_errors_from_failures() -> None:
     assert run("-m", "smaclite_pool", "nonsense").returncode == 2
     failed = run("-m", "smaclite_pool", "status", "absent")
     assert failed.returncode == 1 and "absent" in failed.stderr and "Traceback" not in failed.stderr
+
+
+def test_doctor_knows_the_versions_of_python_and_numpy() -> None:
+    done = run("-m", "smaclite_pool", "doctor", "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    host = json.loads(done.stdout)["machine"]["host"]
+    assert host["NumPy"] == np.__version__
+    assert host["Python"].startswith(platform.python_version())
+
+
+def test_completions_run_the_script_of_the_virtual_environment() -> None:
+    script = Path(sys.executable).parent / "smaclite-pool"
+    command = [str(script), "completions", "bash"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert str(script) in printed
+    # Bash's answers end without a newline, and were lost in the buffer of a process that ends by Python.
+    asking = {**os.environ, "SMACLITE_POOL_COMPLETE": "bash", "_CLAP_COMPLETE_INDEX": "2"}
+    command = [str(script), "--", "smaclite-pool", "show", "2s3"]
+    asked = subprocess.run(command, env=asking, capture_output=True, text=True, check=True)
+    assert asked.stdout == "2s3z"
+    # A module has no path that a shell could run.
+    assert '"smaclite-pool" -- ' in run("-m", "smaclite_pool", "completions", "bash").stdout
 
 
 def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:

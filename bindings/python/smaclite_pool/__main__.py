@@ -1,5 +1,6 @@
 """`python -m smaclite_pool` is the program `smaclite-pool`."""
 
+import os
 import signal
 import sys
 
@@ -10,7 +11,9 @@ def main() -> int:
     """Run the program with this process's arguments and return its exit status."""
     # The program handles Ctrl-C itself; Python's handler would raise KeyboardInterrupt after a clean end.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return run_program(["smaclite-pool", *sys.argv[1:]])
+    # Scripts that complete commands call the program by this path. A module has none: its name, from PATH.
+    script = sys.argv[0] if os.path.basename(sys.argv[0]) == "smaclite-pool" else "smaclite-pool"
+    return run_program([script, *sys.argv[1:]])
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 
 use super::against::Against;
 use super::table::Table;
-use super::{CommandResult, THREADS, check_range, megabytes};
+use super::{CommandResult, THREADS, check_range, completions, megabytes};
 use clap::Args;
 use smaclite_benches::paper;
 use smaclite_benches::play::Policy;
@@ -20,7 +20,7 @@ use std::time::Duration;
 #[derive(Args)]
 pub(super) struct Bench {
     /// Scenarios: standard names or files [default: the standard scenarios]
-    #[arg(value_name = "SCENARIO")]
+    #[arg(value_name = "SCENARIO", add = completions::scenario())]
     scenarios: Vec<String>,
     /// How the agents choose their actions
     #[arg(long, value_enum, default_value = "sampled")]

@@ -1,8 +1,8 @@
 //! `smaclite-pool edit`: the scenario editor, a page in the browser.
 
-use crate::CommandResult;
 use crate::web::editor::{Editor, Start};
 use crate::web::{ServeOptions, serve};
+use crate::{CommandResult, completions};
 use clap::Args;
 
 #[derive(Args)]
@@ -14,7 +14,7 @@ Examples:
 The page writes FILE and its unit files, which must be in the folder of FILE, and no other files.")]
 pub(super) struct Edit {
     /// A scenario file, or a standard scenario to begin with [default: a new scenario]
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", add = completions::scenario())]
     file: Option<String>,
     #[command(flatten)]
     serve: ServeOptions,

@@ -14,9 +14,12 @@ mod against;
 mod bench;
 mod check;
 mod clean;
+mod completions;
+mod doctor;
 mod edit;
 mod evaluate;
 mod list;
+mod man;
 mod new;
 mod picture;
 mod pool_recorder;
@@ -37,6 +40,7 @@ use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
 use std::error::Error;
 use std::ffi::OsString;
+use std::io::Write;
 use std::ops::RangeInclusive;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::ParseError;
@@ -97,11 +101,31 @@ enum Command {
     Clean(clean::Clean),
     /// Measure steps per second
     Bench(bench::Bench),
+    /// Show what a report of a problem needs, and check that shared memory works here
+    Doctor(doctor::Doctor),
+    /// Print the script by which a shell completes commands
+    Completions(completions::Completions),
+    /// Print the man page of the program, or write one per command
+    Man(man::Man),
 }
 
-/// Runs the program with these arguments, the first of which is the program's name, and returns its exit
-/// status: 0 for success, 1 for failure, 2 for wrong usage.
-pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
+/// A program or library that runs this one, and its version, for `doctor`.
+pub type HostVersion = (&'static str, String);
+
+/// Runs the program with these arguments, the first of which is the program's name or path, and returns its
+/// exit status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
+pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let status = run_args(&args, host);
+    // Within Python, an unfinished line would be lost at the end of the process.
+    let _ = std::io::stdout().flush();
+    status
+}
+
+fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
+    if let Some(status) = completions::answer(args) {
+        return status;
+    }
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
@@ -127,6 +151,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Command::Watch(watch) => watch.run(),
         Command::Clean(clean) => clean.run(),
         Command::Bench(bench) => bench.run(),
+        Command::Doctor(doctor) => doctor.run(host),
+        Command::Completions(completions) => completions.run(&args[0]),
+        Command::Man(man) => man.run(),
     };
     match result {
         Ok(()) => 0,

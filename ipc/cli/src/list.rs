@@ -1,7 +1,7 @@
 //! `smaclite-pool list` and `status`: which pools run on this machine, and their statistics.
 
 use super::table::Table;
-use super::{CommandResult, megabytes, runtime_dir};
+use super::{CommandResult, completions, megabytes, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{
     ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status,
@@ -17,7 +17,7 @@ pub(super) struct List {
 #[derive(Args)]
 pub(super) struct Status {
     /// Name of the pool
-    #[arg(default_value = "default")]
+    #[arg(default_value = "default", add = completions::pool())]
     name: String,
     /// Print JSON
     #[arg(long)]
@@ -44,7 +44,7 @@ impl List {
     }
 }
 
-fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
+pub(super) fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
     let mut table = Table::new(&["pool", "process", "lane", "environments", "learner", "steps/s"]);
     for pool in pools {
         for lane in &pool.lanes {
@@ -144,7 +144,7 @@ fn mean_return(lane: &LaneStatus) -> String {
 
 /// Requests the status of all running pools: those that answer, and the errors of the others. All are
 /// requested at the same time, so that suspended pools cost one timeout together.
-fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+pub(super) fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {
         let threads: Vec<_> =

@@ -3,5 +3,5 @@
 #![forbid(unsafe_code)]
 
 fn main() {
-    std::process::exit(smaclite_cli::run(std::env::args_os()));
+    std::process::exit(smaclite_cli::run(std::env::args_os(), &[]));
 }

@@ -1,7 +1,7 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
 use super::pool_recorder::PoolRecorder;
-use super::{CommandResult, check_range, replay, runtime_dir};
+use super::{CommandResult, check_range, completions, replay, runtime_dir};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -22,11 +22,12 @@ Examples:
 `smaclite-pool replay 2s3z.smreplay --to 2s3z.html` makes a page of a replay.")]
 pub(super) struct Record {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    #[arg(required_unless_present = "pool")]
+    #[arg(required_unless_present = "pool", add = completions::scenario())]
     scenario: Option<String>,
     /// Record this running pool, instead of battles of a scripted policy, until the episodes are complete or
     /// Ctrl-C; its learner does not notice
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "policy", "seed", "rules"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "policy", "seed", "rules"],
+        add = completions::pool())]
     pool: Option<String>,
     /// Lane of the pool [default: its only lane]
     #[arg(long, requires = "pool", value_name = "NAME")]

@@ -1,6 +1,6 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
-use super::{CommandResult, THREADS, check_range, megabytes, runtime_dir};
+use super::{CommandResult, THREADS, check_range, completions, megabytes, runtime_dir};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -21,7 +21,7 @@ use std::error::Error;
 pub(super) struct Serve {
     /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default
     /// 64), and the lane's name (default: that of the scenario)
-    #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]")]
+    #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]", add = completions::lane())]
     lanes: Vec<String>,
     /// Name of the pool, by which learners connect
     #[arg(long, default_value = "default")]

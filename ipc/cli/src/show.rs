@@ -1,7 +1,7 @@
 //! `smaclite-pool show`: a scenario as a map of characters, or as a picture; all of them as a contact sheet.
 
-use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
+use super::{CommandResult, completions};
 use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules};
 use smaclite_scenarios::{Faction, Placement, Scenario};
@@ -18,7 +18,7 @@ point to which the enemies move. A letter stands for a unit; `<` after it marks 
 Units that share a square are shown by the first one.")]
 pub(super) struct Show {
     /// A standard scenario or a scenario file
-    #[arg(required_unless_present = "all")]
+    #[arg(required_unless_present = "all", add = completions::scenario())]
     scenario: Option<String>,
     /// Put all standard scenarios into one picture, each with its name
     #[arg(long, conflicts_with = "scenario", requires = "png")]

@@ -1,6 +1,6 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
-use super::{CommandResult, THREADS, check_range, runtime_dir};
+use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
 use clap::Args;
 use serde_json::Value;
 use smaclite_benches::process::interrupt_flag;
@@ -26,7 +26,8 @@ Examples:
 Ctrl-C writes a checkpoint; --resume continues with the same bits as an uninterrupted run.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"])]
+    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
+        add = completions::scenario())]
     map: Option<String>,
     /// Folder of the run: weights, checkpoint and logs; must not hold a run
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
@@ -35,7 +36,7 @@ pub(super) struct Train {
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules"])]
     resume: Option<PathBuf>,
     /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", add = completions::pool())]
     pool: Option<String>,
     /// Lane of the pool, several times for several; their environments are joined [default: its only lane]
     #[arg(long, requires = "pool", value_name = "NAME")]

@@ -3,7 +3,7 @@
 use crate::web::editor::{Editor, Start};
 use crate::web::live::Live;
 use crate::web::{ServeOptions, serve};
-use crate::{CommandResult, runtime_dir};
+use crate::{CommandResult, completions, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{ControlError, RuntimeDir, running_pools, status};
 
@@ -13,6 +13,7 @@ use smaclite_ipc::{ControlError, RuntimeDir, running_pools, status};
     From another machine: ssh -L 8000:127.0.0.1:8000 HOST, then open the printed URL here.")]
 pub(super) struct Watch {
     /// Name of the pool [default: the only one that runs]
+    #[arg(add = completions::pool())]
     pool: Option<String>,
     /// Lane to show first [default: the pool's first lane]
     #[arg(long)]

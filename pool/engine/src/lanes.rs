@@ -94,6 +94,22 @@ impl Level {
         levels.into_iter().flatten().collect()
     }
 
+    /// Its usual name.
+    pub fn name(self) -> &'static str {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512(_) => "AVX-512",
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2(_) => "AVX2",
+            #[cfg(target_arch = "x86_64")]
+            Level::Sse(_) => "SSE4.2",
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(_) => "NEON",
+            #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+            Level::Scalar(_) => "none",
+        }
+    }
+
     /// Runs code that was compiled for this instruction set.
     #[inline(always)]
     pub fn run(self, kernel: impl Kernel) {

@@ -78,6 +78,11 @@ pub use snapshot::{Snapshot, SnapshotError};
 pub use step::{ExecutionOrder, Step, Tick};
 pub use units::Units;
 
+/// The instruction set with which battles are computed on this processor, such as `AVX2`.
+pub fn instruction_set() -> &'static str {
+    lanes::Level::default().name()
+}
+
 /// Ticks per step.
 pub const TICKS_PER_STEP: usize = 8;
 

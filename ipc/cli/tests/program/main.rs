@@ -1,9 +1,11 @@
 //! Tests of the program by its commands, output and exit status.
 
 mod dependencies;
+mod doctor;
 mod files;
 mod kit;
 mod page_kit;
 mod recording;
+mod shells;
 mod training;
 mod watch;

@@ -1,0 +1,8 @@
+//! Tells the program how it was built, for `doctor`.
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    for name in ["TARGET", "PROFILE", "CARGO_CFG_TARGET_FEATURE"] {
+        println!("cargo::rustc-env=BUILD_{name}={}", std::env::var(name).unwrap_or_default());
+    }
+}
