@@ -44,7 +44,11 @@ FRAGMENT = "a fragment, whose names are explained around it"
 
 NOT_RUN: dict[str, dict[str, str]] = {
     "concepts/fidelity.md": {"export SMACLITE_PYTHON": "needs the published environment"},
-    "frameworks/epymarl.md": {"python -m smaclite_pool.compat": OTHER_CODE, "python bindings": OTHER_CODE},
+    "frameworks/epymarl.md": {
+        "python -m smaclite_pool.compat": OTHER_CODE,
+        "git clone": OTHER_CODE,
+        "python bindings": OTHER_CODE,
+    },
     "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
     "how-to/docker.md": {"docker run --rm": DOCKER, "docker run -d": DOCKER, "services:": DOCKER},
     "how-to/editor.md": {"smaclite-pool edit": SERVES},
