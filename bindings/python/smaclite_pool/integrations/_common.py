@@ -49,6 +49,11 @@ class TimeStep:
         """Whether the episode has ended."""
         return self.terminated or self.truncated
 
+    @property
+    def totals(self) -> dict[str, Any]:
+        """`info` with `episode_return` and `episode_length`."""
+        return {**self.info, "episode_return": self.episode_return, "episode_length": self.episode_length}
+
     @staticmethod
     def of(batch: Batch) -> TimeStep:
         """The only environment of a batch."""

@@ -353,11 +353,7 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         return {"obs": now.obs.copy(), "state": now.state.copy(), "action_mask": mask}
 
     def _info(self, now: TimeStep) -> dict[str, Any]:
-        return {
-            **now.info,
-            "episode_return": now.episode_return,
-            "episode_length": now.episode_length,
-        }
+        return now.totals
 
     def _show(self) -> None:
         self._viewer.observe(self._battle.last.state)
