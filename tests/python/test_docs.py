@@ -34,6 +34,7 @@ PACKAGE = ROOT / "bindings/python/smaclite_pool"
 PAGES = sorted(DOCS.rglob("*.md"))
 
 FRAMEWORKS = {"gymnasium", "pettingzoo", "safetensors", "torch", "torchrl", "tensordict", "jax", "ray"}
+FRAMEWORKS |= {"wandb"}
 
 CLONE = "builds in a clone of the repository"
 DOCKER = "needs Docker and an image"
@@ -155,6 +156,7 @@ class Session:
             "SMACLITE_POOL_ROOT": str(folder / "pools"),
             "SLURM_JOB_ID": f"test-{os.getpid()}",
             "SLURM_ARRAY_TASK_ID": "1",
+            "WANDB_MODE": "offline",
         }
 
     def run(self, block: Block) -> None:
@@ -391,6 +393,7 @@ def errors() -> dict[str, Callable[[], object]]:
         "autoreset": lambda: sp.make("2s3z", autoreset="same-step"),  # type: ignore[call-overload]
         "fields": lambda: sp.make("2s3z", fields="obs"),  # type: ignore[call-overload]
         "float": lambda: envs.step(np.zeros((4, 5))),
+        "other name": lambda: getattr(envs.reset(seed=1), "observation"),
         "omitted": lambda: few.reset(seed=1).state,
         "final": lambda: few.reset(seed=1).final_obs,
         "unknown": lambda: sp.make("3m5z"),
