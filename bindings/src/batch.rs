@@ -149,13 +149,13 @@ impl Batch {
             "was_reset" => Some(Field::EpisodeLength),
             _ => FIELDS.iter().find(|spec| spec.name == name).map(|spec| spec.field),
         };
-        Err(absent.map_or_else(
-            || {
-                let fields = self.keys().join(", ");
-                PyAttributeError::new_err(format!("a batch has no `{name}`; its fields are {fields}, was_reset"))
-            },
-            missing_field_error,
-        ))
+        Err(match absent {
+            Some(field) => missing_field_error(field),
+            None => PyAttributeError::new_err(format!(
+                "a batch has no `{name}`; its fields are {}, was_reset",
+                self.keys().join(", ")
+            )),
+        })
     }
 
     fn __len__(&self) -> usize {

@@ -12,10 +12,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Reads the batches of a lane without being its learner, who does not notice.
 ///
-/// A spectator receives the newest batch at the time of each call, and misses the others: `Batch.sequence` counts
-/// them all. Its batches are views of the memory that the learner reads, and stay valid as those of the learner
-/// do, but at most two of them may exist at the same time. If its process is killed, the pool and the learner go
-/// on, and its place becomes free.
+/// A spectator receives the newest batch at the time of each call, and misses the others: `Batch.sequence`
+/// counts them all. Its batches are views of the memory that the learner reads, and stay valid as those of
+/// the learner do, but at most two of them may exist at the same time. If its process is killed, the pool and
+/// the learner continue, and its place becomes free.
 ///
 ///     spectator = smaclite_pool.Spectator("train")
 ///     while True:

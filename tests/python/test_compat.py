@@ -127,7 +127,7 @@ def test_a_scenario_file() -> None:
 
 
 def test_an_illegal_action_is_an_error_as_in_the_published_environment_or_a_stop() -> None:
-    attack = [6] * 5  # nobody is in range yet
+    attack = [6] * 5  # no enemy is in range yet
     strict: Any = gymnasium.make("smaclite/2s3z-v0", seed=1)
     strict.reset()
     with pytest.raises(ValueError, match="action 6 is not available"):

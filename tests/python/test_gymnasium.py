@@ -84,6 +84,19 @@ def test_an_id_has_one_interface() -> None:
     single.close()
 
 
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_a_vector_of_single_battles_can_stop_what_is_unavailable(mode: Any) -> None:
+    """Gymnasium makes its action space, which knows no mask."""
+    made = gymnasium.make_vec(
+        "smaclite_pool/2s3z-v0", 2, vectorization_mode=mode, illegal_actions="stop", episode_limit=9
+    )
+    with closing(made) as envs:
+        envs.action_space.seed(1)
+        envs.reset(seed=1)
+        ends = sum(envs.step(envs.action_space.sample())[3].sum() for _ in range(30))
+    assert ends == 6
+
+
 def test_a_vector_draws_every_environment() -> None:
     envs: Any = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=3, render_mode="rgb_array")
     assert envs.metadata["render_modes"] == ["human", "rgb_array"] and envs.metadata["render_fps"] == 2
@@ -150,7 +163,7 @@ def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.nda
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
-    """Three battles of the pool beside three single ones that Gymnasium strings together: the same bits."""
+    """Three battles of the pool beside three single ones that Gymnasium combines: the same bits."""
     n_envs, rng = 3, np.random.default_rng(7)
     ours = make_vector("2s3z", n_envs, autoreset_mode=mode, max_episode_steps=40)
     theirs: Any = SyncVectorEnv([lambda: BattleEnv("2s3z", episode_limit=40)] * n_envs, autoreset_mode=mode)

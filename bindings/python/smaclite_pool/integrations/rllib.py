@@ -24,8 +24,8 @@
 
 Agents are "agent_0", "agent_1", ...; dead agents observe zeros, and their only available action is 0 (no-op).
 A module that ignores the mask soon chooses an unavailable action, and the step raises IllegalAction. RLlib's
-`episode_return_mean` is the sum over all agents, each of which gets the reward of the team; `log_team` adds the
-return of the team.
+`episode_return_mean` is the sum over all agents, each of which gets the reward of the team; `log_team` adds
+the return of the team.
 
 RLlib steps one battle at a time through dicts, hundreds of times slower than a pool can. To use an RLlib
 cluster at full speed, see `smaclite_pool.integrations.ray`.
@@ -117,7 +117,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self._viewer.observe(now.state)
         terminateds = self._for_all(now.terminated) | {"__all__": now.terminated}
         truncateds = self._for_all(now.truncated) | {"__all__": now.truncated}
-        return self._observe(now), self._for_all(now.reward), terminateds, truncateds, self._for_all(now.totals)
+        rewards, infos = self._for_all(now.reward), self._for_all(now.totals)
+        return self._observe(now), rewards, terminateds, truncateds, infos
 
     def _observe(self, now: TimeStep) -> dict[str, dict[str, NDArray[np.float32]]]:
         update_masks(self._legal_actions, now.avail_actions)  # RLlib begins with a random step as a check
@@ -145,7 +146,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
 
 
 def log_team(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
-    """Log `team_return` and `win_rate`, means of the last 100 episodes, beside RLlib's metrics of env runners.
+    """Log `team_return` and `win_rate` with the metrics of env runners: means of the last 100 episodes.
 
     Pass it to the configuration: `config.callbacks(on_episode_end=log_team)`.
     """

@@ -11,9 +11,9 @@
 Keys are those of TorchRL's multi-agent environments: ("agents", "observation"), ("agents", "action_mask") and
 ("agents", "action"), and for the team "state", "info", "reward", "done", "terminated" and "truncated" at the
 root. Pass the mask to the policy (`MaskedCategorical`): an unavailable action raises IllegalAction, and
-nothing is stepped. Random actions are available ones: `rollout` without a policy, `rand_action`, and collectors
-whose policy is None. A finished environment waits for its reset, which collectors and `step_and_maybe_reset`
-request by a `_reset` mask.
+nothing is stepped. Random actions are available ones: `rollout` without a policy, `rand_action`, and
+collectors whose policy is None. A finished environment waits for its reset, which collectors and
+`step_and_maybe_reset` request by a `_reset` mask.
 """
 
 from __future__ import annotations
