@@ -1,5 +1,5 @@
 //! A learner of the pool's own process steps environments while it waits. It sees the same bits as any other,
-//! and whatever happens to it or to the pool, nobody waits in vain. Every frame is compared with the
+//! and no thread waits forever, also if the learner or the pool fails. Every frame is compared with the
 //! [reference](smaclite_tests::reference).
 
 use smaclite_ipc::{ClientError, Supervisor, WaitOptions, WaitStrategy};

@@ -274,7 +274,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
     use std::sync::{Mutex, PoisonError};
 
-    /// A stand-in for the interpreter: `$3` and the following are the arguments of the script.
+    /// A script in place of the interpreter: `$3` and the following are the arguments of the script.
     fn interpreter(folder: &Path, name: &str, script: &str) -> PathBuf {
         let path = folder.join(name);
         std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();

@@ -143,6 +143,21 @@ impl Batch {
         slf.py().import("smaclite_pool.integrations.torch")?.call_method1("tensors", (slf,))
     }
 
+    /// Called where there is no attribute of that name, and where its getter raised AttributeError.
+    fn __getattr__(&self, name: &str) -> PyResult<Py<PyAny>> {
+        let absent = match name {
+            "was_reset" => Some(Field::EpisodeLength),
+            _ => FIELDS.iter().find(|spec| spec.name == name).map(|spec| spec.field),
+        };
+        Err(match absent {
+            Some(field) => missing_field_error(field),
+            None => PyAttributeError::new_err(format!(
+                "a batch has no `{name}`; its fields are {}, was_reset",
+                self.keys().join(", ")
+            )),
+        })
+    }
+
     fn __len__(&self) -> usize {
         self.held.with(|batch| batch.layout().slots())
     }

@@ -12,8 +12,17 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Reads the batches of a lane without being its learner, who does not notice.
 ///
-/// A spectator receives the newest batch at the time of each call, and misses the others. At most two of its
-/// batches may exist at the same time.
+/// A spectator receives the newest batch at the time of each call, and misses the others: `Batch.sequence`
+/// counts them all. Its batches are views of the memory that the learner reads, and stay valid as those of
+/// the learner do, but at most two of them may exist at the same time. If its process is killed, the pool and
+/// the learner continue, and its place becomes free.
+///
+///     spectator = smaclite_pool.Spectator("train")
+///     while True:
+///         batch = spectator.latest()
+///         if batch is not None:
+///             print(batch.sequence, batch.episode_return.mean())
+///         time.sleep(1)
 ///
 /// Args:
 ///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
@@ -57,7 +66,7 @@ impl Spectator {
 
     /// The newest batch, or None before the lane's first. It never waits.
     ///
-    /// Without a newer one it is the batch of the last call again; `Frame.sequence` counts them.
+    /// Without a newer one it is the batch of the last call again, the same object.
     ///
     /// Raises:
     ///     TooManyBatchesHeld: two batches are in use; release one and all arrays over it.

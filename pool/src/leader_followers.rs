@@ -146,7 +146,7 @@ impl<E: Copy> WorkQueues<E> {
     /// of this seat, or of another whose owner has not come to them. Returns the lane.
     ///
     /// Entries are taken half by half, so that the threads of a batch end together. They leave an inbox in
-    /// order, whoever takes them.
+    /// order, whichever threads take them.
     pub(crate) fn take(
         &self,
         seat: usize,
@@ -341,7 +341,7 @@ mod loom_tests {
     }
 
     fn push(queues: &WorkQueues<u32>, seat: usize) {
-        assert_eq!(queues.push(seat, 0, &[7]), Ring(false), "nobody sleeps at the door");
+        assert_eq!(queues.push(seat, 0, &[7]), Ring(false), "no thread sleeps at the door");
     }
 
     fn spawn(

@@ -1,4 +1,4 @@
-"""`smaclite-pool bench --against`, with stand-ins for the other programs."""
+"""`smaclite-pool bench --against`, with scripts in place of the other programs."""
 
 from __future__ import annotations
 

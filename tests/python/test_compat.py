@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import subprocess
@@ -123,6 +124,45 @@ def test_a_scenario_file() -> None:
         gymnasium.make("smaclite/custom-v0", map_info=object())
     with pytest.raises(sp.ScenarioError, match="no_such_file"):
         gymnasium.make("smaclite/custom-v0", map_file="no_such_file.json")
+
+
+def test_an_illegal_action_is_an_error_as_in_the_published_environment_or_a_stop() -> None:
+    attack = [6] * 5  # no enemy is in range yet
+    strict: Any = gymnasium.make("smaclite/2s3z-v0", seed=1)
+    strict.reset()
+    with pytest.raises(ValueError, match="action 6 is not available"):
+        strict.step(attack)
+    lenient: Any = gymnasium.make("smaclite/2s3z-v0", seed=1, illegal_actions="stop")
+    lenient.reset()
+    np.testing.assert_array_equal(lenient.step(attack)[0], strict.step([1] * 5)[0])
+    strict.close()
+    lenient.close()
+
+
+def test_spaces_are_those_of_the_published_environment() -> None:
+    env: Any = gymnasium.make("smaclite/MMM2-v0").unwrapped
+    # The targets of the healer are the other allies, those of other agents are the enemies.
+    assert [space.n for space in env.action_space] == [6 + 9] + [6 + 12] * 9
+    assert env.observation_space[0] == gymnasium.spaces.Box(-1, 1, (env.obs_size,), np.float32)
+    assert type(copy.deepcopy(env.action_space)) is gymnasium.spaces.Tuple
+    assert env.reset()[0] in env.observation_space
+    env.close()
+
+
+def test_living_units_are_listed() -> None:
+    env: Any = gymnasium.make("smaclite/2s3z-v0", seed=1).unwrapped
+    assert env.agents == {} and env.enemies == {}
+    env.reset()
+    assert sorted(env.agents) == list(range(5)) and sorted(env.enemies) == list(range(5))
+    env.action_space.seed(0)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        *_, terminated, truncated, info = env.step(env.action_space.sample())
+        living = [agent for agent, mask in enumerate(env.get_avail_actions()) if not mask[0]]
+        assert sorted(env.agents) == living and len(living) == 5 - info["dead_allies"]
+        assert len(env.enemies) == 5 - info["dead_enemies"]
+    assert info["dead_allies"] > 0
+    env.close()
 
 
 # Each way to install a replacement, in a separate process.

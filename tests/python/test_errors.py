@@ -156,6 +156,24 @@ def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Ex
     assert sp.pools() == []
 
 
+def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> None:
+    """Other packages say observation, rewards, done or action_mask."""
+    batch: Any = envs.step([[1] * 5] * 2)
+    for wrong in ("observation", "rewards", "done", "action_mask"):
+        with pytest.raises(AttributeError, match=f"no `{wrong}`; its fields are env_id, obs, .*, was_reset"):
+            getattr(batch, wrong)
+    with pytest.raises(AttributeError, match='exists only with autoreset="same_step"'):
+        batch.final_obs
+    assert not hasattr(batch, "__array__") and len(np.asarray(batch.obs)) == 2
+    with sp.make("3m", 1, fields=["obs"]) as few:
+        batch = few.reset()
+        with pytest.raises(AttributeError, match="its fields are env_id, obs, reward, terminated, truncated"):
+            batch.observation
+        for absent in ("state", "was_reset"):
+            with pytest.raises(AttributeError, match="do not include .*; add it to `fields`"):
+                getattr(batch, absent)
+
+
 def test_a_wrong_scenario_file_names_file_key_and_value(runtime_dir: Path) -> None:
     path = runtime_dir / "wrong.json"
     path.write_text('{"num_allied_units": "two"}')

@@ -58,12 +58,43 @@ def test_gymnasium_makes_a_vector(mode: str | None) -> None:
     assert observations in envs.observation_space
     assert envs.observation_space == batch_space(envs.single_observation_space, 3)
     assert envs.action_space == batch_space(envs.single_action_space, 3)
-    stop: Any = np.ones((3, 5), np.int64) if mode is None else (np.ones(3, np.int64),) * 5
-    observations, rewards, terminated, truncated, _ = envs.step(stop)
+    observations, rewards, terminated, truncated, infos = envs.step(np.ones((3, 5), np.int64))
     assert observations in envs.observation_space
+    assert infos["episode_length"].tolist() == [1, 1, 1]
     assert [array.shape for array in (rewards, terminated, truncated)] == [(3,)] * 3
     assert [array.dtype for array in (rewards, terminated, truncated)] == [np.float64, np.bool_, np.bool_]
     envs.close()
+
+
+def test_an_id_has_one_interface() -> None:
+    """Once `make` had tuples without masks, and `make_vec` of the same id a dict with masks."""
+    single: Any = gymnasium.make("smaclite_pool/2s3z-v0")
+    observation, _ = single.reset(seed=1)
+    with closing(make_vector("2s3z", 2)) as vector:
+        assert single.observation_space == vector.single_observation_space
+        assert single.action_space == vector.single_action_space
+        observations, _ = vector.reset(seed=1)
+        np.testing.assert_equal(observation, {name: rows[0] for name, rows in observations.items()})
+        actions = vector.action_space.sample()
+        observations, rewards, *_, infos = vector.step(actions)
+        observation, reward, *_, info = single.step(actions[0])
+        np.testing.assert_equal(observation, {name: rows[0] for name, rows in observations.items()})
+        assert reward == rewards[0]
+        assert info == {name: infos[name][0] for name in infos if not name.startswith("_")}
+    single.close()
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_a_vector_of_single_battles_can_stop_what_is_unavailable(mode: Any) -> None:
+    """Gymnasium makes its action space, which knows no mask."""
+    made = gymnasium.make_vec(
+        "smaclite_pool/2s3z-v0", 2, vectorization_mode=mode, illegal_actions="stop", episode_limit=9
+    )
+    with closing(made) as envs:
+        envs.action_space.seed(1)
+        envs.reset(seed=1)
+        ends = sum(envs.step(envs.action_space.sample())[3].sum() for _ in range(30))
+    assert ends == 6
 
 
 def test_a_vector_draws_every_environment() -> None:
@@ -102,10 +133,7 @@ def test_a_window_shows_every_step_of_a_battle(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
     env: Any = gymnasium.make("smaclite_pool/2s3z-v0", render_mode="human", render_speed=0.5)
     assert env.unwrapped.metadata["render_modes"] == ["human", "rgb_array"]
-    env.reset(seed=1)
-    states = [env.unwrapped.get_state()]
-    env.step([1] * 5)
-    states.append(env.unwrapped.get_state())
+    states = [env.reset(seed=1)[0]["state"], env.step([1] * 5)[0]["state"]]
     assert env.render() is None
     renderer = sp.Renderer("2s3z", 640, 640)
     assert len(shown) == 3 and all(map(np.array_equal, shown, map(renderer.render, [*states, states[1]])))
@@ -125,11 +153,6 @@ def test_spaces_are_those_learners_expect() -> None:
     with closing(make_vector("MMM2", 2)) as envs:
         assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)
         assert list(envs.single_observation_space) == ["action_mask", "obs", "state"]
-    env = BattleEnv("MMM2")
-    # The targets of the healer are the other allies, those of other agents are the enemies.
-    assert [space.n for space in env.action_space] == [6 + 9] + [6 + 12] * 9
-    assert env.observation_space[0] == gymnasium.spaces.Box(-1, 1, (env.obs_size,), np.float32)
-    env.close()
 
 
 def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
@@ -140,7 +163,7 @@ def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.nda
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
-    """Three battles of the pool beside three single ones that Gymnasium strings together: the same bits."""
+    """Three battles of the pool beside three single ones that Gymnasium combines: the same bits."""
     n_envs, rng = 3, np.random.default_rng(7)
     ours = make_vector("2s3z", n_envs, autoreset_mode=mode, max_episode_steps=40)
     theirs: Any = SyncVectorEnv([lambda: BattleEnv("2s3z", episode_limit=40)] * n_envs, autoreset_mode=mode)
@@ -149,13 +172,10 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
     expected, _ = theirs.reset(seed=11)
     episodes = 0
     for _ in range(130):
-        np.testing.assert_array_equal(seen["obs"], np.stack(expected, axis=1))
-        for env, single in enumerate(theirs.envs):
-            np.testing.assert_array_equal(seen["state"][env], single.get_state())
-            np.testing.assert_array_equal(seen["action_mask"][env], single.get_avail_actions())
+        np.testing.assert_equal(seen, expected)
         actions = first_legal(seen["action_mask"], rng)
         seen, rewards, terminated, truncated, infos = ours.step(actions)
-        expected, *rest, expected_infos = theirs.step(tuple(actions.T))
+        expected, *rest, expected_infos = theirs.step(actions)
         ours_by_name = {"reward": rewards, "terminated": terminated, "truncated": truncated}
         for (name, got), wanted in zip(ours_by_name.items(), rest):
             np.testing.assert_array_equal(got, wanted, err_msg=name)
@@ -179,10 +199,10 @@ def compare_final(infos: dict[str, Any], expected: dict[str, Any]) -> None:
         np.testing.assert_array_equal(infos[key], expected[key])
     assert infos["final_obs"].dtype == object
     for env in np.flatnonzero(infos["_final_obs"]):
-        np.testing.assert_array_equal(infos["final_obs"][env]["obs"], np.stack(expected["final_obs"][env]))
+        np.testing.assert_equal(infos["final_obs"][env], expected["final_obs"][env])
     for env in np.flatnonzero(~infos["_final_obs"]):
         assert infos["final_obs"][env] is None
-    for name in ("battle_won", "dead_allies", "dead_enemies"):
+    for name in ("battle_won", "dead_allies", "dead_enemies", "episode_return", "episode_length"):
         np.testing.assert_array_equal(infos["final_info"][name], expected["final_info"][name])
         np.testing.assert_array_equal(infos["final_info"][f"_{name}"], expected["final_info"][f"_{name}"])
 
@@ -262,7 +282,7 @@ def test_samples_are_legal_and_seeded() -> None:
             assert duplicate == envs.action_space and type(duplicate) is gymnasium.spaces.Box
     assert envs.action_space.sample() in envs.action_space, "closed environments still have a space"
     env = BattleEnv("2s3z")
-    assert type(copy.deepcopy(env.action_space)) is gymnasium.spaces.Tuple
+    assert type(copy.deepcopy(env.action_space)) is gymnasium.spaces.MultiDiscrete
     env.close()
     assert env.action_space.sample() in env.action_space
 
@@ -327,30 +347,13 @@ def test_an_episode_that_runs_out_of_time_is_truncated() -> None:
     env.reset()
     stop = [1] * 3
     assert env.step(stop)[2:4] == (False, False)
-    *_, terminated, truncated, info = env.step(stop)
-    assert (terminated, truncated, info["episode_limit"]) == (False, True, True)
+    assert env.step(stop)[2:4] == (False, True)
     with pytest.raises(sp.InvalidRequest, match="reset"):
         env.step(stop)
     env.close()
     with closing(make_vector("3s_vs_5z", 2, max_episode_steps=1)) as envs:
         envs.reset(seed=1)
         assert envs.step(np.ones((2, 3), int))[3].all()
-
-
-def test_living_units_are_listed() -> None:
-    env = BattleEnv("2s3z", seed=1)
-    assert env.agents == {} and env.enemies == {}
-    env.reset()
-    assert sorted(env.agents) == list(range(5)) and sorted(env.enemies) == list(range(5))
-    env.action_space.seed(0)
-    terminated = truncated = False
-    while not (terminated or truncated):
-        *_, terminated, truncated, info = env.step(env.action_space.sample())
-        living = [agent for agent, mask in enumerate(env.get_avail_actions()) if not mask[0]]
-        assert sorted(env.agents) == living and len(living) == 5 - info["dead_allies"]
-        assert len(env.enemies) == 5 - info["dead_enemies"]
-    assert info["dead_allies"] > 0
-    env.close()
 
 
 def test_an_attached_lane_is_a_vector_too(serve: Serve) -> None:
@@ -421,6 +424,6 @@ def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
     try:
         envs.reset(seed=1)
         with pytest.raises(sp.IllegalAction, match="agent 0: action 0 is not available"):
-            envs.step(tuple(np.zeros(2, np.int64) for _ in range(5)))
+            envs.step(np.zeros((2, 5), np.int64))
     finally:
         envs.close()

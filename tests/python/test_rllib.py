@@ -103,4 +103,8 @@ def test_ppo_learns_with_masks(runtime_dir: Path, capsys: pytest.CaptureFixture[
         exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nAgents are")[0]), scope)
     finally:
         ray.shutdown()
-    assert "num_env_steps_sampled" in capsys.readouterr().out
+    team_return, win_rate = map(float, capsys.readouterr().out.split()[-2:])
+    metrics: Any = scope["metrics"]
+    everyone = metrics["episode_return_mean"]
+    assert team_return == pytest.approx(everyone / 5, rel=1e-4) and 0 < team_return < 25
+    assert 0 <= win_rate <= 1

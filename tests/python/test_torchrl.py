@@ -21,7 +21,8 @@ from smaclite_pool.integrations._common import INFO_FIELDS
 from smaclite_pool.integrations.torchrl import PoolEnv
 from tensordict.nn import TensorDictModule
 from torchrl.collectors import Collector
-from torchrl.envs.utils import check_env_specs
+from torchrl.envs import ActionMask, RewardSum, TransformedEnv
+from torchrl.envs.utils import RandomPolicy, check_env_specs
 from torchrl.modules import MaskedCategorical, ProbabilisticActor
 
 
@@ -130,6 +131,46 @@ def test_a_collector_keeps_more_batches_than_a_lane_allows() -> None:
     assert sp.pools() == []
 
 
+def bare(env: PoolEnv) -> Any:
+    return env
+
+
+def summed(env: PoolEnv) -> Any:
+    return TransformedEnv(env, RewardSum())
+
+
+def masked(env: PoolEnv) -> Any:
+    mask = ActionMask(action_key=("agents", "action"), mask_key=("agents", "action_mask"))
+    return TransformedEnv(env, mask)
+
+
+def moved(env: PoolEnv) -> Any:
+    """To another device, at least for TorchRL."""
+    return env.to("cpu:0")
+
+
+@pytest.mark.parametrize("wrap", [bare, summed, masked, moved])
+@pytest.mark.parametrize("policy", ["rollout", "none", "lazy", "random", "rand_action"])
+def test_random_actions_are_available_ones(env: PoolEnv, wrap: Any, policy: str) -> None:
+    """TorchRL copies the specification of the actions, and the copies once kept the mask of another step."""
+    wrapped = wrap(env)
+    if policy == "rollout":
+        played = wrapped.rollout(150, break_when_any_done=False)
+        assert played["next", "done"].any()
+        chosen = played["agents", "action_mask"].gather(-1, played["agents", "action"].unsqueeze(-1))
+        assert chosen.all()
+        return
+    policies = {
+        "none": lambda: None,
+        "lazy": RandomPolicy,
+        "random": lambda: RandomPolicy(wrapped.full_action_spec),
+        "rand_action": lambda: wrapped.rand_action,
+    }
+    collector = Collector(wrapped, policies[policy](), frames_per_batch=600, total_frames=600)
+    assert [data.numel() for data in collector] == [600]
+    collector.shutdown()
+
+
 def test_a_running_pool_is_attached_to(serve: Serve) -> None:
     serve("2s3z:3", "--name", "train", "--autoreset", "disabled", "--threads", "1")
     env = PoolEnv(sp.connect("train"))
@@ -162,8 +203,9 @@ def test_torchrl_makes_a_single_battle_from_an_id() -> None:
     pytest.importorskip("gymnasium")
     from torchrl.envs import GymEnv
 
-    env = GymEnv("smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0")
-    assert env.reset()["observation"].shape == (5, 80)
+    name = "smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0"
+    env = GymEnv(name, illegal_actions="stop")  # TorchRL makes a specification without a mask
+    assert env.rollout(5)["obs"].shape[1:] == (5, 80)
     env.close()
 
 

@@ -37,6 +37,8 @@ class TimeStep:
     """The team reward."""
     terminated: bool
     truncated: bool
+    episode_return: float
+    """Sum of rewards so far."""
     episode_length: int
     """Steps so far."""
     info: dict[str, Any]
@@ -46,6 +48,11 @@ class TimeStep:
     def ended(self) -> bool:
         """Whether the episode has ended."""
         return self.terminated or self.truncated
+
+    @property
+    def totals(self) -> dict[str, Any]:
+        """`info` with `episode_return` and `episode_length`."""
+        return {**self.info, "episode_return": self.episode_return, "episode_length": self.episode_length}
 
     @staticmethod
     def of(batch: Batch) -> TimeStep:
@@ -57,6 +64,7 @@ class TimeStep:
             reward=batch.reward[0].item(),
             terminated=batch.terminated[0].item(),
             truncated=batch.truncated[0].item(),
+            episode_return=batch.episode_return[0].item(),
             episode_length=batch.episode_length[0].item(),
             info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
         )

@@ -40,7 +40,7 @@ def update_masks(each: Mapping[str, LegalDiscrete], avail_actions: NDArray[np.bo
 
 
 class LegalTuple(spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
-    """Joint actions of one battle, a `Discrete` per agent; `sample()` by default draws available ones."""
+    """Joint actions of the published environment, a `Discrete` per agent; `sample()` draws available ones."""
 
     def __init__(self, envs: Envs, sizes: Sequence[int]) -> None:
         super().__init__([spaces.Discrete(size) for size in sizes])
@@ -65,6 +65,32 @@ class LegalTuple(spaces.Tuple):  # type: ignore[type-arg] # not generic at run t
 
     def __reduce__(self) -> tuple[type[spaces.Space[Any]], tuple[Any]]:
         return spaces.Tuple, (self.spaces,)  # a copy has no environments to ask
+
+
+class LegalMultiDiscrete(spaces.MultiDiscrete):
+    """Joint actions of one battle, [n_agents]; `sample()` by default draws available ones."""
+
+    def __init__(self, envs: Envs) -> None:
+        super().__init__([envs.n_actions] * envs.n_agents)
+        self._envs = envs
+
+    def seed(self, seed: int | Sequence[int] | None = None) -> Any:  # Gymnasium's versions differ
+        """Seed the space and the sampler of available actions."""
+        if isinstance(seed, int):
+            self._envs.seed_sampler(seed)
+        return super().seed(seed)  # type: ignore[arg-type]
+
+    def sample(self, mask: Any = None, probability: Any = None) -> NDArray[Any]:
+        """Random actions, by `mask` or by `probability` as in `MultiDiscrete`."""
+        if mask is None and probability is None:
+            try:
+                return self._envs.sample_actions()[0].astype(self.dtype)
+            except (Closed, InvalidRequest):
+                pass  # before the first reset and after the end there is no mask, so any action will do
+        return super().sample(mask, probability)
+
+    def __reduce__(self) -> tuple[type[spaces.MultiDiscrete], tuple[Any]]:
+        return spaces.MultiDiscrete, (self.nvec,)  # a copy has no environments to ask
 
 
 class LegalBox(spaces.Box):
@@ -103,8 +129,8 @@ def single_observation_space(envs: Envs) -> spaces.Dict:
     for key, field in OBSERVATION_KEYS.items():
         if field in fields:
             dtype, (_, *shape) = fields[field]
-            if dtype == np.bool_:
-                present[key] = spaces.MultiBinary(tuple(shape))
+            if dtype == np.bool_:  # not MultiBinary, as TorchRL knows that with one axis only
+                present[key] = spaces.Box(0, 1, tuple(shape), np.int8)
             else:
                 present[key] = spaces.Box(-1.0, 1.0, tuple(shape), np.float32)
     return spaces.Dict(present)

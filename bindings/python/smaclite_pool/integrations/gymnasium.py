@@ -16,12 +16,13 @@ Importing this module registers `smaclite_pool/<scenario>-v0` for each standard 
 given, as in configuration files, put the module in front, and Gymnasium imports it:
 "smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0".
 
-Each id serves both functions of Gymnasium:
+Each id serves both functions of Gymnasium, with the same observations and actions:
 
 - `gymnasium.make_vec` returns a `BattleVectorEnv`, one pool that steps all battles at once. Use it for
   training. (Its `vectorization_mode` "sync" or "async" combines single environments instead, which is
   slower.)
-- `gymnasium.make` returns a `BattleEnv`, a single battle with the interface of the published environment.
+- `gymnasium.make` returns a `BattleEnv`, a single battle. For the interface of the published SMAClite, with
+  tuples per agent, see `smaclite_pool.compat`.
 
 `RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
 after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper. TorchRL's
@@ -31,15 +32,13 @@ after a same-step reset; `episode_return` and `episode_length` in `infos` need n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._layout import ScenarioLayout
-from .._native import FIRST_TARGET, NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
+from .._native import NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
     RENDER_MODES,
@@ -49,9 +48,8 @@ from .._render import (
     check_render_mode,
     check_render_speed,
 )
-from .._units import Unit, UnitsView
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle
+from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle, TimeStep
 from ._extra import extra
 
 with extra("gymnasium"):
@@ -62,7 +60,7 @@ with extra("gymnasium"):
 
     from ._spaces import (
         LegalBox,
-        LegalTuple,
+        LegalMultiDiscrete,
         batched_action_space,
         batched_observation_space,
         single_action_space,
@@ -73,7 +71,6 @@ __all__ = ["BattleEnv", "BattleVectorEnv", "make_vector"]
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 Scenario: TypeAlias = "str | PathLike[str]"
-JointAction: TypeAlias = Sequence["int | np.integer[Any]"]
 IllegalActions: TypeAlias = Literal["error", "stop"]
 
 AUTORESET_MODES = {
@@ -280,13 +277,14 @@ def make_vector(
     )
 
 
-class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
-    """One battle with the spaces, types and methods of the published environment.
+class BattleEnv(gymnasium.Env[Any, Any]):
+    """One battle: a row of a `BattleVectorEnv`, without the axis of the environments.
 
-    An observation is a tuple of float32 [obs_size], one per agent; an action is a tuple of integers, one per
-    agent. `info` contains battle_won, dead_allies, dead_enemies, and `episode_limit` (True) in a step that
-    truncates the episode; all values are numbers. Single battles are slow; for training, step many at once
-    with `gymnasium.make_vec`.
+    Observations are a dict of `obs` float32 [n_agents, obs_size], `state` float32 [state_size] and
+    `action_mask` int8 [n_agents, n_actions]. Actions are integers [n_agents], and dead agents use 0 (no-op).
+    The reward is that of the team. `info` contains battle_won, dead_allies, dead_enemies, episode_return and
+    episode_length after the step. Single battles are slow; for training, step many at once with
+    `gymnasium.make_vec`.
 
     Args:
         scenario, map_file: a standard scenario, or the path of a scenario file; exactly one of them.
@@ -304,8 +302,6 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
     picture_size = (640, 640)
-    observation_space: spaces.Tuple  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
-    action_space: LegalTuple
 
     def __init__(
         self,
@@ -323,74 +319,41 @@ class BattleEnv(gymnasium.Env[tuple[NDArray[np.float32], ...], JointAction]):
         name = _one_of(scenario, map_file)
         self.render_mode = render_mode
         self._viewer = BattleViewer(name, *self.picture_size, render_mode, render_speed)
-        self._layout = ScenarioLayout(name)
         seed = _seed_or_random(seed)
         self._np_random, self._np_random_seed = seeding.np_random(seed)
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
-        envs = self._battle.envs
-        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
-        self.obs_size, self.state_size = envs.obs_size, envs.state_size
-        self.observation_space = spaces.Tuple(
-            [spaces.Box(-1.0, 1.0, (self.obs_size,), np.float32) for _ in range(self.n_agents)]
-        )
-        n_targets = [self.n_agents - 1 if unit["healer"] else self.n_enemies for unit in self._layout.allies]
-        self.action_space = LegalTuple(envs, [FIRST_TARGET + n for n in n_targets])
+        self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
+
+    def _spaces(self, scenario: Scenario, envs: Envs) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        return single_observation_space(envs), LegalMultiDiscrete(envs)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[tuple[NDArray[np.float32], ...], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
         super().reset(seed=seed)
         now = self._battle.reset(seed)
         self._show()
-        return self.get_obs(), now.info.copy()
+        return self._observation(now), self._info(now)
 
-    def step(
-        self, action: JointAction
-    ) -> tuple[tuple[NDArray[np.float32], ...], float, bool, bool, dict[str, Any]]:
-        """Step the battle by one action per agent; dead agents use 0 (no-op).
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Step the battle by one action per agent.
 
         Raises IllegalAction for an unavailable action, and InvalidRequest before the first reset and after
         the end of the battle; nothing is stepped then.
         """
         if self._stops:
-            now = self._battle.step(stop_unavailable(action, self._battle.last.avail_actions))
-        else:
-            now = self._battle.step(action)
+            action = stop_unavailable(action, self._battle.last.avail_actions)
+        now = self._battle.step(action)
         self._show()
-        info = now.info.copy()
-        if now.truncated:
-            info["episode_limit"] = True
-        return self.get_obs(), now.reward, now.terminated, now.truncated, info
+        return self._observation(now), now.reward, now.terminated, now.truncated, self._info(now)
 
-    def get_obs(self) -> tuple[NDArray[np.float32], ...]:
-        """The observation of each agent, float32 [obs_size]; zeros for dead agents."""
-        return tuple(self._battle.last.obs.copy())
+    def _observation(self, now: TimeStep) -> Any:
+        mask = now.avail_actions.astype(np.int8)
+        return {"obs": now.obs.copy(), "state": now.state.copy(), "action_mask": mask}
 
-    def get_state(self) -> NDArray[np.float32]:
-        """The global state, float32 [state_size], for training only."""
-        return self._battle.last.state.copy()
-
-    def get_avail_actions(self) -> list[NDArray[np.float64]]:
-        """Which actions are available, 0 or 1 [n_actions] per agent."""
-        return list(self._battle.last.avail_actions.astype(np.float64))
-
-    @property
-    def agents(self) -> dict[int, Unit]:
-        """The living units of the agents by id; empty before the first reset."""
-        return self._living(0, self.n_agents)
-
-    @property
-    def enemies(self) -> dict[int, Unit]:
-        """The living enemies by id; empty before the first reset."""
-        return self._living(self.n_agents, self.n_enemies)
-
-    def _living(self, first: int, count: int) -> dict[int, Unit]:
-        if not self._battle.has_begun:
-            return {}
-        units = UnitsView(self._layout)
-        units.update(self._battle.last.state)
-        return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
+    def _info(self, now: TimeStep) -> dict[str, Any]:
+        return now.totals
 
     def _show(self) -> None:
         self._viewer.observe(self._battle.last.state)

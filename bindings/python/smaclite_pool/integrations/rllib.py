@@ -4,7 +4,7 @@
     from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec
     from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
-    from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
+    from smaclite_pool.integrations.rllib import BattleMultiAgentEnv, log_team
 
     hidden = {"head_fcnet_hiddens": [64, 64]}
     shared = RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config=hidden)
@@ -13,15 +13,19 @@
         .environment(BattleMultiAgentEnv, env_config={"scenario": "2s3z"})
         .multi_agent(policies={"shared"}, policy_mapping_fn=lambda agent, episode, **_: "shared")
         .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs={"shared": shared}))
+        .callbacks(on_episode_end=log_team)
         .env_runners(num_env_runners=0, rollout_fragment_length=100)
         .training(train_batch_size=200, minibatch_size=100, num_epochs=1)
     )
     algorithm = config.build_algo()
-    print(algorithm.train()["env_runners"])
+    metrics = algorithm.train()["env_runners"]
+    print(metrics["team_return"], metrics["win_rate"])
     algorithm.stop()
 
 Agents are "agent_0", "agent_1", ...; dead agents observe zeros, and their only available action is 0 (no-op).
-A module that ignores the mask soon chooses an unavailable action, and the step raises IllegalAction.
+A module that ignores the mask soon chooses an unavailable action, and the step raises IllegalAction. RLlib's
+`episode_return_mean` is the sum over all agents, each of which gets the reward of the team; `log_team` adds
+the return of the team.
 
 RLlib steps one battle at a time through dicts, hundreds of times slower than a pool can. To use an RLlib
 cluster at full speed, see `smaclite_pool.integrations.ray`.
@@ -45,7 +49,7 @@ with extra("rllib"):
 
     from ._spaces import LegalDiscrete, update_masks
 
-__all__ = ["BattleMultiAgentEnv"]
+__all__ = ["BattleMultiAgentEnv", "log_team"]
 
 SEEDS_PER_RUNNER = 10_000
 """Distance between the seeds of env runners; each runner has fewer battles than that."""
@@ -55,7 +59,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     """One battle with the interface of RLlib's multi-agent environments.
 
     Each agent observes `{"observations": float32 [obs_size], "action_mask": float32 [n_actions]}`. Every
-    agent gets the team reward, and infos (`battle_won`, `dead_allies`, `dead_enemies`) are the same for all.
+    agent gets the team reward, and infos (`battle_won`, `dead_allies`, `dead_enemies`, `episode_return`,
+    `episode_length`) are the same for all.
 
     Args:
         config: RLlib's `env_config`, with `scenario`, a standard scenario or the path of a scenario file
@@ -98,7 +103,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
         now = self._battle.reset(seed)
         self._viewer.observe(now.state)
-        return self._observe(now), self._for_all(now.info)
+        return self._observe(now), self._for_all(now.totals)
 
     def step(  # type: ignore[override]  # RLlib's own differs from Gymnasium's
         self, action_dict: Mapping[Any, int | np.integer[Any]]
@@ -112,7 +117,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self._viewer.observe(now.state)
         terminateds = self._for_all(now.terminated) | {"__all__": now.terminated}
         truncateds = self._for_all(now.truncated) | {"__all__": now.truncated}
-        return self._observe(now), self._for_all(now.reward), terminateds, truncateds, self._for_all(now.info)
+        rewards, infos = self._for_all(now.reward), self._for_all(now.totals)
+        return self._observe(now), rewards, terminateds, truncateds, infos
 
     def _observe(self, now: TimeStep) -> dict[str, dict[str, NDArray[np.float32]]]:
         update_masks(self._legal_actions, now.avail_actions)  # RLlib begins with a random step as a check
@@ -137,3 +143,13 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         """End the pool and close the window. Calling it again has no effect."""
         self._viewer.close()
         self._battle.close()
+
+
+def log_team(*, episode: Any, metrics_logger: Any, **_: Any) -> None:
+    """Log `team_return` and `win_rate` with the metrics of env runners: means of the last 100 episodes.
+
+    Pass it to the configuration: `config.callbacks(on_episode_end=log_team)`.
+    """
+    last = next(iter(episode.get_infos(-1).values()))  # those of all agents are the same
+    metrics_logger.log_value("team_return", last["episode_return"], window=100)
+    metrics_logger.log_value("win_rate", float(last["battle_won"]), window=100)

@@ -10,9 +10,10 @@
 
 Keys are those of TorchRL's multi-agent environments: ("agents", "observation"), ("agents", "action_mask") and
 ("agents", "action"), and for the team "state", "info", "reward", "done", "terminated" and "truncated" at the
-root. Pass the mask to the policy (`MaskedCategorical`, or `ActionMask` for random actions; `rand_action`
-applies it): an unavailable action raises IllegalAction, and nothing is stepped. A finished environment waits
-for its reset, which collectors and `step_and_maybe_reset` request by a `_reset` mask.
+root. Pass the mask to the policy (`MaskedCategorical`): an unavailable action raises IllegalAction, and
+nothing is stepped. Random actions are available ones: `rollout` without a policy, `rand_action`, and
+collectors whose policy is None. A finished environment waits for its reset, which collectors and
+`step_and_maybe_reset` request by a `_reset` mask.
 """
 
 from __future__ import annotations
@@ -38,6 +39,21 @@ with extra("torchrl"):
     from .torch import tensor
 
 __all__ = ["PoolEnv"]
+
+
+class AvailableActions(Categorical):
+    """A `Categorical` whose copies have the same mask, not a copy of it.
+
+    TorchRL copies the specification of an environment for transforms, and for the random policy of
+    collectors. With a mask of their own they would draw from the actions that were available when they were
+    made.
+    """
+
+    def clone(self) -> AvailableActions:
+        """A copy that draws what is available now, as the original."""
+        copy = AvailableActions(self.n, self.shape, self.device, self.dtype)
+        copy.mask = self.mask
+        return copy
 
 
 class PoolEnv(EnvBase):
@@ -107,7 +123,8 @@ class PoolEnv(EnvBase):
         shape = torch.Size([*team, self.envs.obs_size])
         observation = Bounded(-1.0, 1.0, shape, device=device, dtype=torch.float32)
         mask = Binary(shape=torch.Size([*team, self.envs.n_actions]), device=device, dtype=torch.bool)
-        action = Categorical(self.envs.n_actions, shape=team, device=device, dtype=torch.int64)
+        action = AvailableActions(self.envs.n_actions, team, device, torch.int64, mask.one())
+        self._available = action.mask
         info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
         self.observation_spec = Composite(
             agents=Composite(observation=observation, action_mask=mask, shape=team, device=device),
@@ -155,7 +172,7 @@ class PoolEnv(EnvBase):
 
     def _decode(self, batch: Batch) -> TensorDictBase:
         mask = self._field(batch, "avail_actions")
-        self.full_action_spec["agents", "action"].update_mask(mask)  # for random actions
+        self._available.copy_(mask)  # for random actions
         agents = {"observation": self._field(batch, "obs"), "action_mask": mask}
         team = torch.Size([*self.batch_size, self.envs.n_agents])
         info = {name: self._field(batch, name) for name in INFO_FIELDS}
@@ -172,6 +189,12 @@ class PoolEnv(EnvBase):
     def _field(self, batch: Batch, name: str) -> torch.Tensor:
         """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""
         return tensor(getattr(batch, name)).plain.to(self.device, copy=True)
+
+    def to(self, device: torch.device | str) -> PoolEnv:
+        """Move all tensors to a device."""
+        super().to(device)
+        self._make_specs()  # TorchRL's move loses the mask
+        return self
 
     def render(self) -> NDArray[np.uint8] | None:
         """Pictures, uint8 [num_envs, 256, 256, 3], or all of them in a window with "human".

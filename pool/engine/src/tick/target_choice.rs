@@ -25,7 +25,7 @@ const FAR_AWAY: f64 = 2e9;
 /// phase.
 #[derive(Debug, Default)]
 pub(super) struct TargetChoiceScratch {
-    /// The living agents that are no healers, and those that are. Both are empty in a tick in which nobody
+    /// The living agents that are no healers, and those that are. Both are empty in a tick in which no unit
     /// searches.
     dealers: Crowd,
     healers: Crowd,

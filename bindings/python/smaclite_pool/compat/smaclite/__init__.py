@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import os
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
 
-from ..._native import scenarios
+from ..._layout import ScenarioLayout
+from ..._native import FIRST_TARGET, Envs, scenarios
+from ..._units import Unit, UnitsView
 from ...errors import InvalidRequest
+from ...integrations._common import TimeStep
+from ...integrations._spaces import LegalTuple
 from ...integrations.gymnasium import BattleEnv
 from .. import EPISODE_LIMIT_VARIABLE
 
@@ -17,7 +24,11 @@ __all__ = ["SMACliteEnv", "register"]
 
 
 class SMACliteEnv(BattleEnv):
-    """An environment with constructor and methods of the published one; see `BattleEnv` for their results.
+    """An environment with the constructor, spaces, types and methods of the published one.
+
+    An observation is a tuple of float32 [obs_size], one per agent; an action is a tuple of integers, one per
+    agent. `info` contains battle_won, dead_allies, dead_enemies, and `episode_limit` (True) in a step that
+    truncates the episode; all values are numbers.
 
     Args:
         map_info: must be None, as classes of the published package are not supported.
@@ -30,7 +41,10 @@ class SMACliteEnv(BattleEnv):
             picture.
         episode_limit: steps after which an episode is truncated and `info["episode_limit"]` is set; None for
             the environment variable SMACLITE_POOL_EPISODE_LIMIT, or else no limit.
-        settings: `illegal_actions`, `render_speed`, `rules`, `wait` and other arguments of `BattleEnv`.
+        illegal_actions: "error": an unavailable action raises IllegalAction, a ValueError as that of the
+            published environment. "stop": agents given an unavailable action stop instead; for callers that
+            ignore which actions are available, as EPyMARL with `--env-config=gymma`.
+        settings: `render_speed`, `rules`, `wait` and other arguments of `BattleEnv`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -47,14 +61,68 @@ class SMACliteEnv(BattleEnv):
         *,
         scenario: str | None = None,
         episode_limit: int | None = None,
+        illegal_actions: Literal["error", "stop"] = "error",
         **settings: Any,
     ) -> None:
         if map_info is not None:
             raise InvalidRequest("map_info must be None; use map_file, the path of a scenario file")
         limit = _default_limit() if episode_limit is None else episode_limit
         super().__init__(
-            scenario, map_file=map_file, seed=seed, episode_limit=limit, render_mode=render_mode, **settings
+            scenario,
+            map_file=map_file,
+            seed=seed,
+            episode_limit=limit,
+            illegal_actions=illegal_actions,
+            render_mode=render_mode,
+            **settings,
         )
+        envs = self._battle.envs
+        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
+        self.obs_size, self.state_size = envs.obs_size, envs.state_size
+
+    def _spaces(
+        self, scenario: str | PathLike[str], envs: Envs
+    ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        self._layout = ScenarioLayout(scenario)
+        allies = self._layout.allies
+        n_targets = [envs.n_agents - 1 if unit["healer"] else envs.n_enemies for unit in allies]
+        boxes = [spaces.Box(-1.0, 1.0, (envs.obs_size,), np.float32) for _ in allies]
+        return spaces.Tuple(boxes), LegalTuple(envs, [FIRST_TARGET + n for n in n_targets])
+
+    def _observation(self, now: TimeStep) -> tuple[NDArray[np.float32], ...]:
+        return tuple(now.obs.copy())
+
+    def _info(self, now: TimeStep) -> dict[str, Any]:
+        return {**now.info, "episode_limit": True} if now.truncated else now.info.copy()
+
+    def get_obs(self) -> tuple[NDArray[np.float32], ...]:
+        """The observation of each agent, float32 [obs_size]; zeros for dead agents."""
+        return self._observation(self._battle.last)
+
+    def get_state(self) -> NDArray[np.float32]:
+        """The global state, float32 [state_size], for training only."""
+        return self._battle.last.state.copy()
+
+    def get_avail_actions(self) -> list[NDArray[np.float64]]:
+        """Which actions are available, 0 or 1 [n_actions] per agent."""
+        return list(self._battle.last.avail_actions.astype(np.float64))
+
+    @property
+    def agents(self) -> dict[int, Unit]:
+        """The living units of the agents by id; empty before the first reset."""
+        return self._living(0, self.n_agents)
+
+    @property
+    def enemies(self) -> dict[int, Unit]:
+        """The living enemies by id; empty before the first reset."""
+        return self._living(self.n_agents, self.n_enemies)
+
+    def _living(self, first: int, count: int) -> dict[int, Unit]:
+        if not self._battle.has_begun:
+            return {}
+        units = UnitsView(self._layout)
+        units.update(self._battle.last.state)
+        return {i: units.unit(first + i) for i in range(count) if units.health[first + i] > 0}
 
     def seed(self, seed: int | None = None) -> None:
         """Set the seed of the next reset."""
