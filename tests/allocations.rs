@@ -1,5 +1,5 @@
-//! Heap memory of battles: a step allocates nothing after the first with a scratch and an arena, and a battle
-//! needs little memory.
+//! Heap memory of battles and of learners: a step allocates nothing after the first with a scratch and an arena,
+//! or after a learner's first ones, and a battle needs little memory.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -7,7 +7,10 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use smaclite_engine::{Arena, Battle, Rules, Scratch, policy};
+use smaclite_ipc::{WaitOptions, WaitStrategy};
 use smaclite_scenarios::Scenario;
+use smaclite_tests::process::TIMEOUT;
+use smaclite_tests::{LanePlan, PoolPlan, TestDir};
 
 thread_local! {
     /// How many allocations this thread has made, and how many bytes it holds.
@@ -117,6 +120,32 @@ fn a_change_of_arena_allocates_nothing_the_second_time() {
         battles.iter_mut().for_each(|battle| battle.step(true, &mut scratch));
     }
     assert_eq!(ALLOCATIONS.get() - before, 0);
+}
+
+fn wait(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
+    WaitOptions { timeout: Some(TIMEOUT), interrupted }
+}
+
+/// A learner of the pool's own process, whose thread also steps the environments. The first steps allocate:
+/// queues and scratch memory grow, and the memory of each frame is mapped when it comes first.
+#[test]
+fn steps_of_a_learner_allocate_nothing() {
+    let dir = TestDir::new();
+    let plan = LanePlan::new("2s3z", 8);
+    let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(1));
+    let mut client = pool.connect(Some(&plan.name), WaitStrategy::Adaptive).expect("a client");
+    let mut actions = vec![0; 8 * client.layout().sizes().n_agents];
+    drop(client.reset(Some(1), None, wait(&mut || false)).expect("a batch"));
+    let mut step = |count: usize| {
+        for _ in 0..count {
+            client.sample_actions(None, &mut actions).expect("a batch came");
+            drop(client.step(&actions, None, wait(&mut || false)).expect("a batch"));
+        }
+    };
+    step(50);
+    let before = ALLOCATIONS.get();
+    step(300);
+    assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 300 batches");
 }
 
 /// The limit for 27m_vs_30m is 64 KiB per environment, without frames.

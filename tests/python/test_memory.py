@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import tracemalloc
 import weakref
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -145,3 +146,27 @@ import sys; sys.kept = (cycle, batch)
 """
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_step_allocates_its_batch_only() -> None:
+    """Python's and NumPy's allocations, traced. The Rust tests count those of the client."""
+    with sp.make("27m_vs_30m", num_envs=16) as envs:
+        envs.reset(seed=1)
+        actions = envs.sample_actions()
+
+        def peak(steps: int) -> int:
+            """The most bytes that were held at once beyond those held before."""
+            before, _ = tracemalloc.get_traced_memory()
+            tracemalloc.reset_peak()
+            for _ in range(steps):
+                envs.step(envs.sample_actions(out=actions))
+            _, highest = tracemalloc.get_traced_memory()
+            return highest - before
+
+        tracemalloc.start()
+        try:
+            peak(10)
+            assert 0 < peak(1) < 512
+            assert peak(50) < 512, "nothing is kept"
+        finally:
+            tracemalloc.stop()
