@@ -186,7 +186,7 @@ lint: _venv lint-github
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
-    cargo clippy --release --workspace --all-targets -- -D warnings
+    cargo clippy --locked --release --workspace --all-targets -- -D warnings
 
 schema := python + " -m check_jsonschema --builtin-schema vendor."
 

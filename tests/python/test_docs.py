@@ -68,7 +68,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
     "tutorials/installation.md": {
         "pip install smaclite_pool": INSTALLS,
         "python3 -m venv": INSTALLS,
-        "pip wheel": INSTALLS,
         "pip install '.[": INSTALLS,
     },
     "tutorials/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
