@@ -294,7 +294,7 @@ def test_every_picture_exists_and_loads_fast() -> None:
 
 def pictures(page: Path) -> Iterator[Path]:
     """The pictures of a page, all of which have an alternative text. Badges are elsewhere."""
-    for text, path in re.findall(r"!\[(.*?)\]\((?!https:)(.+?)\)", page.read_text()):
+    for text, path in re.findall(r"!\[([^]]*)\]\((?!https:)(.+?)\)", page.read_text()):
         assert text, path
         yield (page.parent / path).resolve()
 
