@@ -22,6 +22,8 @@ _venv:
 
 # Build the Python package and install it with its test dependencies into .venv (or install SMACLITE_POOL_PACKAGE)
 install: _venv
+    @# pip would not replace a build of the same version by a wheel.
+    {{ python }} -m pip uninstall --quiet --quiet --yes smaclite-pool
     {{ python }} -m pip install '{{ package }}[test]'
 
 # Run all tests, Rust and Python
