@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 /// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
 /// have the names of the engine's modules.
-const PHASES: [(&str, &str); 10] = [
+const PHASES: [(&str, &str); 11] = [
     ("order", "battle::Battle::set_execution_order"),
     ("targets", "tick::targets::drop_lost"),
     ("preferred", "tick::preferred::decide"),
@@ -21,6 +21,7 @@ const PHASES: [(&str, &str); 10] = [
     ("execute", "tick::execute::take_turns"),
     ("deaths", "tick::deaths::remove_dead"),
     ("masks", "encode::avail::Available::update"),
+    ("gather", "encode::gathered::Gathered::update"),
     ("obs", "encode::obs::write_obs"),
     ("state", "encode::state::write_state"),
     ("avail", "encode::avail::Available::write"),

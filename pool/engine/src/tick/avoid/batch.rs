@@ -272,3 +272,70 @@ impl Batch {
 fn set([x, y]: &mut [Column; 2], lane: usize, vector: Vec2) {
     (x[lane], y[lane]) = vector.into();
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arena::AvoidanceParams;
+    use crate::lanes::{Kernel, Level};
+
+    /// Two units on a line of twelve, more than fit in a leaf of the tree, each with its two neighbours.
+    struct OnALine<'a> {
+        /// The neighbours of each unit, in order, and the directions of their half-planes.
+        sorted: &'a mut [Vec<(usize, Vec2)>; 2],
+    }
+
+    impl Kernel for OnALine<'_> {
+        #[inline(always)]
+        fn run<S: Lanes>(self, simd: S) {
+            let positions: Vec<Vec2> = (0..12).map(|x| Vec2::new(x as f32, 0.0)).collect();
+            let stats = AvoidanceParams { neighbour_range_squared: 2.0, ..Default::default() };
+            let mut plane = PlaneUnits::default();
+            plane.reserve(12);
+            let mut ids: Vec<u32> = (0..12).collect();
+            plane.pack(&mut ids, &positions, &[Vec2::ZERO; 12], &[Vec2::ONE; 12], &[stats; 12]);
+            let mut batch = Batch::default();
+            batch.reserve(0, 12);
+            for index in [5, 6] {
+                let mover = Mover {
+                    plane: 0,
+                    index,
+                    member: &plane.members()[index],
+                    preferred: Vec2::ONE,
+                    unconstrained: Vec2::ONE,
+                    max_speed: 2.0,
+                    neighbour_range_squared: stats.neighbour_range_squared,
+                };
+                let neighbours = [index - 1, index + 1].map(|other| (other, &plane.members()[other]));
+                batch.push(&mover, [].into_iter(), neighbours.into_iter());
+            }
+            batch.make_half_planes(simd);
+            batch.sort(simd, std::slice::from_mut(&mut plane));
+            for (lane, sorted) in self.sorted.iter_mut().enumerate() {
+                let slots = batch.ranks.iter().zip(&batch.half_planes).take(2);
+                *sorted = slots
+                    .map(|(rank, half_plane)| {
+                        let [x, y] = &half_plane.direction;
+                        (rank.index[lane] as usize, Vec2::new(x[lane], y[lane]))
+                    })
+                    .collect();
+            }
+        }
+    }
+
+    /// The tree visits the half of the units first whose box is nearer, and of equally near boxes the upper
+    /// one: for unit 6 that with unit 7. The order of the half-planes decides the rounding.
+    #[test]
+    fn of_equally_near_neighbours_the_tree_decides() {
+        for level in Level::available() {
+            let mut sorted = [Vec::new(), Vec::new()];
+            level.run(OnALine { sorted: &mut sorted });
+            let [of_5, of_6] = sorted;
+            let indices = |of: &[(usize, Vec2)]| of.iter().map(|(index, _)| *index).collect::<Vec<_>>();
+            assert_eq!((indices(&of_5), indices(&of_6)), (vec![4, 6], vec![7, 5]), "{level:?}");
+            // Half-planes move with their neighbours: the one above is the same for both units.
+            assert_eq!((of_5[0].1, of_5[1].1), (of_6[1].1, of_6[0].1), "{level:?}");
+            assert_ne!(of_5[0].1, of_5[1].1);
+        }
+    }
+}
