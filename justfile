@@ -90,6 +90,11 @@ bench *args:
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
+# Measure what a step costs in Python beyond the Rust client (--help for the options)
+python-share *args: install
+    cargo build --release --quiet -p smaclite-cli
+    {{ python }} benches/python_share.py --program {{ justfile_directory() }}/target/release/smaclite-pool {{ args }}
+
 # Fail if the engine executes over 3 % more instructions than recorded (Debian: apt install valgrind)
 instructions *scenarios: (figures "instructions" "--check" scenarios)
 
