@@ -1,5 +1,5 @@
-//! Heap memory of battles and of learners: a step allocates nothing after the first with a scratch and an arena,
-//! or after a learner's first ones, and a battle needs little memory.
+//! Heap memory of battles and of learners: a step allocates nothing after the first with a scratch and an
+//! arena, or after a learner's first ones, and a battle needs little memory.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -149,10 +149,22 @@ def moved(env: PoolEnv) -> Any:
     return env.to("cpu:0")
 
 
-@pytest.mark.parametrize("wrap", [bare, summed, masked, moved])
+def moved_inside(env: PoolEnv) -> Any:
+    """During an episode, and after it was wrapped."""
+    wrapped = summed(env)
+    env.reset()
+    env.to("cpu:0")
+    return wrapped
+
+
+@pytest.mark.parametrize("wrap", [bare, summed, masked, moved, moved_inside])
 @pytest.mark.parametrize("policy", ["rollout", "none", "lazy", "random", "rand_action"])
-def test_random_actions_are_available_ones(env: PoolEnv, wrap: Any, policy: str) -> None:
-    """TorchRL copies the specification of the actions, and the copies once kept the mask of another step."""
+@pytest.mark.parametrize("device", [None, "cpu", "cpu:0"])
+def test_random_actions_are_available_ones(
+    env: PoolEnv, wrap: Any, policy: str, device: str | None
+) -> None:
+    """TorchRL copies the specification of the actions, and the copies once kept the mask of another step. A
+    collector with a device first makes its policy and then moves the environment."""
     wrapped = wrap(env)
     if policy == "rollout":
         played = wrapped.rollout(150, break_when_any_done=False)
@@ -166,7 +178,7 @@ def test_random_actions_are_available_ones(env: PoolEnv, wrap: Any, policy: str)
         "random": lambda: RandomPolicy(wrapped.full_action_spec),
         "rand_action": lambda: wrapped.rand_action,
     }
-    collector = Collector(wrapped, policies[policy](), frames_per_batch=600, total_frames=600)
+    collector = Collector(wrapped, policies[policy](), frames_per_batch=600, total_frames=600, device=device)
     assert [data.numel() for data in collector] == [600]
     collector.shutdown()
 

@@ -48,7 +48,7 @@ pub(crate) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<
 #[cfg(feature = "program")]
 fn program(arguments: &str) -> i32 {
     let arguments = std::iter::once("smaclite-pool").chain(arguments.split(' '));
-    smaclite_cli::run(arguments.map(Into::into))
+    smaclite_cli::run(arguments.map(Into::into), &[])
 }
 
 fn runtime_dir() -> Result<RuntimeDir, ConnectError> {

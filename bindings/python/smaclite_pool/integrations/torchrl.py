@@ -42,16 +42,35 @@ __all__ = ["PoolEnv"]
 
 
 class AvailableActions(Categorical):
-    """A `Categorical` whose copies have the same mask, not a copy of it.
+    """A `Categorical` whose copies have the same mask, not a copy of it, on any device.
 
-    TorchRL copies the specification of an environment for transforms, and for the random policy of
-    collectors. With a mask of their own they would draw from the actions that were available when they were
-    made.
+    TorchRL copies the specification of an environment for transforms, for the random policy of collectors,
+    and to move an environment to a device. With a mask of their own, copies would draw from the actions that
+    were available when they were made.
     """
 
     def clone(self) -> AvailableActions:
         """A copy that draws what is available now, as the original."""
-        copy = AvailableActions(self.n, self.shape, self.device, self.dtype)
+        return self._copy(self.device, self.dtype)
+
+    def to(self, dest: torch.device | torch.dtype | str | int | None) -> AvailableActions:
+        """The same on another device or with another dtype."""
+        if dest is None:
+            return self
+        if isinstance(dest, torch.dtype):
+            return self._copy(self.device, dest)
+        return self._copy(torch.device(dest), self.dtype)
+
+    def rand(self, shape: torch.Size | None = None) -> torch.Tensor:
+        """Random available actions. The mask stays on the device on which it was made."""
+        return super().rand(shape).to(self.device)
+
+    def is_in(self, val: torch.Tensor) -> bool:
+        """Whether all actions are available."""
+        return bool(super().is_in(val.to(self.mask.device)))
+
+    def _copy(self, device: torch.device, dtype: torch.dtype) -> AvailableActions:
+        copy = AvailableActions(self.n, self.shape, device, dtype)
         copy.mask = self.mask
         return copy
 
@@ -189,12 +208,6 @@ class PoolEnv(EnvBase):
     def _field(self, batch: Batch, name: str) -> torch.Tensor:
         """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""
         return tensor(getattr(batch, name)).plain.to(self.device, copy=True)
-
-    def to(self, device: torch.device | str) -> PoolEnv:
-        """Move all tensors to a device."""
-        super().to(device)
-        self._make_specs()  # TorchRL's move loses the mask
-        return self
 
     def render(self) -> NDArray[np.uint8] | None:
         """Pictures, uint8 [num_envs, 256, 256, 3], or all of them in a window with "human".

@@ -53,7 +53,7 @@ pub(super) struct Cores {
 pub(super) struct Memory {
     total: Option<u64>,
     available: Option<u64>,
-    /// The lowest limit of the control groups of this process, and how much of it is used.
+    /// The limit of the control group that leaves this process least, and how much of it is used.
     cgroup_limit: Option<u64>,
     cgroup_used: Option<u64>,
 }
@@ -224,7 +224,10 @@ fn seccomp(this: &Process) -> Option<&'static str> {
 }
 
 fn processor() -> Option<String> {
-    procfs::CpuInfo::current().ok()?.model_name(0).map(str::to_owned)
+    let info = procfs::CpuInfo::current().ok()?;
+    let arm =
+        || Some(format!("{} {}", info.get_field(0, "CPU implementer")?, info.get_field(0, "CPU part")?));
+    info.model_name(0).map(str::to_owned).or_else(arm)
 }
 
 fn cores() -> Cores {
@@ -246,8 +249,8 @@ fn memory(this: Option<&Process>) -> Memory {
     }
 }
 
-/// Limit and use of the control group with the lowest limit among that of this process and those above it, in
-/// either version of control groups.
+/// Limit and use of the control group that leaves least, of that of this process and those above it, in either
+/// version of control groups.
 fn cgroup_memory(this: &Process) -> Option<(u64, u64)> {
     let number = |file: PathBuf| std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok();
     let groups = this.cgroups().ok()?;
@@ -261,10 +264,26 @@ fn cgroup_memory(this: &Process) -> Option<(u64, u64)> {
         };
         let path = group.pathname.trim_start_matches('/').to_owned();
         let folders = Path::new(&path).ancestors().map(|path| Path::new(root).join(path));
-        folders.filter_map(|folder| Some((number(folder.join(limit))?, number(folder.join(used))?))).collect()
+        let of = |folder: PathBuf| {
+            let used = number(folder.join(used))?;
+            Some((number(folder.join(limit))?, used_without_cache(&folder, used)))
+        };
+        folders.filter_map(of).collect()
     });
     // Version 1 says "no limit" by a number near the largest one.
-    limits.filter(|(limit, _)| *limit < i64::MAX as u64 / 2).min()
+    let limited = limits.filter(|(limit, _)| *limit < i64::MAX as u64 / 2);
+    limited.min_by_key(|(limit, used)| limit.saturating_sub(*used))
+}
+
+/// What a control group has in use, without the file cache, which the kernel drops when memory is short.
+fn used_without_cache(folder: &Path, used: u64) -> u64 {
+    let statistics = std::fs::read_to_string(folder.join("memory.stat")).unwrap_or_default();
+    let of = |name: &str| {
+        let line = statistics.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '))?;
+        line.trim().parse::<u64>().ok()
+    };
+    // `total_` in version 1 includes the groups below, as `memory.usage_in_bytes` does.
+    used.saturating_sub(of("total_inactive_file").or_else(|| of("inactive_file")).unwrap_or(0))
 }
 
 fn shared_memory(this: Option<&Process>) -> Option<SharedMemory> {

@@ -81,6 +81,10 @@ const SMALL_SHM: u64 = 64 << 20;
 /// Less than this is soon used up by a pool and a learner.
 const LITTLE_MEMORY: u64 = 256 << 20;
 
+/// Shared memory and stacks of threads take address space before they are used, some GB for large pools and for
+/// frameworks.
+const LITTLE_ADDRESS_SPACE: u64 = 16 << 30;
+
 /// A process opens about ten files per lane; Python and its libraries have theirs.
 const FEW_FILES: u64 = 256;
 
@@ -214,10 +218,11 @@ fn open_files(limit: Limit) -> Check {
 
 fn address_space(limit: Limit) -> Check {
     match limit.soft {
-        Some(limit) => {
+        Some(limit) if limit < LITTLE_ADDRESS_SPACE => {
             let remedy = "`ulimit -v unlimited`; shared memory and the stacks of threads count, used or not";
             Check::warning("address space", format!("at most {}", shown(limit)), remedy)
         }
+        Some(limit) => Check::ok("address space", format!("at most {}", shown(limit))),
         None => Check::ok("address space", "unlimited"),
     }
 }

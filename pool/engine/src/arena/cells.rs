@@ -138,7 +138,6 @@ impl EdgesByCell {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     fn cell_of(cells: &EdgesByCell, position: Vec2) -> f32 {
@@ -168,8 +167,8 @@ mod tests {
         }
     }
 
-    /// Loading a checkerboard took five minutes, with a list for each cell. Triangles are maps of rectangles that
-    /// overlap, with up to a thousand edges in one spot.
+    /// Loading a checkerboard took five minutes, with a list for each cell. Triangles are maps of rectangles
+    /// that overlap, with up to a thousand edges in one spot.
     #[test]
     fn large_maps_have_no_list_per_cell() {
         let checkerboard = Terrain::from_fn(1024, 1024, |x, y| (x + y) % 2 == 0).unwrap();

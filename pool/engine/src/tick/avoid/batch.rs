@@ -38,7 +38,7 @@ pub(super) struct Batch {
     ranks: Vec<Rank>,
     /// By slot: those of obstacles, then those of neighbours.
     half_planes: Vec<HalfPlaneColumns>,
-    /// How many slots of obstacles there are: at most `max_edges`, as many edges need no half-plane.
+    /// How many slots of obstacles there are: at most `max_edges`, since many edges need no half-plane.
     n_obstacles: usize,
     projected: Vec<HalfPlaneColumns>,
     /// Neighbours of one unit in the order of the tree.

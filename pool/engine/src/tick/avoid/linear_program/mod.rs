@@ -226,8 +226,8 @@ impl<S: Lanes> Programs<S> {
         // `worst` is the violation so far by the half-planes before i. One that is violated more must be
         // among the most violated of the solution; there it and some earlier one are violated equally.
         let mut worst = Floats::splat(simd, 0.0);
-        // The hard half-planes come first and stay as they are. If one of them failed, there are none of units
-        // before it.
+        // The hard half-planes come first and stay as they are. If one of them failed, there are none of
+        // units before it.
         projected[..self.n_hard].copy_from_slice(&half_planes[..self.n_hard]);
         for (i, columns) in half_planes.iter().enumerate() {
             let (half_plane, exists) = columns.load(simd);
