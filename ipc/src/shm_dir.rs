@@ -92,7 +92,7 @@ impl RuntimeDir {
 
     /// Those of this user's folders in shared memory that no process uses.
     pub(crate) fn unused_shm_dirs(&self) -> Vec<PathBuf> {
-        // Locked for a moment; whoever opens the folder meanwhile tries again.
+        // Locked for a moment; a process that opens the folder meanwhile tries again.
         let lock = File::open(self.shm_dir_lock());
         let is_used = lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err());
         let used = if is_used { self.shm_dir() } else { None };

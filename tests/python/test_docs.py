@@ -76,7 +76,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
     "reference/rust.md": {"just docs": CLONE},
     "results.md": {"just results-train": "trains for hours"},
     "tutorials/installation.md": {
-        "pip install smaclite_pool": INSTALLS,
+        "pip install dist": INSTALLS,
         "python3 -m venv": INSTALLS,
         "pip install '.[": INSTALLS,
     },

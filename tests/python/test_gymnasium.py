@@ -307,6 +307,22 @@ def test_an_illegal_action_is_an_error_or_a_stop() -> None:
         make_vector("2s3z", 2, illegal_actions="ignore")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("illegal_actions", ["error", "stop"])
+@pytest.mark.parametrize("actions", [[1, 1], [[1, 1, 1]], [1.0, 1.0, 1.0], None])
+def test_wrong_shapes_and_dtypes_are_named_in_both_modes(illegal_actions: Any, actions: Any) -> None:
+    """With "stop", NumPy's errors about indices came out."""
+    with closing(gymnasium.make("smaclite_pool/3m-v0", illegal_actions=illegal_actions)) as env:
+        env.reset(seed=1)
+        with pytest.raises((sp.InvalidRequest, TypeError), match="actions"):
+            env.step(actions)
+        env.step([1, 1, 1])
+
+
+def test_a_single_battle_has_all_fields() -> None:
+    with pytest.raises(sp.InvalidRequest, match="remove `fields`"):
+        gymnasium.make("smaclite_pool/3m-v0", fields=["obs"])
+
+
 def test_seeds() -> None:
     """Without a seed NumPy's global generator decides; the first reset uses the constructor's."""
 

@@ -17,11 +17,14 @@ HOLDER = """
 import time
 import smaclite_pool as sp
 
+end = time.monotonic() + 30
 while True:
     try:
         spectator = sp.Spectator("train")
         break
     except sp.ConnectError:  # the place of the one before is free when the pool notices its end
+        if time.monotonic() > end:
+            raise
         time.sleep(0.01)
 while (batch := spectator.latest()) is None:
     time.sleep(0.01)

@@ -101,7 +101,7 @@ enum Command {
     Clean(clean::Clean),
     /// Measure steps per second
     Bench(bench::Bench),
-    /// Show what a report of a problem needs, and check that shared memory works here
+    /// Show what a bug report needs, and check that shared memory works here
     Doctor(doctor::Doctor),
     /// Print the script by which a shell completes commands
     Completions(completions::Completions),

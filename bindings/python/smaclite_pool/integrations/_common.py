@@ -78,10 +78,14 @@ class SingleBattle:
 
     Args:
         scenario: a standard scenario or the path of a scenario file.
-        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
+        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except `fields`.
+
+    Raises InvalidRequest, ScenarioError and StartError.
     """
 
     def __init__(self, scenario: str | PathLike[str], settings: Mapping[str, Any]) -> None:
+        if "fields" in settings:
+            raise InvalidRequest("a single battle has all fields; remove `fields`")
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
         self.envs = make(scenario, 1, autoreset="disabled", **{**defaults, **settings})

@@ -1,4 +1,4 @@
-//! What a report of a problem needs to say about the program and the machine. What cannot be read is `None`.
+//! What a bug report needs to say about the program and the machine. What cannot be read is `None`.
 
 use crate::{HostVersion, megabytes};
 use procfs::Current;

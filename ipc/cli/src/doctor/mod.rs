@@ -1,4 +1,4 @@
-//! `smaclite-pool doctor`: what a report of a problem needs, and whether pools work on this machine.
+//! `smaclite-pool doctor`: what a bug report needs, and whether pools work on this machine.
 //! `machine` reads what there is to know; the checks are here.
 
 mod machine;
