@@ -78,7 +78,8 @@ class SingleBattle:
 
     Args:
         scenario: a standard scenario or the path of a scenario file.
-        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except `fields`.
+        settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except
+            `fields`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """

@@ -375,8 +375,8 @@ class BattleEnv(gymnasium.Env[Any, Any]):
 def stop_unavailable(actions: Any, avail_actions: NDArray[np.bool_]) -> NDArray[Any]:
     """Replace every unavailable action by a stop, or by a no-op if the agent is dead.
 
-    `actions` are integers [..., n_agents], `avail_actions` [..., n_agents, n_actions]. Actions of another shape
-    or dtype are returned as they are; the pool refuses them with an error that says what is accepted.
+    `actions` are integers [..., n_agents], `avail_actions` [..., n_agents, n_actions]. Actions of another
+    shape or dtype are returned as they are; the pool refuses them with an error that says what is accepted.
     """
     given = np.asarray(actions)
     if given.shape != avail_actions.shape[:-1] or not np.issubdtype(given.dtype, np.integer):

@@ -249,8 +249,8 @@ fn memory(this: Option<&Process>) -> Memory {
     }
 }
 
-/// Limit and use of the control group that leaves least, of that of this process and those above it, in either
-/// version of control groups.
+/// Limit and use of the control group that leaves least, of that of this process and those above it, in
+/// either version of control groups.
 fn cgroup_memory(this: &Process) -> Option<(u64, u64)> {
     let number = |file: PathBuf| std::fs::read_to_string(file).ok()?.trim().parse::<u64>().ok();
     let groups = this.cgroups().ok()?;

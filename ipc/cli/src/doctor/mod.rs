@@ -81,8 +81,8 @@ const SMALL_SHM: u64 = 64 << 20;
 /// Less than this is soon used up by a pool and a learner.
 const LITTLE_MEMORY: u64 = 256 << 20;
 
-/// Shared memory and stacks of threads take address space before they are used, some GB for large pools and for
-/// frameworks.
+/// Shared memory and stacks of threads take address space before they are used, some GB for large pools and
+/// for frameworks.
 const LITTLE_ADDRESS_SPACE: u64 = 16 << 30;
 
 /// A process opens about ten files per lane; Python and its libraries have theirs.
