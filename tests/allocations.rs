@@ -1,5 +1,5 @@
-//! Heap memory of battles and of learners: a step of a battle allocates nothing after the first with a scratch
-//! and an arena, a batch only what iceoryx2 does, and a battle needs little memory.
+//! Heap memory of battles and of learners: a step of a battle allocates nothing after the first with a
+//! scratch and an arena, a batch only what iceoryx2 does, and a battle needs little memory.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -126,9 +126,9 @@ fn wait(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
     WaitOptions { timeout: Some(TIMEOUT), interrupted }
 }
 
-/// A learner of the pool's own process, whose thread also steps the environments. iceoryx2 allocates once for
-/// each of the two samples that it lends, the request and the frame. The first steps allocate more: queues and
-/// scratch memory grow.
+/// A learner of the pool's own process, whose thread also steps the environments. iceoryx2 allocates once
+/// for each of the two samples that it lends, the request and the frame. The first steps allocate more:
+/// queues and scratch memory grow.
 #[test]
 fn steps_of_a_learner_allocate_what_iceoryx2_does() {
     let dir = TestDir::new();
