@@ -25,6 +25,19 @@ const SIGN: u32 = 1 << 31;
 #[repr(C, align(64))]
 pub(crate) struct Column([f32; MAX_LANES]);
 
+impl Column {
+    /// The number of each lane.
+    pub const NUMBERS: Column = {
+        let mut numbers = [0.0; MAX_LANES];
+        let mut lane = 0;
+        while lane < MAX_LANES {
+            numbers[lane] = lane as f32;
+            lane += 1;
+        }
+        Column(numbers)
+    };
+}
+
 impl Deref for Column {
     type Target = [f32; MAX_LANES];
     #[inline(always)]

@@ -60,6 +60,8 @@ pub(crate) struct TickScratch {
     attack: Vec<Option<u32>>,
     /// Units that had no health when their turn came, and the velocities with which they last moved.
     unmoved: Vec<(u32, Vec2)>,
+    /// The numbers of units and edges that memory is reserved for.
+    reserved: (usize, usize),
     /// Whether a unit may be without health: in the first tick of a step, and where one lost its last health.
     may_have_dead: bool,
     target_choice: target_choice::TargetChoiceScratch,
@@ -68,16 +70,26 @@ pub(crate) struct TickScratch {
 
 impl TickScratch {
     /// Prepares the ticks of a step: they allocate nothing then, in any battle of this arena.
+    #[inline]
     pub fn prepare(&mut self, arena: &Arena) {
-        let n_units = arena.sizes().n_units();
+        let sizes = (arena.sizes().n_units(), arena.edges.longest_list());
+        if self.reserved != sizes {
+            self.reserve(sizes.0, sizes.1);
+            self.reserved = sizes;
+        }
+        self.may_have_dead = true;
+    }
+
+    /// Reserves memory for battles of `n_units` units, each of which sees at most `n_edges` edges.
+    #[cold]
+    fn reserve(&mut self, n_units: usize, n_edges: usize) {
         clear_and_reserve(&mut self.previous_target, n_units);
         clear_and_reserve(&mut self.start, n_units);
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
         clear_and_reserve(&mut self.commands, n_units);
-        self.may_have_dead = true;
         self.target_choice.reserve(n_units);
-        self.avoid.reserve(n_units, arena.edges.longest_list());
+        self.avoid.reserve(n_units, n_edges);
         self.preferred.resize(n_units, Vec2::ZERO);
         self.attack.resize(n_units, None);
     }

@@ -164,8 +164,7 @@ impl Batch {
     #[inline(always)]
     fn make_half_planes<S: Lanes>(&mut self, simd: S) {
         // Lanes without a program have the half-planes of earlier ones, which must not count.
-        self.n_edges[self.n_programs..].fill(0.0);
-        self.n_neighbours[self.n_programs..].fill(0.0);
+        let has_program = Floats::load(simd, &Column::NUMBERS).lt(Floats::splat(simd, self.n_programs as f32));
         let movers = Movers {
             position: Vectors::load(simd, &self.position),
             velocity: Vectors::load(simd, &self.velocity),
@@ -175,7 +174,7 @@ impl Batch {
         self.n_obstacles = 0;
         for (slot, edges) in self.edges[..self.max_edges].iter().enumerate() {
             let (nearer, rest) = self.half_planes.split_at_mut(self.n_obstacles);
-            let exist = Floats::splat(simd, slot as f32).lt(n_edges);
+            let exist = has_program & Floats::splat(simd, slot as f32).lt(n_edges);
             let are_needed = exist & !obstacles::are_covered(&movers, edges, nearer);
             // In front of a wall, its nearest edge covers the others.
             if !are_needed.any() {
@@ -190,7 +189,7 @@ impl Batch {
         let n_neighbours = Floats::load(simd, &self.n_neighbours);
         let neighbours = self.neighbours[..self.max_neighbours].iter().zip(&mut self.ranks).zip(half_planes);
         for (slot, ((neighbours, rank), half_planes)) in neighbours.enumerate() {
-            let exist = Floats::splat(simd, slot as f32).lt(n_neighbours);
+            let exist = has_program & Floats::splat(simd, slot as f32).lt(n_neighbours);
             half_planes.store(movers.keep_off(neighbours), exist);
             let distance_squared = movers.offset_of(neighbours).length_squared();
             let infinite = Floats::splat(simd, f32::INFINITY);

@@ -144,6 +144,7 @@ impl Near {
 }
 
 impl PlaneUnits {
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         self.members.resize(n_units, Member::default());
         clear_and_reserve(&mut self.visited, n_units);
@@ -175,6 +176,11 @@ impl PlaneUnits {
         if n > Tree::LEAF_SIZE {
             self.tree.build(ids, positions);
         }
+        // The last register of coordinates as a whole, in one store, before the units overwrite a part of it.
+        let last = n.saturating_sub(1) / MAX_LANES * MAX_LANES;
+        for column in [&mut self.position.x, &mut self.position.y] {
+            column[last..][..MAX_LANES].copy_from_slice(&[f32::INFINITY; MAX_LANES]);
+        }
         // Slices of one known length: one check of an index serves them all.
         let (members, movers) = (&mut self.members[..n], &mut self.movers[..n]);
         let (x, y) = (&mut self.position.x[..n], &mut self.position.y[..n]);
@@ -198,9 +204,6 @@ impl PlaneUnits {
             n_movers += usize::from(!stays);
         }
         (self.n, self.n_movers) = (n, n_movers);
-        let n_padded = n.next_multiple_of(MAX_LANES);
-        self.position.x[n..n_padded].fill(f32::INFINITY);
-        self.position.y[n..n_padded].fill(f32::INFINITY);
         if n > WORD {
             self.find_boxes();
         }
@@ -289,14 +292,20 @@ impl PlaneUnits {
     ) {
         list.clear();
         let n_words = self.n.div_ceil(WORD);
+        let first = self.position.load(simd, 0);
         for &index in self.movers() {
             let member = &self.members[index as usize];
             let stats = &stats[member.id as usize];
-            if stats.edge_range_squared.is_some() && edges.may_see(self.cell[index as usize]) {
-                list.add_if(true, Near { index, ..Near::default() });
-            }
+            let may_see = stats.edge_range_squared.is_some() && edges.may_see(self.cell[index as usize]);
+            list.add_if(may_see, Near { index, ..Near::default() });
             let centre = Vectors::splat(simd, member.position);
             let range = Floats::splat(simd, stats.neighbour_range_squared);
+            if self.n <= S::F32_LANES {
+                // Of a small plane, all positions stay in one register.
+                let near = (centre - first).length_squared().lt(range).bits() & !(1 << index);
+                list.add_if(near != 0, Near { index, word: 0, bits: near.into() });
+                continue;
+            }
             if n_words == 1 {
                 self.find_in(centre, range, 0, index, list);
                 continue;
