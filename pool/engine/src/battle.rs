@@ -220,12 +220,17 @@ impl Battle {
         let arena = &*self.arena;
         let scratch = &mut scratch.tick;
         scratch.prepare(arena);
-        refill(&mut scratch.commands, arena.unit_ids().map(|_| Command::AttackMove));
         for (&id, action) in arena.agents.iter().zip(&self.last_actions) {
+            if !self.units.alive[id as usize] {
+                continue;
+            }
             let targets = if arena.stats(id).is_healer { &arena.agents } else { &arena.enemies };
             let position = self.units.pos[id as usize];
             let action = action.map_or(action::NO_OP, |action| action as usize);
-            scratch.commands[id as usize] = Command::from_action(action, position, targets);
+            scratch.command(id, Command::from_action(action, position, targets));
+        }
+        for &id in self.alive_ids.all.iter().filter(|&&id| arena.is_enemy(id)) {
+            scratch.command(id, Command::AttackMove);
         }
     }
 

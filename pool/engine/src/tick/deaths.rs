@@ -25,6 +25,7 @@ pub(super) fn remove_dead(world: &mut World) {
     }
     if any_died {
         alive_ids.remove_dead(alive);
+        scratch.remove_dead(alive);
         neighbour_order.remove_dead(units);
     }
 }

@@ -70,8 +70,10 @@ fn take_plain_turns(world: &mut World, turn: &mut usize) -> Option<(u32, Event)>
         // The cooldown starts with the attack, in the turn that executes it, and counts down from the unit's
         // next turn on. There is no second range check: a target that was in reach when the attack was
         // declared is hit wherever it is now.
-        if let Some(target) = attacks[i]
-            && cooldown[i] == 0.0
+        // One branch, seldom taken: whether a unit has declared an attack is hard to predict. The cooldown is
+        // 0, and not -0, if it has no bits.
+        if cooldown[i].to_bits() | u64::from(attacks[i].is_none()) == 0
+            && let Some(target) = attacks[i]
         {
             cooldown[i] = arena.stats(id).cooldown;
             return Some((id, Event::Acts { target }));

@@ -38,6 +38,7 @@ pub(crate) fn run(world: &mut World) -> f64 {
     avoid::plan_velocities(world);
     let earned = execute::take_turns(world);
     deaths::remove_dead(world);
+    world.scratch.is_first_tick = false;
     earned
 }
 
@@ -46,8 +47,17 @@ pub(crate) fn run(world: &mut World) -> f64 {
 /// Entries of dead units are stale.
 #[derive(Debug, Default)]
 pub(crate) struct TickScratch {
-    /// The command of each unit for this step.
-    pub commands: Vec<Command>,
+    /// The command of each unit for this step; those of dead units are stale.
+    commands: Vec<Command>,
+    // The living units by their command, but those that stop.
+    /// Those that move to a point, and that point.
+    moving: Vec<(u32, [f64; 2])>,
+    /// Those with a target command, and that target.
+    targeting: Vec<(u32, u32)>,
+    /// Those that attack-move, by ascending id.
+    attack_moving: Vec<u32>,
+    /// Whether this is the first tick with these commands.
+    is_first_tick: bool,
     /// The execution order: ids in the order of phase 4.
     pub order: Vec<u32>,
     /// The target of each unit before phase 1.
@@ -78,6 +88,30 @@ impl TickScratch {
             self.reserved = sizes;
         }
         self.may_have_dead = true;
+        self.is_first_tick = true;
+        self.commands.resize(sizes.0, Command::Stop);
+        self.moving.clear();
+        self.targeting.clear();
+        self.attack_moving.clear();
+    }
+
+    /// Sets the command of a living unit. Those that attack-move come by ascending id.
+    #[inline]
+    pub fn command(&mut self, id: u32, command: Command) {
+        self.commands[id as usize] = command;
+        match command {
+            Command::Stop => {}
+            Command::MoveTo(destination) => self.moving.push((id, destination)),
+            Command::Target(target) => self.targeting.push((id, target)),
+            Command::AttackMove => self.attack_moving.push(id),
+        }
+    }
+
+    /// Removes units that are no longer alive from those that follow commands.
+    fn remove_dead(&mut self, alive: &[bool]) {
+        self.moving.retain(|(id, _)| alive[*id as usize]);
+        self.targeting.retain(|(id, _)| alive[*id as usize]);
+        self.attack_moving.retain(|id| alive[*id as usize]);
     }
 
     /// Reserves memory for battles of `n_units` units, each of which sees at most `n_edges` edges.
@@ -88,6 +122,9 @@ impl TickScratch {
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
         clear_and_reserve(&mut self.commands, n_units);
+        clear_and_reserve(&mut self.moving, n_units);
+        clear_and_reserve(&mut self.targeting, n_units);
+        clear_and_reserve(&mut self.attack_moving, n_units);
         self.target_choice.reserve(n_units);
         self.avoid.reserve(n_units, n_edges);
         self.preferred.resize(n_units, Vec2::ZERO);

@@ -6,8 +6,7 @@ use glam::Vec2;
 
 use super::World;
 use super::target_choice::{self, Choice};
-use crate::arena::Matchup;
-use crate::command::Command;
+use crate::arena::{Approach, Arena, Matchup};
 use crate::units::distance_squared;
 
 /// Sets the preferred velocity, the target and the declared attack of every unit.
@@ -18,73 +17,92 @@ pub(super) fn decide(world: &mut World) {
     // Slices of one length: one check of an id serves all columns.
     let n = units.pos.len();
     let (pos, hp, targets) = (&units.pos[..n], &units.hp[..n], &mut units.target[..n]);
-    let (commands, approaches) = (&scratch.commands[..n], &arena.approaches[..n]);
-    let (declared, attacks) = (&mut units.declared[..n], &mut scratch.attack[..n]);
-    let preferred = &mut scratch.preferred[..n];
+    let mut plans = Plans {
+        arena,
+        pos,
+        approaches: &arena.approaches[..n],
+        declared: &mut units.declared[..n],
+        attacks: &mut scratch.attack[..n],
+        preferred: &mut scratch.preferred[..n],
+    };
     let choice = Choice { arena, alive_ids, pos, hp, scratch: &scratch.target_choice };
-    for &id in &alive_ids.all {
-        let i = id as usize;
-        let own = &approaches[i];
-        let mut speed = own.speed;
-        let goal = match commands[i] {
-            Command::Stop => Goal::Here,
-            Command::MoveTo(destination) => Goal::Point(destination),
-            Command::Target(target) => Goal::Unit(target),
-            Command::AttackMove => {
-                // The speed depends on whether the unit had a target before it chooses one (R3).
-                if own.is_healer {
-                    speed = choice.speed_of_healer(targets, id);
-                }
-                targets[i] = choice.target(targets, id, own);
-                targets[i].map_or(Goal::Point(arena.attack_point), Goal::Unit)
-            }
-        };
-        let mut attack = None;
-        let wanted = match goal {
-            Goal::Here => Vec2::ZERO,
-            Goal::Point(point) => towards_point(pos[i], point, speed),
-            Goal::Unit(target) => {
-                let t = target as usize;
-                let matchup = arena.matchup_of(own, &approaches[t]);
-                // Declares an attack on a target within attack range and stays; otherwise walks to it.
-                if matchup.can_attack && in_reach(pos[i], pos[t], matchup) {
-                    attack = Some(target);
-                    Vec2::ZERO
-                } else {
-                    towards_unit(pos[i], pos[t], speed)
-                }
-            }
-        };
-        if declared[i] {
-            (attack, declared[i]) = declare_held_attack(commands[i], targets[i]);
+    if scratch.is_first_tick {
+        for &id in &alive_ids.allies {
+            plans.set(id, Vec2::ZERO, None, None);
         }
-        attacks[i] = attack;
-        // A unit that cannot move prefers +0.0. Without this it would be -0.0 towards the west or south. A
-        // healer that follows an immobile unit may prefer -0.0 (R3).
-        preferred[i] = wanted;
-        if own.speed == 0.0 {
-            preferred[i] = Vec2::ZERO;
+    }
+    // One loop per command, since which of them a unit has is hard to predict. Nothing that a unit does here
+    // depends on whether an agent came before or after it; enemies come by ascending id.
+    for &(id, destination) in &scratch.moving {
+        let i = id as usize;
+        plans.walk(id, destination, plans.approaches[i].speed);
+    }
+    for &(id, target) in &scratch.targeting {
+        plans.approach(id, target, plans.approaches[id as usize].speed);
+    }
+    for &id in &scratch.attack_moving {
+        let i = id as usize;
+        let own = &plans.approaches[i];
+        // The speed depends on whether the unit had a target before it chooses one (R3).
+        let speed = if own.is_healer { choice.speed_of_healer(targets, id) } else { own.speed };
+        targets[i] = choice.target(targets, id, own);
+        match targets[i] {
+            Some(target) => plans.approach(id, target, speed),
+            None => plans.walk(id, arena.attack_point, speed),
         }
     }
 }
 
-/// Where a unit wants to be.
-enum Goal {
-    Here,
-    Point([f64; 2]),
-    /// Within attack range of this unit.
-    Unit(u32),
+/// What units intend to do, by battle-wide id.
+struct Plans<'a> {
+    arena: &'a Arena,
+    pos: &'a [Vec2],
+    approaches: &'a [Approach],
+    declared: &'a mut [bool],
+    attacks: &'a mut [Option<u32>],
+    preferred: &'a mut [Vec2],
+}
+
+impl Plans<'_> {
+    /// The unit has no target and walks to a point.
+    #[inline(always)]
+    fn walk(&mut self, id: u32, to: [f64; 2], speed: f64) {
+        self.set(id, towards_point(self.pos[id as usize], to, speed), None, None);
+    }
+
+    /// The unit declares an attack on a target within attack range and stays; otherwise it walks to it.
+    #[inline(always)]
+    fn approach(&mut self, id: u32, target: u32, speed: f64) {
+        let (i, t) = (id as usize, target as usize);
+        let matchup = self.arena.matchup_of(&self.approaches[i], &self.approaches[t]);
+        if matchup.can_attack && in_reach(self.pos[i], self.pos[t], matchup) {
+            self.set(id, Vec2::ZERO, Some(target), Some(target));
+        } else {
+            self.set(id, towards_unit(self.pos[i], self.pos[t], speed), Some(target), None);
+        }
+    }
+
+    /// Sets the preferred velocity and the declared attack of a unit with this target, or with none.
+    #[inline(always)]
+    fn set(&mut self, id: u32, wanted: Vec2, target: Option<u32>, attack: Option<u32>) {
+        let i = id as usize;
+        self.attacks[i] = attack;
+        if self.declared[i] {
+            (self.attacks[i], self.declared[i]) = declare_held_attack(target);
+        }
+        // A unit that cannot move prefers +0.0. Without this it would be -0.0 towards the west or south. A
+        // healer that follows an immobile unit may prefer -0.0 (R3).
+        self.preferred[i] = wanted;
+        if self.approaches[i].speed == 0.0 {
+            self.preferred[i] = Vec2::ZERO;
+        }
+    }
 }
 
 /// Rule R4: a held attack is declared again as soon as there is a target, at any distance and in any plane.
 /// Returns the declared attack, and whether one is still held.
 #[cold]
-fn declare_held_attack(command: Command, target: Option<u32>) -> (Option<u32>, bool) {
-    let target = match command {
-        Command::Target(target) => Some(target),
-        Command::AttackMove => target,
-        Command::Stop | Command::MoveTo(_) => None,
-    };
+fn declare_held_attack(target: Option<u32>) -> (Option<u32>, bool) {
     (target, target.is_none())
 }
 

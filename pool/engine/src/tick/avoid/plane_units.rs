@@ -193,7 +193,8 @@ impl PlaneUnits {
         for (index, &id) in ids.iter().enumerate() {
             let i = id as usize;
             let (position, velocity, preferred) = (positions[i], velocities[i], preferred[i]);
-            let stays = (preferred.x == 0.0) & (preferred.y == 0.0);
+            // Whether both are 0 or -0, by their bits: comparisons of floats become branches.
+            let stays = (preferred.x.to_bits() | preferred.y.to_bits()) << 1 == 0;
             let share = select_unpredictable(stays, 1.0, 0.5);
             members[index] = Member { position, velocity, radius: stats[i].radius, share, id };
             (x[index], y[index]) = position.into();
