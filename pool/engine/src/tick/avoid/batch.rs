@@ -10,7 +10,7 @@ use super::linear_program::{HalfPlaneColumns, Programs};
 use super::nearest_list::NearestList;
 use super::neighbours::{Movers, NeighbourColumns};
 use super::obstacles::{self, EdgeColumns};
-use super::plane_units::{Member, PlaneUnits};
+use super::plane_units::{Member, Near, PlaneUnits};
 use crate::arena::Edge;
 use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
 
@@ -59,7 +59,7 @@ struct UnitOfLane {
 struct Rank {
     /// Infinite where there is no neighbour.
     distance_squared: Column,
-    /// The neighbour's index in its plane.
+    /// The neighbour's index in its plane, as the bits of a float.
     index: Column,
 }
 
@@ -86,14 +86,15 @@ impl Batch {
         self.in_tree_order.reserve(max_neighbours);
     }
 
-    /// Adds the program of a unit, with the edges that it sees, nearest first, and its neighbours in any
-    /// order: their index and themselves. There must be a free lane.
+    /// Adds the program of a unit, with the edges that it sees, nearest first, and its neighbours among the
+    /// members of its plane, in any order. There must be a free lane.
     #[inline(always)]
     pub fn push<'a>(
         &mut self,
         mover: &Mover,
         edges: impl Iterator<Item = &'a Edge>,
-        neighbours: impl Iterator<Item = (usize, &'a Member)>,
+        near: &[Near],
+        members: &[Member],
     ) {
         let lane = self.n_programs;
         assert!(lane < MAX_LANES);
@@ -112,15 +113,19 @@ impl Batch {
             n_edges += 1;
         }
         let mut n_neighbours = 0;
-        for ((slot, rank), (index, neighbour)) in
-            self.neighbours.iter_mut().zip(&mut self.ranks).zip(neighbours)
-        {
-            set(&mut slot.position, lane, neighbour.position);
-            set(&mut slot.velocity, lane, neighbour.velocity);
-            slot.radius[lane] = neighbour.radius;
-            slot.share[lane] = neighbour.share;
-            rank.index[lane] = index as f32;
-            n_neighbours += 1;
+        for near in near {
+            near.for_each(
+                #[inline(always)]
+                |index| {
+                    let (slot, neighbour) = (&mut self.neighbours[n_neighbours], &members[index]);
+                    set(&mut slot.position, lane, neighbour.position);
+                    set(&mut slot.velocity, lane, neighbour.velocity);
+                    slot.radius[lane] = neighbour.radius;
+                    slot.share[lane] = neighbour.share;
+                    self.ranks[n_neighbours].index[lane] = f32::from_bits(index as u32);
+                    n_neighbours += 1;
+                },
+            );
         }
         self.n_edges[lane] = n_edges as f32;
         self.max_edges = self.max_edges.max(n_edges);
@@ -246,7 +251,7 @@ impl Batch {
         }
         let half_planes = &mut self.half_planes[self.n_obstacles..];
         for (slot, index) in self.in_tree_order.indices().enumerate() {
-            let is_here = |rank: &Rank| rank.index[lane] == index as f32;
+            let is_here = |rank: &Rank| rank.index[lane].to_bits() as usize == index;
             let Some(from) = self.ranks[slot..].iter().position(is_here) else { continue };
             let swap = |columns: [&mut Column; 2]| {
                 let [a, b] = columns;
@@ -305,8 +310,8 @@ mod tests {
                     max_speed: 2.0,
                     neighbour_range_squared: stats.neighbour_range_squared,
                 };
-                let neighbours = [index - 1, index + 1].map(|other| (other, &plane.members()[other]));
-                batch.push(&mover, [].into_iter(), neighbours.into_iter());
+                let near = Near::of(&[index - 1, index + 1]);
+                batch.push(&mover, [].into_iter(), &[near], plane.members());
             }
             batch.make_half_planes(simd);
             batch.sort(simd, std::slice::from_mut(&mut plane));
@@ -315,7 +320,7 @@ mod tests {
                 *sorted = slots
                     .map(|(rank, half_plane)| {
                         let [x, y] = &half_plane.direction;
-                        (rank.index[lane] as usize, Vec2::new(x[lane], y[lane]))
+                        (rank.index[lane].to_bits() as usize, Vec2::new(x[lane], y[lane]))
                     })
                     .collect();
             }

@@ -159,23 +159,11 @@ impl Planning<'_> {
                 max_speed: stats.max_speed,
                 neighbour_range_squared: stats.neighbour_range_squared,
             };
-            let members = plane_units.members();
-            let neighbours = entries.iter().flat_map(
-                #[inline(always)]
-                |entry| entry.indices(),
-            );
             let seen = seen.indices().map(
                 #[inline(always)]
                 |number| self.arena.edges.edge(number as u32),
             );
-            batch.push(
-                &mover,
-                seen,
-                neighbours.map(
-                    #[inline(always)]
-                    |index| (index, &members[index]),
-                ),
-            );
+            batch.push(&mover, seen, entries, plane_units.members());
             if batch.len() == S::F32_LANES {
                 batch.solve(simd, planes, self.velocities);
                 plane_units = &planes[plane];

@@ -129,17 +129,21 @@ impl Near {
         self.bits == 0
     }
 
-    /// The indices of the neighbours, ascending.
+    /// Visits the indices of the neighbours, ascending.
     #[inline(always)]
-    pub fn indices(&self) -> impl Iterator<Item = usize> {
+    pub fn for_each(&self, mut visit: impl FnMut(usize)) {
         let (begin, mut bits) = (self.word as usize * WORD, self.bits);
-        std::iter::from_fn(move || {
-            let first = bits.trailing_zeros() as usize;
-            let is_any = bits != 0;
+        while bits != 0 {
+            visit(begin + bits.trailing_zeros() as usize);
             // Clears the lowest bit.
-            bits &= bits.wrapping_sub(1);
-            is_any.then_some(begin + first)
-        })
+            bits &= bits - 1;
+        }
+    }
+
+    /// These neighbours, all of the first word.
+    #[cfg(test)]
+    pub fn of(indices: &[usize]) -> Near {
+        Near { bits: indices.iter().fold(0, |bits, index| bits | 1 << index), ..Near::default() }
     }
 }
 
@@ -422,7 +426,7 @@ mod tests {
                 let index = entries[0].index as usize;
                 let id = |index: usize| plane.members()[index].id;
                 let unit = id(index) as usize;
-                self.found[unit] = entries.iter().flat_map(Near::indices).map(id).collect();
+                entries.iter().for_each(|near| near.for_each(|index| self.found[unit].push(id(index))));
                 plane.find_by_tree(index, self.range_squared, &mut sorted);
                 let id = |index: usize| plane.members()[index].id;
                 self.by_tree[unit] = sorted.indices().map(id).collect();
