@@ -49,6 +49,7 @@ impl HostedEnv {
     }
 
     /// Carries a task out, up to the point where its slot is needed.
+    #[inline(always)]
     pub(crate) fn run(&mut self, task: Task, autoreset: Autoreset, scratch: &mut Scratch) -> Option<Step> {
         match task {
             Task::Observe => None,

@@ -2,7 +2,7 @@
 //! (`leader_followers`). A learner's thread of this process works among them while it waits (`Helper`).
 
 use crate::episode_log::{EpisodePart, LogCursor};
-use crate::lane::{Entry, Lane, LaneSpec, LaneStats, Received, panic_text};
+use crate::lane::{Entry, Lane, LaneSpec, LaneStats, RUN, Received, panic_text};
 use crate::leader_followers::{Leadership, Ring, Wakeup, WorkQueues};
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
 use crate::wait_strategy::WaitStrategy;
@@ -12,11 +12,7 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Most environments that a worker takes at a time: enough to make queueing cheap, few enough that lanes take
-/// turns.
-const RUN: usize = 16;
-
-/// The same for a learner's thread while it serves another lane: its own batch may be ready meanwhile.
+/// As [`RUN`], for a learner's thread while it serves another lane: its own batch may be ready meanwhile.
 const GUEST_RUN: usize = 1;
 
 /// A blocked leader polls the lanes at least this often, even without a ring.
@@ -76,6 +72,8 @@ pub struct PoolHandle<T: Transport>(Weak<Shared<T>>);
 
 struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
+    /// The seat of each environment of each lane.
+    seats: Vec<Vec<usize>>,
     queues: WorkQueues<Entry>,
     doorbell: T::Doorbell,
     /// How long idle workers poll for work before they block; `None` is without end.
@@ -94,7 +92,8 @@ impl<T: Transport> Pool<T> {
         let threads = options.threads.max(1);
         let queues = WorkQueues::new(threads, lanes.len());
         let spin = options.wait.spin_time(threads);
-        let shared = Arc::new(Shared { lanes, queues, doorbell, spin });
+        let seats = lanes.iter().enumerate().map(|(i, lane)| seats(i, lane.num_envs(), threads)).collect();
+        let shared = Arc::new(Shared { lanes, seats, queues, doorbell, spin });
         let mut pool = Pool { shared: Some(Arc::clone(&shared)), threads: Vec::new() };
         for worker in 0..threads {
             let shared = Arc::clone(&shared);
@@ -167,6 +166,12 @@ impl<T: Transport> Pool<T> {
             let _ = thread.join();
         }
     }
+}
+
+/// The seat of each environment of a lane. Neighbouring environments share a seat. Lanes begin at different
+/// seats, so that the only environments of several small lanes do not all belong to the first one.
+fn seats(lane: usize, num_envs: usize, threads: usize) -> Vec<usize> {
+    (0..num_envs).map(|env| (env * threads / num_envs + lane) % threads).collect()
 }
 
 impl<T: Transport> Drop for Pool<T> {
@@ -246,13 +251,11 @@ impl<T: Transport> Shared<T> {
         true
     }
 
-    /// Puts each entry into the inbox of its environment's seat. Neighbouring environments share a seat, so a
-    /// request in order is one run of entries per seat. Lanes begin at different seats, so that the only
-    /// environments of several small lanes do not all belong to the first one.
+    /// Puts each entry into the inbox of its environment's seat; a request in order is one run of entries per
+    /// seat.
     fn share_out(&self, lane: usize, entries: &[Entry]) {
-        let workers = self.queues.workers();
-        let num_envs = self.lanes[lane].num_envs();
-        let seat_of = |entry: &Entry| (entry.env as usize * workers / num_envs + lane) % workers;
+        let seats = &self.seats[lane];
+        let seat_of = |entry: &Entry| seats[entry.env as usize];
         for run in entries.chunk_by(|a, b| seat_of(a) == seat_of(b)) {
             self.ring(self.queues.push(seat_of(&run[0]), lane, run));
         }

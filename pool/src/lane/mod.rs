@@ -22,6 +22,7 @@ use crate::transport::{Epoch, Request, SessionId, Transport, TransportError};
 use accept::Intake;
 use smaclite_engine::{Scratch, Sizes, Step};
 use stats::{Counters, StepCounts};
+use arrayvec::ArrayVec;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -29,6 +30,10 @@ use std::time::{Duration, Instant};
 /// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100
 /// ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Most environments that a thread takes at a time: enough to make queueing cheap, few enough that lanes take
+/// turns.
+pub(crate) const RUN: usize = 16;
 
 /// How to build a lane.
 pub struct LaneSpec {
@@ -208,12 +213,19 @@ impl<T: Transport> Lane<T> {
         // After a delay there may be steps of an old epoch and resets of a new one in the same run.
         for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
             let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
+            // All are locked before the first is written: to lock or unlock is to wait until every earlier
+            // write has reached the cache, and those to a frame take long, since the learner has read it.
+            let mut locked = ArrayVec::<_, RUN>::new();
             for entry in run {
-                let Some(mut hosted) = self.lock_in_turn(entry) else { return Ok(()) };
-                let step = self.step(&mut hosted, entry, scratch, counts);
-                let slot = claim.map(|claim| (claim.memory, entry.env as usize));
-                self.write(&mut hosted, entry, step, slot, scratch);
+                let Some(hosted) = self.lock_in_turn(entry) else { return Ok(()) };
+                locked.push(hosted);
             }
+            for (entry, hosted) in run.iter().zip(&mut locked) {
+                let step = self.step(hosted, entry, scratch, counts);
+                let slot = claim.map(|claim| (claim.memory, entry.env as usize));
+                self.write(hosted, entry, step, slot, scratch);
+            }
+            drop(locked);
             self.complete(claim);
         }
         Ok(())
@@ -257,6 +269,7 @@ impl<T: Transport> Lane<T> {
         }
     }
 
+    #[inline(always)]
     fn step(
         &self,
         hosted: &mut HostedEnv,
