@@ -2,7 +2,9 @@
 
     just python-share 2s_vs_1sc --rounds 9
 
-Both sample random available actions and step. The difference is Python's share of two calls.
+Both sample random available actions and step. The difference is Python's share of two calls. What `sample_actions`
+takes in Python is measured too, so that the rest is the share of `step`, but for the few nanoseconds of the sampling
+itself.
 """
 
 import argparse
@@ -10,10 +12,11 @@ import json
 import statistics
 import subprocess
 import time
+from collections.abc import Callable
 
 import smaclite_pool as sp
 
-STEPS_BETWEEN_TIMES = 100
+CALLS_BETWEEN_TIMES = 100
 
 
 def arguments() -> argparse.Namespace:
@@ -33,21 +36,31 @@ def of_rust(program: str, scenario: str, seconds: float) -> float:
     return 1e6 / float(json.loads(result.stdout)["steps_per_s"])
 
 
-def of_python(scenario: str, seconds: float) -> float:
-    """Microseconds per step."""
+def of_python(scenario: str, seconds: float) -> tuple[float, float]:
+    """Microseconds per step, and per call of `sample_actions` alone."""
     with sp.make(scenario, 1, threads=1) as envs:
         envs.seed_sampler(0)
         envs.reset(seed=1)
         actions = envs.sample_actions()
-        steps = 0
-        elapsed = 0.0
-        begin = time.perf_counter()
-        while elapsed < seconds:
-            for _ in range(STEPS_BETWEEN_TIMES):
-                envs.step(envs.sample_actions(out=actions))
-            steps += STEPS_BETWEEN_TIMES
-            elapsed = time.perf_counter() - begin
-        return 1e6 * elapsed / steps
+        step = time_of(lambda: envs.step(envs.sample_actions(out=actions)), seconds)
+        return step, time_of(lambda: envs.sample_actions(out=actions), seconds / 4) - time_of(nothing, seconds / 4)
+
+
+def nothing() -> None:
+    """What is measured is called by a function, which costs as much as to call this one."""
+
+
+def time_of(call: Callable[[], object], seconds: float) -> float:
+    """Microseconds per call."""
+    calls = 0
+    elapsed = 0.0
+    begin = time.perf_counter()
+    while elapsed < seconds:
+        for _ in range(CALLS_BETWEEN_TIMES):
+            call()
+        calls += CALLS_BETWEEN_TIMES
+        elapsed = time.perf_counter() - begin
+    return 1e6 * elapsed / calls
 
 
 def main() -> None:
@@ -55,11 +68,15 @@ def main() -> None:
     rounds = []
     for _ in range(options.rounds):
         rust = of_rust(options.program, options.scenario, options.seconds)
-        python = of_python(options.scenario, options.seconds)
-        rounds.append((rust, python, python - rust))
-        print(f"Rust {rust:.2f} us, Python {python:.2f} us, difference {python - rust:.2f} us")
-    rust, python, difference = (statistics.median(column) for column in zip(*rounds, strict=True))
-    print(f"median: Rust {rust:.2f} us, Python {python:.2f} us, difference {difference:.2f} us")
+        python, sampling = of_python(options.scenario, options.seconds)
+        rounds.append((rust, python, python - rust, sampling))
+        print(described(*rounds[-1]))
+    print("median:", described(*(statistics.median(column) for column in zip(*rounds, strict=True))))
+
+
+def described(rust: float, python: float, difference: float, sampling: float) -> str:
+    shares = f"sample_actions {sampling:.2f} us, step {difference - sampling:.2f} us"
+    return f"Rust {rust:.2f} us, Python {python:.2f} us, difference {difference:.2f} us: {shares}"
 
 
 if __name__ == "__main__":
