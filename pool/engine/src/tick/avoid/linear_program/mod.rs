@@ -116,7 +116,9 @@ impl<S: Lanes> Programs<S> {
     /// `projected` is working memory, at least as long as `half_planes`.
     #[inline(always)]
     pub fn solve(&self, half_planes: &[HalfPlaneColumns], projected: &mut [HalfPlaneColumns]) -> Vectors<S> {
-        let nearest = self.best_velocity(half_planes, Aim::Nearest(self.preferred), self.unconstrained);
+        let zero = Floats::splat(self.max_speed.simd(), 0.0);
+        let all = zero.le(zero);
+        let nearest = self.best_velocity(half_planes, Aim::Nearest(self.preferred), self.unconstrained, all);
         if nearest.is_infeasible.any() {
             self.least_violation(half_planes, nearest, projected)
         } else {
@@ -125,16 +127,19 @@ impl<S: Lanes> Programs<S> {
     }
 
     /// The best velocities; `velocities` are the best without half-planes: the speed limit decides alone.
+    /// Programs that do not `count` are left as if they were infeasible, so that no time is lost on what only
+    /// they need.
     #[inline(always)]
     fn best_velocity(
         &self,
         half_planes: &[HalfPlaneColumns],
         aim: Aim<S>,
         velocities: Vectors<S>,
+        count: Mask<S>,
     ) -> Solutions<S> {
         let simd = self.max_speed.simd();
         let zero = Floats::splat(simd, 0.0);
-        let mut solutions = Solutions { velocities, is_infeasible: zero.lt(zero), half_plane: zero };
+        let mut solutions = Solutions { velocities, is_infeasible: !count, half_plane: zero };
         for (i, columns) in half_planes.iter().enumerate() {
             let (half_plane, exists) = columns.load(simd);
             // A half-plane that the best velocity so far satisfies changes nothing. Otherwise the new best
@@ -245,7 +250,8 @@ impl<S: Lanes> Programs<S> {
                 projected.store(between, exists & applies);
             }
             let inward = Vectors { x: -half_plane.direction.y, y: half_plane.direction.x };
-            let better = self.best_velocity(projected, Aim::Farthest(inward), inward * self.max_speed);
+            let farthest = inward * self.max_speed;
+            let better = self.best_velocity(projected, Aim::Farthest(inward), farthest, concerned);
             // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes
             // it fail, that velocity stays.
             velocities = (concerned & !better.is_infeasible).either(better.velocities, velocities);
