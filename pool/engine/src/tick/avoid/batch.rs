@@ -169,7 +169,8 @@ impl Batch {
     #[inline(always)]
     fn make_half_planes<S: Lanes>(&mut self, simd: S) {
         // Lanes without a program have the half-planes of earlier ones, which must not count.
-        let has_program = Floats::load(simd, &Column::NUMBERS).lt(Floats::splat(simd, self.n_programs as f32));
+        let has_program =
+            Floats::load(simd, &Column::NUMBERS).lt(Floats::splat(simd, self.n_programs as f32));
         let movers = Movers {
             position: Vectors::load(simd, &self.position),
             velocity: Vectors::load(simd, &self.velocity),
