@@ -1,7 +1,8 @@
 //! One tick, 1/16 s of a battle, in five phases; [`run`] lists them.
 //!
-//! Every phase processes all living units in ascending battle-wide id before the next phase begins. Only
-//! phase 4 has another order, the execution order, which is an input of the tick.
+//! Every phase processes all living units before the next phase begins, and its results are those of
+//! ascending battle-wide ids. Only phase 4 has another order, the execution order, which is an input of the
+//! tick.
 
 mod avoid;
 mod crowd;
