@@ -2,9 +2,9 @@
 
     just python-share 2s_vs_1sc --rounds 9
 
-Both sample random available actions and step. The difference is Python's share of two calls. What `sample_actions`
-takes in Python is measured too, so that the rest is the share of `step`, but for the few nanoseconds of the sampling
-itself.
+Both sample random available actions and step. The difference is Python's share of two calls. What
+`sample_actions` takes in Python is measured too, so that the rest is the share of `step`, but for the few
+nanoseconds of the sampling itself.
 """
 
 import argparse
@@ -43,7 +43,8 @@ def of_python(scenario: str, seconds: float) -> tuple[float, float]:
         envs.reset(seed=1)
         actions = envs.sample_actions()
         step = time_of(lambda: envs.step(envs.sample_actions(out=actions)), seconds)
-        return step, time_of(lambda: envs.sample_actions(out=actions), seconds / 4) - time_of(nothing, seconds / 4)
+        sampling = time_of(lambda: envs.sample_actions(out=actions), seconds / 4)
+        return step, sampling - time_of(nothing, seconds / 4)
 
 
 def nothing() -> None:
