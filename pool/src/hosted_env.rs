@@ -49,6 +49,8 @@ impl HostedEnv {
     }
 
     /// Carries a task out, up to the point where its slot is needed.
+    // Inlined: an outcome that is returned through memory is read back across two stores, which waits for all
+    // stores before them, those to frames included.
     #[inline(always)]
     pub(crate) fn run(&mut self, task: Task, autoreset: Autoreset, scratch: &mut Scratch) -> Option<Step> {
         match task {
