@@ -34,8 +34,7 @@ pub(super) fn decide(world: &mut World) {
     // One loop per command, since which of them a unit has is hard to predict. Nothing that a unit does here
     // depends on whether an agent came before or after it; enemies come by ascending id.
     for &(id, destination) in &scratch.moving {
-        let i = id as usize;
-        plans.walk(id, destination, plans.approaches[i].speed);
+        plans.walk(id, destination, plans.approaches[id as usize].speed);
     }
     for &(id, target) in &scratch.targeting {
         plans.approach(id, target, plans.approaches[id as usize].speed);
