@@ -214,8 +214,9 @@ impl<T: Transport> Lane<T> {
         for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
             let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
             // All are locked before the first is written: to lock or unlock is to wait until every earlier
-            // write has reached the cache, and those to a frame take long, since the learner has read it. No two
-            // threads wait for each other: one holds an environment only if all earlier entries of it are done.
+            // write has reached the cache, and those to a frame take long, since the learner has read it.
+            // No two threads wait for each other: one holds an environment only if all earlier entries of it
+            // are done.
             let mut locked = ArrayVec::<_, RUN>::new();
             for entry in run {
                 let Some(hosted) = self.lock_in_turn(entry) else { return Ok(()) };
