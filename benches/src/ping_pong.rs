@@ -6,6 +6,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use smaclite_ipc::WaitStrategy;
+use smaclite_pool::Polling;
 use std::error::Error;
 use std::time::{Duration, Instant};
 
@@ -17,8 +18,7 @@ pub(crate) struct Endpoint {
     subscriber: Subscriber<Ipc, [u8], ()>,
     notifier: Notifier<Ipc>,
     listener: Listener<Ipc>,
-    /// How long to spin before blocking; `None` never blocks.
-    spin: Option<Duration>,
+    polling: Polling,
     _node: Node<Ipc>,
 }
 
@@ -51,7 +51,7 @@ impl Endpoint {
             subscriber: data(back)?.subscriber_builder().create()?,
             notifier: event(out)?.notifier_builder().create()?,
             listener: event(back)?.listener_builder().create()?,
-            spin: wait.spin_time(1),
+            polling: wait.polling(1),
             _node: node,
         })
     }
@@ -65,11 +65,9 @@ impl Endpoint {
     /// Waits for a message; `false` if none arrives within a second.
     pub(crate) fn receive(&self) -> Result<bool, Box<dyn Error>> {
         let begin = Instant::now();
-        let spin_until = self.spin.map(|time| begin + time);
+        let mut polls = self.polling.begin_at(begin);
         while self.subscriber.receive()?.is_none() {
-            if spin_until.is_none_or(|end| Instant::now() < end) {
-                std::thread::yield_now();
-            } else {
+            if !polls.pause() {
                 self.listener.timed_wait(|_| {}, Duration::from_millis(100))?;
             }
             if begin.elapsed() > Duration::from_secs(1) {

@@ -16,10 +16,10 @@
 //! seat. `WorkQueues::led` orders one leader's accesses to the lanes before the next leader's. The atomics of
 //! an inbox are only hints that let a spinning thread poll without the lock; they publish nothing.
 
-use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, lock, yield_now};
+use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, lock};
+use crate::wait_strategy::Polling;
 use crossbeam::utils::CachePadded;
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
 
 /// Work for one seat, in one queue per lane, so that no lane waits behind another lane's batch.
 struct Inbox<E> {
@@ -211,9 +211,9 @@ impl<E: Copy> WorkQueues<E> {
         if leaderless || state.has_work() { inbox.wake(&mut state) } else { Ring(false) }
     }
 
-    /// Waits at the inbox until there is work or no worker leads. Polls for the time `spin`, then blocks.
-    pub(crate) fn wait_for_work(&self, worker: usize, spin: Option<Duration>) -> Wakeup<'_> {
-        let spin_until = spin.map(|time| Instant::now() + time);
+    /// Waits at the inbox until there is work or no worker leads. Polls, then blocks.
+    pub(crate) fn wait_for_work(&self, worker: usize, polling: Polling) -> Wakeup<'_> {
+        let mut polls = polling.begin();
         while !self.stands_down(worker) {
             if self.has_work_for(worker) || self.is_stopped() {
                 return Wakeup::Work;
@@ -221,10 +221,9 @@ impl<E: Copy> WorkQueues<E> {
             if let Some(leadership) = self.try_lead() {
                 return Wakeup::Leading(leadership);
             }
-            if spin_until.is_some_and(|end| Instant::now() >= end) {
+            if !polls.pause() {
                 break;
             }
-            yield_now();
         }
         self.sleep(worker)
     }
@@ -302,11 +301,12 @@ impl<E: Copy> WorkQueues<E> {
 #[cfg(all(test, loom))]
 mod loom_tests {
     use super::*;
+    use crate::wait_strategy::WaitStrategy;
     use loom::thread;
     use std::sync::Arc;
 
     fn try_lead<'a>(queues: &'a WorkQueues<u32>, worker: usize) -> Option<Leadership<'a>> {
-        match queues.wait_for_work(worker, Some(Duration::ZERO)) {
+        match queues.wait_for_work(worker, WaitStrategy::Block.polling(1)) {
             Wakeup::Leading(leadership) => Some(leadership),
             Wakeup::Work => None,
         }

@@ -35,5 +35,5 @@ pub use episode_log::{EpisodePart, LogCursor};
 pub use lane::{LaneSpec, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS, MAX_LAST_ACTIONS};
 pub use rejection::Rejection;
-pub use wait_strategy::{UnknownWaitStrategy, WaitStrategy};
+pub use wait_strategy::{Polling, UnknownWaitStrategy, WaitStrategy};
 pub use workers::{Helper, Pool, PoolHandle, PoolOptions, PoolStartError};

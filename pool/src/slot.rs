@@ -68,8 +68,10 @@ impl Slot<'_> {
     }
 
     /// Writes a field of one element per slot, if the lane has it.
-    pub fn set<T: Element>(&mut self, field: Field, value: T) {
-        if let Some(row) = self.row::<T>(field) {
+    pub fn set<T: Element + PartialEq>(&mut self, field: Field, value: T) {
+        if let Some(row) = self.row::<T>(field)
+            && row[0] != value
+        {
             row[0] = value;
         }
     }

@@ -1,14 +1,15 @@
 //! How an idle thread waits for work or for a frame.
 
-use std::time::Duration;
+use crate::sync::{spin_loop, yield_now};
+use std::time::{Duration, Instant};
 
 /// How an idle thread waits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WaitStrategy {
-    /// Polls for a while, yielding the core between polls, then blocks.
+    /// Polls for a while, then blocks. Yields the core between polls: between any two if no core is spare.
     #[default]
     Adaptive,
-    /// Polls without end, yielding the core between polls. For machines with a spare core per waiting thread.
+    /// Polls without end, and seldom yields the core. For machines with a spare core per waiting thread.
     Spin,
     /// Blocks at once. Costs one wake-up by the operating system per batch, and no processor time.
     Block,
@@ -26,20 +27,63 @@ impl WaitStrategy {
         }
     }
 
-    /// How long to poll before blocking, in and around a pool of `threads` worker threads; `None` is without
-    /// end.
+    /// How threads poll in and around a pool of `threads` worker threads.
     ///
     /// Waking a blocked thread costs about 50 us, so a thread polls at least that long. With a spare core it
-    /// polls for 500 us, which covers most batches; without one, longer polling would take the core from a
-    /// worker.
-    pub fn spin_time(self, threads: usize) -> Option<Duration> {
-        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-        match self {
-            WaitStrategy::Adaptive if cores() > threads => Some(Duration::from_micros(500)),
-            WaitStrategy::Adaptive => Some(Duration::from_micros(50)),
-            WaitStrategy::Spin => None,
-            WaitStrategy::Block => Some(Duration::ZERO),
+    /// polls for 500 us, which covers most batches, and seldom yields, because what arrives during a yield
+    /// waits for its end. Without one, either would take the core from a worker.
+    pub fn polling(self, threads: usize) -> Polling {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let (time, polls_per_yield) = match self {
+            WaitStrategy::Adaptive if cores > threads => (Some(Duration::from_micros(500)), 32),
+            WaitStrategy::Adaptive => (Some(Duration::from_micros(50)), 1),
+            WaitStrategy::Spin => (None, 32),
+            WaitStrategy::Block => (Some(Duration::ZERO), 1),
+        };
+        Polling { time, polls_per_yield }
+    }
+}
+
+/// How a thread polls before it blocks.
+#[derive(Clone, Copy, Debug)]
+pub struct Polling {
+    /// How long; `None` is without end.
+    time: Option<Duration>,
+    polls_per_yield: u32,
+}
+
+impl Polling {
+    /// Starts its time.
+    pub fn begin(self) -> Polls {
+        self.begin_at(Instant::now())
+    }
+
+    /// As if it had begun at `begin`.
+    pub fn begin_at(self, begin: Instant) -> Polls {
+        Polls { end: self.time.map(|time| begin + time), per_yield: self.polls_per_yield, count: 0 }
+    }
+}
+
+/// The polls of a thread that waits.
+pub struct Polls {
+    end: Option<Instant>,
+    per_yield: u32,
+    count: u32,
+}
+
+impl Polls {
+    /// Pauses before the next poll. `false` if the thread should block instead.
+    pub fn pause(&mut self) -> bool {
+        if self.end.is_some_and(|end| Instant::now() >= end) {
+            return false;
         }
+        self.count += 1;
+        if self.count.is_multiple_of(self.per_yield) {
+            yield_now();
+        } else {
+            spin_loop();
+        }
+        true
     }
 }
 

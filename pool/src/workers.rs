@@ -5,12 +5,12 @@ use crate::episode_log::{EpisodePart, LogCursor};
 use crate::lane::{Entry, Lane, LaneSpec, LaneStats, RUN, Received, panic_text};
 use crate::leader_followers::{Leadership, Ring, Wakeup, WorkQueues};
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
-use crate::wait_strategy::WaitStrategy;
+use crate::wait_strategy::{Polling, WaitStrategy};
 use smaclite_engine::Scratch;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// As [`RUN`], for a learner's thread while it serves another lane: its own batch may be ready meanwhile.
 const GUEST_RUN: usize = 1;
@@ -76,8 +76,8 @@ struct Shared<T: Transport> {
     seats: Vec<Vec<usize>>,
     queues: WorkQueues<Entry>,
     doorbell: T::Doorbell,
-    /// How long idle workers poll for work before they block; `None` is without end.
-    spin: Option<Duration>,
+    /// How idle workers poll for work before they block.
+    polling: Polling,
 }
 
 impl<T: Transport> Pool<T> {
@@ -91,9 +91,9 @@ impl<T: Transport> Pool<T> {
         let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
         let threads = options.threads.max(1);
         let queues = WorkQueues::new(threads, lanes.len());
-        let spin = options.wait.spin_time(threads);
+        let polling = options.wait.polling(threads);
         let seats = lanes.iter().enumerate().map(|(i, lane)| seats(i, lane.num_envs(), threads)).collect();
-        let shared = Arc::new(Shared { lanes, seats, queues, doorbell, spin });
+        let shared = Arc::new(Shared { lanes, seats, queues, doorbell, polling });
         let mut pool = Pool { shared: Some(Arc::clone(&shared)), threads: Vec::new() };
         for worker in 0..threads {
             let shared = Arc::clone(&shared);
@@ -195,7 +195,7 @@ impl<T: Transport> Shared<T> {
             if !self.queues.stands_down(seat) && self.serve_run(&mut worker, seat, None, RUN) {
                 continue;
             }
-            match self.queues.wait_for_work(seat, self.spin) {
+            match self.queues.wait_for_work(seat, self.polling) {
                 Wakeup::Work => {}
                 Wakeup::Leading(leadership) => self.lead(seat, leadership),
             }
@@ -214,16 +214,13 @@ impl<T: Transport> Shared<T> {
 
     /// Polls the lanes and shares requests out until this worker has work itself.
     fn lead(&self, worker: usize, leadership: Leadership<'_>) {
-        let spin_until = || self.spin.map(|time| Instant::now() + time);
-        let mut end = spin_until();
+        let mut polls = self.polling.begin();
         while !self.queues.has_work_for(worker) && !self.queues.is_stopped() {
             if self.accept_all() {
-                end = spin_until();
-            } else if self.queues.stands_down(worker) || end.is_some_and(|end| Instant::now() >= end) {
+                polls = self.polling.begin();
+            } else if self.queues.stands_down(worker) || !polls.pause() {
                 self.queues.sleep_at_the_door(worker, || self.doorbell.wait(CHECK_INTERVAL));
-                end = spin_until();
-            } else {
-                std::thread::yield_now();
+                polls = self.polling.begin();
             }
         }
         self.queues.release(leadership);

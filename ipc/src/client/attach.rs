@@ -104,7 +104,7 @@ impl Client {
             control,
             validator: RequestValidator::new(&layout, &description.settings),
             sampler: Sampler::new(0),
-            spin: strategy.spin_time(description.threads),
+            polling: strategy.polling(description.threads),
             description,
             layout,
             epoch: Epoch { session: SessionId(session), reset: None },

@@ -24,11 +24,11 @@ use attach::Ports;
 use request_validator::RequestValidator;
 use sampler::Sampler;
 use smaclite_pool::Helper;
-use smaclite_pool::Rejection;
+use smaclite_pool::{Polling, Rejection};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// A learner attached to a lane.
 pub struct Client {
@@ -52,8 +52,8 @@ struct AttachedLane {
     sequence: Option<u64>,
     /// Why the lane failed. Reported once by the lane, and by every later call.
     failure: Option<Rejection>,
-    /// How long to poll for a frame before blocking; `None` is without a limit.
-    spin: Option<Duration>,
+    /// How to poll for a frame before blocking.
+    polling: Polling,
 }
 
 impl Client {

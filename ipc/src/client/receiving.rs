@@ -30,7 +30,7 @@ impl AttachedLane {
         begin: Instant,
         wait: &mut WaitOptions<'_>,
     ) -> Result<FrameSample, ClientError> {
-        let mut idle_since = begin;
+        let mut polls = self.polling.begin_at(begin);
         // A timeout beyond what an `Instant` can hold is no limit.
         let end = wait.timeout.and_then(|timeout| begin.checked_add(timeout));
         let mut next_check = begin + CHECK_INTERVAL;
@@ -53,11 +53,10 @@ impl AttachedLane {
                 }
             }
             if self.helper.as_mut().is_some_and(Helper::serve) {
-                idle_since = Instant::now();
+                polls = self.polling.begin();
                 continue;
             }
-            if self.spin.is_none_or(|spin| now < idle_since + spin) {
-                std::thread::yield_now();
+            if polls.pause() {
                 continue;
             }
             let wake = end.map_or(next_check, |end| next_check.min(end));
