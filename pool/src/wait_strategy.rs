@@ -74,16 +74,28 @@ pub struct Polls {
 impl Polls {
     /// Pauses before the next poll. `false` if the thread should block instead.
     pub fn pause(&mut self) -> bool {
-        if self.end.is_some_and(|end| Instant::now() >= end) {
-            return false;
-        }
+        self.pause_briefly() || self.pause_at(Instant::now())
+    }
+
+    /// Pauses if the next poll needs no yield; otherwise the caller looks at the clock and, unless it gives
+    /// up, goes on with [`pause_at`](Polls::pause_at).
+    pub fn pause_briefly(&mut self) -> bool {
         self.count += 1;
-        if self.count.is_multiple_of(self.per_yield) {
-            yield_now();
-        } else {
+        let is_brief = self.count < self.per_yield;
+        if is_brief {
             spin_loop();
         }
-        true
+        is_brief
+    }
+
+    /// Yields the core. `false` if the time is over at `now`, and the thread should block instead.
+    pub fn pause_at(&mut self, now: Instant) -> bool {
+        self.count = 0;
+        let goes_on = self.end.is_none_or(|end| now < end);
+        if goes_on {
+            yield_now();
+        }
+        goes_on
     }
 }
 

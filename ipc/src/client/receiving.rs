@@ -38,6 +38,10 @@ impl AttachedLane {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
+            let served = self.helper.as_mut().is_some_and(Helper::serve);
+            if !served && polls.pause_briefly() {
+                continue;
+            }
             let now = Instant::now();
             if end.is_some_and(|end| now >= end) {
                 return Err(ClientError::Timeout(wait.timeout.unwrap_or_default()));
@@ -52,11 +56,11 @@ impl AttachedLane {
                     return Err(ClientError::Interrupted);
                 }
             }
-            if self.helper.as_mut().is_some_and(Helper::serve) {
-                polls = self.polling.begin();
+            if served {
+                polls = self.polling.begin_at(now);
                 continue;
             }
-            if polls.pause() {
+            if polls.pause_at(now) {
                 continue;
             }
             let wake = end.map_or(next_check, |end| next_check.min(end));
