@@ -512,6 +512,12 @@ impl<S: Lanes> Vectors<S> {
         Vectors { x: Floats::load(simd, x), y: Floats::load(simd, y) }
     }
 
+    /// The lanes of columns from `first` on, a multiple of the number of lanes.
+    #[inline(always)]
+    pub fn load_from(simd: S, [x, y]: &[Column; 2], first: usize) -> Vectors<S> {
+        Vectors { x: Floats::from_slice(simd, &x.0[first..]), y: Floats::from_slice(simd, &y.0[first..]) }
+    }
+
     /// The vectors whose coordinates are in two slices, as [`Floats::all`].
     #[inline(always)]
     pub fn all(simd: S, x: &[f32], y: &[f32]) -> impl Iterator<Item = Vectors<S>> {

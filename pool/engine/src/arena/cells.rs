@@ -5,16 +5,19 @@
 //! one list is valid for a whole square. The exact distance is checked for each unit
 //! (`tick::avoid::obstacles`).
 
+use std::collections::HashMap;
+
 use glam::Vec2;
 use smaclite_scenarios::Terrain;
 
 use super::edges::{Edge, outline};
 use super::partition::Partition;
-use crate::lanes::{Floats, Lanes, Vectors};
+use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
+use crate::units::clear_and_reserve;
 
-/// The largest number of entries of the lists of all squares together: 16 MiB. The lists exist only for
-/// speed, and beyond the size of the processor's caches they are not faster than the search.
-const MAX_ENTRIES: usize = 1 << 22;
+/// The largest number of blocks of the lists of all squares together: 20 MiB. The lists exist only for speed,
+/// and beyond the size of the processor's caches they are not faster than the search.
+const MAX_BLOCKS: usize = 1 << 16;
 
 /// Floats from 2^23 to 2^24 are integers, and their low 23 bits are what exceeds 2^23.
 const CELL_BASE: f32 = 8_388_608.0;
@@ -40,11 +43,37 @@ pub(crate) struct EdgesByCell {
 /// The results of the searches from every cell.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Indices of edges, cell after cell.
-    edges: Vec<u32>,
-    /// Where the list of each cell starts in `edges`, row by row from the south-west, and the end of the last
-    /// one.
-    starts: Vec<u32>,
+    /// Cells with the same edges share their blocks.
+    blocks: Vec<EdgeBlock>,
+    /// First block of each cell, and the one behind the last, row by row from the south-west.
+    by_cell: Vec<[u32; 2]>,
+    longest: usize,
+}
+
+/// Some edges of a list, one per lane: what decides whether a unit sees them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct EdgeBlock {
+    pub start: [Column; 2],
+    pub end: [Column; 2],
+    /// Their indices.
+    pub numbers: [u32; MAX_LANES],
+    /// The other lanes have edges of length zero.
+    pub n: usize,
+}
+
+/// Working memory of a search.
+#[derive(Debug, Default)]
+pub(crate) struct EdgeSearch {
+    numbers: Vec<u32>,
+    blocks: Vec<EdgeBlock>,
+}
+
+impl EdgeSearch {
+    /// Reserves memory for `n` results.
+    pub fn reserve(&mut self, n: usize) {
+        clear_and_reserve(&mut self.numbers, n);
+        clear_and_reserve(&mut self.blocks, n.div_ceil(MAX_LANES));
+    }
 }
 
 impl EdgesByCell {
@@ -58,26 +87,49 @@ impl EdgesByCell {
         let mut cells = EdgesByCell { partition, range: sight, lists: None, longest_list: 0, columns, last };
         cells.lists = cells.search_all(columns * rows);
         cells.longest_list = match &cells.lists {
-            Some(lists) => {
-                lists.starts.windows(2).map(|ends| (ends[1] - ends[0]) as usize).max().unwrap_or(0)
-            }
+            Some(lists) => lists.longest,
             // An edge is at least one square long, so there are no more edges than squares of outline.
             None => terrain.outline_in_sight(range),
         };
         cells
     }
 
-    /// The lists of all cells; `None` if they have too many entries.
+    /// The lists of all cells; `None` if they have too many blocks.
     fn search_all(&self, n_cells: usize) -> Option<Lists> {
-        let mut lists = Lists { edges: Vec::new(), starts: vec![0] };
+        let mut lists = Lists::default();
+        let mut known = HashMap::new();
         for cell in 0..n_cells {
-            self.search(cell, &mut lists.edges);
-            if lists.edges.len() > MAX_ENTRIES {
+            let mut numbers = Vec::new();
+            self.search(cell, &mut numbers);
+            lists.longest = lists.longest.max(numbers.len());
+            let blocks = &mut lists.blocks;
+            let range = *known.entry(numbers).or_insert_with_key(|numbers| {
+                let first = blocks.len();
+                blocks.extend(self.blocks(numbers));
+                [first, blocks.len()].map(|block| block as u32)
+            });
+            if blocks.len() > MAX_BLOCKS {
                 return None;
             }
-            lists.starts.push(lists.edges.len() as u32);
+            lists.by_cell.push(range);
         }
         Some(lists)
+    }
+
+    /// A list of edges in blocks.
+    fn blocks(&self, numbers: &[u32]) -> impl Iterator<Item = EdgeBlock> {
+        numbers.chunks(MAX_LANES).map(|numbers| {
+            let mut block = EdgeBlock { n: numbers.len(), ..EdgeBlock::default() };
+            for (lane, &number) in numbers.iter().enumerate() {
+                let edge = self.edge(number);
+                for (columns, point) in [(&mut block.start, edge.start), (&mut block.end, edge.end)] {
+                    let [x, y] = columns;
+                    (x[lane], y[lane]) = point.into();
+                }
+                block.numbers[lane] = number;
+            }
+            block
+        })
     }
 
     fn search(&self, cell: usize, list: &mut Vec<u32>) {
@@ -107,22 +159,26 @@ impl EdgesByCell {
     #[inline(always)]
     pub fn may_see(&self, cell: f32) -> bool {
         let Some(lists) = &self.lists else { return true };
-        let ends = &lists.starts[number(cell)..][..2];
-        ends[0] != ends[1]
+        let [first, end] = lists.by_cell[number(cell)];
+        first != end
     }
 
-    /// The indices of the edges that may be in sight of a position in this cell. `searched` is working
-    /// memory.
-    pub fn near<'a>(&'a self, cell: f32, searched: &'a mut Vec<u32>) -> &'a [u32] {
+    /// The edges that may be in sight of a position in this cell.
+    #[inline(always)]
+    pub fn near<'a>(&'a self, cell: f32, search: &'a mut EdgeSearch) -> &'a [EdgeBlock] {
         let cell = number(cell);
-        match &self.lists {
-            Some(lists) => &lists.edges[lists.starts[cell] as usize..lists.starts[cell + 1] as usize],
-            None => {
-                searched.clear();
-                self.search(cell, searched);
-                searched
-            }
-        }
+        let Some(lists) = &self.lists else { return self.search_now(cell, search) };
+        let [first, end] = lists.by_cell[cell];
+        &lists.blocks[first as usize..end as usize]
+    }
+
+    #[cold]
+    fn search_now<'a>(&self, cell: usize, search: &'a mut EdgeSearch) -> &'a [EdgeBlock] {
+        search.numbers.clear();
+        self.search(cell, &mut search.numbers);
+        search.blocks.clear();
+        search.blocks.extend(self.blocks(&search.numbers));
+        &search.blocks
     }
 
     /// The largest number of edges that may be in sight of a position.
@@ -151,19 +207,19 @@ mod tests {
         for terrain in &terrains {
             let listed = EdgesByCell::new(terrain, 3.75);
             let searched = EdgesByCell { lists: None, ..EdgesByCell::new(terrain, 3.75) };
-            let (mut none, mut found) = (Vec::new(), Vec::new());
+            let (mut none, mut found) = (EdgeSearch::default(), EdgeSearch::default());
+            let numbers = |blocks: &[EdgeBlock]| -> Vec<u32> {
+                blocks.iter().flat_map(|block| block.numbers[..block.n].to_vec()).collect()
+            };
             for cell in 0..searched.columns * 50 {
                 let position =
                     Vec2::new((cell % searched.columns) as f32, (cell / searched.columns) as f32) - 0.5;
-                let expected = listed.near(cell_of(&listed, position), &mut none);
-                assert_eq!(
-                    searched.near(cell_of(&searched, position), &mut found),
-                    expected,
-                    "{position} of {terrain:?}"
-                );
+                let expected = numbers(listed.near(cell_of(&listed, position), &mut none));
+                let found = numbers(searched.near(cell_of(&searched, position), &mut found));
+                assert_eq!(found, expected, "{position} of {terrain:?}");
                 assert!(found.len() <= terrain.outline_in_sight(3.75), "{position} of {terrain:?}");
             }
-            assert!(none.is_empty() && listed.longest_list() > 0);
+            assert!(none.blocks.is_empty() && listed.longest_list() > 0);
         }
     }
 
@@ -176,9 +232,10 @@ mod tests {
         for terrain in [checkerboard, triangle] {
             let cells = EdgesByCell::new(&terrain, 4.0);
             assert!(cells.lists.is_none() && cells.longest_list() < 100_000);
-            let mut found = Vec::new();
-            let corner = cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found).to_vec();
-            assert!(!corner.is_empty() && corner.len() <= cells.longest_list());
+            let mut found = EdgeSearch::default();
+            let corner = cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found);
+            let n: usize = corner.iter().map(|block| block.n).sum();
+            assert!(n > 0 && n <= cells.longest_list());
         }
     }
 }

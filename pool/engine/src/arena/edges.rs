@@ -21,7 +21,7 @@ pub(super) const ON_LINE: f32 = 1e-5;
 
 /// Positive if `point` lies to the left of the line from `a` to `b`, negative if to the right: twice the
 /// signed area of the triangle, that is the distance from the line times the length of the edge.
-pub(crate) fn left_of(a: Vec2, b: Vec2, point: Vec2) -> f32 {
+pub(super) fn left_of(a: Vec2, b: Vec2, point: Vec2) -> f32 {
     (a - point).perp_dot(b - a)
 }
 

@@ -14,8 +14,8 @@ use glam::{DVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Placement, Scenario, Terrain};
 
-pub(crate) use cells::EdgesByCell;
-pub(crate) use edges::{Edge, left_of};
+pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
+pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
 use crate::rules::Rules;

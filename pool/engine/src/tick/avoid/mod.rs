@@ -25,10 +25,9 @@ use glam::Vec2;
 use pulp::Simd;
 
 use super::World;
-use crate::arena::Arena;
+use crate::arena::{Arena, EdgeSearch};
 use crate::lanes::{Kernel, Lanes, Level};
 use crate::neighbour_order::PlaneOrder;
-use crate::units::clear_and_reserve;
 use batch::{Batch, Mover};
 use nearest_list::NearestList;
 use plane_units::{NearList, PlaneUnits};
@@ -44,8 +43,7 @@ pub(crate) struct AvoidScratch {
     planes: [PlaneUnits; 3],
     /// The neighbours of all units of a plane.
     near: NearList,
-    /// Indices of edges that may be in sight of a unit.
-    near_edges: Vec<u32>,
+    edge_search: EdgeSearch,
     /// Edges in sight of a unit.
     seen: NearestList,
     batch: Batch,
@@ -57,7 +55,7 @@ impl AvoidScratch {
         self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
         self.seen.reserve(n_edges);
         self.batch.reserve(n_edges, n_units);
-        clear_and_reserve(&mut self.near_edges, n_edges);
+        self.edge_search.reserve(n_edges);
         self.near.reserve(n_units);
     }
 }
@@ -136,7 +134,7 @@ impl Planning<'_> {
     /// Collects the linear programs of the listed units, and solves them whenever every lane has one.
     #[inline(always)]
     fn collect_programs<S: Lanes>(&mut self, simd: S, plane: usize) {
-        let AvoidScratch { planes, near, near_edges, seen, batch, .. } = &mut *self.scratch;
+        let AvoidScratch { planes, near, edge_search, seen, batch, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
         for entries in near.units() {
             let index = entries[0].index as usize;
@@ -144,8 +142,8 @@ impl Planning<'_> {
             let stats = &self.arena.avoidance[member.id as usize];
             seen.clear();
             if let Some(range) = stats.edge_range_squared.filter(|_| entries[0].may_see_edges()) {
-                let edges = self.arena.edges.near(plane_units.cell(index), near_edges);
-                obstacles::find(self.arena, member.position, edges, range, seen);
+                let edges = self.arena.edges.near(plane_units.cell(index), edge_search);
+                obstacles::find(simd.narrower(), member.position, edges, range, seen);
                 if seen.indices().len() == 0 && entries.len() == 1 {
                     continue;
                 }

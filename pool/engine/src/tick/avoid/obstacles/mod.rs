@@ -28,37 +28,49 @@ use super::EPSILON;
 use super::linear_program::{HalfPlaneColumns, HalfPlanes};
 use super::nearest_list::NearestList;
 use super::neighbours::Movers;
-use crate::arena::{Arena, Edge, left_of};
+use crate::arena::{Edge, EdgeBlock};
 use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
 
-/// Finds the edges of a list that a unit sees, nearest first. `range` is a squared distance.
-pub(super) fn find(arena: &Arena, position: Vec2, near: &[u32], range: f32, found: &mut NearestList) {
+/// Finds the edges of a list that a unit sees, nearest first. `range` is a squared distance. One edge per lane.
+#[inline(always)]
+pub(super) fn find<S: Lanes>(
+    simd: S,
+    position: Vec2,
+    near: &[EdgeBlock],
+    range: f32,
+    found: &mut NearestList,
+) {
     found.clear();
-    for &number in near {
-        let edge = arena.edges.edge(number);
-        // The list is that of the unit's square; the unit itself may be on the line of an edge, and sees the
-        // outer side of edges only.
-        if left_of(edge.start, edge.end, position) < 0.0 {
-            let distance_squared = distance_squared(edge, position);
-            if distance_squared < range {
-                found.insert(distance_squared, number as usize);
+    let position = Vectors::splat(simd, position);
+    let [zero, one, range] = [0.0, 1.0, range].map(
+        #[inline(always)]
+        |x| Floats::splat(simd, x),
+    );
+    let mut distances = Column::default();
+    for block in near {
+        for first in (0..block.n).step_by(S::F32_LANES) {
+            let [start, end] = [&block.start, &block.end].map(
+                #[inline(always)]
+                |point| Vectors::load_from(simd, point, first),
+            );
+            let span = end - start;
+            // The list is that of the unit's square; the unit itself may be on the line of an edge, and sees
+            // the outer side of edges only. Not that of an empty lane, of which the span is zero.
+            let is_outside = (start - position).perp_dot(span).lt(zero);
+            // The projection on the line, as a share of the edge: below 0 or above 1 the nearest point is an
+            // end.
+            let share = (position - start).dot(span).div(span.length_squared());
+            let nearest = share.lt(zero).either(start, share.gt(one).either(end, start + span * share));
+            let distance_squared = (position - nearest).length_squared();
+            distance_squared.store(&mut distances);
+            let mut seen = (is_outside & distance_squared.lt(range)).bits();
+            while seen != 0 {
+                let lane = seen.trailing_zeros() as usize;
+                seen &= seen - 1;
+                found.insert(distances[lane], block.numbers[first + lane] as usize);
             }
         }
     }
-}
-
-fn distance_squared(edge: &Edge, point: Vec2) -> f32 {
-    // The projection on the line, as a share of the edge: below 0 or above 1 the nearest point is an end.
-    let span = edge.end - edge.start;
-    let share = (point - edge.start).dot(span) / span.length_squared();
-    let nearest = if share < 0.0 {
-        edge.start
-    } else if share > 1.0 {
-        edge.end
-    } else {
-        edge.start + share * span
-    };
-    (point - nearest).length_squared()
 }
 
 /// An edge that the unit of each lane sees, in memory.
