@@ -3,6 +3,7 @@
 
 use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};
+use bytemuck::{NoUninit, bytes_of};
 use std::ptr::NonNull;
 
 /// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to
@@ -68,9 +69,11 @@ impl Slot<'_> {
     }
 
     /// Writes a field of one element per slot, if the lane has it.
-    pub fn set<T: Element + PartialEq>(&mut self, field: Field, value: T) {
+    pub fn set<T: Element + NoUninit>(&mut self, field: Field, value: T) {
+        // Most of these are as in the frame that had this memory before. A reader's core has their cache
+        // lines too, so to write means to wait for it, and to read does not.
         if let Some(row) = self.row::<T>(field)
-            && row[0] != value
+            && bytes_of(&row[0]) != bytes_of(&value)
         {
             row[0] = value;
         }
@@ -112,6 +115,21 @@ mod tests {
         let obs: &[f32] = layout.view(&memory.0, Field::Obs).unwrap();
         for (index, row) in obs.chunks(6).enumerate() {
             assert!(row.iter().all(|x| *x == index as f32), "slot {index}: {row:?}");
+        }
+    }
+
+    /// Equal elements are not written; 0 and -0 are not equal here.
+    #[test]
+    fn an_element_has_the_bits_that_were_set_last() {
+        let sizes = Sizes { n_agents: 1, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
+        let layout = Layout::new(sizes, 2, FieldSet::without_final());
+        let mut memory = Box::new(Aligned([0; 8192]));
+        let frame = FrameMemory::new(&mut memory.0);
+        for value in [1.5, 0.0, -0.0, 0.0, f32::NAN, 1.5, 1.5] {
+            // SAFETY: `memory` is alive, and this is its only slot.
+            let mut slot = unsafe { frame.slot(&layout, 1) };
+            slot.set(Field::Reward, value);
+            assert_eq!(slot.row::<f32>(Field::Reward).unwrap()[0].to_bits(), value.to_bits());
         }
     }
 }

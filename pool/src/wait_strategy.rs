@@ -3,6 +3,9 @@
 use crate::sync::{spin_loop, yield_now};
 use std::time::{Duration, Instant};
 
+/// How many polls there are per yield where a core is spare.
+const SELDOM: u32 = 32;
+
 /// How an idle thread waits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WaitStrategy {
@@ -35,9 +38,9 @@ impl WaitStrategy {
     pub fn polling(self, threads: usize) -> Polling {
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
         let (time, polls_per_yield) = match self {
-            WaitStrategy::Adaptive if cores > threads => (Some(Duration::from_micros(500)), 32),
+            WaitStrategy::Adaptive if cores > threads => (Some(Duration::from_micros(500)), SELDOM),
             WaitStrategy::Adaptive => (Some(Duration::from_micros(50)), 1),
-            WaitStrategy::Spin => (None, 32),
+            WaitStrategy::Spin => (None, SELDOM),
             WaitStrategy::Block => (Some(Duration::ZERO), 1),
         };
         Polling { time, polls_per_yield }
@@ -110,5 +113,27 @@ impl std::str::FromStr for WaitStrategy {
     fn from_str(keyword: &str) -> Result<Self, UnknownWaitStrategy> {
         let strategy = WaitStrategy::ALL.into_iter().find(|strategy| strategy.name() == keyword);
         strategy.ok_or_else(|| UnknownWaitStrategy(keyword.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The clock is looked at before a yield only, and decides whether to block.
+    #[test]
+    fn polls_end_when_their_time_is_over() {
+        let now = Instant::now();
+        assert!(!WaitStrategy::Block.polling(1).begin().pause());
+        let mut waiting = WaitStrategy::Adaptive.polling(usize::MAX).begin_at(now);
+        assert!(!waiting.pause_briefly(), "without a spare core, every poll is followed by a yield");
+        assert!(waiting.pause_at(now) && !waiting.pause_at(now + Duration::from_micros(50)));
+        let mut spinning = WaitStrategy::Spin.polling(1).begin_at(now);
+        for _ in 0..2 {
+            let n_brief =
+                std::iter::repeat_with(|| spinning.pause_briefly()).take_while(|brief| *brief).count();
+            assert_eq!(n_brief + 1, SELDOM as usize);
+            assert!(spinning.pause_at(now + Duration::from_secs(3600)));
+        }
     }
 }

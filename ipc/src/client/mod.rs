@@ -24,9 +24,9 @@ use attach::Ports;
 use request_validator::RequestValidator;
 use sampler::Sampler;
 use smaclite_pool::Helper;
-use smaclite_pool::{Polling, Rejection};
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
+use smaclite_pool::{Polling, Rejection};
 use std::sync::Arc;
 use std::time::Instant;
 
