@@ -9,10 +9,10 @@ const SELDOM: u32 = 32;
 /// How an idle thread waits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WaitStrategy {
-    /// Polls for a while, then blocks. Yields the core between polls: between any two if no core is spare.
+    /// Polls for a while, then blocks.
     #[default]
     Adaptive,
-    /// Polls without end, and seldom yields the core. For machines with a spare core per waiting thread.
+    /// Polls without end. For machines with a spare core per waiting thread.
     Spin,
     /// Blocks at once. Costs one wake-up by the operating system per batch, and no processor time.
     Block,
@@ -36,13 +36,13 @@ impl WaitStrategy {
     /// polls for 500 us, which covers most batches, and seldom yields, because what arrives during a yield
     /// waits for its end. Without one, either would take the core from a worker.
     pub fn polling(self, threads: usize) -> Polling {
-        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let (time, polls_per_yield) = match self {
-            WaitStrategy::Adaptive if cores > threads => (Some(Duration::from_micros(500)), SELDOM),
-            WaitStrategy::Adaptive => (Some(Duration::from_micros(50)), 1),
-            WaitStrategy::Spin => (None, SELDOM),
-            WaitStrategy::Block => (Some(Duration::ZERO), 1),
+        let has_spare = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > threads);
+        let time = match self {
+            WaitStrategy::Adaptive => Some(Duration::from_micros(if has_spare { 500 } else { 50 })),
+            WaitStrategy::Spin => None,
+            WaitStrategy::Block => Some(Duration::ZERO),
         };
+        let polls_per_yield = if has_spare { SELDOM } else { 1 };
         Polling { time, polls_per_yield }
     }
 }
@@ -124,11 +124,11 @@ mod tests {
     #[test]
     fn polls_end_when_their_time_is_over() {
         let now = Instant::now();
-        assert!(!WaitStrategy::Block.polling(1).begin().pause());
+        assert!(!WaitStrategy::Block.polling(usize::MAX).begin().pause());
         let mut waiting = WaitStrategy::Adaptive.polling(usize::MAX).begin_at(now);
         assert!(!waiting.pause_briefly(), "without a spare core, every poll is followed by a yield");
         assert!(waiting.pause_at(now) && !waiting.pause_at(now + Duration::from_micros(50)));
-        let mut spinning = WaitStrategy::Spin.polling(1).begin_at(now);
+        let mut spinning = Polling { time: None, polls_per_yield: SELDOM }.begin_at(now);
         for _ in 0..2 {
             let n_brief =
                 std::iter::repeat_with(|| spinning.pause_briefly()).take_while(|brief| *brief).count();
