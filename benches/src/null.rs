@@ -3,7 +3,7 @@
 
 use crate::process::wait_for_termination;
 use crate::throughput::MeasureError;
-use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
+use smaclite_engine::{Scratch, Sizes, Step};
 use smaclite_ipc::{
     Client, LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy,
@@ -24,9 +24,6 @@ impl Environment for Null {
     }
     fn reseed(&mut self, _: u64) {}
     fn reset(&mut self) {}
-    fn check(&self, _: &[i32]) -> Result<(), IllegalAction> {
-        Ok(())
-    }
     fn step_checked(&mut self, _: &[i32], _: &mut Scratch) -> Step {
         Step { reward: 0.0, terminated: false, truncated: false, battle_won: false }
     }
@@ -34,6 +31,9 @@ impl Environment for Null {
     fn write_state(&self, _: &mut [f32]) {}
     fn write_avail_actions(&self, out: &mut [u8]) {
         out.fill(1); // the client refuses unavailable actions
+    }
+    fn write_available_bits(&self, out: &mut [u64]) {
+        out.fill((1 << SIZES.n_actions) - 1);
     }
     fn write_alive(&self, _: &mut [u8]) {}
     fn dead_allies(&self) -> usize {

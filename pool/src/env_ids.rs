@@ -7,6 +7,7 @@ use crate::rejection::Rejection;
 ///
 /// # Errors
 /// [`Rejection::UnknownEnv`] if the lane has no such environment.
+#[inline]
 pub fn env_index(id: i32, num_envs: usize) -> Result<usize, Rejection> {
     let index = usize::try_from(id).ok().filter(|env| *env < num_envs);
     index.ok_or(Rejection::UnknownEnv { env: i64::from(id), num_envs })

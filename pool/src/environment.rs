@@ -1,7 +1,7 @@
 //! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows
 //! nothing of units or rules.
 
-use smaclite_engine::{Battle, IllegalAction, Scratch, Sizes, Snapshot, Step};
+use smaclite_engine::{Battle, Scratch, Sizes, Snapshot, Step};
 
 /// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong
 /// to the pool. Users run [`Battle`]s; tests and benches have other environments.
@@ -12,9 +12,8 @@ pub trait Environment: Send {
     fn reseed(&mut self, seed: u64);
     /// Begins a new episode.
     fn reset(&mut self);
-    /// Checks a joint action, `[n_agents]`.
-    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction>;
-    /// One step with a joint action that [`check`](Environment::check) accepted in this state.
+    /// One step with a joint action, `[n_agents]`, that is [available](Environment::write_available_bits) in
+    /// this state.
     fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step;
     /// Writes `[n_agents, row]`, where a row is `obs_size` long or longer; the rest of each row becomes 0.
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch);
@@ -22,6 +21,9 @@ pub trait Environment: Send {
     fn write_state(&self, out: &mut [f32]);
     /// Writes `[n_agents, n_actions]`, 0 or 1.
     fn write_avail_actions(&self, out: &mut [u8]);
+    /// Writes the same as bits, `[n_agents, n_actions.div_ceil(64)]`: bit `a % 64` of word `a / 64` of an
+    /// agent's row is action `a`, and bits of no action are 0. The lane checks joint actions by them.
+    fn write_available_bits(&self, out: &mut [u64]);
     /// Writes `[n_agents]`, 0 or 1.
     fn write_alive(&self, out: &mut [u8]);
     /// Agents that died in this episode.
@@ -48,9 +50,6 @@ impl Environment for Battle {
     fn reset(&mut self) {
         Battle::reset(self);
     }
-    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
-        Battle::check(self, actions)
-    }
     fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
         Battle::step_checked(self, actions, scratch)
     }
@@ -62,6 +61,9 @@ impl Environment for Battle {
     }
     fn write_avail_actions(&self, out: &mut [u8]) {
         Battle::write_avail_actions(self, out);
+    }
+    fn write_available_bits(&self, out: &mut [u64]) {
+        out.copy_from_slice(self.available_bits());
     }
     fn write_alive(&self, out: &mut [u8]) {
         Battle::write_alive(self, out);

@@ -4,11 +4,10 @@ use crate::autoreset::Autoreset;
 use crate::environment::Environment;
 use crate::episode_log::{EpisodeLog, EpisodePart, LogCursor};
 use crate::fields::Field;
-use crate::lane::Ticket;
 use crate::lane_settings::LaneSettings;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
-use smaclite_engine::{Scratch, Step};
+use smaclite_engine::{Scratch, Sizes, Step};
 
 /// What an accepted request wants of an environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,15 +23,10 @@ pub(crate) enum Task {
 /// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
-    /// The accepted joint action, `[n_agents]`: a private copy, since a learner could change its sample after
-    /// the check.
+    /// The joint action of the next step, `[n_agents]`.
     pub(crate) actions: Vec<i32>,
-    /// The accepted request that this environment has not yet answered.
-    pub(crate) busy: Option<Ticket>,
-    /// How many entries of accepted requests this environment got.
-    pub(crate) accepted: u64,
-    /// The number of the last of them that was carried out.
-    pub(crate) served: u64,
+    /// Working memory of the report of its available actions.
+    pub(crate) available: Vec<u64>,
     /// The episode ended and the environment was not reset since.
     pub(crate) is_over: bool,
     /// What it did, if it has followers.
@@ -43,9 +37,10 @@ pub(crate) struct HostedEnv {
 
 impl HostedEnv {
     pub(crate) fn new(env: Box<dyn Environment>, settings: &LaneSettings) -> HostedEnv {
-        let actions = vec![0; env.sizes().n_agents];
+        let Sizes { n_agents, n_actions, .. } = env.sizes();
+        let (actions, available) = (vec![0; n_agents], vec![0; n_agents * n_actions.div_ceil(64)]);
         let own = OwnFeatures::new(settings, env.sizes());
-        HostedEnv { env, actions, busy: None, accepted: 0, served: 0, is_over: false, log: None, own }
+        HostedEnv { env, actions, available, is_over: false, log: None, own }
     }
 
     /// Carries a task out, up to the point where its slot is needed.

@@ -154,29 +154,25 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
 
 #[test]
 fn a_panic_ends_its_lane_with_its_message_and_no_other_lane() {
-    let in_step = (Fault::PanicInStep(2), "environment 2 broke in step 2");
-    let in_check = (Fault::PanicInCheck, "environment 2 broke in a check");
-    for (fault, text) in [in_step, in_check] {
-        for batch_size in [N, 1] {
-            for threads in 1..=2 {
-                let faulty = LanePlan { batch_size, ..LanePlan::toy(N) }.fault(2, fault.clone());
-                let (pool, mut learners) = start(threads, &[faulty, LanePlan::toy(N)]);
-                let [broken, intact] = &mut learners[..] else { unreachable!("two lanes") };
-                let rejection = step_until_rejected(broken);
-                let failed =
-                    |r: &Rejection| matches!(r, Rejection::LaneFailed { text: t } if t.contains(text));
-                assert!(failed(&rejection), "{rejection:?}");
-                assert!(pool.failure(0).is_some_and(|t| t.contains(text)));
-                broken.send_reset_all(None);
-                let again = std::iter::repeat_with(|| broken.frame()).find_map(|frame| frame.rejection());
-                assert!(again.is_some_and(|(_, r)| failed(&r)));
+    let (fault, text) = (Fault::PanicInStep(2), "environment 2 broke in step 2");
+    for batch_size in [N, 1] {
+        for threads in 1..=2 {
+            let faulty = LanePlan { batch_size, ..LanePlan::toy(N) }.fault(2, fault.clone());
+            let (pool, mut learners) = start(threads, &[faulty, LanePlan::toy(N)]);
+            let [broken, intact] = &mut learners[..] else { unreachable!("two lanes") };
+            let rejection = step_until_rejected(broken);
+            let failed = |r: &Rejection| matches!(r, Rejection::LaneFailed { text: t } if t.contains(text));
+            assert!(failed(&rejection), "{rejection:?}");
+            assert!(pool.failure(0).is_some_and(|t| t.contains(text)));
+            broken.send_reset_all(None);
+            let again = std::iter::repeat_with(|| broken.frame()).find_map(|frame| frame.rejection());
+            assert!(again.is_some_and(|(_, r)| failed(&r)));
 
-                assert!(pool.failure(1).is_none());
-                intact.send_reset_all(None);
-                let rows = intact.batch();
-                intact.step_rows(&rows);
-                assert_eq!(intact.batch().len(), N);
-            }
+            assert!(pool.failure(1).is_none());
+            intact.send_reset_all(None);
+            let rows = intact.batch();
+            intact.step_rows(&rows);
+            assert_eq!(intact.batch().len(), N);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Environments that panic, sleep or wait at a given point.
 
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
+use smaclite_engine::{Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
@@ -12,8 +12,6 @@ use std::time::Duration;
 pub enum Fault {
     /// The step with this number panics, counted from 1 over all episodes.
     PanicInStep(u64),
-    /// Every check of actions panics.
-    PanicInCheck,
     /// Every step sleeps.
     Sleep(Duration),
     /// Every step waits while the gate is closed.
@@ -77,18 +75,13 @@ impl FaultyEnv {
 }
 
 impl Environment for FaultyEnv {
-    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
-        assert!(!matches!(self.fault, Fault::PanicInCheck), "environment {} broke in a check", self.index);
-        self.env.check(actions)
-    }
-
     fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
         self.steps += 1;
         match &self.fault {
             Fault::PanicInStep(step) if *step == self.steps => {
                 panic!("environment {} broke in step {step}", self.index)
             }
-            Fault::PanicInStep(_) | Fault::PanicInCheck => {}
+            Fault::PanicInStep(_) => {}
             Fault::Sleep(time) => std::thread::sleep(*time),
             Fault::Gate(gate) => gate.pass(),
             Fault::Log(log, character) => log.lock().unwrap().push(*character),
@@ -113,6 +106,9 @@ impl Environment for FaultyEnv {
     }
     fn write_avail_actions(&self, out: &mut [u8]) {
         self.env.write_avail_actions(out);
+    }
+    fn write_available_bits(&self, out: &mut [u64]) {
+        self.env.write_available_bits(out);
     }
     fn write_alive(&self, out: &mut [u8]) {
         self.env.write_alive(out);

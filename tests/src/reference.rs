@@ -80,7 +80,12 @@ impl Reference {
             return self.reset(env, None);
         }
         let state = &mut self.envs[env as usize];
-        state.env.check(actions).expect("legal actions");
+        let words = actions.len() * state.env.sizes().n_actions.div_ceil(64);
+        let mut available = vec![0; words];
+        state.env.write_available_bits(&mut available);
+        for (row, &action) in available.chunks_exact(words / actions.len()).zip(actions) {
+            assert_eq!(row[action as usize / 64] >> (action % 64) & 1, 1, "illegal action {action}");
+        }
         let step = state.env.step_checked(actions, &mut self.scratch);
         state.is_over = step.terminated || step.truncated;
         state.own.step(actions);

@@ -1,7 +1,7 @@
 //! A small environment for tests that need no battle. Each of its outputs depends on its whole history: seed,
 //! resets, actions, and their order. So one that is lost, repeated or swapped shows in the next frame.
 
-use smaclite_engine::{IllegalAction, Scratch, Sizes, Step};
+use smaclite_engine::{Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -65,19 +65,6 @@ impl Environment for ToyEnv {
         (self.episode_length, self.episode_return) = (0, 0.0);
     }
 
-    fn check(&self, actions: &[i32]) -> Result<(), IllegalAction> {
-        for (agent, &action) in actions.iter().enumerate() {
-            let n_actions = SIZES.n_actions;
-            let known = usize::try_from(action).ok().filter(|a| *a < n_actions);
-            let known = known.ok_or(IllegalAction::OutOfRange { agent, action, n_actions })?;
-            if !self.is_available(agent, known) {
-                let available = (0..n_actions).filter(|a| self.is_available(agent, *a)).collect();
-                return Err(IllegalAction::Unavailable { agent, action, available });
-            }
-        }
-        Ok(())
-    }
-
     fn step_checked(&mut self, actions: &[i32], _scratch: &mut Scratch) -> Step {
         self.history = hash((self.history, actions));
         self.episode_length += 1;
@@ -104,6 +91,13 @@ impl Environment for ToyEnv {
     fn write_avail_actions(&self, out: &mut [u8]) {
         for (i, cell) in out.iter_mut().enumerate() {
             *cell = u8::from(self.is_available(i / SIZES.n_actions, i % SIZES.n_actions));
+        }
+    }
+
+    fn write_available_bits(&self, out: &mut [u64]) {
+        for (agent, row) in out.iter_mut().enumerate() {
+            let bit = |action| u64::from(self.is_available(agent, action)) << action;
+            *row = (0..SIZES.n_actions).map(bit).sum();
         }
     }
 

@@ -286,6 +286,11 @@ impl Battle {
         self.available.of(agent)
     }
 
+    /// The actions available to all agents: [`available`](Self::available), agent by agent.
+    pub fn available_bits(&self) -> &[u64] {
+        self.available.all()
+    }
+
     /// Whether an action is available to an agent; false if there is no such agent or action.
     pub fn is_available(&self, agent: usize, action: usize) -> bool {
         agent < self.arena.agents.len() && self.available.has(agent, action)

@@ -4,11 +4,10 @@
 use super::Lane;
 use crate::autoreset::Autoreset;
 use crate::env_ids::{check_distinct, env_index};
-use crate::hosted_env::{HostedEnv, Task};
+use crate::hosted_env::Task;
 use crate::rejection::Rejection;
 use crate::sync::{MutexGuard, lock};
 use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport};
-use smaclite_engine::IllegalAction;
 use std::hint::black_box;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -19,15 +18,24 @@ pub(crate) struct Entry {
     pub(crate) env: u32,
     pub(super) task: Task,
     pub(super) epoch: Epoch,
-    pub(super) ticket: Ticket,
     /// Counts the entries of the environment, from 1.
     pub(super) turn: u64,
 }
 
-/// Numbers the requests that a lane received, of all sessions. A busy environment holds the ticket of its
-/// request.
+/// Numbers the requests that a lane received, of all sessions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Ticket(u64);
+struct Ticket(u64);
+
+/// What an environment was asked to do.
+#[derive(Clone, Copy, Default)]
+struct Accepted {
+    /// How many entries of accepted requests it got.
+    entries: u64,
+    /// How many of them belong to earlier epochs. They do not make it busy.
+    earlier: u64,
+    /// The request of the last one.
+    ticket: Ticket,
+}
 
 /// The receiving side of a lane. The thread that accepts requests locks it, and the control thread to change
 /// the session.
@@ -38,13 +46,17 @@ pub(super) struct Intake<I> {
     /// The session's last request.
     last_request: Option<RequestNumber>,
     ticket: Ticket,
+    /// By environment.
+    accepted: Vec<Accepted>,
     /// The entries of the last request.
     entries: Vec<Entry>,
 }
 
 impl<I> Intake<I> {
-    pub(super) fn new(inlet: I) -> Self {
-        Intake { inlet, epoch: None, last_request: None, ticket: Ticket::default(), entries: Vec::new() }
+    pub(super) fn new(inlet: I, num_envs: usize) -> Self {
+        let accepted = vec![Accepted::default(); num_envs];
+        let ticket = Ticket::default();
+        Intake { inlet, epoch: None, last_request: None, ticket, accepted, entries: Vec::new() }
     }
 
     /// The learner's session.
@@ -55,8 +67,21 @@ impl<I> Intake<I> {
     /// Returns the session's epoch before its first reset.
     pub(super) fn begin_session(&mut self, session: Option<SessionId>) -> Option<Epoch> {
         self.last_request = None;
-        self.epoch = session.map(|session| Epoch { session, reset: None });
+        self.begin_epoch(session.map(|session| Epoch { session, reset: None }));
         self.epoch
+    }
+
+    /// From now on entries are of this epoch, and no environment is busy.
+    fn begin_epoch(&mut self, epoch: Option<Epoch>) {
+        self.epoch = epoch;
+        self.accepted.iter_mut().for_each(|env| env.earlier = env.entries);
+    }
+
+    /// Frees the environments that a refused request had reserved.
+    fn roll_back(&mut self) {
+        for entry in self.entries.drain(..) {
+            self.accepted[entry.env as usize].entries -= 1;
+        }
     }
 }
 
@@ -114,7 +139,7 @@ impl<T: Transport> Lane<T> {
                 Received::Accepted(AcceptedEntries(intake))
             }
             Err(rejection) => {
-                self.roll_back(&intake.entries);
+                intake.roll_back();
                 // The answer may wait for a frame, and the control thread must not wait for that.
                 drop(intake);
                 self.reject(&request, &rejection);
@@ -160,17 +185,20 @@ impl<T: Transport> Lane<T> {
         prefetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
             let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
-            let mut hosted = self.reserve(intake, epoch, env, Task::Step)?;
-            let hosted = &mut *hosted;
-            hosted
-                .actions
-                .iter_mut()
-                .zip(actions)
-                .for_each(|(own, sent)| *own = sent.load(Ordering::Relaxed));
-            if !hosted.is_over {
-                hosted.env.check(&hosted.actions).map_err(|illegal| at_env(env, illegal))?;
-            } else if self.autoreset == Autoreset::Disabled {
+            self.reserve(intake, epoch, env, Task::Step)?;
+            let is_over = self.reports.is_over(env);
+            if is_over && self.autoreset == Autoreset::Disabled {
                 return Err(Rejection::FinishedEnv { env });
+            }
+            // Each action is read once: a learner could change its sample after the check.
+            let agents = self.actions_of(env).iter().zip(actions).zip(self.reports.masks(env));
+            for (agent, ((own, sent), mask)) in agents.enumerate() {
+                let action = sent.load(Ordering::Relaxed);
+                if !is_over && !mask.has(action) {
+                    let available = mask.actions();
+                    return Err(Rejection::UnavailableAction { env, agent, action, available });
+                }
+                own.store(action, Ordering::Relaxed);
             }
         }
         Ok(())
@@ -195,21 +223,20 @@ impl<T: Transport> Lane<T> {
             // and a refusal could not make them busy again.
             check_distinct(request.env_ids.iter().map(|id| id.load(Ordering::Relaxed)), self.num_envs)?;
             let epoch = Epoch { reset: Some(request.number), ..epoch };
-            intake.epoch = Some(epoch);
-            self.begin_epoch(Some(epoch));
-            return (0..self.num_envs)
-                .try_for_each(|env| self.reserve(intake, epoch, env, reset(env)).map(drop));
+            intake.begin_epoch(Some(epoch));
+            lock(&self.assembler).begin_epoch(Some(epoch));
+            return (0..self.num_envs).try_for_each(|env| self.reserve(intake, epoch, env, reset(env)));
         }
         for id in request.env_ids {
             let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
-            drop(self.reserve(intake, epoch, env, reset(env))?);
+            self.reserve(intake, epoch, env, reset(env))?;
         }
         if self.is_synchronous() {
             // A synchronous batch has every environment: the others are observed again.
             for env in 0..self.num_envs {
                 match self.reserve(intake, epoch, env, Task::Observe) {
                     // A duplicate is an environment that this request resets.
-                    Ok(_) | Err(Rejection::DuplicateEnv { .. }) => {}
+                    Ok(()) | Err(Rejection::DuplicateEnv { .. }) => {}
                     Err(busy) => return Err(busy),
                 }
             }
@@ -224,28 +251,16 @@ impl<T: Transport> Lane<T> {
         epoch: Epoch,
         env: usize,
         task: Task,
-    ) -> Result<MutexGuard<'_, HostedEnv>, Rejection> {
-        let mut hosted = lock(&self.envs[env]);
-        match hosted.busy {
-            Some(ticket) if ticket == intake.ticket => Err(Rejection::DuplicateEnv { env }),
-            Some(_) => Err(Rejection::BusyEnv { env }),
-            None => {
-                hosted.busy = Some(intake.ticket);
-                hosted.accepted += 1;
-                let (ticket, turn) = (intake.ticket, hosted.accepted);
-                intake.entries.push(Entry { env: env as u32, task, epoch, ticket, turn });
-                Ok(hosted)
-            }
+    ) -> Result<(), Rejection> {
+        let accepted = &mut intake.accepted[env];
+        if accepted.entries > accepted.earlier.max(self.reports.turn(env)) {
+            let is_same = accepted.ticket == intake.ticket;
+            return Err(if is_same { Rejection::DuplicateEnv { env } } else { Rejection::BusyEnv { env } });
         }
-    }
-
-    /// Frees the environments that a refused request had reserved.
-    fn roll_back(&self, entries: &[Entry]) {
-        for entry in entries {
-            let mut hosted = lock(&self.envs[entry.env as usize]);
-            hosted.busy = None;
-            hosted.accepted -= 1;
-        }
+        accepted.entries += 1;
+        accepted.ticket = intake.ticket;
+        intake.entries.push(Entry { env: env as u32, task, epoch, turn: accepted.entries });
+        Ok(())
     }
 }
 
@@ -265,13 +280,4 @@ fn check_order(last: Option<RequestNumber>, number: RequestNumber) -> Result<(),
     Err(Rejection::Malformed {
         what: format!("request numbers must increase, got {} after {}", number.0, last.0),
     })
-}
-
-fn at_env(env: usize, illegal: IllegalAction) -> Rejection {
-    match illegal {
-        IllegalAction::Unavailable { agent, action, available } => {
-            Rejection::UnavailableAction { env, agent, action, available }
-        }
-        other => Rejection::Malformed { what: format!("environment {env}: {other}") },
-    }
 }

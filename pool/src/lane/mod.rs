@@ -3,28 +3,31 @@
 //! `workers` decides which thread does what.
 
 mod accept;
+mod reports;
 mod stats;
 
-pub(crate) use accept::{Entry, Received, Ticket};
+pub(crate) use accept::{Entry, Received};
 pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
 use crate::episode_log::{EpisodePart, LogCursor};
 use crate::frame_assembler::{FrameAssembler, SlotClaim};
-use crate::hosted_env::HostedEnv;
+use crate::hosted_env::{HostedEnv, Task};
 use crate::lane_settings::LaneSettings;
 use crate::layout::Layout;
 use crate::rejection::Rejection;
 use crate::slot::FrameMemory;
 use crate::sync::{AtomicBool, Mutex, MutexGuard, Ordering, lock, yield_now};
-use crate::transport::{Epoch, Request, SessionId, Transport, TransportError};
+use crate::transport::{Request, SessionId, Transport, TransportError};
 use accept::Intake;
 use arrayvec::ArrayVec;
+use reports::Reports;
 use smaclite_engine::{Scratch, Sizes, Step};
 use stats::{Counters, StepCounts};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicI32;
 use std::time::{Duration, Instant};
 
 /// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100
@@ -61,6 +64,10 @@ pub(crate) struct Lane<T: Transport> {
     autoreset: Autoreset,
     layout: Layout,
     envs: Vec<Mutex<HostedEnv>>,
+    /// `[num_envs, n_agents]`: the accepted joint actions, private copies. That of an environment is written
+    /// while it is not busy.
+    actions: Vec<AtomicI32>,
+    reports: Reports,
     intake: Mutex<Intake<T::Inlet>>,
     assembler: Mutex<FrameAssembler<T::Outlet>>,
     /// The learner is a thread of this process that accepts its requests itself.
@@ -80,7 +87,9 @@ impl<T: Transport> Lane<T> {
             autoreset,
             layout: spec.layout(),
             envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
-            intake: Mutex::new(Intake::new(inlet)),
+            actions: (0..num_envs * spec.sizes.n_agents).map(|_| AtomicI32::new(0)).collect(),
+            reports: Reports::new(num_envs, spec.sizes),
+            intake: Mutex::new(Intake::new(inlet, num_envs)),
             assembler: Mutex::new(FrameAssembler::new(outlet, batch_size)?),
             has_helper: AtomicBool::new(false),
             failure: OnceLock::new(),
@@ -101,7 +110,9 @@ impl<T: Transport> Lane<T> {
         let mut intake = lock(&self.intake);
         let epoch = intake.begin_session(session);
         self.has_helper.store(false, Ordering::Release);
-        self.begin_epoch(epoch);
+        // Work of the old epoch is still carried out, so that later episodes do not depend on how far the
+        // workers had come; but its results get no slots.
+        lock(&self.assembler).begin_epoch(epoch);
     }
 
     /// From now on the learner of `session` accepts its requests itself; `false` if it is not the lane's.
@@ -148,11 +159,9 @@ impl<T: Transport> Lane<T> {
         self.failure.get().map(String::as_str)
     }
 
-    /// The caller holds the intake's lock. Work of the old epoch is still carried out, so that later episodes
-    /// do not depend on how far the workers had come; but its results get no slots.
-    fn begin_epoch(&self, epoch: Option<Epoch>) {
-        lock(&self.assembler).begin_epoch(epoch);
-        self.envs.iter().for_each(|hosted| lock(hosted).busy = None);
+    fn actions_of(&self, env: usize) -> &[AtomicI32] {
+        let n_agents = self.layout.sizes().n_agents;
+        &self.actions[env * n_agents..][..n_agents]
     }
 
     /// Answers a request with the reason why it was refused. May wait for a frame, so the caller holds no
@@ -259,11 +268,10 @@ impl<T: Transport> Lane<T> {
     /// have taken them and not come to them yet.
     fn lock_in_turn(&self, entry: &Entry) -> Option<MutexGuard<'_, HostedEnv>> {
         loop {
-            let hosted = lock(&self.envs[entry.env as usize]);
-            if hosted.served + 1 == entry.turn {
-                return Some(hosted);
+            let env = entry.env as usize;
+            if self.reports.turn(env) + 1 == entry.turn {
+                return Some(lock(&self.envs[env]));
             }
-            drop(hosted);
             if self.failure().is_some() {
                 return None;
             }
@@ -279,6 +287,11 @@ impl<T: Transport> Lane<T> {
         scratch: &mut Scratch,
         counts: &mut StepCounts,
     ) -> Option<Step> {
+        if entry.task == Task::Step {
+            let accepted = self.actions_of(entry.env as usize).iter();
+            let own = hosted.actions.iter_mut().zip(accepted);
+            own.for_each(|(own, accepted)| *own = accepted.load(Ordering::Relaxed));
+        }
         let step = hosted.run(entry.task, self.autoreset, scratch)?;
         counts.count(&step, hosted.env.episode_return());
         Some(step)
@@ -293,19 +306,18 @@ impl<T: Transport> Lane<T> {
         slot: Option<(FrameMemory, usize)>,
         scratch: &mut Scratch,
     ) {
-        hosted.served = entry.turn;
-        let Some((memory, index)) = slot else {
+        let env = entry.env as usize;
+        if let Some((memory, index)) = slot {
+            // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which
+            // the caller reports after this. Slots are distinct: the claims of an asynchronous lane do not
+            // overlap, and in a synchronous lane `index` is the environment, which an accepted request names
+            // once (`Lane::reserve`).
+            let mut slot = unsafe { memory.slot(&self.layout, index) };
+            hosted.write(env, step, self.autoreset, &mut slot, scratch);
+        } else {
             hosted.discard(self.autoreset);
-            return;
-        };
-        // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which the
-        // caller reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap,
-        // and in a synchronous lane `index` is the environment, which an accepted request names once
-        // (`busy`).
-        let mut slot = unsafe { memory.slot(&self.layout, index) };
-        hosted.write(entry.env as usize, step, self.autoreset, &mut slot, scratch);
-        // If a new epoch began after the claim, the environment may be busy with another request.
-        hosted.busy = hosted.busy.filter(|ticket| *ticket != entry.ticket);
+        }
+        self.reports.report(env, entry.turn, hosted);
     }
 
     fn complete(&self, claim: Option<SlotClaim>) {

@@ -37,6 +37,7 @@ pub(crate) struct StepCounts {
 
 impl StepCounts {
     /// Counts a step, after which the return of the episode is `episode_return`.
+    #[inline]
     pub(crate) fn count(&mut self, step: &Step, episode_return: f64) {
         self.steps += 1;
         if step.terminated || step.truncated {

@@ -24,6 +24,11 @@ impl Available {
         Available { bits: vec![0; words * sizes.n_agents], words, n_actions: sizes.n_actions }
     }
 
+    /// All rows.
+    pub fn all(&self) -> &[u64] {
+        &self.bits
+    }
+
     /// The row of an agent.
     pub fn of(&self, agent: usize) -> &[u64] {
         &self.bits[agent * self.words..(agent + 1) * self.words]
