@@ -306,7 +306,7 @@ mod loom_tests {
     use std::sync::Arc;
 
     fn try_lead<'a>(queues: &'a WorkQueues<u32>, worker: usize) -> Option<Leadership<'a>> {
-        match queues.wait_for_work(worker, WaitStrategy::Block.polling(usize::MAX)) {
+        match queues.wait_for_work(worker, WaitStrategy::Block.polling(1)) {
             Wakeup::Leading(leadership) => Some(leadership),
             Wakeup::Work => None,
         }

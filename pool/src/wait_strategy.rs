@@ -37,12 +37,12 @@ impl WaitStrategy {
     /// waits for its end. Without one, either would take the core from a worker.
     pub fn polling(self, threads: usize) -> Polling {
         let has_spare = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > threads);
-        let time = match self {
-            WaitStrategy::Adaptive => Some(Duration::from_micros(if has_spare { 500 } else { 50 })),
-            WaitStrategy::Spin => None,
-            WaitStrategy::Block => Some(Duration::ZERO),
+        let seldom = if has_spare { SELDOM } else { 1 };
+        let (time, polls_per_yield) = match self {
+            WaitStrategy::Adaptive => (Some(Duration::from_micros(if has_spare { 500 } else { 50 })), seldom),
+            WaitStrategy::Spin => (None, seldom),
+            WaitStrategy::Block => (Some(Duration::ZERO), 1),
         };
-        let polls_per_yield = if has_spare { SELDOM } else { 1 };
         Polling { time, polls_per_yield }
     }
 }
@@ -124,7 +124,12 @@ mod tests {
     #[test]
     fn polls_end_when_their_time_is_over() {
         let now = Instant::now();
-        assert!(!WaitStrategy::Block.polling(usize::MAX).begin().pause());
+        for threads in [0, usize::MAX] {
+            assert!(
+                !WaitStrategy::Block.polling(threads).begin().pause(),
+                "it polled with {threads} threads"
+            );
+        }
         let mut waiting = WaitStrategy::Adaptive.polling(usize::MAX).begin_at(now);
         assert!(!waiting.pause_briefly(), "without a spare core, every poll is followed by a yield");
         assert!(waiting.pause_at(now) && !waiting.pause_at(now + Duration::from_micros(50)));
