@@ -31,7 +31,8 @@ use super::neighbours::Movers;
 use crate::arena::{Edge, EdgeBlock};
 use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
 
-/// Finds the edges of a list that a unit sees, nearest first. `range` is a squared distance. One edge per lane.
+/// Finds the edges of a list that a unit sees, nearest first, one edge per lane. `range` is a squared
+/// distance.
 #[inline(always)]
 pub(super) fn find<S: Lanes>(
     simd: S,
