@@ -26,6 +26,8 @@ const SIGN: u32 = 1 << 31;
 pub(crate) struct Column([f32; MAX_LANES]);
 
 impl Column {
+    pub const ZERO: Column = Column([0.0; MAX_LANES]);
+
     /// The number of each lane.
     pub const NUMBERS: Column = {
         let mut numbers = [0.0; MAX_LANES];

@@ -15,9 +15,9 @@ use super::partition::Partition;
 use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
 use crate::units::clear_and_reserve;
 
-/// The largest number of blocks of the lists of all squares together: 20 MiB. The lists exist only for speed,
-/// and beyond the size of the processor's caches they are not faster than the search.
-const MAX_BLOCKS: usize = 1 << 16;
+/// The largest number of blocks of the lists of all squares together: 40 MiB. The lists exist only for speed,
+/// and far beyond the size of the processor's caches they are not faster than the search.
+const MAX_BLOCKS: usize = 1 << 17;
 
 /// Floats from 2^23 to 2^24 are integers, and their low 23 bits are what exceeds 2^23.
 const CELL_BASE: f32 = 8_388_608.0;
@@ -50,15 +50,24 @@ struct Lists {
     longest: usize,
 }
 
-/// Some edges of a list, one per lane: what decides whether a unit sees them.
-#[derive(Clone, Copy, Debug, Default)]
+/// Some edges of a list, one per lane from the first on: what decides whether a unit sees them.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct EdgeBlock {
     pub start: [Column; 2],
+    /// The same as `start` in a lane without an edge.
     pub end: [Column; 2],
-    /// Their indices.
+    /// Their indices, or [`EdgeBlock::NO_EDGE`].
     pub numbers: [u32; MAX_LANES],
-    /// The other lanes have edges of length zero.
-    pub n: usize,
+}
+
+impl EdgeBlock {
+    /// There are fewer edges than that.
+    pub const NO_EDGE: u32 = u32::MAX;
+    const EMPTY: EdgeBlock = EdgeBlock {
+        start: [Column::ZERO; 2],
+        end: [Column::ZERO; 2],
+        numbers: [EdgeBlock::NO_EDGE; MAX_LANES],
+    };
 }
 
 /// Working memory of a search.
@@ -119,7 +128,7 @@ impl EdgesByCell {
     /// A list of edges in blocks.
     fn blocks(&self, numbers: &[u32]) -> impl Iterator<Item = EdgeBlock> {
         numbers.chunks(MAX_LANES).map(|numbers| {
-            let mut block = EdgeBlock { n: numbers.len(), ..EdgeBlock::default() };
+            let mut block = EdgeBlock::EMPTY;
             for (lane, &number) in numbers.iter().enumerate() {
                 let edge = self.edge(number);
                 for (columns, point) in [(&mut block.start, edge.start), (&mut block.end, edge.end)] {
@@ -186,6 +195,12 @@ impl EdgesByCell {
         self.longest_list
     }
 
+    /// How many edges there are.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.partition.edges.len()
+    }
+
     /// The edge with this index.
     pub fn edge(&self, index: u32) -> &Edge {
         &self.partition.edges[index as usize]
@@ -195,6 +210,11 @@ impl EdgesByCell {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn numbers(blocks: &[EdgeBlock]) -> Vec<u32> {
+        let numbers = blocks.iter().flat_map(|block| block.numbers);
+        numbers.filter(|number| *number != EdgeBlock::NO_EDGE).collect()
+    }
 
     fn cell_of(cells: &EdgesByCell, position: Vec2) -> f32 {
         cells.cells(Vectors::splat(pulp::Scalar, position)).each()[0]
@@ -208,9 +228,6 @@ mod tests {
             let listed = EdgesByCell::new(terrain, 3.75);
             let searched = EdgesByCell { lists: None, ..EdgesByCell::new(terrain, 3.75) };
             let (mut none, mut found) = (EdgeSearch::default(), EdgeSearch::default());
-            let numbers = |blocks: &[EdgeBlock]| -> Vec<u32> {
-                blocks.iter().flat_map(|block| block.numbers[..block.n].to_vec()).collect()
-            };
             for cell in 0..searched.columns * 50 {
                 let position =
                     Vec2::new((cell % searched.columns) as f32, (cell / searched.columns) as f32) - 0.5;
@@ -233,9 +250,8 @@ mod tests {
             let cells = EdgesByCell::new(&terrain, 4.0);
             assert!(cells.lists.is_none() && cells.longest_list() < 100_000);
             let mut found = EdgeSearch::default();
-            let corner = cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found);
-            let n: usize = corner.iter().map(|block| block.n).sum();
-            assert!(n > 0 && n <= cells.longest_list());
+            let corner = numbers(cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found));
+            assert!(!corner.is_empty() && corner.len() <= cells.longest_list());
         }
     }
 }

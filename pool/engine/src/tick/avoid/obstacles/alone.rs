@@ -13,6 +13,22 @@ pub(super) struct Mover {
     pub radius: f32,
 }
 
+/// The squared distance of an edge, if a unit sees it.
+pub(super) fn sees(edge: &Edge, position: Vec2, range_squared: f32) -> Option<f32> {
+    let span = edge.end - edge.start;
+    let share = (position - edge.start).dot(span) / span.length_squared();
+    let nearest = if share < 0.0 {
+        edge.start
+    } else if share > 1.0 {
+        edge.end
+    } else {
+        edge.start + share * span
+    };
+    let distance_squared = (position - nearest).length_squared();
+    let is_outside = (edge.start - position).perp_dot(span) < 0.0;
+    (is_outside && distance_squared < range_squared).then_some(distance_squared)
+}
+
 /// A corner of an obstacle, and the directions of the outline before and after it.
 #[derive(Clone, Copy)]
 struct Corner {

@@ -29,7 +29,7 @@ use super::linear_program::{HalfPlaneColumns, HalfPlanes};
 use super::nearest_list::NearestList;
 use super::neighbours::Movers;
 use crate::arena::{Edge, EdgeBlock};
-use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
+use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Mask, Vectors};
 
 /// Finds the edges of a list that a unit sees, nearest first, one edge per lane. `range` is a squared
 /// distance.
@@ -49,7 +49,10 @@ pub(super) fn find<S: Lanes>(
     );
     let mut distances = Column::default();
     for block in near {
-        for first in (0..block.n).step_by(S::F32_LANES) {
+        for first in (0..MAX_LANES).step_by(S::F32_LANES) {
+            if block.numbers[first] == EdgeBlock::NO_EDGE {
+                break;
+            }
             let [start, end] = [&block.start, &block.end].map(
                 #[inline(always)]
                 |point| Vectors::load_from(simd, point, first),
@@ -360,11 +363,13 @@ fn widened<S: Lanes>(corner: Vectors<S>, direction: Vectors<S>, radius: Floats<S
 mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
+    use smaclite_scenarios::Terrain;
 
     use super::super::linear_program::HalfPlane;
-    use super::alone::{self, Mover};
+    use super::alone::{self, Mover, sees};
     use super::*;
-    use crate::lanes::{Kernel, Level, MAX_LANES};
+    use crate::arena::{EdgeSearch, EdgesByCell};
+    use crate::lanes::{Kernel, Level};
 
     /// A unit, and the edges that it sees.
     struct Scene {
@@ -453,6 +458,58 @@ mod tests {
                     };
                     slots.iter().filter(|slot| slot.exists[lane] == 1.0).map(half_plane).collect()
                 }));
+            }
+        }
+    }
+
+    /// Looks for edges from each position.
+    struct Look<'a> {
+        edges: &'a EdgesByCell,
+        positions: &'a [Vec2],
+        range_squared: f32,
+        found: Vec<Vec<usize>>,
+    }
+
+    impl Kernel for &mut Look<'_> {
+        #[inline(always)]
+        fn run<S: Lanes>(self, simd: S) {
+            let (mut search, mut found) = (EdgeSearch::default(), NearestList::default());
+            found.reserve(self.edges.longest_list());
+            for &position in self.positions {
+                let mut cell = Column::default();
+                self.edges.cells(Vectors::splat(simd, position)).store(&mut cell);
+                let near = self.edges.near(cell[0], &mut search);
+                find(simd, position, near, self.range_squared, &mut found);
+                self.found.push(found.indices().collect());
+            }
+        }
+    }
+
+    #[test]
+    fn edges_tested_together_are_those_that_are_seen_one_by_one() {
+        let mut random = Pcg64Mcg::seed_from_u64(4);
+        let mut coordinate = || match random.random_range(0..3) {
+            0 => random.random_range(-2..=34) as f32,
+            _ => random.random_range(-2.0..34.0),
+        };
+        let positions: Vec<Vec2> = (0..2000).map(|_| Vec2::new(coordinate(), coordinate())).collect();
+        for terrain in Terrain::preset_names().filter_map(Terrain::preset) {
+            let edges = EdgesByCell::new(&terrain, 3.5);
+            let alone = |&position: &Vec2| -> Vec<usize> {
+                let numbers = 0..edges.len();
+                let seen = numbers.filter_map(|n| Some((sees(edges.edge(n as u32), position, 12.25)?, n)));
+                let mut seen: Vec<_> = seen.collect();
+                seen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                seen.into_iter().map(|(_, number)| number).collect()
+            };
+            let expected: Vec<Vec<usize>> = positions.iter().map(alone).collect();
+            for level in Level::available() {
+                let (edges, positions) = (&edges, &positions[..]);
+                let mut look = Look { edges, positions, range_squared: 12.25, found: Vec::new() };
+                level.run(&mut look);
+                for ((position, found), expected) in positions.iter().zip(&look.found).zip(&expected) {
+                    assert_eq!(found, expected, "{level:?}, {position}");
+                }
             }
         }
     }
