@@ -179,13 +179,17 @@ miri:
 build:
     cargo build --release
 
-# Build wheels for every Linux since 2014, and the source distribution that they are built from, in dist/
+# Not with `maturin build --sdist`, which builds from the distribution: its files are as old as in every other one, so
+# cargo takes what it built of an earlier version for up to date.
+#
+# Build wheels for every Linux since 2014, and the source distribution, in dist/
 wheels *processors="x86_64 aarch64": _venv
     {{ python }} -m pip install --quiet 'maturin[zig]>=1.10,<2'
+    PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin sdist --out dist
     for processor in {{ processors }}; do \
         target=$processor-unknown-linux-gnu; \
         test -d "$("${RUSTC:-rustc}" --print target-libdir --target $target)" || rustup target add $target || exit; \
-        PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --sdist --out dist \
+        PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --out dist \
             --target $target --zig --compatibility manylinux2014 --target-dir target || exit; \
     done
 
