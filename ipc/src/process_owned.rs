@@ -58,7 +58,8 @@ impl<T> Drop for ProcessOwned<T> {
     }
 }
 
-/// The id of this process. To ask the kernel each time would take a tenth of a lane's round trip.
+/// The id of this process. To ask the kernel each time would take a tenth of a lane's round trip. A child is
+/// noticed if it was made by libc's `fork`, as Python's are.
 fn process_id() -> u32 {
     /// 0 until the handler is registered.
     static ID: AtomicU32 = AtomicU32::new(0);
