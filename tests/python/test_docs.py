@@ -205,6 +205,8 @@ class Session:
         for pool in self.servers:
             pool.terminate()
             assert pool.wait(timeout=10) == 0
+        # Tensors that live when their interpreter ends leave their shared memory.
+        self.execute(["smaclite-pool", "clean"], "smaclite-pool clean")
 
 
 @pytest.fixture
