@@ -376,6 +376,18 @@ impl<S: Lanes> Floats<S> {
         self.with(self.simd.max_f32s(self.value, other.value))
     }
 
+    /// The least of numbers that are no NaN.
+    #[inline(always)]
+    pub fn least(self) -> f32 {
+        self.simd.reduce_min_f32s(self.value)
+    }
+
+    /// The greatest of numbers that are no NaN.
+    #[inline(always)]
+    pub fn greatest(self) -> f32 {
+        self.simd.reduce_max_f32s(self.value)
+    }
+
     #[inline(always)]
     pub fn lt(self, other: Floats<S>) -> Mask<S> {
         self.mask(self.simd.less_than_f32s(self.value, other.value))

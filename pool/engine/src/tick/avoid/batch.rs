@@ -298,7 +298,7 @@ mod tests {
             let mut plane = PlaneUnits::default();
             plane.reserve(12);
             let mut ids: Vec<u32> = (0..12).collect();
-            plane.pack(&mut ids, &positions, &[Vec2::ZERO; 12], &[Vec2::ONE; 12], &[stats; 12]);
+            plane.pack(simd, &mut ids, &positions, &[Vec2::ZERO; 12], &[Vec2::ONE; 12], &[stats; 12]);
             let mut batch = Batch::default();
             batch.reserve(0, 12);
             for index in [5, 6] {

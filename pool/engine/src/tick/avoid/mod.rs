@@ -98,7 +98,14 @@ impl Kernel for Planning<'_> {
             if list.is_empty() {
                 continue;
             }
-            planes[plane].pack(list, self.positions, self.velocities, self.preferred, &self.arena.avoidance);
+            planes[plane].pack(
+                simd,
+                list,
+                self.positions,
+                self.velocities,
+                self.preferred,
+                &self.arena.avoidance,
+            );
             // A unit that prefers to stay does so and plans nothing: this lets units block and surround
             // others.
             if planes[plane].movers().is_empty() {

@@ -11,7 +11,7 @@ use crate::lanes::{Floats, Lanes, MAX_LANES, Vectors};
 use crate::units::clear_and_reserve;
 
 /// Units whose search results are one word: bit i is unit `WORD * word + i`.
-const WORD: usize = u64::BITS as usize;
+pub(super) const WORD: usize = u64::BITS as usize;
 
 /// The living units of a plane, in the order of [`NeighbourOrder`](crate::NeighbourOrder); a unit's *index*
 /// is its number in that order.
@@ -44,27 +44,32 @@ pub(super) struct PlaneUnits {
 
 /// The coordinates of one vector per unit.
 #[derive(Debug, Default)]
-struct Columns {
-    x: Vec<f32>,
-    y: Vec<f32>,
+pub(super) struct Columns {
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
 }
 
 impl Columns {
-    fn resize(&mut self, n: usize) {
+    pub fn resize(&mut self, n: usize) {
         self.x.resize(n, 0.0);
         self.y.resize(n, 0.0);
     }
 
     #[inline(always)]
-    fn load<S: Lanes>(&self, simd: S, begin: usize) -> Vectors<S> {
+    pub fn load<S: Lanes>(&self, simd: S, begin: usize) -> Vectors<S> {
         Vectors {
             x: Floats::from_slice(simd, &self.x[begin..]),
             y: Floats::from_slice(simd, &self.y[begin..]),
         }
     }
 
-    fn get(&self, index: usize) -> Vec2 {
+    pub fn get(&self, index: usize) -> Vec2 {
         Vec2::new(self.x[index], self.y[index])
+    }
+
+    pub fn swap(&mut self, one: usize, other: usize) {
+        self.x.swap(one, other);
+        self.y.swap(one, other);
     }
 }
 
@@ -155,9 +160,11 @@ impl PlaneUnits {
         let n_padded = n_units.next_multiple_of(MAX_LANES);
         let n_boxes = n_units.div_ceil(WORD).next_multiple_of(MAX_LANES);
         self.movers.resize(n_units, 0);
-        for columns in [&mut self.position, &mut self.preferred, &mut self.unconstrained] {
+        for columns in [&mut self.preferred, &mut self.unconstrained] {
             columns.resize(n_padded);
         }
+        // The tree loads registers from any unit on.
+        self.position.resize(n_padded + MAX_LANES);
         self.max_speed.resize(n_padded, 0.0);
         self.cell.resize(n_padded, 0.0);
         self.low.resize(n_boxes);
@@ -168,8 +175,9 @@ impl PlaneUnits {
     /// Packs the units of a list, which is put in the order that equally near neighbours require. The other
     /// slices are by battle-wide id.
     #[inline(always)]
-    pub fn pack(
+    pub fn pack<S: Lanes>(
         &mut self,
+        simd: S,
         ids: &mut [u32],
         positions: &[Vec2],
         velocities: &[Vec2],
@@ -177,13 +185,18 @@ impl PlaneUnits {
         stats: &[AvoidanceParams],
     ) {
         let n = ids.len();
-        if n > Tree::LEAF_SIZE {
-            self.tree.build(ids, positions);
-        }
         // The last register of coordinates as a whole, in one store, before the units overwrite a part of it.
         let last = n.saturating_sub(1) / MAX_LANES * MAX_LANES;
         for column in [&mut self.position.x, &mut self.position.y] {
             column[last..][..MAX_LANES].copy_from_slice(&[f32::INFINITY; MAX_LANES]);
+        }
+        let has_tree = n > Tree::LEAF_SIZE;
+        if has_tree {
+            let Columns { x, y } = &mut self.position;
+            for ((&id, x), y) in ids.iter().zip(x).zip(y) {
+                (*x, *y) = positions[id as usize].into();
+            }
+            self.tree.build(simd, ids, &mut self.position);
         }
         // Slices of one known length: one check of an index serves them all.
         let (members, movers) = (&mut self.members[..n], &mut self.movers[..n]);
@@ -201,7 +214,10 @@ impl PlaneUnits {
             let stays = (preferred.x.to_bits() | preferred.y.to_bits()) << 1 == 0;
             let share = select_unpredictable(stays, 1.0, 0.5);
             members[index] = Member { position, velocity, radius: stats[i].radius, share, id };
-            (x[index], y[index]) = position.into();
+            // Not twice: registers that were just written float by float are slow to load.
+            if !has_tree {
+                (x[index], y[index]) = position.into();
+            }
             (preferred_x[index], preferred_y[index]) = preferred.into();
             max_speed[index] = stats[i].max_speed;
             // Written before it is known whether it moves: no branch, which would be hard to predict.
@@ -374,13 +390,13 @@ impl PlaneUnits {
         if self.n <= Tree::LEAF_SIZE {
             return false; // all in one leaf
         }
-        let PlaneUnits { members, tree, visited, .. } = self;
-        let position = members[index].position;
+        let PlaneUnits { position: positions, tree, visited, .. } = self;
+        let position = positions.get(index);
         // Equal distances are sorted by index, so the index is first the number of the visit and then
         // replaced.
         sorted.clear();
         visited.clear();
-        tree.find(position, range_squared, |distance_squared, other| {
+        tree.find(positions, position, range_squared, |distance_squared, other| {
             if other as usize != index {
                 sorted.insert(distance_squared, visited.len());
                 visited.push(other);
@@ -417,7 +433,7 @@ mod tests {
             NearestList::reserve(&mut sorted, n);
             let mut ids: Vec<u32> = (0..n as u32).collect();
             let stats = vec![stats; n];
-            plane.pack(&mut ids, self.positions, &vec![Vec2::ZERO; n], &vec![Vec2::ONE; n], &stats);
+            plane.pack(simd, &mut ids, self.positions, &vec![Vec2::ZERO; n], &vec![Vec2::ONE; n], &stats);
             let edges = EdgesByCell::new(&Terrain::from_fn(32, 32, |_, _| true).unwrap(), 1.0);
             plane.find_unconstrained(simd, &edges);
             plane.find_neighbours(simd, &stats, &edges, &mut near);
