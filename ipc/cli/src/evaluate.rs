@@ -1,11 +1,15 @@
-//! `smaclite-pool evaluate`: play a trained team, and count wins and returns.
+//! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
-use super::{CommandResult, THREADS, check_range, runtime_dir};
+use super::{CommandResult, THREADS, check_range, replay, runtime_dir};
 use clap::Args;
 use smaclite_benches::process::interrupt_flag;
-use smaclite_learn::{EvaluatedEpisode, Evaluation, evaluate};
+use smaclite_engine::IllegalAction;
+use smaclite_ipc::LaneScenario;
+use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, evaluate};
 use smaclite_pool::PoolOptions;
-use std::path::PathBuf;
+use smaclite_view::{Recorder, Setup};
+use std::error::Error;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 #[derive(Args)]
@@ -27,7 +31,13 @@ pub(super) struct Evaluate {
     /// Print one JSON object per episode, and one with the result
     #[arg(long)]
     json: bool,
+    /// Write a replay of the episodes of environment 0, FILE.smreplay; a file of that name is replaced
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
 }
+
+/// The environment that is recorded. Its seed is that of the evaluation.
+const RECORDED_ENV: usize = 0;
 
 impl Evaluate {
     pub(super) fn run(self) -> CommandResult {
@@ -35,33 +45,77 @@ impl Evaluate {
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         check_range("--episodes", 1..=1_000_000, episodes)?;
         check_range("--threads", THREADS, threads)?;
+        let mut recording = match &self.record {
+            Some(file) => {
+                replay::check_suffix("--record", file)?;
+                Some(Recording::new(&self.folder, seed)?)
+            }
+            None => None,
+        };
         let interrupted = interrupt_flag()?;
         let evaluation = Evaluation { episodes, seed, greedy, threads };
-        let mut printed = Ok(());
-        let mut on_episode = |episode: &EvaluatedEpisode| {
-            if json && printed.is_ok() {
-                printed = print_json(episode);
+        let (mut printed, mut recorded) = (Ok(()), Ok(()));
+        let mut on_event = |event: EvaluationEvent| match event {
+            EvaluationEvent::Ended(episode) if json && printed.is_ok() => printed = print_json(&episode),
+            EvaluationEvent::Step { env_id: RECORDED_ENV, actions } if recorded.is_ok() => {
+                recorded = recording.as_mut().map_or(Ok(()), |recording| recording.step(actions));
             }
+            _ => {}
         };
         let mut stop = || interrupted.load(Ordering::Relaxed);
-        let result = evaluate(&self.folder, evaluation, &runtime_dir()?, &mut stop, &mut on_episode)?;
+        let result = evaluate(&self.folder, evaluation, &runtime_dir()?, &mut stop, &mut on_event)?;
         printed?;
+        recorded?;
         if json {
-            return print_json(&result);
+            print_json(&result)?;
+        } else {
+            print_text(&result)?;
         }
-        out!(
-            "{}: {} episodes in {} environments, {} actions, seed {}",
-            result.scenario,
-            result.episodes,
-            result.num_envs,
-            if greedy { "greedy" } else { "sampled" },
-            result.seed
-        )?;
-        out!("win rate     {:.1} %", 100.0 * result.win_rate)?;
-        out!("mean return  {:.2} (standard deviation {:.2})", result.mean_return, result.return_deviation)?;
-        out!("mean length  {:.1} steps", result.mean_length)?;
-        Ok(())
+        match recording.zip(self.record) {
+            Some((recording, file)) => recording.write(&file, json),
+            None => Ok(()),
+        }
     }
+}
+
+/// Plays the recorded environment's episodes again while they are evaluated.
+struct Recording(Recorder);
+
+impl Recording {
+    /// Of the run in a folder.
+    fn new(folder: &Path, seed: u64) -> Result<Recording, Box<dyn Error>> {
+        let LaneScenario { files, rules, episode_limit } = RunDescription::read(folder)?.scenario;
+        Ok(Recording(Recorder::new(Setup { files, rules, episode_limit }, seed)?))
+    }
+
+    fn step(&mut self, actions: &[i32]) -> Result<(), IllegalAction> {
+        let Recording(recorder) = self;
+        if recorder.battle().is_over() {
+            recorder.reset();
+        }
+        recorder.step(actions).map(|_| ())
+    }
+
+    fn write(self, file: &Path, quietly: bool) -> CommandResult {
+        let replay = self.0.finish();
+        replay.write(file)?;
+        if quietly { Ok(()) } else { replay::print_recorded(&replay, file) }
+    }
+}
+
+fn print_text(result: &EvaluationResult) -> CommandResult {
+    out!(
+        "{}: {} episodes in {} environments, {} actions, seed {}",
+        result.scenario,
+        result.episodes,
+        result.num_envs,
+        if result.greedy { "greedy" } else { "sampled" },
+        result.seed
+    )?;
+    out!("win rate     {:.1} %", 100.0 * result.win_rate)?;
+    out!("mean return  {:.2} (standard deviation {:.2})", result.mean_return, result.return_deviation)?;
+    out!("mean length  {:.1} steps", result.mean_length)?;
+    Ok(())
 }
 
 fn print_json(value: &impl serde::Serialize) -> CommandResult {

@@ -8,7 +8,7 @@ use signal_hook::iterator::Signals;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_scenarios::ScenarioFiles;
-use smaclite_view::{Recorder, Replay, SUFFIX, Setup};
+use smaclite_view::{Recorder, Replay, Setup};
 use std::error::Error;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -61,19 +61,12 @@ const DEFAULT_LIMIT: u32 = 1000;
 impl Record {
     pub(super) fn run(self) -> CommandResult {
         check_range("--episodes", 1..=10_000, self.episodes)?;
-        if self.out.extension().is_none_or(|suffix| suffix != SUFFIX) {
-            return Err(format!("--out must end in .{SUFFIX}, got `{}`", self.out.display()).into());
-        }
+        replay::check_suffix("--out", &self.out)?;
         let recorded = match &self.scenario {
             Some(scenario) => self.play(scenario)?,
             None => self.follow(self.pool.as_deref().unwrap_or_default())?,
         };
-        for (i, episode) in recorded.episodes().iter().enumerate() {
-            out!("episode {i}: {}", replay::describe(&recorded, episode))?;
-        }
-        let bytes = std::fs::metadata(&self.out)?.len();
-        out!("{}: {bytes} bytes", self.out.display())?;
-        Ok(())
+        replay::print_recorded(&recorded, &self.out)
     }
 
     /// Plays and writes the episodes of a scripted policy.

@@ -43,6 +43,20 @@ pub struct EvaluatedEpisode {
     pub episode: Episode,
 }
 
+/// What happens in an evaluation.
+#[derive(Clone, Copy, Debug)]
+pub enum EvaluationEvent<'a> {
+    /// An environment is to make a step of an episode that counts, with one action per agent.
+    Step {
+        /// The environment.
+        env_id: usize,
+        /// The actions.
+        actions: &'a [i32],
+    },
+    /// An episode that counts has ended.
+    Ended(EvaluatedEpisode),
+}
+
 /// The result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EvaluationResult {
@@ -76,7 +90,7 @@ pub enum EvaluateError {
     Client(#[from] ClientError),
 }
 
-/// Plays the team in the folder, and calls `on_episode` for every episode that counts, when it ends.
+/// Plays the team in the folder, and calls `on_event` for all that happens in the episodes that count.
 ///
 /// # Errors
 /// If the folder holds no valid run, or the pool fails; `ClientError::Interrupted` if `interrupted` returned
@@ -86,7 +100,7 @@ pub fn evaluate(
     evaluation: Evaluation,
     runtime_dir: &RuntimeDir,
     interrupted: &mut dyn FnMut() -> bool,
-    on_episode: &mut dyn FnMut(&EvaluatedEpisode),
+    on_event: &mut dyn FnMut(EvaluationEvent),
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads } = evaluation;
     let run = RunDescription::read(folder)?;
@@ -108,14 +122,22 @@ pub fn evaluate(
             for (slot, episode) in ended_episodes(batch) {
                 let env_id = first_env + slot;
                 if counts[env_id] < quota(env_id) {
-                    let episode = EvaluatedEpisode { env_id, number: counts[env_id], episode };
-                    on_episode(&episode);
-                    counted.push(episode.episode);
+                    let number = counts[env_id];
+                    on_event(EvaluationEvent::Ended(EvaluatedEpisode { env_id, number, episode }));
+                    counted.push(episode);
                 }
                 counts[env_id] += 1;
             }
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
             actor.act(&network, run.sizes, batch, choice, draw);
+            // After the last batch of an episode, next-step autoreset ignores the actions.
+            let ends = batch.terminated().iter().zip(batch.truncated());
+            let actions = actor.actions.chunks(run.sizes.n_agents);
+            for ((env_id, actions), (terminated, truncated)) in (first_env..).zip(actions).zip(ends) {
+                if terminated | truncated == 0 && counts[env_id] < quota(env_id) {
+                    on_event(EvaluationEvent::Step { env_id, actions });
+                }
+            }
             lanes.send(lane, &actor.actions)?;
         }
         if counted.len() >= episodes {

@@ -47,7 +47,9 @@ mod tensors;
 mod training;
 
 pub use config::{Activation, Algorithm, Config, ConfigError, UnknownKeyword};
-pub use evaluate::{EvaluateError, EvaluatedEpisode, Evaluation, EvaluationResult, evaluate};
+pub use evaluate::{
+    EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
+};
 pub use lanes::{LaneError, Lanes, resolve_scenario};
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;

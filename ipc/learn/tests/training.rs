@@ -4,8 +4,8 @@
 use smaclite_engine::Rules;
 use smaclite_ipc::{ClientError, LaneConfig, LaneScenario, RuntimeDir, Supervisor, SupervisorConfig};
 use smaclite_learn::{
-    Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationResult, Lanes, Record, Run, RunDescription,
-    TrainError, evaluate, resolve_scenario,
+    Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, Lanes, Record, Run,
+    RunDescription, TrainError, evaluate, resolve_scenario,
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -51,7 +51,10 @@ impl Place {
     fn evaluate(&self, name: &str, episodes: usize) -> (EvaluationResult, Vec<EvaluatedEpisode>) {
         let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1 };
         let mut counted = Vec::new();
-        let mut count = |episode: &EvaluatedEpisode| counted.push(*episode);
+        let mut count = |event: EvaluationEvent| match event {
+            EvaluationEvent::Ended(episode) => counted.push(episode),
+            EvaluationEvent::Step { .. } => {}
+        };
         let result =
             evaluate(&self.path(name), evaluation, &self.runtime_dir, &mut || false, &mut count).unwrap();
         (result, counted)

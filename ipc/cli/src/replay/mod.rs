@@ -6,7 +6,7 @@ use super::CommandResult;
 use super::picture::{Size, ThemeName};
 use clap::Args;
 use export::Format;
-use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
+use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -115,8 +115,26 @@ impl Replay {
     }
 }
 
+/// Refuses a file for a replay, given by an option, of another suffix.
+pub(crate) fn check_suffix(option: &str, file: &Path) -> CommandResult {
+    match file.extension() {
+        Some(suffix) if suffix == SUFFIX => Ok(()),
+        _ => Err(format!("{option} must end in .{SUFFIX}, got `{}`", file.display()).into()),
+    }
+}
+
+/// Prints the episodes of a replay that was just written.
+pub(crate) fn print_recorded(replay: &ReplayFile, file: &Path) -> CommandResult {
+    for (i, episode) in replay.episodes().iter().enumerate() {
+        out!("episode {i}: {}", describe(replay, episode))?;
+    }
+    let bytes = std::fs::metadata(file)?.len();
+    out!("{}: {bytes} bytes", file.display())?;
+    Ok(())
+}
+
 /// How an episode ended.
-pub(crate) fn describe(replay: &ReplayFile, episode: &Episode) -> String {
+fn describe(replay: &ReplayFile, episode: &Episode) -> String {
     let outcome = &episode.outcome;
     let end = match outcome {
         _ if outcome.battle_won => "won after",

@@ -45,6 +45,29 @@ fn a_team_is_trained_resumed_and_evaluated() {
     let returns: f64 = lines[..20].iter().filter_map(|line| line["episode_return"].as_f64()).sum();
     assert!((result["mean_return"].as_f64().expect("a number") - returns / 20.0).abs() < 1e-6);
     assert!(result["win_rate"].is_number());
+
+    // Of 70 episodes in 64 environments, environment 0 plays two.
+    let lines = json_lines(&output(folder, "evaluate runs/3m --episodes 70 --json --record quiet.smreplay"));
+    let first = lines.iter().filter(|line| line["env_id"] == 0);
+    let outcome = |line: &Value| {
+        let end = if line["won"] == true { "won" } else { "lost" };
+        let episode_return = line["episode_return"].as_f64().expect("a number");
+        format!(
+            "episode {}: {end} after {} steps, return {episode_return:.2}, ",
+            line["number"], line["length"]
+        )
+    };
+    let outcomes: Vec<String> = first.map(outcome).collect();
+    let printed = output(folder, "evaluate runs/3m --episodes 70 --record 3m.smreplay");
+    let replayed = output(folder, "replay 3m.smreplay");
+    assert!(outcomes.len() == 2 && printed.contains("3m.smreplay: "), "{outcomes:?} {printed}");
+    for outcome in outcomes {
+        assert!(printed.contains(&outcome) && replayed.contains(&outcome), "{outcome} {printed} {replayed}");
+    }
+    let [quiet, loud] =
+        ["quiet", "3m"].map(|name| fs::read(folder.join(name).with_extension("smreplay")).unwrap());
+    assert_eq!(quiet, loud);
+
     let printed = output(folder, "evaluate runs/3m --episodes 5 --greedy");
     assert!(
         printed.starts_with("3m: 5 episodes in 5 environments, greedy actions, seed 0\nwin rate"),
@@ -105,6 +128,7 @@ fn errors_say_what_is_accepted() {
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
     check_error(folder, "evaluate run --episodes 0", 1, "--episodes must be between 1 and 1000000, got 0");
+    check_error(folder, "evaluate run --record run.gif", 1, "--record must end in .smreplay, got `run.gif`");
 }
 
 #[test]
