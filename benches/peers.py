@@ -197,7 +197,7 @@ def pufferlib_workers() -> Iterator[Step]:
 
         def __init__(self, buf: Any = None, seed: int = 0) -> None:
             self.single_observation_space = gymnasium.spaces.Box(-1, 1, (80,), np.float32)
-            self.single_action_space = gymnasium.spaces.Discrete(11)
+            self.single_action_space: Any = gymnasium.spaces.Discrete(11)
             self.num_agents = FREE_ENVS * 5
             self.emulated: dict[str, Any] = {}
             self.done, self.buf = False, buf

@@ -34,7 +34,7 @@ PACKAGE = ROOT / "bindings/python/smaclite_pool"
 PAGES = sorted(DOCS.rglob("*.md"))
 
 FRAMEWORKS = {"gymnasium", "pettingzoo", "safetensors", "torch", "torchrl", "tensordict", "jax", "ray"}
-FRAMEWORKS |= {"wandb"}
+FRAMEWORKS |= {"wandb", "tree"}  # RLlib requires `tree`, which the extra `ray` does not install
 
 CLONE = "builds in a clone of the repository"
 DOCKER = "needs Docker and an image"

@@ -191,7 +191,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self._last = batch if self._stops else None
         self._viewer.observe(batch)
 
-    def render(self) -> tuple[Picture, ...] | None:
+    def render(self) -> tuple[Picture, ...] | None:  # type: ignore[override]  # the type of gymnasium 1.2
         """A picture per environment, uint8 [256, 256, 3] each, or all of them in a window with "human".
 
         Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not

@@ -131,7 +131,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     def _for_all(self, value: Any) -> dict[str, Any]:
         return dict.fromkeys(self._battle.agents, value)
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]  # RLlib's own draws nothing
         """The battle from above, uint8 [640, 640, 3], or in a window with "human".
 
         Raises InvalidRequest before the first reset, and PoolError if a window is needed and pygame is not
