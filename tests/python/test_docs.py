@@ -387,6 +387,11 @@ def errors() -> dict[str, Callable[[], object]]:
         while True:
             spectators.append(sp.Spectator(envs.name))
 
+    def wait_too_short() -> None:
+        # Mostly not ready when the time is looked at first; else the system kept this thread from its core.
+        while True:
+            many.reset(seed=1, timeout=0)
+
     def illegal() -> None:
         envs.reset(seed=1)
         envs.step(np.full((4, 5), 9))
@@ -412,8 +417,7 @@ def errors() -> dict[str, Callable[[], object]]:
         "lane": lambda: sp.connect(envs.name, lane="zz"),
         "spectators": watch,
         "name": lambda: sp.make("2s3z", name=envs.name),
-        # Too many to be ready when the time is looked at first: the learner's thread resets some itself.
-        "timeout": lambda: many.reset(seed=1, timeout=0),
+        "timeout": wait_too_short,
         "closed": closed.reset,
     }
 
