@@ -2,6 +2,23 @@
 //! nothing of units or rules.
 
 use smaclite_engine::{Battle, Scratch, Sizes, Snapshot, Step};
+use std::sync::atomic::{AtomicI32, Ordering};
+
+/// A joint action, one number per agent, in the lane's memory. Nothing writes to it during the step.
+#[derive(Clone, Copy, Debug)]
+pub struct JointAction<'a>(&'a [AtomicI32]);
+
+impl<'a> JointAction<'a> {
+    /// The joint action in this memory, `[n_agents]`.
+    pub fn new(actions: &'a [AtomicI32]) -> Self {
+        JointAction(actions)
+    }
+
+    /// The actions of all agents, in order.
+    pub fn iter(self) -> impl ExactSizeIterator<Item = i32> + Clone + use<'a> {
+        self.0.iter().map(|action| action.load(Ordering::Relaxed))
+    }
+}
 
 /// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong
 /// to the pool. Users run [`Battle`]s; tests and benches have other environments.
@@ -12,9 +29,9 @@ pub trait Environment: Send {
     fn reseed(&mut self, seed: u64);
     /// Begins a new episode.
     fn reset(&mut self);
-    /// One step with a joint action, `[n_agents]`, that is [available](Environment::write_available_bits) in
+    /// One step with a joint action that is [available](Environment::write_available_bits) in
     /// this state.
-    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step;
+    fn step_checked(&mut self, actions: JointAction<'_>, scratch: &mut Scratch) -> Step;
     /// Writes `[n_agents, row]`, where a row is `obs_size` long or longer; the rest of each row becomes 0.
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch);
     /// Writes `[state_size]`.
@@ -50,8 +67,8 @@ impl Environment for Battle {
     fn reset(&mut self) {
         Battle::reset(self);
     }
-    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
-        Battle::step_checked(self, actions, scratch)
+    fn step_checked(&mut self, actions: JointAction<'_>, scratch: &mut Scratch) -> Step {
+        Battle::step_checked(self, actions.iter(), scratch)
     }
     fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
         Battle::write_obs(self, out, scratch);

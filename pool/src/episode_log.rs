@@ -76,12 +76,12 @@ impl EpisodeLog {
     }
 
     /// Notes a step of the present episode.
-    pub(crate) fn step(&mut self, actions: &[i32], is_over: bool) {
+    pub(crate) fn step(&mut self, actions: impl Iterator<Item = i32>, is_over: bool) {
         if let Some(episode) = self.episodes.back_mut() {
             // A checked action is below the 6 + 1000 actions of the largest scenario.
-            episode.actions.extend(actions.iter().map(|&action| action as u16));
+            episode.actions.extend(actions.map(|action| action as u16));
             episode.is_over = is_over;
-            self.n_actions += actions.len();
+            self.n_actions += self.n_agents;
         }
     }
 
@@ -131,12 +131,12 @@ mod tests {
         let mut cursor = LogCursor::default();
         assert_eq!(read(&log, &mut cursor), [(0, 0, true)]);
         assert_eq!(read(&log, &mut cursor), []);
-        log.step(&[1, 2, 3], false);
+        log.step([1, 2, 3].into_iter(), false);
         assert_eq!(read(&log, &mut cursor), [(0, 1, false)]);
-        log.step(&[1, 2, 3], true);
+        log.step([1, 2, 3].into_iter(), true);
         log.begin(start());
         log.begin(start());
-        log.step(&[4, 5, 6], false);
+        log.step([4, 5, 6].into_iter(), false);
         assert_eq!(read(&log, &mut cursor), [(0, 1, false), (1, 0, true), (2, 1, true)]);
         assert_eq!(read(&log, &mut cursor), []);
         assert_eq!(read(&log, &mut LogCursor::default()), [(0, 2, true), (1, 0, true), (2, 1, true)]);
@@ -149,7 +149,7 @@ mod tests {
         log.read(&mut cursor);
         let next = start();
         for _ in 0..2 * MAX_EPISODES {
-            (0..100).for_each(|step| log.step(&[7; 3], step == 99));
+            (0..100).for_each(|step| log.step([7; 3].into_iter(), step == 99));
             log.begin(next.clone());
         }
         assert!(log.n_actions <= MAX_ACTIONS && log.episodes.len() <= MAX_EPISODES);
@@ -164,7 +164,7 @@ mod tests {
         let mut log = EpisodeLog::new(3, start());
         let now = start();
         for _ in 0..MAX_ACTIONS {
-            log.step(&[7; 3], false);
+            log.step([7; 3].into_iter(), false);
             if log.is_full() {
                 log.begin(now.clone());
             }

@@ -1,7 +1,7 @@
 //! One environment of a lane: its tasks, autoreset, and how its slot of a frame is written.
 
 use crate::autoreset::Autoreset;
-use crate::environment::Environment;
+use crate::environment::{Environment, JointAction};
 use crate::episode_log::{EpisodeLog, EpisodePart, LogCursor};
 use crate::fields::Field;
 use crate::lane_settings::LaneSettings;
@@ -23,8 +23,6 @@ pub(crate) enum Task {
 /// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
-    /// The joint action of the next step, `[n_agents]`.
-    pub(crate) actions: Vec<i32>,
     /// Working memory of the report of its available actions.
     pub(crate) available: Vec<u64>,
     /// The episode ended and the environment was not reset since.
@@ -38,16 +36,22 @@ pub(crate) struct HostedEnv {
 impl HostedEnv {
     pub(crate) fn new(env: Box<dyn Environment>, settings: &LaneSettings) -> HostedEnv {
         let Sizes { n_agents, n_actions, .. } = env.sizes();
-        let (actions, available) = (vec![0; n_agents], vec![0; n_agents * n_actions.div_ceil(64)]);
+        let available = vec![0; n_agents * n_actions.div_ceil(64)];
         let own = OwnFeatures::new(settings, env.sizes());
-        HostedEnv { env, actions, available, is_over: false, log: None, own }
+        HostedEnv { env, available, is_over: false, log: None, own }
     }
 
     /// Carries a task out, up to the point where its slot is needed.
     // Inlined: an outcome that is returned through memory is read back across two stores, which waits for all
     // stores before them, those to frames included.
     #[inline(always)]
-    pub(crate) fn run(&mut self, task: Task, autoreset: Autoreset, scratch: &mut Scratch) -> Option<Step> {
+    pub(crate) fn run(
+        &mut self,
+        task: Task,
+        actions: JointAction<'_>,
+        autoreset: Autoreset,
+        scratch: &mut Scratch,
+    ) -> Option<Step> {
         match task {
             Task::Observe => None,
             Task::Step if self.is_over && autoreset == Autoreset::NextStep => {
@@ -55,13 +59,13 @@ impl HostedEnv {
                 None
             }
             Task::Step => {
-                let step = self.env.step_checked(&self.actions, scratch);
+                let step = self.env.step_checked(actions, scratch);
                 self.is_over = step.terminated || step.truncated;
                 if let Some(own) = &mut self.own {
-                    own.step(&self.actions);
+                    own.step(actions);
                 }
                 if let Some(log) = &mut self.log {
-                    log.step(&self.actions, self.is_over);
+                    log.step(actions.iter(), self.is_over);
                     if log.is_full() {
                         self.begin_log();
                     }
@@ -130,7 +134,7 @@ impl HostedEnv {
     /// Adds a follower, with whom the log begins; `false` if the environment cannot be followed.
     pub(crate) fn follow(&mut self) -> bool {
         let Some(now) = self.env.save() else { return false };
-        let log = self.log.get_or_insert_with(|| Box::new(EpisodeLog::new(self.actions.len(), now)));
+        let log = self.log.get_or_insert_with(|| Box::new(EpisodeLog::new(self.env.sizes().n_agents, now)));
         log.followers += 1;
         true
     }

@@ -1,9 +1,9 @@
 //! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory
 //! through the [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
 //!
-//! The path of a batch: the leading worker receives a [request](transport::Request) from a lane's inlet,
-//! accepts all of it or nothing, and shares its environments out. The workers step them and write each result
-//! into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the frame.
+//! The path of a batch: a thread receives a [request](transport::Request) from a lane's inlet, accepts all of it
+//! or nothing, and publishes its environments as work. Threads take chunks of them, step them and write each
+//! result into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the frame.
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 
@@ -19,21 +19,22 @@ pub mod transport;
 
 mod autoreset;
 mod episode_log;
-mod frame_assembler;
+mod frames;
 mod hosted_env;
 #[allow(unsafe_code)]
 mod lane;
 mod lane_settings;
-mod leader_followers;
 mod own_features;
+mod parking;
+mod scheduler;
 mod sync;
 mod wait_strategy;
-mod workers;
+mod work;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
 pub use episode_log::{EpisodePart, LogCursor};
 pub use lane::{LaneSpec, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS, MAX_LAST_ACTIONS};
 pub use rejection::Rejection;
+pub use scheduler::{Participant, Pool, PoolHandle, PoolOptions, PoolStartError};
 pub use wait_strategy::{Polling, UnknownWaitStrategy, WaitStrategy};
-pub use workers::{Helper, Pool, PoolHandle, PoolOptions, PoolStartError};

@@ -4,7 +4,7 @@
 //! `n_actions`, the newest first, and the number as a one-hot vector of `n_agents`. Actions from before the
 //! episode are zeros, and so is the whole row of a dead agent.
 
-use crate::environment::Environment;
+use crate::environment::{Environment, JointAction};
 use crate::lane_settings::LaneSettings;
 use smaclite_engine::Sizes;
 
@@ -38,10 +38,10 @@ impl OwnFeatures {
     }
 
     /// A step was made with this joint action.
-    pub(crate) fn step(&mut self, actions: &[i32]) {
+    pub(crate) fn step(&mut self, actions: JointAction<'_>) {
         if self.last_actions > 0 {
-            self.history.rotate_right(actions.len());
-            self.history[..actions.len()].copy_from_slice(actions);
+            self.history.rotate_right(self.sizes.n_agents);
+            self.history.iter_mut().zip(actions.iter()).for_each(|(newest, action)| *newest = action);
             self.known = (self.known + 1).min(self.last_actions);
         }
     }

@@ -4,7 +4,8 @@
 use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};
 use bytemuck::{NoUninit, bytes_of};
-use std::ptr::NonNull;
+use std::ptr::{NonNull, null_mut};
+use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering::Relaxed};
 
 /// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to
 /// one thread at a time.
@@ -39,6 +40,29 @@ impl FrameMemory {
     pub unsafe fn slot<'a>(self, layout: &'a Layout, index: usize) -> Slot<'a> {
         assert!(index < layout.slots() && self.len >= layout.bytes());
         Slot { layout, base: self.base, index }
+    }
+}
+
+/// The memory of the frame that a parallel loop fills, for all its threads. It publishes nothing: threads load it
+/// after they have taken part of the loop, which they can only after it was stored.
+pub(crate) struct SharedFrame {
+    base: AtomicPtr<u8>,
+    len: AtomicUsize,
+}
+
+impl SharedFrame {
+    pub(crate) const fn none() -> SharedFrame {
+        SharedFrame { base: AtomicPtr::new(null_mut()), len: AtomicUsize::new(0) }
+    }
+
+    pub(crate) fn store(&self, memory: Option<FrameMemory>) {
+        self.base.store(memory.map_or(null_mut(), |memory| memory.base.as_ptr()), Relaxed);
+        self.len.store(memory.map_or(0, |memory| memory.len), Relaxed);
+    }
+
+    pub(crate) fn load(&self) -> Option<FrameMemory> {
+        let base = NonNull::new(self.base.load(Relaxed))?;
+        Some(FrameMemory { base, len: self.len.load(Relaxed) })
     }
 }
 

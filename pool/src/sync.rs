@@ -1,17 +1,19 @@
-//! Synchronisation primitives: those of the standard library, or loom's where its tests explore every
-//! interleaving (`just loom`).
+//! Synchronisation primitives: those of the standard library and of crossbeam, or loom's where its tests explore
+//! every interleaving (`just loom`).
 
+#[cfg(not(loom))]
+pub(crate) use crossbeam::queue::ArrayQueue;
 #[cfg(loom)]
 pub(crate) use loom::{
     hint::spin_loop,
-    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence},
     sync::{Condvar, Mutex, MutexGuard},
     thread::yield_now,
 };
 #[cfg(not(loom))]
 pub(crate) use std::{
     hint::spin_loop,
-    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering, fence},
     sync::{Condvar, Mutex, MutexGuard},
     thread::yield_now,
 };
@@ -20,4 +22,32 @@ pub(crate) use std::{
 /// locks is consistent at every point where one can occur.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// What loom, which knows nothing of crossbeam, explores in place of its queue.
+#[cfg(loom)]
+pub(crate) struct ArrayQueue<T>(Mutex<std::collections::VecDeque<T>>, usize);
+
+#[cfg(loom)]
+impl<T> ArrayQueue<T> {
+    pub(crate) fn new(capacity: usize) -> Self {
+        ArrayQueue(Mutex::default(), capacity)
+    }
+
+    pub(crate) fn push(&self, item: T) -> Result<(), T> {
+        let mut items = lock(&self.0);
+        if items.len() == self.1 {
+            return Err(item);
+        }
+        items.push_back(item);
+        Ok(())
+    }
+
+    pub(crate) fn pop(&self) -> Option<T> {
+        lock(&self.0).pop_front()
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        lock(&self.0).is_empty()
+    }
 }

@@ -23,7 +23,7 @@ pub struct TransportError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
 /// The receiving end of a lane.
 pub trait Inlet: Send + 'static {
     /// A received request, kept alive while it is read.
-    type Message: Message;
+    type Message: Message + Send;
     /// The next request, if one is waiting. Never blocks.
     fn receive(&mut self) -> Result<Option<Self::Message>, TransportError>;
 }

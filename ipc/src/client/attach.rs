@@ -1,7 +1,7 @@
 //! Attaching to a lane: the request to the supervisor, and the ports of iceoryx2.
 
 use super::error::ConnectError;
-use super::request_validator::RequestValidator;
+use super::outstanding::Outstanding;
 use super::sampler::Sampler;
 use super::{AttachedLane, Client};
 use crate::CHECK_INTERVAL;
@@ -99,11 +99,12 @@ impl Client {
         let layout = Arc::new(checked_layout(&description)?);
         let ports = Ports::open(runtime_dir, &description, &layout);
         let lane = AttachedLane {
-            helper: None,
+            participant: None,
             ports: ports.map_err(|error| control.cause_of(error))?,
             control,
-            validator: RequestValidator::new(&layout, &description.settings),
+            outstanding: Outstanding::new(&description.settings),
             sampler: Sampler::new(0),
+            newest: None,
             polling: strategy.polling(description.threads),
             description,
             layout,

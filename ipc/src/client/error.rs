@@ -64,6 +64,15 @@ pub enum ClientError {
          actions first"
     )]
     NothingToReceive { outstanding: usize, batch_size: usize },
+    #[error("there is no batch to sample actions by; receive one first")]
+    NoBatch,
+    #[error(
+        "environment {env} is not in the newest batch, which actions are sampled by; pass the `env_id` of that \
+         batch, or some of them"
+    )]
+    NotInBatch { env: i32 },
+    #[error("actions are sampled by the field `avail_actions`, which this lane leaves out of its batches")]
+    NoMasks,
     #[error(
         "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
     )]

@@ -1,13 +1,13 @@
 //! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads
-//! of this one; in that case the learner's thread works for it instead of waiting.
+//! of this one; in that case the learner's thread steps environments while it waits (caller runs).
 //!
-//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `request_validator`
-//! checks a request before it is sent, and `sampler` draws random actions.
+//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows which
+//! environments work on a request, and `sampler` draws random actions.
 
 mod attach;
 mod error;
+mod outstanding;
 mod receiving;
-mod request_validator;
 mod sampler;
 mod sending;
 
@@ -21,12 +21,11 @@ use crate::process_owned::ProcessOwned;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
-use request_validator::RequestValidator;
+use outstanding::Outstanding;
 use sampler::Sampler;
-use smaclite_pool::Helper;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
-use smaclite_pool::{Polling, Rejection};
+use smaclite_pool::{Participant, Polling, Rejection};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -38,14 +37,16 @@ pub struct Client {
 /// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
 /// when everything else is given back.
 struct AttachedLane {
-    /// Of a learner that works for the pool of its own process.
-    helper: Option<Helper<Iceoryx>>,
+    /// Of a learner that takes part in the pool of its own process.
+    participant: Option<Participant<Iceoryx>>,
     ports: Ports,
     control: ControlClient,
     description: LaneDescription,
     layout: Arc<Layout>,
-    validator: RequestValidator,
+    outstanding: Outstanding,
     sampler: Sampler,
+    /// The batch that was received last, which actions are sampled by.
+    newest: Option<Arc<Batch>>,
     epoch: Epoch,
     last_request: RequestNumber,
     /// The sequence number of the last frame; `None` before the first of this epoch.
@@ -84,19 +85,42 @@ impl Client {
     }
 
     /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns as
-    /// [`send_reset`](Client::send_reset) does.
+    /// [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
+    /// [`recv`](Client::recv) says why.
     pub fn send(
         &mut self,
         actions: &[i32],
         env_ids: Option<&[i32]>,
+        wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.begin_step(&mut SliceOf(actions), env_ids, wait);
+        self.leave();
+        sent
+    }
+
+    /// As [`send`](Client::send) of `actions`, which are written straight into shared memory. [`recv`](Client::recv)
+    /// should follow at once: until then an embedded pool has a worker less.
+    pub fn begin_step(
+        &mut self,
+        actions: &mut dyn Actions,
+        env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.attached()?.send_step(actions, env_ids, &mut wait)
+        let sent = self.attached()?.send_step(actions, env_ids, &mut wait);
+        if sent.is_err() {
+            self.leave();
+        }
+        sent
     }
 
     /// Waits for the next batch.
-    pub fn recv(&mut self, mut wait: WaitOptions<'_>) -> Result<Batch, ClientError> {
-        Seat::new(self.attached()?).lane.recv(Instant::now(), &mut wait)
+    ///
+    /// # Errors
+    /// Also the lane's refusal of an earlier request, of which then no environment was stepped.
+    pub fn recv(&mut self, mut wait: WaitOptions<'_>) -> Result<Arc<Batch>, ClientError> {
+        let received = self.attached()?.recv(Instant::now(), &mut wait);
+        self.leave();
+        received
     }
 
     /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).
@@ -105,11 +129,15 @@ impl Client {
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
-    ) -> Result<Batch, ClientError> {
+    ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
-        let seat = Seat::new(self.attached()?);
-        seat.lane.send_reset(seed, env_ids, &mut wait)?;
-        seat.lane.recv(begin, &mut wait)
+        let lane = self.attached()?;
+        let received = match lane.send_reset(seed, env_ids, &mut wait) {
+            Ok(()) => lane.recv(begin, &mut wait),
+            Err(error) => Err(error),
+        };
+        self.leave();
+        received
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -118,19 +146,30 @@ impl Client {
         actions: &[i32],
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
-    ) -> Result<Batch, ClientError> {
+    ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
-        let seat = Seat::new(self.attached()?);
-        seat.lane.send_step(actions, env_ids, &mut wait)?;
-        seat.lane.recv(begin, &mut wait)
+        let lane = self.attached()?;
+        let received = match lane.send_step(&mut SliceOf(actions), env_ids, &mut wait) {
+            Ok(()) => lane.recv(begin, &mut wait),
+            Err(error) => Err(error),
+        };
+        self.leave();
+        received
     }
 
-    /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of
-    /// `env_ids` or for all in order, by the masks that were last received of each.
+    /// The batch that was received last.
+    pub fn newest(&self) -> Option<&Arc<Batch>> {
+        self.lane.newest.as_ref()
+    }
+
+    /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of `env_ids`,
+    /// which must be in the newest batch, or for all in order.
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
         lane.check_length(out.len(), env_ids)?;
-        Ok(lane.sampler.fill(&lane.validator, env_ids, out)?)
+        lane.outstanding.check_was_reset()?;
+        let batch = lane.newest.as_ref().ok_or(ClientError::NoBatch)?;
+        lane.sampler.fill(batch, env_ids, lane.description.settings.num_envs, out)
     }
 
     /// Seeds the generator of [`sample_actions`](Client::sample_actions).
@@ -140,10 +179,19 @@ impl Client {
         }
     }
 
-    /// From now on this learner works for the pool of its own process.
-    pub(crate) fn help(&mut self, helper: impl FnOnce(SessionId) -> Option<Helper<Iceoryx>>) {
+    /// From now on this learner takes part in the pool of its own process.
+    pub(crate) fn take_part(&mut self, participant: impl FnOnce(SessionId) -> Option<Participant<Iceoryx>>) {
         if let Ok(lane) = self.lane.get_mut() {
-            lane.helper = helper(lane.epoch.session);
+            lane.participant = participant(lane.epoch.session);
+        }
+    }
+
+    /// The learner's thread waits no longer: the pool of its process has its workers back.
+    fn leave(&mut self) {
+        if let Ok(lane) = self.lane.get_mut()
+            && let Some(participant) = &mut lane.participant
+        {
+            participant.leave();
         }
     }
 
@@ -157,25 +205,23 @@ impl Client {
     }
 }
 
-/// A lane whose learner has a seat in the pool of its own process, if there is one.
-struct Seat<'a> {
-    lane: &'a mut AttachedLane,
+/// A joint action for every environment of a request.
+pub trait Actions {
+    /// How many numbers it has: `count * n_agents`.
+    fn len(&self) -> usize;
+    /// Writes them, in row-major order, to memory of that length.
+    fn write_to(&mut self, out: &mut [i32]);
 }
 
-impl<'a> Seat<'a> {
-    fn new(lane: &'a mut AttachedLane) -> Seat<'a> {
-        if let Some(helper) = &mut lane.helper {
-            helper.sit_down();
-        }
-        Seat { lane }
+struct SliceOf<'a>(&'a [i32]);
+
+impl Actions for SliceOf<'_> {
+    fn len(&self) -> usize {
+        self.0.len()
     }
-}
 
-impl Drop for Seat<'_> {
-    fn drop(&mut self) {
-        if let Some(helper) = &mut self.lane.helper {
-            helper.stand_up();
-        }
+    fn write_to(&mut self, out: &mut [i32]) {
+        out.copy_from_slice(self.0);
     }
 }
 

@@ -9,20 +9,25 @@ use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, frames_lost, read_frame};
 use iceoryx2::port::ReceiveError;
 use smaclite_pool::transport::RequestNumber;
-use smaclite_pool::{Helper, Rejection};
+use smaclite_pool::{Participant, Rejection};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 impl AttachedLane {
     /// Waits for the next batch. The timeout counts from `begin`.
-    pub(super) fn recv(&mut self, begin: Instant, wait: &mut WaitOptions<'_>) -> Result<Batch, ClientError> {
-        let (outstanding, batch_size) = (self.validator.outstanding(), self.description.settings.batch_size);
+    pub(super) fn recv(
+        &mut self,
+        begin: Instant,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        let (outstanding, batch_size) = (self.outstanding.results(), self.description.settings.batch_size);
         if outstanding < batch_size {
             return Err(ClientError::NothingToReceive { outstanding, batch_size });
         }
         let sample = self.wait_for_batch(begin, wait)?;
-        self.validator.observe_batch(&self.layout, sample.payload());
-        Ok(Batch::new(sample, Arc::clone(&self.layout), Arc::clone(&self.ports.frames)))
+        let batch = Batch::new(sample, Arc::clone(&self.layout), Arc::clone(&self.ports.frames));
+        self.outstanding.received(batch.env_id());
+        Ok(Arc::clone(self.newest.insert(Arc::new(batch))))
     }
 
     fn wait_for_batch(
@@ -38,7 +43,7 @@ impl AttachedLane {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
-            let served = self.helper.as_mut().is_some_and(Helper::serve);
+            let served = self.participant.as_mut().is_some_and(Participant::serve);
             if !served && polls.pause_briefly() {
                 continue;
             }
@@ -68,16 +73,13 @@ impl AttachedLane {
         }
     }
 
-    /// Blocks until a frame is sent, or for this time. The pool has the thread's seat back meanwhile.
+    /// Blocks until a frame is sent, or for this time. In that time the pool has all its workers.
     fn sleep(&mut self, time: Duration) {
-        if let Some(helper) = &mut self.helper {
-            helper.stand_up();
+        if let Some(participant) = &mut self.participant {
+            participant.leave();
         }
         // Whatever ends this wait, the caller polls again.
         let _ = self.ports.frame_sent.timed_wait(|_| {}, time);
-        if let Some(helper) = &mut self.helper {
-            helper.sit_down();
-        }
     }
 
     /// The next batch of this session and epoch, if one has arrived.
@@ -86,6 +88,8 @@ impl AttachedLane {
             let sample = match self.ports.frames.subscriber.receive() {
                 Ok(Some(sample)) => sample,
                 Ok(None) => return Ok(None),
+                // The newest batch is kept for sampling as long as there is room for it.
+                Err(ReceiveError::ExceedsMaxBorrows) if self.newest.take().is_some() => continue,
                 Err(ReceiveError::ExceedsMaxBorrows) => {
                     let limit = self.description.capacity.max_held_batches;
                     return Err(ClientError::TooManyHeld { limit });
@@ -117,7 +121,7 @@ impl AttachedLane {
     fn reject(&mut self, request: Option<RequestNumber>, rejection: Rejection) -> Result<(), ClientError> {
         if matches!(rejection, Rejection::LaneFailed { .. }) {
             self.failure = Some(rejection.clone());
-        } else if !request.is_some_and(|request| self.validator.release(request)) {
+        } else if !request.is_some_and(|request| self.outstanding.release(request)) {
             return Ok(());
         }
         Err(rejection.into())

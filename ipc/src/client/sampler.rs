@@ -1,11 +1,13 @@
-//! Uniformly random available actions.
+//! Uniformly random available actions, drawn by the newest batch.
 
-use super::request_validator::RequestValidator;
+use super::error::ClientError;
+use crate::batch::Batch;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use smaclite_pool::Rejection;
+use smaclite_pool::env_ids::env_index;
+use smaclite_pool::fields::Field;
 
-/// Draws actions by the masks that a [`RequestValidator`] remembers.
+/// Draws actions by the masks of a batch.
 pub(super) struct Sampler {
     generator: Pcg64Mcg,
 }
@@ -15,18 +17,29 @@ impl Sampler {
         Sampler { generator: Pcg64Mcg::seed_from_u64(seed) }
     }
 
-    /// Writes an action for every agent of the environments (all, if `None`), `[count, n_agents]`.
+    /// Writes an action for every agent of the environments of `ids`, which must be in the batch; if `None`, of
+    /// those of the batch in order of their ids. `out` is `[count, n_agents]`.
     pub(super) fn fill(
         &mut self,
-        validator: &RequestValidator,
-        env_ids: Option<&[i32]>,
+        batch: &Batch,
+        ids: Option<&[i32]>,
+        num_envs: usize,
         out: &mut [i32],
-    ) -> Result<(), Rejection> {
-        validator.check_was_reset()?;
-        for (i, actions) in out.chunks_exact_mut(validator.n_agents()).enumerate() {
-            let env = env_ids.map_or(Ok(i), |ids| validator.env_index(ids[i]))?;
-            for (agent, action) in actions.iter_mut().enumerate() {
-                *action = pick(validator.mask(env, agent), self.generator.next_u64()) as i32;
+    ) -> Result<(), ClientError> {
+        let sizes = batch.layout().sizes();
+        let masks = batch.field::<u8>(Field::AvailActions).ok_or(ClientError::NoMasks)?;
+        let envs = batch.env_id();
+        for (i, actions) in out.chunks_exact_mut(sizes.n_agents).enumerate() {
+            let id = ids.map_or(i as i32, |ids| ids[i]);
+            // In a synchronous batch, and where the ids are the batch's, the slot is the index.
+            let slot = if envs.get(i) == Some(&id) { Some(i) } else { envs.iter().position(|env| *env == id) };
+            let Some(slot) = slot else {
+                env_index(id, num_envs)?;
+                return Err(ClientError::NotInBatch { env: id });
+            };
+            let rows = masks[slot * sizes.n_agents * sizes.n_actions..].chunks_exact(sizes.n_actions);
+            for (action, mask) in actions.iter_mut().zip(rows) {
+                *action = pick(mask, self.generator.next_u64()) as i32;
             }
         }
         Ok(())

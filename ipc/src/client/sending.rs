@@ -1,6 +1,6 @@
 //! From the learner to the lane: a request is checked, written into shared memory, and sent.
 
-use super::AttachedLane;
+use super::{Actions, AttachedLane};
 use super::error::ClientError;
 use crate::CHECK_INTERVAL;
 use crate::services::doing;
@@ -20,13 +20,13 @@ impl AttachedLane {
     /// Sends actions, `[count, n_agents]`.
     pub(super) fn send_step(
         &mut self,
-        actions: &[i32],
+        actions: &mut dyn Actions,
         env_ids: Option<&[i32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.check_length(actions.len(), env_ids)?;
-        self.validator.reserve_step(self.last_request.next(), actions, env_ids)?;
-        self.send(RequestKind::Step, env_ids, actions, wait)
+        self.outstanding.reserve_step(self.last_request.next(), env_ids)?;
+        self.send(RequestKind::Step, env_ids, Some(actions), wait)
     }
 
     pub(super) fn send_reset(
@@ -38,14 +38,14 @@ impl AttachedLane {
         let number = self.last_request.next();
         let kind = RequestKind::Reset { seed };
         if let Some(ids) = env_ids
-            && !self.validator.names_all(ids)
+            && !self.outstanding.names_all(ids)
         {
-            self.validator.reserve_reset(number, ids)?;
-            return self.send(kind, env_ids, &[], wait);
+            self.outstanding.reserve_reset(number, ids)?;
+            return self.send(kind, env_ids, None, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
-        self.send(kind, env_ids, &[], wait)?;
-        self.validator.reserve_full_reset(number);
+        self.send(kind, env_ids, None, wait)?;
+        self.outstanding.reserve_full_reset(number);
         self.epoch.reset = Some(number);
         self.sequence = None;
         Ok(())
@@ -56,23 +56,25 @@ impl AttachedLane {
         &mut self,
         kind: RequestKind,
         env_ids: Option<&[i32]>,
-        actions: &[i32],
+        mut actions: Option<&mut dyn Actions>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.last_request = self.last_request.next();
+        if let Some(participant) = &mut self.participant {
+            participant.join();
+        }
         let count = self.count(env_ids);
         let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
         let mut full_queue = FullQueue::new(wait);
         loop {
-            let sent = self.try_send(&header, env_ids, actions);
-            let ended = match sent {
+            let ended = match self.try_send(&header, env_ids, &mut actions) {
                 Ok(true) => return Ok(()),
                 Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
                 Ok(false) => full_queue.wait(),
                 Err(error) => Err(error),
             };
             if ended.is_err() {
-                self.validator.release(self.last_request);
+                self.outstanding.release(self.last_request);
                 return ended;
             }
         }
@@ -83,12 +85,12 @@ impl AttachedLane {
         &self,
         header: &RequestHeader,
         env_ids: Option<&[i32]>,
-        actions: &[i32],
+        actions: &mut Option<&mut dyn Actions>,
     ) -> Result<bool, ClientError> {
-        let count = self.count(env_ids);
+        let count = header.count as usize;
         let bytes = match actions {
-            [] => count * size_of::<i32>(),
-            _ => step_bytes(count, self.description.sizes.n_agents),
+            None => count * size_of::<i32>(),
+            Some(_) => step_bytes(count, self.description.sizes.n_agents),
         };
         let loan = self.ports.requests.loan_slice(bytes);
         let mut sample = loan.map_err(doing("loaning memory for a request"))?;
@@ -99,12 +101,12 @@ impl AttachedLane {
             Some(given) => ids.copy_from_slice(given),
             None => ids.iter_mut().zip(0..).for_each(|(id, env)| *id = env),
         }
-        if !actions.is_empty() {
-            payload[actions_offset(count)..].copy_from_slice(bytemuck::cast_slice(actions));
+        if let Some(actions) = actions {
+            actions.write_to(bytemuck::cast_slice_mut(&mut payload[actions_offset(count)..]));
         }
         let delivered = sample.send();
-        match &self.helper {
-            Some(helper) => helper.accept(),
+        match &self.participant {
+            Some(participant) => participant.accept(),
             // Fails only if the supervisor's event is gone, and then so is the supervisor.
             None => drop(self.ports.work.notify()),
         }

@@ -111,7 +111,7 @@ impl Supervisor {
         let index = self.lanes.iter().position(|lane| lane.lane == client.description().lane);
         // In a forked child the pool is that of another process.
         if let Some(index) = index.filter(|_| self.pool.is_owned()) {
-            client.help(|session| self.pool.helper(index, session));
+            client.take_part(|session| self.pool.participant(index, session));
         }
         Ok(client)
     }

@@ -126,7 +126,7 @@ impl Battle {
     /// As [`check`](Self::check); then the battle is unchanged.
     pub fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Result<Step, IllegalAction> {
         self.check(actions)?;
-        Ok(self.step_checked(actions, scratch))
+        Ok(self.step_checked(actions.iter().copied(), scratch))
     }
 
     /// As [`step`](Self::step) without the check, for callers that have [checked](Self::check) these actions
@@ -138,9 +138,14 @@ impl Battle {
     /// - A living agent's no-op is a stop. The actions of dead agents have no effect.
     /// - Any other action is carried out although it is not available: a unit walks to a target out of range,
     ///   stops at a wall, or leaves the map; to target a unit that does not exist is a stop.
-    pub fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
-        debug_assert_eq!(self.check(actions), Ok(()), "unchecked actions");
-        self.play(actions, ExecutionOrder::Drawn, scratch, |_| {})
+    pub fn step_checked(
+        &mut self,
+        actions: impl Iterator<Item = i32> + Clone,
+        scratch: &mut Scratch,
+    ) -> Step {
+        debug_assert_eq!(self.check(&actions.clone().collect::<Vec<_>>()), Ok(()), "unchecked actions");
+        self.set_last_actions(actions);
+        self.play(ExecutionOrder::Drawn, scratch, |_| {})
     }
 
     /// As [`step`](Self::step), with the execution orders of a recording.
@@ -168,17 +173,17 @@ impl Battle {
         observe: impl FnMut(Tick<'_>),
     ) -> Result<Step, IllegalAction> {
         self.check(actions)?;
-        Ok(self.play(actions, order, scratch, observe))
+        self.set_last_actions(actions.iter().copied());
+        Ok(self.play(order, scratch, observe))
     }
 
+    /// Plays one step with the last actions.
     fn play(
         &mut self,
-        actions: &[i32],
         order: ExecutionOrder<'_>,
         scratch: &mut Scratch,
         mut observe: impl FnMut(Tick<'_>),
     ) -> Step {
-        self.set_last_actions(actions);
         self.give_commands(scratch);
         let mut earned = 0.0;
         for tick in 0..TICKS_PER_STEP {
@@ -206,11 +211,11 @@ impl Battle {
 
     /// Stores the action of every agent. Only [`step_checked`](Self::step_checked) may come here with numbers
     /// that are no actions or with a wrong count of actions.
-    fn set_last_actions(&mut self, actions: &[i32]) {
+    fn set_last_actions(&mut self, actions: impl Iterator<Item = i32>) {
         let Sizes { n_agents, n_actions, .. } = self.arena.sizes();
-        let known = |&action: &i32| Some(action as u32).filter(|&action| (action as usize) < n_actions);
+        let known = |action: i32| Some(action as u32).filter(|&action| (action as usize) < n_actions);
         let no_op = Some(action::NO_OP as u32);
-        let all = actions.iter().map(|action| known(action).or(no_op)).chain(std::iter::repeat(no_op));
+        let all = actions.map(|action| known(action).or(no_op)).chain(std::iter::repeat(no_op));
         refill(&mut self.last_actions, all.take(n_agents));
     }
 

@@ -1,62 +1,42 @@
 //! How a lane accepts a request: either all of it, with its environments busy and their actions copied, or
-//! nothing.
+//! nothing. First everything is checked, in which nothing changes but memory that is not read yet; then it is
+//! carried out.
+//!
+//! An environment has at most one order at a time: a request to one that has not carried out its last order is
+//! refused. Only a reset of all environments may come at any time. It waits until earlier orders are carried out
+//! (their results are dropped by the learner, since their epoch is over), and later requests wait behind it.
 
 use super::Lane;
 use crate::autoreset::Autoreset;
 use crate::env_ids::{check_distinct, env_index};
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
-use crate::sync::{MutexGuard, lock};
+use crate::sync::{Ordering, lock};
 use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport};
+use crate::work::Work;
 use std::hint::black_box;
-use std::ops::Deref;
-use std::sync::atomic::{AtomicI32, Ordering};
-
-/// One environment's share of an accepted request.
-#[derive(Clone, Copy)]
-pub(crate) struct Entry {
-    pub(crate) env: u32,
-    pub(super) task: Task,
-    pub(super) epoch: Epoch,
-    /// Counts the entries of the environment, from 1.
-    pub(super) turn: u64,
-}
-
-/// Numbers the requests that a lane received, of all sessions.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Ticket(u64);
-
-/// What an environment was asked to do.
-#[derive(Clone, Copy, Default)]
-struct Accepted {
-    /// How many entries of accepted requests it got.
-    entries: u64,
-    /// How many of them belong to earlier epochs. They do not make it busy.
-    earlier: u64,
-    /// The request of the last one.
-    ticket: Ticket,
-}
+use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
 
 /// The receiving side of a lane. The thread that accepts requests locks it, and the control thread to change
 /// the session.
-pub(super) struct Intake<I> {
+pub(super) struct Intake<I: Inlet> {
     inlet: I,
+    /// A reset of all environments that waits.
+    waiting: Option<I::Message>,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
     /// The session's last request.
     last_request: Option<RequestNumber>,
-    ticket: Ticket,
-    /// By environment.
-    accepted: Vec<Accepted>,
-    /// The entries of the last request.
-    entries: Vec<Entry>,
+    /// The environments of the request that is being accepted, each once.
+    envs: Vec<u32>,
+    /// By environment: whether it is one of them.
+    named: Vec<bool>,
 }
 
-impl<I> Intake<I> {
+impl<I: Inlet> Intake<I> {
     pub(super) fn new(inlet: I, num_envs: usize) -> Self {
-        let accepted = vec![Accepted::default(); num_envs];
-        let ticket = Ticket::default();
-        Intake { inlet, epoch: None, last_request: None, ticket, accepted, entries: Vec::new() }
+        let (envs, named) = (Vec::with_capacity(num_envs), vec![false; num_envs]);
+        Intake { inlet, waiting: None, epoch: None, last_request: None, envs, named }
     }
 
     /// The learner's session.
@@ -64,118 +44,133 @@ impl<I> Intake<I> {
         self.epoch.map(|epoch| epoch.session)
     }
 
-    /// Returns the session's epoch before its first reset.
-    pub(super) fn begin_session(&mut self, session: Option<SessionId>) -> Option<Epoch> {
+    pub(super) fn begin_session(&mut self, session: Option<SessionId>) {
+        self.waiting = None;
         self.last_request = None;
-        self.begin_epoch(session.map(|session| Epoch { session, reset: None }));
-        self.epoch
+        self.epoch = session.map(|session| Epoch { session, reset: None });
     }
 
-    /// From now on entries are of this epoch, and no environment is busy.
-    fn begin_epoch(&mut self, epoch: Option<Epoch>) {
-        self.epoch = epoch;
-        self.accepted.iter_mut().for_each(|env| env.earlier = env.entries);
+    /// Notes an environment of the request.
+    fn name(&mut self, env: usize) -> Result<(), Rejection> {
+        if std::mem::replace(&mut self.named[env], true) {
+            return Err(Rejection::DuplicateEnv { env });
+        }
+        self.envs.push(env as u32);
+        Ok(())
     }
 
-    /// Frees the environments that a refused request had reserved.
-    fn roll_back(&mut self) {
-        for entry in self.entries.drain(..) {
-            self.accepted[entry.env as usize].entries -= 1;
+    fn forget_envs(&mut self) {
+        for env in self.envs.drain(..) {
+            self.named[env as usize] = false;
         }
     }
 }
 
 /// What [`Lane::accept`] found.
-pub(crate) enum Received<'a, I> {
-    /// No request is waiting.
+pub(crate) enum Accepted {
+    /// No request, or one that waits.
     Nothing,
     /// A request that the lane ignored or rejected.
     Refused,
-    /// A request that the lane accepted.
-    Accepted(AcceptedEntries<'a, I>),
-}
-
-/// The entries of an accepted request. The lane's intake stays locked while they are shared out.
-pub(crate) struct AcceptedEntries<'a, I>(MutexGuard<'a, Intake<I>>);
-
-impl<I> Deref for AcceptedEntries<'_, I> {
-    type Target = [Entry];
-
-    fn deref(&self) -> &[Entry] {
-        &self.0.entries
-    }
+    /// A request that the lane accepted: work for this many threads.
+    Work(usize),
 }
 
 impl<T: Transport> Lane<T> {
     /// Receives the next request and accepts or refuses it.
-    pub(crate) fn accept(&self) -> Received<'_, T::Inlet> {
+    pub(crate) fn accept(&self) -> Accepted {
         let mut intake = lock(&self.intake);
-        let message = intake.inlet.receive().unwrap_or_else(|error| {
-            tracing::warn!(lane = self.name, %error, "requests cannot be received");
-            None
-        });
-        let Some(message) = message else { return Received::Nothing };
+        let Some(message) = self.next_message(&mut intake) else { return Accepted::Nothing };
         let request = match message.request() {
             Ok(request) => request,
             Err(rejection) => {
                 // A malformed request names no sender to answer. Our own client sends well-formed requests.
                 tracing::warn!(lane = self.name, %rejection, "request ignored");
                 self.counters.rejected();
-                return Received::Refused;
+                return Accepted::Refused;
             }
         };
-        let Some(epoch) = intake.epoch.filter(|epoch| epoch.session == request.session) else {
-            tracing::debug!(
-                lane = self.name,
-                session = request.session.0,
-                "request of another session ignored"
-            );
+        if intake.session() != Some(request.session) {
+            let session = request.session.0;
+            tracing::debug!(lane = self.name, session, "request of another session ignored");
             self.counters.rejected();
-            return Received::Refused;
-        };
-        match self.try_accept(&mut intake, epoch, &request) {
-            Ok(()) => {
-                self.counters.accepted(message.waited());
-                Received::Accepted(AcceptedEntries(intake))
+            return Accepted::Refused;
+        }
+        if self.must_wait(&request) {
+            intake.waiting = Some(message);
+            return Accepted::Nothing;
+        }
+        let checked = self.check(&mut intake, &request);
+        if let Err(rejection) = checked {
+            intake.forget_envs();
+            // The answer may wait for a frame, and the control thread must not wait for that.
+            drop(intake);
+            self.reject(&request, &rejection);
+            return Accepted::Refused;
+        }
+        self.counters.accepted(message.waited());
+        match &self.work {
+            Work::Synchronous(ranges) => {
+                self.outstanding.store(self.num_envs + 1, Ordering::SeqCst);
+                intake.forget_envs();
+                drop(intake); // to open a frame may wait, too
+                let claim = self.with_frame(|frames| frames.claim(self.num_envs)).unwrap_or_else(|error| {
+                    self.fail(error.to_string());
+                    None
+                });
+                self.job_frame.store(claim.map(|claim| claim.memory));
+                Accepted::Work(ranges.publish())
             }
-            Err(rejection) => {
-                intake.roll_back();
-                // The answer may wait for a frame, and the control thread must not wait for that.
-                drop(intake);
-                self.reject(&request, &rejection);
-                Received::Refused
+            Work::Asynchronous(queue) => {
+                let count = intake.envs.len();
+                self.outstanding.fetch_add(count, Ordering::SeqCst);
+                for &env in &intake.envs {
+                    self.table.set_busy(env as usize, true);
+                    let queued = queue.push(env);
+                    debug_assert!(queued.is_ok(), "an environment has one order at a time");
+                }
+                intake.forget_envs();
+                Accepted::Work(count)
             }
         }
     }
 
-    /// Marks the request's environments busy and copies their actions. After an error the caller rolls back.
-    fn try_accept(
-        &self,
-        intake: &mut Intake<T::Inlet>,
-        epoch: Epoch,
-        request: &Request<'_>,
-    ) -> Result<(), Rejection> {
-        intake.entries.clear();
-        intake.ticket.0 += 1;
+    fn next_message(&self, intake: &mut Intake<T::Inlet>) -> Option<<T::Inlet as Inlet>::Message> {
+        intake.waiting.take().or_else(|| {
+            intake.inlet.receive().unwrap_or_else(|error| {
+                tracing::warn!(lane = self.name, %error, "requests cannot be received");
+                None
+            })
+        })
+    }
+
+    /// Whether this is a reset of all environments and some are outstanding. The thread that carries out the last of
+    /// them accepts it then: it ends them and then looks whether a reset waits; here it is the other way round.
+    fn must_wait(&self, request: &Request<'_>) -> bool {
+        if matches!(request.kind, RequestKind::Step) || self.failure().is_some() {
+            return false;
+        }
+        let waits = request.env_ids.len() == self.num_envs && self.outstanding.load(Ordering::SeqCst) > 0;
+        self.reset_waits.store(waits, Ordering::SeqCst);
+        waits && self.outstanding.load(Ordering::SeqCst) > 0
+    }
+
+    /// Checks a request and writes the orders of its environments.
+    fn check(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
         check_order(intake.last_request, request.number)?;
         intake.last_request = Some(request.number);
         if let Some(text) = self.failure() {
             return Err(Rejection::LaneFailed { text: text.to_owned() });
         }
         match request.kind {
-            RequestKind::Step => self.try_accept_step(intake, epoch, request),
-            RequestKind::Reset { seed } => self.try_accept_reset(intake, epoch, request, seed),
+            RequestKind::Step => self.check_step(intake, request),
+            RequestKind::Reset { seed } => self.check_reset(intake, request, seed),
         }
     }
 
-    fn try_accept_step(
-        &self,
-        intake: &mut Intake<T::Inlet>,
-        epoch: Epoch,
-        request: &Request<'_>,
-    ) -> Result<(), Rejection> {
+    fn check_step(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
         let Request { env_ids, actions, .. } = *request;
-        if epoch.reset.is_none() {
+        if intake.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
             return Err(Rejection::NotReset);
         }
         if self.is_synchronous() && env_ids.len() != self.num_envs {
@@ -184,83 +179,75 @@ impl<T: Transport> Lane<T> {
         prefetch(env_ids);
         prefetch(actions);
         for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
-            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
-            self.reserve(intake, epoch, env, Task::Step)?;
-            let is_over = self.reports.is_over(env);
+            let env = self.check_env(intake, id.load(Relaxed))?;
+            let is_over = self.table.is_over(env);
             if is_over && self.autoreset == Autoreset::Disabled {
                 return Err(Rejection::FinishedEnv { env });
             }
             // Each action is read once: a learner could change its sample after the check.
-            let agents = self.actions_of(env).iter().zip(actions).zip(self.reports.masks(env));
+            let agents = self.table.actions(env).iter().zip(actions).zip(self.table.masks(env));
             for (agent, ((own, sent), mask)) in agents.enumerate() {
-                let action = sent.load(Ordering::Relaxed);
+                let action = sent.load(Relaxed);
                 if !is_over && !mask.has(action) {
                     let available = mask.actions();
                     return Err(Rejection::UnavailableAction { env, agent, action, available });
                 }
-                own.store(action, Ordering::Relaxed);
+                own.store(action, Relaxed);
             }
+            self.table.order(env, Task::Step);
         }
         Ok(())
     }
 
-    fn try_accept_reset(
+    fn check_reset(
         &self,
         intake: &mut Intake<T::Inlet>,
-        epoch: Epoch,
         request: &Request<'_>,
         seed: Option<u64>,
     ) -> Result<(), Rejection> {
-        let is_full = request.env_ids.len() == self.num_envs;
-        if epoch.reset.is_none() && !is_full {
-            return Err(Rejection::NotReset);
-        }
+        let Some(epoch) = intake.epoch else { return Err(Rejection::NotReset) };
+        let ids = request.env_ids.iter().map(|id| id.load(Relaxed));
         // Every session begins with the lane's own seed, so that it does not depend on earlier learners.
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
-        if is_full {
-            // Checked before the new epoch begins: after that, environments that still step count as free,
-            // and a refusal could not make them busy again.
-            check_distinct(request.env_ids.iter().map(|id| id.load(Ordering::Relaxed)), self.num_envs)?;
+        if ids.len() == self.num_envs {
+            check_distinct(ids, self.num_envs)?;
+            for env in 0..self.num_envs {
+                self.check_env(intake, env as i32)?;
+                self.table.order(env, reset(env));
+            }
             let epoch = Epoch { reset: Some(request.number), ..epoch };
-            intake.begin_epoch(Some(epoch));
-            lock(&self.assembler).begin_epoch(Some(epoch));
-            return (0..self.num_envs).try_for_each(|env| self.reserve(intake, epoch, env, reset(env)));
+            intake.epoch = Some(epoch);
+            lock(&self.frames).begin_epoch(epoch);
+            return Ok(());
         }
-        for id in request.env_ids {
-            let env = env_index(id.load(Ordering::Relaxed), self.num_envs)?;
-            self.reserve(intake, epoch, env, reset(env))?;
+        if epoch.reset.is_none() {
+            return Err(Rejection::NotReset);
+        }
+        for id in ids {
+            let env = self.check_env(intake, id)?;
+            self.table.order(env, reset(env));
         }
         if self.is_synchronous() {
             // A synchronous batch has every environment: the others are observed again.
-            for env in 0..self.num_envs {
-                match self.reserve(intake, epoch, env, Task::Observe) {
-                    // A duplicate is an environment that this request resets.
-                    Ok(()) | Err(Rejection::DuplicateEnv { .. }) => {}
-                    Err(busy) => return Err(busy),
-                }
-            }
+            let others = (0..self.num_envs).filter(|env| !intake.named[*env]);
+            others.for_each(|env| self.table.order(env, Task::Observe));
         }
         Ok(())
     }
 
-    /// Marks an environment busy with a task of the request being accepted.
-    fn reserve(
-        &self,
-        intake: &mut Intake<T::Inlet>,
-        epoch: Epoch,
-        env: usize,
-        task: Task,
-    ) -> Result<(), Rejection> {
-        let accepted = &mut intake.accepted[env];
-        if accepted.entries > accepted.earlier.max(self.reports.turn(env)) {
-            let is_same = accepted.ticket == intake.ticket;
-            return Err(if is_same { Rejection::DuplicateEnv { env } } else { Rejection::BusyEnv { env } });
+    /// The environment of this id, if the request may have it.
+    fn check_env(&self, intake: &mut Intake<T::Inlet>, id: i32) -> Result<usize, Rejection> {
+        let env = env_index(id, self.num_envs)?;
+        let is_busy = match &self.work {
+            Work::Synchronous(_) => self.outstanding.load(Ordering::SeqCst) > 0,
+            Work::Asynchronous(_) => self.table.is_busy(env),
+        };
+        if is_busy {
+            return Err(Rejection::BusyEnv { env });
         }
-        accepted.entries += 1;
-        accepted.ticket = intake.ticket;
-        intake.entries.push(Entry { env: env as u32, task, epoch, turn: accepted.entries });
-        Ok(())
+        intake.name(env)?;
+        Ok(env)
     }
 }
 
@@ -268,7 +255,7 @@ impl<T: Transport> Lane<T> {
 /// each first read is a transfer between cores; reading them in a row lets the transfers overlap.
 fn prefetch(integers: &[AtomicI32]) {
     const LINE: usize = 64 / size_of::<i32>();
-    black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Ordering::Relaxed)));
+    black_box(integers.iter().step_by(LINE).fold(0, |sum, x| sum ^ x.load(Relaxed)));
 }
 
 /// An epoch is named by the request that began it, so numbers must not repeat within a session.

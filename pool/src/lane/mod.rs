@@ -1,42 +1,38 @@
-//! A lane: N environments of one scenario with one learner. The leading worker or the learner's own thread
-//! accepts its requests (`accept`); any thread steps runs of environments and writes their slots of a frame.
-//! `workers` decides which thread does what.
+//! A lane: N environments of one scenario with one learner. One thread at a time accepts its requests (`accept`);
+//! any thread takes chunks of environments, steps them and writes their slots of a frame. `scheduler` decides which
+//! thread does what.
 
 mod accept;
-mod reports;
+mod env_table;
 mod stats;
 
-pub(crate) use accept::{Entry, Received};
+pub(crate) use accept::Accepted;
 pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
 use crate::episode_log::{EpisodePart, LogCursor};
-use crate::frame_assembler::{FrameAssembler, SlotClaim};
-use crate::hosted_env::{HostedEnv, Task};
+use crate::frames::{Frames, SlotClaim};
+use crate::hosted_env::HostedEnv;
 use crate::lane_settings::LaneSettings;
 use crate::layout::Layout;
 use crate::rejection::Rejection;
-use crate::slot::FrameMemory;
-use crate::sync::{AtomicBool, Mutex, MutexGuard, Ordering, lock, yield_now};
+use crate::slot::{FrameMemory, SharedFrame};
+use crate::sync::{AtomicBool, AtomicUsize, Mutex, Ordering, lock};
 use crate::transport::{Request, SessionId, Transport, TransportError};
+use crate::work::{CHUNK, Work};
 use accept::Intake;
 use arrayvec::ArrayVec;
-use reports::Reports;
+use env_table::EnvTable;
 use smaclite_engine::{Scratch, Sizes, Step};
 use stats::{Counters, StepCounts};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicI32;
 use std::time::{Duration, Instant};
 
-/// How long a worker waits for a free frame. The control thread recovers a dead process's frames within 100
-/// ms.
+/// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// Most environments that a thread takes at a time: enough to make queueing cheap, few enough that lanes take
-/// turns.
-pub(crate) const RUN: usize = 16;
 
 /// How to build a lane.
 pub struct LaneSpec {
@@ -64,21 +60,31 @@ pub(crate) struct Lane<T: Transport> {
     autoreset: Autoreset,
     layout: Layout,
     envs: Vec<Mutex<HostedEnv>>,
-    /// `[num_envs, n_agents]`: the accepted joint actions, private copies. That of an environment is written
-    /// while it is not busy.
-    actions: Vec<AtomicI32>,
-    reports: Reports,
+    table: EnvTable,
     intake: Mutex<Intake<T::Inlet>>,
-    assembler: Mutex<FrameAssembler<T::Outlet>>,
+    frames: Mutex<Frames<T::Outlet>>,
+    work: Work,
+    /// Environments with an order that is not carried out. While a synchronous request is carried out there is one
+    /// more, for its frame: the thread that finds only that left publishes it.
+    outstanding: AtomicUsize,
+    /// A reset of all environments waits until none is outstanding.
+    reset_waits: AtomicBool,
+    /// The frame of the synchronous request that is carried out.
+    job_frame: SharedFrame,
     /// The learner is a thread of this process that accepts its requests itself.
-    has_helper: AtomicBool,
+    accepts_itself: AtomicBool,
     failure: OnceLock<String>,
     counters: Counters,
 }
 
 impl<T: Transport> Lane<T> {
     /// Builds the environments and reserves the lane's first frame.
-    pub(crate) fn new(spec: &LaneSpec, inlet: T::Inlet, outlet: T::Outlet) -> Result<Self, TransportError> {
+    pub(crate) fn new(
+        spec: &LaneSpec,
+        inlet: T::Inlet,
+        outlet: T::Outlet,
+        threads: usize,
+    ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
         Ok(Lane {
             name: spec.name.clone(),
@@ -87,55 +93,52 @@ impl<T: Transport> Lane<T> {
             autoreset,
             layout: spec.layout(),
             envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
-            actions: (0..num_envs * spec.sizes.n_agents).map(|_| AtomicI32::new(0)).collect(),
-            reports: Reports::new(num_envs, spec.sizes),
+            table: EnvTable::new(num_envs, spec.sizes),
             intake: Mutex::new(Intake::new(inlet, num_envs)),
-            assembler: Mutex::new(FrameAssembler::new(outlet, batch_size)?),
-            has_helper: AtomicBool::new(false),
+            frames: Mutex::new(Frames::new(outlet, batch_size)?),
+            work: Work::new(num_envs, batch_size == num_envs, threads),
+            outstanding: AtomicUsize::new(0),
+            reset_waits: AtomicBool::new(false),
+            job_frame: SharedFrame::none(),
+            accepts_itself: AtomicBool::new(false),
             failure: OnceLock::new(),
             counters: Counters::default(),
         })
     }
 
-    pub(crate) fn num_envs(&self) -> usize {
-        self.num_envs
+    fn is_synchronous(&self) -> bool {
+        matches!(self.work, Work::Synchronous(_))
     }
 
-    pub(crate) fn is_synchronous(&self) -> bool {
-        self.layout.slots() == self.num_envs
+    /// What no thread has taken yet.
+    pub(crate) fn work(&self) -> &Work {
+        &self.work
     }
 
-    /// Serves `session` from now on. Nothing of an earlier session reaches it.
+    /// Serves `session` from now on. Nothing of an earlier session reaches it. Its work is still carried out, so
+    /// that later episodes do not depend on how far the threads had come, but its results get no slots.
     pub(crate) fn set_session(&self, session: Option<SessionId>) {
         let mut intake = lock(&self.intake);
-        let epoch = intake.begin_session(session);
-        self.has_helper.store(false, Ordering::Release);
-        // Work of the old epoch is still carried out, so that later episodes do not depend on how far the
-        // workers had come; but its results get no slots.
-        lock(&self.assembler).begin_epoch(epoch);
+        intake.begin_session(session);
+        self.reset_waits.store(false, Ordering::SeqCst);
+        self.accepts_itself.store(false, Ordering::Release);
+        lock(&self.frames).begin_session(session);
     }
 
-    /// From now on the learner of `session` accepts its requests itself; `false` if it is not the lane's.
-    pub(crate) fn begin_help(&self, session: SessionId) -> bool {
+    /// Whether the learner of `session`, a thread of this process, accepts its requests itself. Changes nothing and
+    /// returns `false` if that is not the lane's session.
+    pub(crate) fn set_accepts_itself(&self, session: SessionId, accepts: bool) -> bool {
         let intake = lock(&self.intake);
         let is_current = intake.session() == Some(session);
         if is_current {
-            self.has_helper.store(true, Ordering::Release);
+            self.accepts_itself.store(accepts, Ordering::Release);
         }
         is_current
     }
 
-    /// Ends [`begin_help`](Lane::begin_help), unless the session has ended before.
-    pub(crate) fn end_help(&self, session: SessionId) {
-        let intake = lock(&self.intake);
-        if intake.session() == Some(session) {
-            self.has_helper.store(false, Ordering::Release);
-        }
-    }
-
     /// Whether the learner accepts its requests itself.
-    pub(crate) fn has_helper(&self) -> bool {
-        self.has_helper.load(Ordering::Acquire)
+    pub(crate) fn accepts_itself(&self) -> bool {
+        self.accepts_itself.load(Ordering::Acquire)
     }
 
     /// Adds a follower to an environment; `false` if it cannot be followed.
@@ -159,11 +162,6 @@ impl<T: Transport> Lane<T> {
         self.failure.get().map(String::as_str)
     }
 
-    fn actions_of(&self, env: usize) -> &[AtomicI32] {
-        let n_agents = self.layout.sizes().n_agents;
-        &self.actions[env * n_agents..][..n_agents]
-    }
-
     /// Answers a request with the reason why it was refused. May wait for a frame, so the caller holds no
     /// lock.
     fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
@@ -179,11 +177,11 @@ impl<T: Transport> Lane<T> {
     /// them, and for that it may need any lock of this lane. So the caller holds none.
     fn with_frame<R>(
         &self,
-        mut attempt: impl FnMut(&mut FrameAssembler<T::Outlet>) -> Result<R, TransportError>,
+        mut attempt: impl FnMut(&mut Frames<T::Outlet>) -> Result<R, TransportError>,
     ) -> Result<R, TransportError> {
         let mut begin = None; // the clock is read only when no frame is free
         loop {
-            let outcome = attempt(&mut lock(&self.assembler));
+            let outcome = attempt(&mut lock(&self.frames));
             if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= FRAME_TIMEOUT {
                 return outcome;
             }
@@ -191,137 +189,112 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    /// Steps a run of environments and writes their slots. `run` has the order of the requests.
-    pub(crate) fn serve(&self, run: &[Entry], scratch: &mut Scratch) {
+    /// Carries out the orders of environments that were taken from [`work`](Lane::work). Returns whether a waiting
+    /// reset can be accepted now.
+    pub(crate) fn serve(&self, envs: Range<usize>, scratch: &mut Scratch) -> bool {
         if self.failure().is_some() {
-            return; // after a panic the environments may be in any state
+            return false; // after a panic the environments may be in any state
         }
-        let mut counts = StepCounts::default();
         let served = catch_unwind(AssertUnwindSafe(|| {
             if self.is_synchronous() {
-                self.serve_synchronous(run, scratch, &mut counts)
+                self.serve_chunk(envs, scratch)
             } else {
-                self.serve_asynchronous(run, scratch, &mut counts)
+                self.serve_one(envs.start, scratch)
             }
         }));
         match served {
-            Ok(Ok(())) => {}
+            Ok(Ok(is_last)) => return is_last && self.reset_waits.load(Ordering::SeqCst),
             Ok(Err(error)) => self.fail(error.to_string()),
             Err(panic) => self.fail(panic_text(panic.as_ref())),
         }
+        false
+    }
+
+    /// A chunk of a synchronous request. Returns whether it was the last.
+    fn serve_chunk(&self, envs: Range<usize>, scratch: &mut Scratch) -> Result<bool, TransportError> {
+        let frame = self.job_frame.load();
+        let mut counts = StepCounts::default();
+        // All are locked before the first is written: to lock or unlock is to wait until every earlier write has
+        // reached the cache, and those to a frame take long, since the learner has read it.
+        let locked = envs.clone().map(|env| lock(&self.envs[env]));
+        let mut locked: ArrayVec<_, CHUNK> = locked.collect();
+        for (env, hosted) in envs.clone().zip(&mut locked) {
+            let step = self.step(env, hosted, scratch, &mut counts);
+            self.write(env, hosted, step, frame.map(|memory| (memory, env)), scratch);
+        }
+        drop(locked);
         self.counters.stepped(&counts);
+        // Releases what this thread wrote to the one that publishes, and acquires that of the others.
+        let is_last = self.outstanding.fetch_sub(envs.len(), Ordering::AcqRel) == envs.len() + 1;
+        if is_last {
+            self.finish_job();
+        }
+        Ok(is_last)
     }
 
-    /// Environment i has slot i of the one open frame, so the slots of a whole run are claimed at once.
-    fn serve_synchronous(
-        &self,
-        run: &[Entry],
-        scratch: &mut Scratch,
-        counts: &mut StepCounts,
-    ) -> Result<(), TransportError> {
-        // After a delay there may be steps of an old epoch and resets of a new one in the same run.
-        for run in run.chunk_by(|a, b| a.epoch == b.epoch) {
-            let claim = self.with_frame(|frames| frames.claim(run[0].epoch, run.len()))?;
-            // All are locked before the first is written: to lock or unlock is to wait until every earlier
-            // write has reached the cache, and those to a frame take long, since the learner has read it.
-            // No two threads wait for each other: one holds an environment only if all earlier entries of it
-            // are done.
-            let mut locked = ArrayVec::<_, RUN>::new();
-            for entry in run {
-                let Some(hosted) = self.lock_in_turn(entry) else { return Ok(()) };
-                locked.push(hosted);
-            }
-            for (entry, hosted) in run.iter().zip(&mut locked) {
-                let step = self.step(hosted, entry, scratch, counts);
-                let slot = claim.map(|claim| (claim.memory, entry.env as usize));
-                self.write(hosted, entry, step, slot, scratch);
-            }
-            drop(locked);
-            self.complete(claim);
+    /// The environments are idle before the frame is sent, so that the learner's next request finds them so; and a
+    /// request that is accepted in between can send nothing before this frame.
+    fn finish_job(&self) {
+        let mut frames = lock(&self.frames);
+        self.outstanding.store(0, Ordering::SeqCst);
+        if frames.complete_all() {
+            self.counters.published();
         }
-        Ok(())
     }
 
-    /// Results get slots in the order in which they are ready.
-    fn serve_asynchronous(
-        &self,
-        run: &[Entry],
-        scratch: &mut Scratch,
-        counts: &mut StepCounts,
-    ) -> Result<(), TransportError> {
-        for entry in run {
-            let Some(mut hosted) = self.lock_in_turn(entry) else { return Ok(()) };
-            let step = self.step(&mut hosted, entry, scratch, counts);
-            drop(hosted); // the claim may wait for a frame
-            let claim = self.with_frame(|frames| frames.claim(entry.epoch, 1))?;
-            let mut hosted = lock(&self.envs[entry.env as usize]);
-            let slot = claim.map(|claim| (claim.memory, claim.first));
-            self.write(&mut hosted, entry, step, slot, scratch);
-            drop(hosted);
-            self.complete(claim);
-        }
-        Ok(())
-    }
-
-    /// Locks an entry's environment once its earlier entries are done; `None` if the lane failed. There are
-    /// earlier ones only if a new epoch began; they left the queue before this one, but another thread may
-    /// have taken them and not come to them yet.
-    fn lock_in_turn(&self, entry: &Entry) -> Option<MutexGuard<'_, HostedEnv>> {
-        loop {
-            let env = entry.env as usize;
-            if self.reports.turn(env) + 1 == entry.turn {
-                return Some(lock(&self.envs[env]));
-            }
-            if self.failure().is_some() {
-                return None;
-            }
-            yield_now();
-        }
+    /// An environment of an asynchronous lane; results get slots in the order in which they are ready. Returns
+    /// whether no other is outstanding.
+    fn serve_one(&self, env: usize, scratch: &mut Scratch) -> Result<bool, TransportError> {
+        let mut counts = StepCounts::default();
+        let mut hosted = lock(&self.envs[env]);
+        let step = self.step(env, &mut hosted, scratch, &mut counts);
+        drop(hosted); // the claim may wait for a frame
+        let claim = self.with_frame(|frames| frames.claim(1))?;
+        let slot = claim.map(|claim| (claim.memory, claim.first));
+        self.write(env, &mut lock(&self.envs[env]), step, slot, scratch);
+        self.counters.stepped(&counts);
+        self.table.set_busy(env, false);
+        self.complete(claim);
+        Ok(self.outstanding.fetch_sub(1, Ordering::SeqCst) == 1)
     }
 
     #[inline(always)]
     fn step(
         &self,
+        env: usize,
         hosted: &mut HostedEnv,
-        entry: &Entry,
         scratch: &mut Scratch,
         counts: &mut StepCounts,
     ) -> Option<Step> {
-        if entry.task == Task::Step {
-            let accepted = self.actions_of(entry.env as usize).iter();
-            let own = hosted.actions.iter_mut().zip(accepted);
-            own.for_each(|(own, accepted)| *own = accepted.load(Ordering::Relaxed));
-        }
-        let step = hosted.run(entry.task, self.autoreset, scratch)?;
+        let actions = self.table.joint_action(env);
+        let step = hosted.run(self.table.task(env), actions, self.autoreset, scratch)?;
         counts.count(&step, hosted.env.episode_return());
         Some(step)
     }
 
-    /// Writes an environment's results into its slot, or discards them if their epoch is over.
+    /// Writes an environment's results into its slot, or discards them if their session is over.
     fn write(
         &self,
+        env: usize,
         hosted: &mut HostedEnv,
-        entry: &Entry,
         step: Option<Step>,
         slot: Option<(FrameMemory, usize)>,
         scratch: &mut Scratch,
     ) {
-        let env = entry.env as usize;
         if let Some((memory, index)) = slot {
-            // SAFETY: the frame assembler keeps the frame's loan until every claimed slot is complete, which
-            // the caller reports after this. Slots are distinct: the claims of an asynchronous lane do not
-            // overlap, and in a synchronous lane `index` is the environment, which an accepted request names
-            // once (`Lane::reserve`).
+            // SAFETY: `Frames` keeps the frame's loan until every claimed slot is complete, which the caller reports
+            // after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and in a
+            // synchronous lane `index` is the environment, which one thread took, once, from `work`.
             let mut slot = unsafe { memory.slot(&self.layout, index) };
             hosted.write(env, step, self.autoreset, &mut slot, scratch);
         } else {
             hosted.discard(self.autoreset);
         }
-        self.reports.report(env, entry.turn, hosted);
+        self.table.report(env, hosted);
     }
 
     fn complete(&self, claim: Option<SlotClaim>) {
-        if claim.is_some_and(|claim| lock(&self.assembler).complete(claim)) {
+        if claim.is_some_and(|claim| lock(&self.frames).complete(claim)) {
             self.counters.published();
         }
     }
@@ -330,7 +303,7 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn fail(&self, text: String) {
         tracing::error!(lane = self.name, text, "lane failed");
         if self.failure.set(text.clone()).is_ok() {
-            lock(&self.assembler).report_failure(&json(&Rejection::LaneFailed { text }));
+            lock(&self.frames).report_failure(&json(&Rejection::LaneFailed { text }));
         }
     }
 }

@@ -1,6 +1,6 @@
-//! The frames of a lane that are being filled. Workers claim slots, write them and report them as complete;
-//! completing the last slot of a frame publishes it. All calls hold the assembler's lock and none blocks.
-//! Slots are written without the lock, and a worker that finds no free frame waits without it.
+//! The frames of a lane that are being filled. Threads claim slots, write them and report them as complete;
+//! completing the last slot of a frame publishes it. All calls hold the lock of the frames and none blocks.
+//! Slots are written without the lock, and a thread that finds no free frame waits without it.
 
 use crate::slot::FrameMemory;
 use crate::transport::{Epoch, FrameContent, Outlet, RequestNumber, SessionId, TransportError};
@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 #[derive(Clone, Copy)]
 pub(crate) struct SlotClaim {
     pub(crate) memory: FrameMemory,
-    /// First claimed slot. A synchronous lane ignores it: there the slot is the environment.
+    /// First claimed slot. In a synchronous lane, whose requests claim all, it is 0, and slot i is environment i.
     pub(crate) first: usize,
     frame: FrameNumber,
     count: usize,
@@ -26,12 +26,12 @@ struct OpenFrame<L> {
     memory: FrameMemory,
     claimed: usize,
     written: usize,
-    /// A new epoch began: the frame is dropped when all its claimed slots are complete.
+    /// Its session is over: the frame is dropped when all its claimed slots are complete.
     stale: bool,
 }
 
 /// Collects a lane's results in frames.
-pub(crate) struct FrameAssembler<O: Outlet> {
+pub(crate) struct Frames<O: Outlet> {
     outlet: O,
     slots: usize,
     open: VecDeque<OpenFrame<O::Loan>>,
@@ -42,28 +42,34 @@ pub(crate) struct FrameAssembler<O: Outlet> {
     spare: Option<O::Loan>,
 }
 
-impl<O: Outlet> FrameAssembler<O> {
+impl<O: Outlet> Frames<O> {
     pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, TransportError> {
         let spare = Some(outlet.loan()?);
-        Ok(FrameAssembler { outlet, slots, open: VecDeque::new(), opened: 0, epoch: None, spare })
+        Ok(Frames { outlet, slots, open: VecDeque::new(), opened: 0, epoch: None, spare })
     }
 
-    /// Discards all work in progress: from now on only results of `epoch` get slots.
-    pub(crate) fn begin_epoch(&mut self, epoch: Option<Epoch>) {
-        self.epoch = epoch;
+    /// Until the next epoch begins, results belong to an earlier session and get no slots.
+    pub(crate) fn begin_session(&mut self, session: Option<SessionId>) {
+        self.epoch = session.map(|session| Epoch { session, reset: None });
         self.open.retain_mut(|frame| {
             frame.stale = true;
             frame.written < frame.claimed
         });
     }
 
-    /// Claims `count` slots for results of `epoch`; `Ok(None)` if that epoch is over.
-    pub(crate) fn claim(&mut self, epoch: Epoch, count: usize) -> Result<Option<SlotClaim>, TransportError> {
-        if self.epoch != Some(epoch) {
+    /// From now on results are of this epoch. No claimed slot is incomplete: a reset of all environments waits for
+    /// the end of earlier work.
+    pub(crate) fn begin_epoch(&mut self, epoch: Epoch) {
+        self.epoch = Some(epoch);
+        self.open.clear();
+    }
+
+    /// Claims `count` slots; `Ok(None)` if the session of the results is over.
+    pub(crate) fn claim(&mut self, count: usize) -> Result<Option<SlotClaim>, TransportError> {
+        if self.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
             return Ok(None);
         }
-        let slots = self.slots;
-        let room = self.open.iter().position(|f| !f.stale && f.claimed + count <= slots);
+        let room = self.open.iter().position(|f| !f.stale && f.claimed + count <= self.slots);
         let index = match room {
             Some(index) => index,
             None => self.open_frame()?,
@@ -83,7 +89,15 @@ impl<O: Outlet> FrameAssembler<O> {
         if !done {
             return false;
         }
-        let frame = self.open.remove(index).expect("found above");
+        self.open.remove(index).is_some_and(|frame| self.publish(frame))
+    }
+
+    /// Takes all slots of the only open frame as written.
+    pub(crate) fn complete_all(&mut self) -> bool {
+        self.open.pop_front().is_some_and(|frame| self.publish(frame))
+    }
+
+    fn publish(&mut self, frame: OpenFrame<O::Loan>) -> bool {
         if !frame.stale {
             self.outlet.publish(frame.loan, self.epoch, FrameContent::Batch);
         }

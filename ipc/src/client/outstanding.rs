@@ -1,0 +1,179 @@
+//! Which environments of a lane work on an earlier request, so that a request that the lane would refuse for that is
+//! refused before it is sent, with the same error, and so that `recv` never waits for a batch that cannot come.
+//! Whether actions are available only the lane checks.
+
+use smaclite_pool::env_ids::{check_distinct, env_index};
+use smaclite_pool::transport::RequestNumber;
+use smaclite_pool::{LaneSettings, Rejection};
+
+pub(super) struct Outstanding {
+    synchronous: bool,
+    /// By environment: the request that it works on.
+    busy: Vec<Option<RequestNumber>>,
+    /// Results still to come.
+    results: usize,
+    was_reset: bool,
+}
+
+impl Outstanding {
+    pub(super) fn new(settings: &LaneSettings) -> Outstanding {
+        let busy = vec![None; settings.num_envs];
+        Outstanding { synchronous: settings.is_synchronous(), busy, results: 0, was_reset: false }
+    }
+
+    /// Results still to come.
+    pub(super) fn results(&self) -> usize {
+        self.results
+    }
+
+    pub(super) fn check_was_reset(&self) -> Result<(), Rejection> {
+        if self.was_reset { Ok(()) } else { Err(Rejection::NotReset) }
+    }
+
+    /// Marks the environments of `ids` (all, if `None`) busy with a step.
+    pub(super) fn reserve_step(
+        &mut self,
+        number: RequestNumber,
+        ids: Option<&[i32]>,
+    ) -> Result<(), Rejection> {
+        let (given, expected) = (ids.map_or(self.busy.len(), <[i32]>::len), self.busy.len());
+        if self.synchronous && given != expected && given > 0 && self.was_reset {
+            return Err(Rejection::IncompleteBatch { given, expected });
+        }
+        self.reserve(number, ids)
+    }
+
+    /// Marks the environments of `ids` busy with a reset.
+    pub(super) fn reserve_reset(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
+        self.reserve(number, Some(ids))?;
+        if self.synchronous {
+            // The rest of the batch comes along, unchanged.
+            self.busy.fill(Some(number));
+            self.results = self.busy.len();
+        }
+        Ok(())
+    }
+
+    /// Marks all environments busy with a reset, whether or not they work on an earlier request.
+    pub(super) fn reserve_full_reset(&mut self, number: RequestNumber) {
+        self.was_reset = true;
+        self.busy.fill(Some(number));
+        self.results = self.busy.len();
+    }
+
+    fn reserve(&mut self, number: RequestNumber, ids: Option<&[i32]>) -> Result<(), Rejection> {
+        self.check_was_reset()?;
+        let all = 0..self.busy.len() as i32;
+        let count = ids.map_or(all.len(), <[i32]>::len);
+        if count == 0 {
+            return Err(Rejection::NoEnv); // it would never be answered
+        }
+        let reserved = match ids {
+            Some(ids) => ids.iter().try_for_each(|id| self.reserve_env(number, *id)),
+            None => all.into_iter().try_for_each(|id| self.reserve_env(number, id)),
+        };
+        match reserved {
+            Ok(()) => self.results += count,
+            Err(_) => drop(self.clear(number)),
+        }
+        reserved
+    }
+
+    fn reserve_env(&mut self, number: RequestNumber, id: i32) -> Result<(), Rejection> {
+        let env = env_index(id, self.busy.len())?;
+        match self.busy[env].replace(number) {
+            None => Ok(()),
+            Some(other) if other == number => Err(Rejection::DuplicateEnv { env }),
+            Some(other) => {
+                self.busy[env] = Some(other);
+                Err(Rejection::BusyEnv { env })
+            }
+        }
+    }
+
+    /// Whether `ids` names every environment once, in any order.
+    pub(super) fn names_all(&self, ids: &[i32]) -> bool {
+        ids.len() == self.busy.len() && check_distinct(ids.iter().copied(), self.busy.len()).is_ok()
+    }
+
+    /// Frees the environments of a request that was refused as a whole; `false` if it had none.
+    pub(super) fn release(&mut self, number: RequestNumber) -> bool {
+        let freed = self.clear(number);
+        self.results = self.results.saturating_sub(freed); // a supervisor may answer twice
+        freed > 0
+    }
+
+    fn clear(&mut self, number: RequestNumber) -> usize {
+        let mut freed = 0;
+        for busy in self.busy.iter_mut().filter(|busy| **busy == Some(number)) {
+            *busy = None;
+            freed += 1;
+        }
+        freed
+    }
+
+    /// The results of these environments were received.
+    pub(super) fn received(&mut self, ids: &[i32]) {
+        for id in ids {
+            // A supervisor may send an id that names no environment.
+            if let Ok(env) = env_index(*id, self.busy.len()) {
+                self.busy[env] = None;
+            }
+        }
+        self.results = self.results.saturating_sub(ids.len());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of three environments in batches of two.
+    fn outstanding() -> Outstanding {
+        Outstanding::new(&LaneSettings { batch_size: 2, ..LaneSettings::new(3) })
+    }
+
+    /// The refusal said "malformed request", and not what was expected.
+    #[test]
+    fn a_request_to_no_environment_says_what_is_expected() {
+        let mut outstanding = outstanding();
+        outstanding.reserve_full_reset(RequestNumber(1));
+        for refused in [
+            outstanding.reserve_reset(RequestNumber(2), &[]),
+            outstanding.reserve_step(RequestNumber(3), Some(&[])),
+        ] {
+            let text = refused.unwrap_err().to_string();
+            assert_eq!(text, "a request must name at least one environment, got none");
+        }
+    }
+
+    #[test]
+    fn a_refused_request_reserves_nothing() {
+        let mut outstanding = outstanding();
+        outstanding.reserve_full_reset(RequestNumber(1));
+        outstanding.received(&[0, 2]);
+        let mut step = |number, ids| outstanding.reserve_step(RequestNumber(number), Some(ids));
+        assert!(matches!(step(2, &[0, 1]), Err(Rejection::BusyEnv { env: 1 })));
+        assert!(matches!(step(3, &[2, 2]), Err(Rejection::DuplicateEnv { env: 2 })));
+        assert!(matches!(step(4, &[0, 3]), Err(Rejection::UnknownEnv { env: 3, .. })));
+        assert!(step(5, &[2, 0]).is_ok());
+        assert_eq!(outstanding.results(), 3);
+        assert!(outstanding.release(RequestNumber(5)) && !outstanding.release(RequestNumber(5)));
+        assert_eq!(outstanding.results(), 1);
+    }
+
+    /// Naming them all one by one was once refused while results were under way, where naming none was not.
+    #[test]
+    fn a_reset_of_all_drops_what_is_under_way_however_they_are_named() {
+        let mut outstanding = outstanding();
+        assert!(outstanding.names_all(&[2, 0, 1]));
+        assert!(!outstanding.names_all(&[0, 1]) && !outstanding.names_all(&[0, 1, 1]));
+        outstanding.reserve_full_reset(RequestNumber(1));
+        assert!(matches!(
+            outstanding.reserve_reset(RequestNumber(2), &[0, 1]),
+            Err(Rejection::BusyEnv { env: 0 })
+        ));
+        outstanding.reserve_full_reset(RequestNumber(3));
+        assert_eq!(outstanding.results(), 3);
+    }
+}

@@ -1,0 +1,150 @@
+//! What the thread that accepts requests and the threads that carry them out tell each other of every environment.
+//!
+//! The accepting thread needs this of all environments for every request. An environment's own memory is mostly in
+//! the cache of the core that stepped it last, and its lock would make every access wait for the one before. So
+//! here the environments are side by side, one column per property.
+//!
+//! Orders are written while the environment is idle, reports while it is not. Publishing work releases the orders
+//! to the thread that takes it; the end of the work (`is_busy`, or the lane's count of outstanding environments)
+//! releases the reports. So every access here is relaxed but that to `busy`.
+
+use crate::environment::JointAction;
+use crate::hosted_env::{HostedEnv, Task};
+use smaclite_engine::Sizes;
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU64, Ordering::*};
+
+pub(super) struct EnvTable {
+    n_agents: usize,
+    /// Words of bits per agent.
+    words: usize,
+    /// The order: what to do, with which seed.
+    tasks: Vec<AtomicU8>,
+    seeds: Vec<AtomicU64>,
+    /// `[num_envs, n_agents]`: the order's joint actions.
+    actions: Vec<AtomicI32>,
+    /// `[num_envs, n_agents, words]`: the available actions, as an environment writes them.
+    available: Vec<AtomicU64>,
+    /// The episode ended and the environment was not reset since.
+    over: Vec<AtomicBool>,
+    /// The environment has an order; only asynchronous lanes use it.
+    busy: Vec<AtomicBool>,
+}
+
+const STEP: u8 = 0;
+const OBSERVE: u8 = 1;
+const RESET: u8 = 2;
+const RESET_WITH_SEED: u8 = 3;
+
+/// Writes only changes: other threads have the cache line too.
+macro_rules! set {
+    ($cell:expr, $value:expr) => {
+        if $cell.load(Relaxed) != $value {
+            $cell.store($value, Relaxed);
+        }
+    };
+}
+
+impl EnvTable {
+    pub(super) fn new(num_envs: usize, sizes: Sizes) -> EnvTable {
+        let Sizes { n_agents, n_actions, .. } = sizes;
+        let words = n_actions.div_ceil(64);
+        EnvTable {
+            n_agents,
+            words,
+            tasks: (0..num_envs).map(|_| AtomicU8::new(STEP)).collect(),
+            seeds: (0..num_envs).map(|_| AtomicU64::new(0)).collect(),
+            actions: (0..num_envs * n_agents).map(|_| AtomicI32::new(0)).collect(),
+            available: (0..num_envs * n_agents * words).map(|_| AtomicU64::new(0)).collect(),
+            over: (0..num_envs).map(|_| AtomicBool::new(false)).collect(),
+            busy: (0..num_envs).map(|_| AtomicBool::new(false)).collect(),
+        }
+    }
+
+    #[inline]
+    pub(super) fn order(&self, env: usize, task: Task) {
+        let (number, seed) = match task {
+            Task::Step => (STEP, None),
+            Task::Observe => (OBSERVE, None),
+            Task::Reset { seed: None } => (RESET, None),
+            Task::Reset { seed } => (RESET_WITH_SEED, seed),
+        };
+        set!(self.tasks[env], number);
+        if let Some(seed) = seed {
+            self.seeds[env].store(seed, Relaxed);
+        }
+    }
+
+    #[inline]
+    pub(super) fn task(&self, env: usize) -> Task {
+        match self.tasks[env].load(Relaxed) {
+            STEP => Task::Step,
+            OBSERVE => Task::Observe,
+            RESET => Task::Reset { seed: None },
+            _ => Task::Reset { seed: Some(self.seeds[env].load(Relaxed)) },
+        }
+    }
+
+    /// `[n_agents]`: the joint action of an environment's order.
+    #[inline]
+    pub(super) fn actions(&self, env: usize) -> &[AtomicI32] {
+        &self.actions[env * self.n_agents..][..self.n_agents]
+    }
+
+    #[inline]
+    pub(super) fn joint_action(&self, env: usize) -> JointAction<'_> {
+        JointAction::new(self.actions(env))
+    }
+
+    /// Reports how far an environment is.
+    #[inline]
+    pub(super) fn report(&self, env: usize, hosted: &mut HostedEnv) {
+        let len = self.n_agents * self.words;
+        let HostedEnv { env: state, available, is_over, .. } = hosted;
+        state.write_available_bits(available);
+        for (cell, bits) in self.available[env * len..][..len].iter().zip(available) {
+            set!(cell, *bits);
+        }
+        set!(self.over[env], *is_over);
+    }
+
+    /// Whether the episode ended and the environment was not reset since.
+    #[inline]
+    pub(super) fn is_over(&self, env: usize) -> bool {
+        self.over[env].load(Relaxed)
+    }
+
+    /// `[n_agents]`: the actions that are available in an environment.
+    #[inline]
+    pub(super) fn masks(&self, env: usize) -> impl Iterator<Item = ActionMask<'_>> {
+        let len = self.n_agents * self.words;
+        self.available[env * len..][..len].chunks_exact(self.words).map(ActionMask)
+    }
+
+    #[inline]
+    pub(super) fn is_busy(&self, env: usize) -> bool {
+        self.busy[env].load(Acquire)
+    }
+
+    #[inline]
+    pub(super) fn set_busy(&self, env: usize, is_busy: bool) {
+        self.busy[env].store(is_busy, Release);
+    }
+}
+
+/// The actions that are available to an agent.
+pub(super) struct ActionMask<'a>(&'a [AtomicU64]);
+
+impl ActionMask<'_> {
+    /// Whether this action is; not if there is no such action.
+    #[inline]
+    pub(super) fn has(&self, action: i32) -> bool {
+        // Negative numbers become large ones.
+        let action = action as u32;
+        self.0.get(action as usize / 64).is_some_and(|word| word.load(Relaxed) >> (action % 64) & 1 == 1)
+    }
+
+    /// All of them.
+    pub(super) fn actions(&self) -> Vec<usize> {
+        (0..64 * self.0.len()).filter(|action| self.has(*action as i32)).collect()
+    }
+}

@@ -1,0 +1,345 @@
+//! The scheduler: worker threads, and learners' threads that work in their place, take environments from the lanes
+//! and carry out their orders. Which environments are left is in `work`, where idle workers wait in `parking`;
+//! ARCHITECTURE.md, "Scheduling", has the picture.
+
+use crate::episode_log::{EpisodePart, LogCursor};
+use crate::lane::{Accepted, Lane, LaneSpec, LaneStats, panic_text};
+use crate::parking::{Parking, Searching, Source};
+use crate::transport::{Doorbell, SessionId, Transport, TransportError};
+use crate::wait_strategy::{Polling, WaitStrategy};
+use smaclite_engine::Scratch;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Weak};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// A worker at the doorbell polls the lanes at least this often, even without a ring.
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// How often a pool that stops looks whether learners still work in it.
+const LEAVING_INTERVAL: Duration = Duration::from_micros(50);
+
+/// How a pool runs.
+#[derive(Clone, Copy, Debug)]
+pub struct PoolOptions {
+    /// Threads that step environments, at least 1. While a learner of this process waits for a batch, its
+    /// thread is one of them.
+    pub threads: usize,
+    /// How idle workers wait.
+    pub wait: WaitStrategy,
+}
+
+impl Default for PoolOptions {
+    /// One thread per core that this process may use, for learners of the process.
+    fn default() -> Self {
+        PoolOptions { threads: cores(), wait: WaitStrategy::default() }
+    }
+}
+
+impl PoolOptions {
+    /// One thread per core that this process may use, less one for a learner in another process.
+    pub fn for_other_processes() -> PoolOptions {
+        PoolOptions { threads: (cores() - 1).max(1), wait: WaitStrategy::default() }
+    }
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Why a pool did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum PoolStartError {
+    /// A lane's transport has no frame.
+    #[error(transparent)]
+    Transport(#[from] TransportError),
+    /// The operating system refused a thread.
+    #[error("cannot start a worker thread: {0}")]
+    Thread(#[source] std::io::Error),
+}
+
+/// Lanes and the threads that serve them. Dropping it stops the threads.
+pub struct Pool<T: Transport> {
+    /// `None` at the end of its drop.
+    shared: Option<Arc<Shared<T>>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+struct Shared<T: Transport> {
+    lanes: Vec<Lane<T>>,
+    parking: Parking,
+    doorbell: T::Doorbell,
+    /// How idle workers poll before they park.
+    polling: Polling,
+}
+
+impl<T: Transport> Pool<T> {
+    /// Builds the lanes and starts the threads.
+    pub fn start(
+        lanes: Vec<(LaneSpec, T::Inlet, T::Outlet)>,
+        doorbell: T::Doorbell,
+        options: PoolOptions,
+    ) -> Result<Pool<T>, PoolStartError> {
+        let threads = options.threads.max(1);
+        let lanes = lanes.into_iter().map(|(spec, inlet, outlet)| Lane::new(&spec, inlet, outlet, threads));
+        let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
+        let (parking, polling) = (Parking::new(threads), options.wait.polling(threads));
+        let shared = Arc::new(Shared { lanes, parking, doorbell, polling });
+        let mut pool = Pool { shared: Some(Arc::clone(&shared)), threads: Vec::new() };
+        for worker in 0..threads {
+            let shared = Arc::clone(&shared);
+            let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
+            pool.threads.push(thread.spawn(move || shared.work(worker)).map_err(PoolStartError::Thread)?);
+        }
+        Ok(pool)
+    }
+
+    fn shared(&self) -> &Arc<Shared<T>> {
+        self.shared.as_ref().expect("only the drop takes it")
+    }
+
+    fn lane(&self, lane: usize) -> &Lane<T> {
+        &self.shared().lanes[lane]
+    }
+
+    /// By which learners of this process take part.
+    pub fn handle(&self) -> PoolHandle<T> {
+        PoolHandle(Arc::downgrade(self.shared()))
+    }
+
+    /// Makes lane `lane` serve the requests of `session`, beginning with a reset; `None` is no learner.
+    pub fn set_session(&self, lane: usize, session: Option<SessionId>) {
+        self.lane(lane).set_session(session);
+    }
+
+    /// Adds a follower to an environment, which from now on keeps a log of its episodes; `false` if the
+    /// environment cannot be followed.
+    ///
+    /// # Panics
+    /// If there is no such lane or environment.
+    pub fn follow(&self, lane: usize, env: usize) -> bool {
+        self.lane(lane).follow(env)
+    }
+
+    /// Removes a follower of an environment.
+    ///
+    /// # Panics
+    /// As [`follow`](Pool::follow).
+    pub fn unfollow(&self, lane: usize, env: usize) {
+        self.lane(lane).unfollow(env);
+    }
+
+    /// What a followed environment did since `cursor`, which moves on.
+    ///
+    /// # Panics
+    /// As [`follow`](Pool::follow).
+    pub fn read_log(&self, lane: usize, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
+        self.lane(lane).read_log(env, cursor)
+    }
+
+    /// A lane's statistics.
+    pub fn stats(&self, lane: usize) -> LaneStats {
+        self.lane(lane).stats()
+    }
+
+    /// Why lane `lane` failed, if it did.
+    pub fn failure(&self, lane: usize) -> Option<&str> {
+        self.lane(lane).failure()
+    }
+
+    /// Ends the threads after their present environments.
+    pub fn stop(&mut self) {
+        let shared = self.shared();
+        shared.parking.stop(&**shared);
+        for thread in self.threads.drain(..) {
+            // A worker catches the panics of its lanes. If it panics all the same, its pool ends here anyway.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl<T: Transport> Drop for Pool<T> {
+    fn drop(&mut self) {
+        self.stop();
+        // The lanes end here and not on a learner's thread: their ports must be closed before their node.
+        let mut left = self.shared.take();
+        while let Some(shared) = left {
+            left = Arc::try_unwrap(shared).err();
+            if left.is_some() {
+                std::thread::sleep(LEAVING_INTERVAL); // a learner leaves after its present environments
+            }
+        }
+    }
+}
+
+impl<T: Transport> Shared<T> {
+    /// What a worker does.
+    fn work(&self, worker: usize) {
+        let mut scratch = Scratch::new();
+        let mut turn = worker; // the lane to begin with, so that lanes take turns
+        while let Some(searching) = self.parking.search(worker, self, self.polling) {
+            let mut searching = Some(searching);
+            while self.parking.may_work(worker)
+                && self.serve_any(worker, &mut turn, &mut searching, &mut scratch)
+            {}
+        }
+    }
+
+    /// Serves some environments of the next lane that has any; `false` if none has.
+    fn serve_any<'a>(
+        &'a self,
+        worker: usize,
+        turn: &mut usize,
+        searching: &mut Option<Searching<'a>>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let lanes = self.lanes.len();
+        let served = (0..lanes).map(|i| (*turn + i) % lanes).find(|lane| {
+            self.serve(*lane, worker, scratch, || {
+                if let Some(searching) = searching.take() {
+                    self.parking.found(searching, self);
+                }
+            })
+        });
+        *turn = served.map_or(*turn, |lane| lane + 1);
+        served.is_some()
+    }
+
+    /// Takes some environments of a lane and serves them; `false` if none are left to take.
+    fn serve(&self, lane: usize, thread: usize, scratch: &mut Scratch, taken: impl FnOnce()) -> bool {
+        // Lanes begin at different threads, so that the only environments of several small lanes do not all
+        // belong to the first one.
+        let threads = self.parking.threads();
+        let own = (thread + threads - lane % threads) % threads;
+        let Some(envs) = self.lanes[lane].work().take(own) else { return false };
+        taken();
+        if self.lanes[lane].serve(envs, scratch) {
+            self.accept(lane, 0); // the reset that waited for the last of them
+        }
+        true
+    }
+
+    /// Accepts the next request of a lane, and wakes the workers for it, but for `present` threads, which serve it
+    /// anyway. Returns whether there was one.
+    fn accept(&self, index: usize, present: usize) -> bool {
+        let lane = &self.lanes[index];
+        match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
+            Ok(Accepted::Nothing) => return false,
+            Ok(Accepted::Refused) => {}
+            Ok(Accepted::Work(threads)) => self.parking.published(threads - present, self),
+            Err(panic) => {
+                lane.fail(panic_text(panic.as_ref()));
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The lanes whose learners do not accept their requests themselves.
+    fn polled_lanes(&self) -> impl Iterator<Item = usize> {
+        (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].accepts_itself())
+    }
+}
+
+impl<T: Transport> Source for Shared<T> {
+    fn has_work(&self) -> bool {
+        self.lanes.iter().any(|lane| !lane.work().is_empty())
+    }
+
+    fn needs_polling(&self) -> bool {
+        self.polled_lanes().next().is_some()
+    }
+
+    fn poll(&self) -> bool {
+        self.polled_lanes().fold(false, |any, lane| self.accept(lane, 0) | any)
+    }
+
+    fn wait_at_doorbell(&self) {
+        self.doorbell.wait(CHECK_INTERVAL);
+    }
+
+    fn ring(&self) {
+        self.doorbell.ring();
+    }
+}
+
+/// By which learners of the process take part in a pool, for as long as it runs.
+pub struct PoolHandle<T: Transport>(Weak<Shared<T>>);
+
+impl<T: Transport> PoolHandle<T> {
+    /// What a learner of lane `lane` needs to take part. From now on, and until it is dropped or its session ends,
+    /// only the participant accepts the lane's requests. `None` if the session is not the lane's or the pool ends.
+    pub fn participant(&self, lane: usize, session: SessionId) -> Option<Participant<T>> {
+        let shared = self.0.upgrade()?;
+        let is_current = shared.lanes.get(lane)?.set_accepts_itself(session, true);
+        is_current.then(|| Participant {
+            pool: Weak::clone(&self.0),
+            lane,
+            session,
+            scratch: Scratch::new(),
+            place: None,
+        })
+    }
+}
+
+/// A learner's thread that works in the pool of its process while it waits (caller runs): it accepts the requests
+/// of its lane, and steps environments of its lane in the place of a worker.
+pub struct Participant<T: Transport> {
+    pool: Weak<Shared<T>>,
+    lane: usize,
+    session: SessionId,
+    scratch: Scratch,
+    /// The pool and the worker that it substitutes, between [`join`](Participant::join) and
+    /// [`leave`](Participant::leave).
+    place: Option<(Arc<Shared<T>>, usize)>,
+}
+
+impl<T: Transport> Participant<T> {
+    /// Substitutes a worker. Without effect if learners have the places of all, or the pool ends. A pool waits until
+    /// its participants have left before it ends.
+    pub fn join(&mut self) {
+        if self.place.is_none()
+            && let Some(shared) = self.pool.upgrade()
+            // The lane's first environments, and so all of a small lane, are this worker's.
+            && let Some(worker) = shared.parking.substitute(self.lane % shared.parking.threads())
+        {
+            self.place = Some((shared, worker));
+        }
+    }
+
+    /// Gives the place back.
+    pub fn leave(&mut self) {
+        if let Some((shared, worker)) = self.place.take() {
+            shared.parking.reinstate(worker, &*shared);
+        }
+    }
+
+    /// Accepts the requests that the learner sent.
+    pub fn accept(&self) {
+        let accept = |shared: &Shared<T>, present| {
+            while !shared.parking.is_stopped() && shared.accept(self.lane, present) {}
+        };
+        match &self.place {
+            Some((shared, _)) => accept(shared, 1),
+            None => drop(self.pool.upgrade().map(|shared| accept(&shared, 0))),
+        }
+    }
+
+    /// Joins, if it can, and serves some environments of the learner's lane. `false` if none are left to take, or
+    /// the pool ends.
+    pub fn serve(&mut self) -> bool {
+        self.join();
+        let Some((shared, worker)) = &self.place else { return false };
+        !shared.parking.is_stopped() && shared.serve(self.lane, *worker, &mut self.scratch, || {})
+    }
+}
+
+impl<T: Transport> Drop for Participant<T> {
+    fn drop(&mut self) {
+        self.leave();
+        if let Some(shared) = self.pool.upgrade() {
+            shared.lanes[self.lane].set_accepts_itself(self.session, false);
+            shared.parking.hand_over(&*shared); // there is a lane more to poll
+        }
+    }
+}
