@@ -126,7 +126,7 @@ proptest! {
         Random::new(seed).act(&battle, &mut actions);
         let (mut checked, mut other) = (battle.clone(), battle);
         let step = checked.step(&actions, &mut Scratch::new()).expect("available actions are legal");
-        prop_assert_eq!(step, other.step_checked(&actions, &mut Scratch::new()));
+        prop_assert_eq!(step, other.step_checked(actions.iter().copied(), &mut Scratch::new()));
         prop_assert_eq!(checked.save(), other.save());
     }
 
@@ -141,10 +141,10 @@ proptest! {
         let is_action = |action: i32| usize::try_from(action).is_ok_and(|action| action < sizes.n_actions);
         let (mut battle, mut other) = (battle.clone(), battle);
         for mut actions in steps {
-            let step = battle.step_checked(&actions, &mut Scratch::new());
+            let step = battle.step_checked(actions.iter().copied(), &mut Scratch::new());
             actions.iter_mut().filter(|action| !is_action(**action)).for_each(|action| *action = 0);
             actions.resize(sizes.n_agents, 0);
-            prop_assert_eq!(step, other.step_checked(&actions, &mut Scratch::new()));
+            prop_assert_eq!(step, other.step_checked(actions.iter().copied(), &mut Scratch::new()));
             prop_assert_eq!(Outputs::of(&battle), Outputs::of(&other));
         }
         prop_assert!(Outputs::of(&battle).state.iter().all(|x| x.is_finite()));

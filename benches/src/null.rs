@@ -8,7 +8,7 @@ use smaclite_ipc::{
     Client, LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy,
 };
-use smaclite_pool::environment::Environment;
+use smaclite_pool::environment::{Environment, JointAction};
 use smaclite_pool::{LaneSettings, PoolOptions};
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ impl Environment for Null {
     }
     fn reseed(&mut self, _: u64) {}
     fn reset(&mut self) {}
-    fn step_checked(&mut self, _: &[i32], _: &mut Scratch) -> Step {
+    fn step_checked(&mut self, _: JointAction<'_>, _: &mut Scratch) -> Step {
         Step { reward: 0.0, terminated: false, truncated: false, battle_won: false }
     }
     fn write_obs(&self, _: &mut [f32], _: &mut Scratch) {}

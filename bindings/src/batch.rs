@@ -1,6 +1,5 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
-use crate::held::Held;
 use crate::views;
 use numpy::PyArray1;
 use pyo3::exceptions::PyAttributeError;
@@ -9,26 +8,23 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSpec};
 use std::ffi::CString;
+use std::sync::Arc;
 
 /// The shared memory of one batch, which is not reused while this object exists. It is the base of the arrays
 /// of a `Batch`.
 #[pyclass(frozen, module = "smaclite_pool")]
-pub struct Frame(pub Held);
+pub struct Frame(pub Arc<smaclite_ipc::Batch>);
 
 #[pymethods]
 impl Frame {
     /// Number of this batch among all that the lane has sent, from 1.
     #[getter]
     fn sequence(&self) -> u64 {
-        self.0.with(smaclite_ipc::Batch::sequence)
+        self.0.sequence()
     }
 
     fn __repr__(&self) -> String {
-        format!(
-            "<smaclite_pool.Frame {} of {} bytes>",
-            self.sequence(),
-            self.0.with(|batch| batch.bytes().len())
-        )
+        format!("<smaclite_pool.Frame {} of {} bytes>", self.sequence(), self.0.bytes().len())
     }
 }
 
@@ -49,21 +45,21 @@ impl Frame {
 // base there would be a reference cycle, and the memory would be released only by the garbage collector.
 #[pyclass(frozen, weakref, module = "smaclite_pool")]
 pub struct Batch {
-    held: Held,
+    received: Arc<smaclite_ipc::Batch>,
     /// Made for the first array: a step allocates nothing but the batch.
     frame: PyOnceLock<Py<Frame>>,
     views: [PyOnceLock<Py<PyAny>>; FIELD_COUNT],
 }
 
 impl Batch {
-    pub fn new(held: Held) -> Batch {
-        Batch { held, frame: PyOnceLock::new(), views: [const { PyOnceLock::new() }; FIELD_COUNT] }
+    pub fn new(received: Arc<smaclite_ipc::Batch>) -> Batch {
+        Batch { received, frame: PyOnceLock::new(), views: [const { PyOnceLock::new() }; FIELD_COUNT] }
     }
 
     /// A field as an array; AttributeError if the lane does not include it.
     pub fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         let view = self.views[field as usize].get_or_try_init(py, || {
-            let frame = self.frame.get_or_try_init(py, || Py::new(py, Frame(self.held.clone())))?;
+            let frame = self.frame.get_or_try_init(py, || Py::new(py, Frame(Arc::clone(&self.received))))?;
             let array = views::array(frame.bind(py), field)?;
             array.map(Bound::unbind).ok_or_else(|| missing_field_error(field))
         });
@@ -71,12 +67,12 @@ impl Batch {
     }
 
     /// The received frame.
-    pub fn received(&self) -> &Held {
-        &self.held
+    pub fn received(&self) -> &Arc<smaclite_ipc::Batch> {
+        &self.received
     }
 
     fn specs(&self) -> impl Iterator<Item = &'static FieldSpec> + use<> {
-        self.held.with(|batch| batch.layout().fields()).iter().map(Field::spec)
+        self.received.layout().fields().iter().map(Field::spec)
     }
 }
 
@@ -95,7 +91,7 @@ impl Batch {
     /// Number of this batch among all that the lane has sent, from 1.
     #[getter]
     fn sequence(&self) -> u64 {
-        self.held.with(smaclite_ipc::Batch::sequence)
+        self.received.sequence()
     }
 
     /// Names of the fields in this batch.
@@ -108,11 +104,9 @@ impl Batch {
     /// of an episode. Computed from `episode_length`.
     #[getter]
     fn was_reset<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        self.held.with(|batch| {
-            let was_reset = batch.was_reset();
-            let was_reset = was_reset.ok_or_else(|| missing_field_error(Field::EpisodeLength))?;
-            Ok(PyArray1::from_iter(py, was_reset))
-        })
+        let was_reset = self.received.was_reset();
+        let was_reset = was_reset.ok_or_else(|| missing_field_error(Field::EpisodeLength))?;
+        Ok(PyArray1::from_iter(py, was_reset))
     }
 
     /// Return this batch with other arrays in some fields, for wrappers; nothing is copied.
@@ -159,7 +153,7 @@ impl Batch {
     }
 
     fn __len__(&self) -> usize {
-        self.held.with(|batch| batch.layout().slots())
+        self.received.layout().slots()
     }
 
     fn __repr__(&self) -> String {

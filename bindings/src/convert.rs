@@ -167,17 +167,19 @@ pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -
 /// Actions as a C-contiguous int32 array.
 pub struct Actions<'py>(Bound<'py, PyArrayDyn<i32>>);
 
-impl Actions<'_> {
+impl smaclite_ipc::Actions for Actions<'_> {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// Copies them, row by row. A read-only borrow would allocate memory in each step.
     #[allow(unsafe_code)]
-    pub fn copy_to(&self, out: &mut Vec<i32>) -> PyResult<()> {
-        // SAFETY: the array is contiguous, and nothing detaches from the interpreter before the copy is made.
-        // Other code of this module writes to arrays only while it is attached, so not meanwhile. Whether
-        // Python code of another thread does is its own affair, as with any NumPy operation.
-        let actions = unsafe { self.0.as_slice()? };
-        out.clear();
-        out.extend_from_slice(actions);
-        Ok(())
+    fn write_to(&mut self, out: &mut [i32]) {
+        // SAFETY: this type exists only while its thread is attached to the interpreter. Other code of this module
+        // writes to arrays only while it is attached, so not at the same time. Whether Python code of another
+        // thread does is that code's responsibility, as with any NumPy operation.
+        let actions = unsafe { self.0.as_slice() };
+        out.copy_from_slice(actions.expect("`contiguous_int32` made it"));
     }
 }
 

@@ -7,7 +7,6 @@ use crate::convert::{
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit;
-use crate::held::{Held, Places};
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, SheetStyle, render_batch};
@@ -15,10 +14,13 @@ use crate::wait::{run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use smaclite_ipc::{Client, LaneDescription, Supervisor, lane_scenario};
+use smaclite_ipc::{
+    Actions as _, Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario,
+};
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::time::Duration;
 
 /// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
 pub struct SharedClient(Mutex<Option<Attached>>);
@@ -28,8 +30,6 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
-    /// A copy of the actions of the present call.
-    actions: Vec<i32>,
     _embedded: Option<Arc<Supervisor>>,
 }
 
@@ -80,19 +80,8 @@ pub struct Embedded {
 struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
 
 impl ClientGuard<'_> {
-    fn attached(&mut self) -> &mut Attached {
-        self.0.as_mut().expect("try_lock returns a guard only while attached")
-    }
-
     fn client(&mut self) -> &mut Client {
-        &mut self.attached().client
-    }
-
-    /// The client and a copy of the actions.
-    fn client_with(&mut self, passed: Actions<'_>) -> PyResult<(&mut Client, &[i32])> {
-        let Attached { client, actions, .. } = self.attached();
-        passed.copy_to(actions)?;
-        Ok((client, actions))
+        &mut self.0.as_mut().expect("try_lock returns a guard only while attached").client
     }
 }
 
@@ -114,18 +103,16 @@ pub struct Envs {
     layout: Layout,
     /// Of an embedded pool.
     scenario: Option<Scenario>,
-    /// Batches that were received. They are not kept: a lane limits the batches that are held.
-    places: Places,
 }
 
 impl Envs {
     pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
-        let attached = Attached { recording, client, actions: Vec::new(), _embedded: supervisor };
+        let attached = Attached { recording, client, _embedded: supervisor };
         let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
         exit::close_at_exit(&shared);
-        Envs { shared, description, layout, scenario, places: Places::default() }
+        Envs { shared, description, layout, scenario }
     }
 
     pub fn lane_description(&self) -> &LaneDescription {
@@ -148,21 +135,14 @@ impl Envs {
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
-    fn received(&self, batch: smaclite_ipc::Batch) -> Batch {
-        Batch::new(self.places.hold(batch))
-    }
-
     /// The batch to draw: the one that was passed, or the newest one.
-    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Held> {
-        if let Some(batch) = batch {
-            return Ok(batch.get().received().clone());
+    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Arc<smaclite_ipc::Batch>> {
+        match batch {
+            Some(batch) => Ok(Arc::clone(batch.get().received())),
+            None => self.shared.try_lock()?.client().newest().cloned().ok_or_else(|| {
+                invalid_request("there is no batch to draw: none was received yet; pass a batch")
+            }),
         }
-        self.places.newest().ok_or_else(|| {
-            invalid_request(
-                "there is no batch to draw: none was received, or the newest one and its arrays are not held \
-                 any more; pass a batch",
-            )
-        })
     }
 
     /// The number of environments in a request.
@@ -184,6 +164,30 @@ impl Envs {
         let actions = convert::actions(actions, n_envs, self.description.sizes.n_agents)?;
         Ok((actions, ids))
     }
+}
+
+/// Writes actions straight into shared memory and sends them, without a wait if the pool reads its requests.
+/// The learner's thread then has a worker's place in an embedded pool until the next wait ends.
+fn begin_step(
+    py: Python<'_>,
+    client: &mut Client,
+    mut actions: Actions<'_>,
+    ids: Option<&[i32]>,
+) -> PyResult<()> {
+    let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
+    match client.begin_step(&mut actions, ids, no_wait) {
+        Err(ClientError::NotAccepted { .. }) => {
+            // The array must not be read while other Python code runs.
+            let mut copy = vec![0; actions.len()];
+            actions.write_to(&mut copy);
+            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids, wait))
+        }
+        sent => sent.map_err(client_error),
+    }
+}
+
+fn receive(py: Python<'_>, client: &mut Client, timeout: Option<Duration>) -> PyResult<Batch> {
+    wait_detached(py, timeout, |wait| client.recv(wait)).map(Batch::new)
 }
 
 #[pymethods]
@@ -233,7 +237,7 @@ impl Envs {
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
         let batch = wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?;
-        Ok(self.received(batch))
+        Ok(Batch::new(batch))
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
@@ -263,22 +267,22 @@ impl Envs {
         let (actions, ids) = self.step_arguments(actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
-        let (client, actions) = guard.client_with(actions)?;
-        let batch = wait_detached(py, timeout, |wait| client.step(actions, ids, wait))?;
-        Ok(self.received(batch))
+        begin_step(py, guard.client(), actions, ids)?;
+        receive(py, guard.client(), timeout)
     }
 
     /// Send actions without waiting for the result.
     ///
     /// Args:
     ///     actions: integers [K, n_agents], one action per agent, each 0 to n_actions - 1 and available
-    ///         according to `avail_actions`. A C-contiguous int32 array is read in place; other integer
-    ///         arrays and nested lists are converted.
+    ///         according to `avail_actions`. A C-contiguous int32 array is copied once, into shared memory;
+    ///         other integer arrays and nested lists are converted first.
     ///     env_id: integers [K], the ids of the environments, each at most once. None, the default, means all
     ///         in order. In synchronous mode every request must include all environments.
     ///
+    /// If an action is not available, no environment is stepped, and the next `recv` raises IllegalAction.
+    ///
     /// Raises:
-    ///     IllegalAction: an action is not available; no environment was stepped.
     ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request;
     ///         no environment was stepped.
     ///     TypeError: actions or environment ids are not integers; no environment was stepped.
@@ -295,8 +299,9 @@ impl Envs {
         let (actions, ids) = self.step_arguments(actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
-        let (client, actions) = guard.client_with(actions)?;
-        wait_detached(py, None, |wait| client.send(actions, ids, wait))
+        begin_step(py, guard.client(), actions, ids)?;
+        guard.client().leave();
+        Ok(())
     }
 
     /// Wait for the next batch: the first M environments that finish.
@@ -305,6 +310,7 @@ impl Envs {
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
+    ///     IllegalAction: an action that was sent is not available; no environment was stepped.
     ///     InvalidRequest: fewer than M results are outstanding, so no batch would arrive.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
@@ -319,10 +325,7 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
-        let batch = wait_detached(py, timeout, |wait| client.recv(wait))?;
-        Ok(self.received(batch))
+        receive(py, self.shared.try_lock()?.client(), timeout)
     }
 
     /// Request new episodes in all environments without waiting; `recv` returns the first observations.
@@ -343,18 +346,19 @@ impl Envs {
         wait_detached(py, None, |wait| client.send_reset(seed, None, wait))
     }
 
-    /// Draw uniformly random available actions, according to the last received `avail_actions` of each
-    /// environment.
+    /// Draw uniformly random available actions, according to `avail_actions` of the newest batch.
     ///
     /// Args:
-    ///     env_id: integers [K], the ids of the environments; None, the default, means all.
+    ///     env_id: integers [K], the ids of environments in the newest batch; None, the default, means all
+    ///         environments of the lane.
     ///     out: a writeable C-contiguous int32 array [K, n_agents] to write to; None allocates one.
     ///
     /// Returns:
     ///     int32 [K, n_agents]: the actions; `out`, if it was passed.
     ///
     /// Raises:
-    ///     InvalidRequest: an argument is invalid, or there was no reset yet.
+    ///     InvalidRequest: an argument is invalid, there was no reset yet, an environment is not in the newest
+    ///         batch, or the lane omits the field `avail_actions`.
     ///     TypeError: `out` is not a two-dimensional int32 array, or environment ids are not integers.
     #[pyo3(signature = (env_id=None, out=None))]
     fn sample_actions<'py>(
@@ -396,8 +400,7 @@ impl Envs {
     /// each call draws the map again.
     ///
     /// Args:
-    ///     batch: a batch of this lane, with the field `state`. None: the newest batch, which must still be
-    ///         held, itself or one of its arrays, since a lane keeps no batches.
+    ///     batch: a batch of this lane, with the field `state`. None: the newest batch.
     ///     env_id: the id of one environment; or integers [K], whose pictures are put into one sheet, each
     ///         with its caption above it. None: a sheet of all environments of the batch.
     ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet.
@@ -409,7 +412,7 @@ impl Envs {
     ///
     /// Raises:
     ///     AttributeError: the lane omits the field `state`.
-    ///     InvalidRequest: an environment is not in the batch, no batch is held, the renderer is of a
+    ///     InvalidRequest: an environment is not in the batch, there is no batch yet, the renderer is of a
     ///         scenario with another `state_size`, the number of captions is wrong, or the sheet would be
     ///         wider or higher than 16384 pixels.
     ///     TypeError: `env_id` or `columns` are not integers, or `captions` are not strings.
@@ -425,7 +428,7 @@ impl Envs {
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let batch = self.batch_to_draw(batch)?;
         let style = SheetStyle::new(columns, captions)?;
-        batch.with(|batch| render_batch(py, self, batch, env_id, renderer, style))
+        render_batch(py, self, &batch, env_id, renderer, style)
     }
 
     /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays

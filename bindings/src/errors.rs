@@ -37,7 +37,11 @@ pub fn client_error(error: ClientError) -> PyErr {
     let text = error.to_string();
     match error {
         ClientError::Rejected(rejection) => rejection_error(rejection),
-        ClientError::WrongLength { .. } | ClientError::NothingToReceive { .. } => invalid_request(text),
+        ClientError::WrongLength { .. }
+        | ClientError::NothingToReceive { .. }
+        | ClientError::NoBatch
+        | ClientError::NotInBatch { .. }
+        | ClientError::NoMasks => invalid_request(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),

@@ -9,7 +9,6 @@ mod convert;
 mod envs;
 mod errors;
 mod exit;
-mod held;
 mod make;
 mod policy;
 mod program;

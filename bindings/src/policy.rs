@@ -77,7 +77,7 @@ impl ScriptedPolicy {
         batch: &Bound<'py, Batch>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        batch.get().received().with(|batch| self.act(py, batch, out))
+        self.act(py, batch.get().received(), out)
     }
 
     /// The policy's name.

@@ -3,12 +3,11 @@
 use crate::batch::Batch;
 use crate::convert::to_dict;
 use crate::errors::{class, client_error, connect_error};
-use crate::held::Held;
 use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Reads the batches of a lane without being its learner, who does not notice.
 ///
@@ -77,7 +76,7 @@ impl Spectator {
         let mut guard = self.lock();
         let watching = guard.as_mut().ok_or_else(closed)?;
         if let Some(newer) = watching.spectator.newer().map_err(client_error)? {
-            watching.latest = Some(Py::new(py, Batch::new(Held::alone(newer)))?);
+            watching.latest = Some(Py::new(py, Batch::new(Arc::new(newer)))?);
         }
         Ok(watching.latest.as_ref().map(|batch| batch.clone_ref(py)))
     }

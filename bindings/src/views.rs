@@ -30,14 +30,11 @@ fn typed_array<'py, T: Element>(
     frame: &Bound<'py, Frame>,
     field: Field,
 ) -> PyResult<Option<Bound<'py, PyArrayDyn<T>>>> {
-    let place = frame.get().0.with(|batch| {
-        let layout = batch.layout();
-        let start = layout.offset(field)?;
-        let shape = layout.shape(field);
-        let bytes = shape.iter().product::<usize>() * size_of::<T>();
-        Some((batch.bytes()[start..start + bytes].as_ptr().cast::<T>(), shape))
-    });
-    let Some((first, shape)) = place else { return Ok(None) };
+    let batch = &frame.get().0;
+    let Some(start) = batch.layout().offset(field) else { return Ok(None) };
+    let shape = batch.layout().shape(field);
+    let bytes = shape.iter().product::<usize>() * size_of::<T>();
+    let first = batch.bytes()[start..start + bytes].as_ptr().cast::<T>();
     debug_assert!(first.is_aligned());
     // SAFETY: the slice expression above checks that the bytes of `shape` elements of `T` exist at `first`.
     // `first` is aligned, because every field starts on a cache line. No Rust reference to an element is

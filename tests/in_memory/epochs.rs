@@ -61,9 +61,9 @@ fn a_reset_of_all_drops_the_results_of_earlier_requests() {
     }
 }
 
-/// A worker that was busy with another lane found steps of an old epoch and resets of the new one in its
-/// queue, processed both as one run of the old epoch, and gave the resets no slot: the learner never got an
-/// answer.
+/// A worker that was busy with another lane once found steps of an old epoch and resets of the new one in its
+/// queue, and gave the resets no slot: the learner never got an answer. Now the reset waits until the steps are
+/// carried out.
 #[test]
 fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     let gate = Gate::default();
@@ -78,12 +78,16 @@ fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     busy.step_rows(&rows);
     gate.wait_for_arrival();
     learner.step_rows(&before);
-    learner.send_reset_all(Some(3));
+    // The only worker waits at the gate, so a participant accepts the requests.
+    let participant = pool.handle().participant(1, SessionId(1)).expect("the lane's session");
+    participant.accept();
     learner.send_step(&all(4), &[0; 8]);
-    // The only worker waits at the gate, so a helper accepts the requests.
-    pool.handle().helper(1, SessionId(1)).expect("the lane's session").accept();
-    let rejection = learner.rejection(); // so the reset before it was accepted
-    assert!(matches!(rejection, Rejection::BusyEnv { .. }), "{rejection}");
+    participant.accept();
+    let rejection = learner.rejection(); // so the step before it was accepted
+    assert!(matches!(rejection, Rejection::BusyEnv { env: 0 }), "{rejection}");
+    learner.send_reset_all(Some(3));
+    participant.accept();
+    drop(participant);
     gate.open();
     let mut reference = Reference::new(&lanes[1]);
     reference.reset_all(Some(3));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Scratch, Sizes, Step};
-use smaclite_pool::environment::Environment;
+use smaclite_pool::environment::{Environment, JointAction};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
@@ -75,7 +75,7 @@ impl FaultyEnv {
 }
 
 impl Environment for FaultyEnv {
-    fn step_checked(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
+    fn step_checked(&mut self, actions: JointAction<'_>, scratch: &mut Scratch) -> Step {
         self.steps += 1;
         match &self.fault {
             Fault::PanicInStep(step) if *step == self.steps => {

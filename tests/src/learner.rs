@@ -2,6 +2,7 @@
 
 use crate::{LanePlan, Reference};
 use smaclite_ipc::{Batch, Client, ClientError, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A client, and what it must receive.
@@ -131,7 +132,7 @@ impl Learner {
     ///
     /// # Errors
     /// The client's, or a wrong frame.
-    pub fn recv(&mut self, timeout: Duration) -> Result<Batch, LearnerError> {
+    pub fn recv(&mut self, timeout: Duration) -> Result<Arc<Batch>, LearnerError> {
         let batch = self.client.recv(WaitOptions { timeout: Some(timeout), interrupted: &mut || false })?;
         self.reference.check(&batch).map_err(LearnerError::Frame)?;
         if self.sequence != 0 && batch.sequence() != self.sequence + 1 {
@@ -150,7 +151,7 @@ impl Learner {
     ///
     /// # Errors
     /// The client's, or a wrong frame.
-    pub fn step(&mut self, timeout: Duration) -> Result<Batch, LearnerError> {
+    pub fn step(&mut self, timeout: Duration) -> Result<Arc<Batch>, LearnerError> {
         self.send()?;
         self.recv(timeout)
     }

@@ -6,7 +6,8 @@ use crate::{LanePlan, Row};
 use smaclite_engine::Scratch;
 use smaclite_ipc::Batch;
 use smaclite_pool::Autoreset;
-use smaclite_pool::environment::Environment;
+use smaclite_pool::environment::{Environment, JointAction};
+use std::sync::atomic::AtomicI32;
 
 /// A lane computed step by step.
 pub struct Reference {
@@ -86,7 +87,8 @@ impl Reference {
         for (row, &action) in available.chunks_exact(words / actions.len()).zip(actions) {
             assert_eq!(row[action as usize / 64] >> (action % 64) & 1, 1, "illegal action {action}");
         }
-        let step = state.env.step_checked(actions, &mut self.scratch);
+        let memory: Vec<_> = actions.iter().map(|action| AtomicI32::new(*action)).collect();
+        let step = state.env.step_checked(JointAction::new(&memory), &mut self.scratch);
         state.is_over = step.terminated || step.truncated;
         state.own.step(actions);
         state.row = Row::of(&*state.env, env as usize, Some(step), &state.own, &mut self.scratch);

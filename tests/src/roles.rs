@@ -13,6 +13,7 @@ use crate::process::{ANSWER, ROLE_VARIABLE, TIMEOUT};
 use crate::{LanePlan, Learner, PoolPlan, chaos, other_user};
 use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor};
 use std::io::Write;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// If this process has a role, carries it out and ends the process.
@@ -109,7 +110,7 @@ struct CommandedLearner {
     /// While it is attached.
     learner: Option<Learner>,
     /// Batches that it holds, with a copy of their bytes.
-    held: Vec<(Batch, Vec<u8>)>,
+    held: Vec<(Arc<Batch>, Vec<u8>)>,
 }
 
 fn learner(plan: &str) -> i32 {

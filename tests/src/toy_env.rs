@@ -2,7 +2,7 @@
 //! resets, actions, and their order. So one that is lost, repeated or swapped shows in the next frame.
 
 use smaclite_engine::{Scratch, Sizes, Step};
-use smaclite_pool::environment::Environment;
+use smaclite_pool::environment::{Environment, JointAction};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// The name that stands for this environment where a plan names a scenario.
@@ -65,8 +65,8 @@ impl Environment for ToyEnv {
         (self.episode_length, self.episode_return) = (0, 0.0);
     }
 
-    fn step_checked(&mut self, actions: &[i32], _scratch: &mut Scratch) -> Step {
-        self.history = hash((self.history, actions));
+    fn step_checked(&mut self, actions: JointAction<'_>, _scratch: &mut Scratch) -> Step {
+        self.history = hash((self.history, actions.iter().collect::<Vec<_>>()));
         self.episode_length += 1;
         let reward = (self.history % 16) as f64 / 16.0;
         self.episode_return += reward;

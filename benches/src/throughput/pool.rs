@@ -147,7 +147,8 @@ fn sample(
     let begin = Instant::now();
     while counts.steps == 0 || begin.elapsed() < workload.time {
         client.sample_actions(None, &mut actions)?;
-        counts.add(&client.step(&actions, None, wait_options(&mut || false))?);
+        let batch = client.step(&actions, None, wait_options(&mut || false))?;
+        counts.add(&batch);
         interrupt.check()?;
     }
     counts.time = begin.elapsed();

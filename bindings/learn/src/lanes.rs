@@ -13,6 +13,7 @@ use smaclite_ipc::{
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
 use smaclite_scenarios::{Problems, ScenarioError, ScenarioFiles};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -83,7 +84,7 @@ struct Lane {
     first_env: usize,
     settings: LaneSettings,
     /// The last batch, until it was acted on.
-    batch: Option<Batch>,
+    batch: Option<Arc<Batch>>,
 }
 
 /// The lanes of a run. Fields are dropped in order: the clients before the pool.

@@ -89,17 +89,17 @@ impl Client {
     /// [`recv`](Client::recv) says why.
     pub fn send(
         &mut self,
-        actions: &[i32],
+        mut actions: &[i32],
         env_ids: Option<&[i32]>,
         wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let sent = self.begin_step(&mut SliceOf(actions), env_ids, wait);
+        let sent = self.begin_step(&mut actions, env_ids, wait);
         self.leave();
         sent
     }
 
     /// As [`send`](Client::send) of `actions`, which are written straight into shared memory. [`recv`](Client::recv)
-    /// should follow at once: until then an embedded pool has a worker less.
+    /// or [`leave`](Client::leave) should follow at once: until then an embedded pool has a worker less.
     pub fn begin_step(
         &mut self,
         actions: &mut dyn Actions,
@@ -143,13 +143,13 @@ impl Client {
     /// [`send`](Client::send) and [`recv`](Client::recv).
     pub fn step(
         &mut self,
-        actions: &[i32],
+        mut actions: &[i32],
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
         let lane = self.attached()?;
-        let received = match lane.send_step(&mut SliceOf(actions), env_ids, &mut wait) {
+        let received = match lane.send_step(&mut actions, env_ids, &mut wait) {
             Ok(()) => lane.recv(begin, &mut wait),
             Err(error) => Err(error),
         };
@@ -186,8 +186,9 @@ impl Client {
         }
     }
 
-    /// The learner's thread waits no longer: the pool of its process has its workers back.
-    fn leave(&mut self) {
+    /// Gives an embedded pool the worker back that this learner's thread substitutes. All other methods do that
+    /// themselves before they return, but [`begin_step`](Client::begin_step).
+    pub fn leave(&mut self) {
         if let Ok(lane) = self.lane.get_mut()
             && let Some(participant) = &mut lane.participant
         {
@@ -213,15 +214,13 @@ pub trait Actions {
     fn write_to(&mut self, out: &mut [i32]);
 }
 
-struct SliceOf<'a>(&'a [i32]);
-
-impl Actions for SliceOf<'_> {
+impl Actions for &[i32] {
     fn len(&self) -> usize {
-        self.0.len()
+        <[i32]>::len(self)
     }
 
     fn write_to(&mut self, out: &mut [i32]) {
-        out.copy_from_slice(self.0);
+        out.copy_from_slice(self);
     }
 }
 

@@ -32,7 +32,8 @@ impl Sampler {
         for (i, actions) in out.chunks_exact_mut(sizes.n_agents).enumerate() {
             let id = ids.map_or(i as i32, |ids| ids[i]);
             // In a synchronous batch, and where the ids are the batch's, the slot is the index.
-            let slot = if envs.get(i) == Some(&id) { Some(i) } else { envs.iter().position(|env| *env == id) };
+            let slot =
+                if envs.get(i) == Some(&id) { Some(i) } else { envs.iter().position(|env| *env == id) };
             let Some(slot) = slot else {
                 env_index(id, num_envs)?;
                 return Err(ClientError::NotInBatch { env: id });

@@ -1,7 +1,7 @@
 //! From the learner to the lane: a request is checked, written into shared memory, and sent.
 
-use super::{Actions, AttachedLane};
 use super::error::ClientError;
+use super::{Actions, AttachedLane};
 use crate::CHECK_INTERVAL;
 use crate::services::doing;
 use crate::wait_options::WaitOptions;

@@ -110,7 +110,7 @@ impl Client {
         let Some(mut learner) = self.connect() else { return Ok(()) };
         report("session");
         let max_held = self.lane().max_held_batches - 1;
-        let mut held: Vec<(Batch, Vec<u8>)> = Vec::new();
+        let mut held: Vec<(Arc<Batch>, Vec<u8>)> = Vec::new();
         let mut frames = 0u64;
         let mut reported = Instant::now();
         let is_short = self.rng.random_ratio(1, 3);
@@ -154,8 +154,8 @@ impl Client {
     /// Holds some of the batches for a while.
     fn hold_some(
         &mut self,
-        batch: Option<Batch>,
-        held: &mut Vec<(Batch, Vec<u8>)>,
+        batch: Option<Arc<Batch>>,
+        held: &mut Vec<(Arc<Batch>, Vec<u8>)>,
         max_held: usize,
     ) -> Result<(), String> {
         if let Some(batch) = batch
@@ -175,7 +175,7 @@ impl Client {
     /// One session, in which another thread forks children that read the newest batch.
     fn forking_learner(&mut self) -> Result<(), String> {
         let Some(mut learner) = self.connect() else { return Ok(()) };
-        let newest = Mutex::new(None::<Arc<(Batch, Vec<u8>)>>);
+        let newest = Mutex::new(None::<Arc<(Arc<Batch>, Vec<u8>)>>);
         let ended = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let forks = scope.spawn(|| -> Result<(), String> {
@@ -274,7 +274,7 @@ impl Client {
     }
 }
 
-fn check_unchanged(held: &[(Batch, Vec<u8>)]) -> Result<(), String> {
+fn check_unchanged(held: &[(Arc<Batch>, Vec<u8>)]) -> Result<(), String> {
     match held.iter().find(|(batch, bytes)| batch.bytes() != bytes) {
         Some((batch, _)) => Err(format!("WRONG: frame {} changed while it was held", batch.sequence())),
         None => Ok(()),
