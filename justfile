@@ -151,9 +151,9 @@ chaos minutes seed:
 # Run the chaos test for 15 minutes, long enough to detect slow growth
 soak seed="1": (chaos "15" seed)
 
-# Check every interleaving of leader and followers with loom
+# Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
-    cargo test --release -p smaclite-pool --target-dir target/loom leader_followers
+    cargo test --release -p smaclite-pool --target-dir target/loom loom_tests
 
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":

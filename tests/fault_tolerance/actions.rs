@@ -1,7 +1,7 @@
 //! Wrong actions: the client refuses them before they are sent, and its error names what was wrong.
 
 use crate::assert_contains;
-use smaclite_ipc::{ClientError, WaitOptions};
+use smaclite_ipc::{Client, ClientError, WaitOptions};
 use smaclite_pool::Autoreset;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
@@ -26,15 +26,13 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         for _ in 0..4 / batch_size {
             drop(client.recv(wait(&mut never)).expect("a first observation"));
         }
-        let mut actions = vec![0; 20];
-        client.sample_actions(None, &mut actions).expect("actions");
+        let actions = [1; 20];
         let mut refused = |actions: &[i32], envs: Option<&[i32]>, parts: &[&str]| {
-            let error =
-                client.send(actions, envs, WaitOptions::forever()).expect_err("wrong actions").to_string();
+            let error = step(&mut client, actions, envs).expect_err("wrong actions").to_string();
             assert_contains(&error, parts);
         };
         for wrong in [99, -1, 11, i32::MIN, 6] {
-            let mut actions = actions.clone();
+            let mut actions = actions;
             actions[13] = wrong; // no enemy is near at the start, so attacks are not available either
             let parts = ["environment 2, agent 3", &format!("action {wrong} "), "available: [1"];
             refused(&actions, None, &parts);
@@ -57,6 +55,13 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         }
         assert_eq!(length, [1; 4], "exactly one step");
     }
+}
+
+/// Sends actions and receives the batch, or why they are refused: the client knows which environments exist and are
+/// busy, and the lane everything else.
+fn step(client: &mut Client, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+    client.send(actions, env_ids, WaitOptions::forever())?;
+    client.recv(WaitOptions::forever()).map(drop)
 }
 
 #[test]
@@ -94,11 +99,8 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
         learner.recv(TIMEOUT).expect("a batch");
     }
     assert!(learner.reference().is_over(0) && learner.reference().is_over(3));
-    let error = learner
-        .client()
-        .send(&[1; 10], Some(&[1, 3]), WaitOptions::forever())
-        .expect_err("a finished environment")
-        .to_string();
+    let error =
+        step(learner.client(), &[1; 10], Some(&[1, 3])).expect_err("a finished environment").to_string();
     assert_contains(&error, &["environment 3", "finished", "reset"]);
     learner.send_reset(&[0, 3], Some(99)).expect("a reset of some");
     learner.recv(TIMEOUT).expect("a batch");

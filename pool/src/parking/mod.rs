@@ -84,6 +84,12 @@ impl Drop for Poller<'_> {
     }
 }
 
+/// Sets a flag; `false` if it is set already. The load spares the other threads a write to their cache lines.
+fn set(flag: &AtomicBool) -> bool {
+    !flag.load(Ordering::Relaxed)
+        && flag.compare_exchange(false, true, Ordering::SeqCst, Ordering::Relaxed).is_ok()
+}
+
 impl Parking {
     pub(crate) fn new(threads: usize) -> Parking {
         let worker = || Worker {
@@ -146,8 +152,7 @@ impl Parking {
     }
 
     fn try_poll(&self, source: &impl Source) -> Option<Poller<'_>> {
-        let is_free = source.needs_polling() && !self.polled.load(Ordering::Relaxed);
-        (is_free && !self.polled.swap(true, Ordering::SeqCst)).then(|| Poller(&self.polled))
+        (source.needs_polling() && set(&self.polled)).then(|| Poller(&self.polled))
     }
 
     fn park(&self, worker: usize, searching: Searching<'_>, is_poller: bool, source: &impl Source) {
@@ -228,10 +233,7 @@ impl Parking {
     /// substitutes. `None` if there is none.
     pub(crate) fn substitute(&self, worker: usize) -> Option<usize> {
         let threads = self.threads();
-        (0..threads).map(|i| (worker + i) % threads).find(|worker| {
-            let substituted = &self.workers[*worker].substituted;
-            !substituted.load(Ordering::Relaxed) && !substituted.swap(true, Ordering::SeqCst)
-        })
+        (0..threads).map(|i| (worker + i) % threads).find(|worker| set(&self.workers[*worker].substituted))
     }
 
     /// Gives a worker its place back.
@@ -250,3 +252,6 @@ impl Parking {
         source.ring();
     }
 }
+
+#[cfg(all(test, loom))]
+mod loom_tests;
