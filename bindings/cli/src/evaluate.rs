@@ -1,8 +1,8 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
 use super::{CommandResult, THREADS, check_range, replay, runtime_dir};
+use crate::process::interrupt_flag;
 use clap::Args;
-use smaclite_benches::process::interrupt_flag;
 use smaclite_engine::IllegalAction;
 use smaclite_ipc::LaneScenario;
 use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, evaluate};

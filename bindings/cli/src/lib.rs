@@ -10,8 +10,7 @@ macro_rules! out {
     }};
 }
 
-mod against;
-mod bench;
+pub mod bench;
 mod check;
 mod clean;
 mod completions;
@@ -23,6 +22,7 @@ mod man;
 mod new;
 mod picture;
 mod pool_recorder;
+pub mod process;
 mod record;
 mod replay;
 mod scenarios;

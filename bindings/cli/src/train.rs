@@ -1,9 +1,9 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
 use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
+use crate::process::interrupt_flag;
 use clap::Args;
 use serde_json::Value;
-use smaclite_benches::process::interrupt_flag;
 use smaclite_engine::Rules;
 use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
 use smaclite_learn::{

@@ -1,7 +1,7 @@
 //! A whole pool, in this process or in another one, with a learner in this process.
 
 use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
-use crate::play::Policy;
+use crate::bench::play::Policy;
 use crate::process::{SecondProcess, resident_bytes};
 use smaclite_engine::{Arena, Rules, TICKS_PER_STEP};
 use smaclite_ipc::{
