@@ -60,6 +60,7 @@ pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatu
 pub use follower::{FollowedPart, Follower, LaneScenario, lane_scenario};
 pub use memory::TooLittleMemory;
 pub use name::{NameError, check_name};
+pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves

@@ -21,7 +21,6 @@ mod list;
 mod man;
 mod new;
 mod picture;
-mod pool_recorder;
 pub mod process;
 mod record;
 mod replay;
@@ -33,8 +32,6 @@ mod table;
 mod train;
 mod watch;
 mod web;
-
-pub use pool_recorder::{PoolRecorder, PoolRecorderError};
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};

@@ -1,16 +1,16 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
-use super::pool_recorder::PoolRecorder;
+use super::process::interrupt_flag;
 use super::{CommandResult, check_range, completions, replay, runtime_dir};
 use clap::Args;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_recorder::PoolRecorder;
 use smaclite_scenarios::ScenarioFiles;
 use smaclite_view::{Recorder, Replay, Setup};
 use std::error::Error;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 #[derive(Args)]
@@ -93,12 +93,12 @@ impl Record {
 
     /// Follows environments of a running pool, and writes what they did also if the pool ends.
     fn follow(&self, pool: &str) -> Result<Replay, Box<dyn Error>> {
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        let interrupted = interrupt_flag()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
         let mut recorder =
             PoolRecorder::connect(&runtime_dir()?, pool, self.lane.as_deref(), env_ids, self.episodes)?;
         let is_complete = |recorder: &PoolRecorder| recorder.n_complete() >= self.episodes as u64;
-        while !is_complete(&recorder) && signals.pending().next().is_none() {
+        while !is_complete(&recorder) && !interrupted.load(Ordering::Relaxed) {
             std::thread::sleep(READ_INTERVAL);
             if let Err(error) = recorder.read() {
                 eprintln!("smaclite-pool: {error}");

@@ -1,5 +1,7 @@
-//! Recording environments of a running pool by following them. The command `record --pool` and the Python
-//! package use it.
+//! Recording environments of a running pool: `smaclite_ipc` follows them, and `smaclite_view` writes replays. The
+//! command `record --pool` and the Python package use it.
+
+#![forbid(unsafe_code)]
 
 use smaclite_engine::StreamPosition;
 use smaclite_ipc::{
