@@ -107,7 +107,7 @@ pub fn evaluate(
     let mlp = Team::new(&run.config, run.sizes).actor.mlp;
     let network = read_actor(&folder.join("weights.safetensors"), mlp)?;
     let num_envs = episodes.clamp(1, MAX_ENVS);
-    let mut lanes = Lanes::start(&run.scenario, num_envs, run.config.last_actions, threads, runtime_dir)?;
+    let mut lanes = Lanes::start(&run.setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     lanes.reset(seed)?;
     let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
     let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();

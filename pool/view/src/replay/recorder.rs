@@ -1,10 +1,12 @@
 //! Recording: a battle that notes its seed and actions.
 
-use smaclite_engine::{Battle, ExecutionOrder, IllegalAction, Scratch, Step, StreamPosition, Units};
+use smaclite_engine::{
+    Battle, BattleSetup, ExecutionOrder, IllegalAction, Scratch, Step, StreamPosition, Units,
+};
 use smaclite_scenarios::Scenario;
 
 use super::checksum::Checksum;
-use super::{Episode, Outcome, Replay, ReplayError, Setup, this_program};
+use super::{Episode, Outcome, Replay, ReplayError, this_program};
 
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
@@ -27,7 +29,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`ReplayError::Scenario`] if the texts of the setup are no scenario.
-    pub fn new(setup: Setup, seed: u64) -> Result<Recorder, ReplayError> {
+    pub fn new(setup: BattleSetup, seed: u64) -> Result<Recorder, ReplayError> {
         let replay = Replay::new(setup, this_program())?;
         Ok(Recorder {
             battle: Battle::new(replay.arena.clone(), seed),

@@ -2,10 +2,9 @@
 
 use super::cells::Cells;
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, FeatureBlock, obs_features};
+use smaclite_engine::{Arena, BattleSetup, FeatureBlock, obs_features};
 use smaclite_ipc::{
-    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator,
-    lane_scenario,
+    ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, lane_scenario,
 };
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::{Scenario, ScenarioError};
@@ -23,8 +22,8 @@ pub(super) struct Battles {
 }
 
 impl Battles {
-    fn of(lane: &LaneScenario) -> Result<Battles, ScenarioError> {
-        let (scenario, arena) = lane.arena()?;
+    fn of(setup: &BattleSetup) -> Result<Battles, ScenarioError> {
+        let (scenario, arena) = setup.arena()?;
         Ok(Battles { scenario, arena: Arc::new(arena) })
     }
 }
