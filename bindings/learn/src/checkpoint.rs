@@ -155,5 +155,4 @@ pub(crate) fn read_actor(path: &Path, mlp: Mlp) -> Result<Network, FileError> {
 }
 
 #[cfg(test)]
-#[path = "checkpoint_tests.rs"]
 mod tests;

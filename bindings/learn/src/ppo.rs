@@ -272,5 +272,4 @@ impl Sums {
 }
 
 #[cfg(test)]
-#[path = "ppo_tests.rs"]
 mod tests;
