@@ -111,8 +111,7 @@ pub fn evaluate(
     lanes.reset(seed)?;
     let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
     let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();
-    let quota = |env: usize| episodes / num_envs + usize::from(env < episodes % num_envs);
-    let (mut counts, mut counted) = (vec![0; num_envs], Vec::with_capacity(episodes));
+    let mut tally = Tally { episodes, ended: vec![0; num_envs], counted: Vec::with_capacity(episodes) };
     for step in 0.. {
         if interrupted() {
             return Err(ClientError::Interrupted.into());
@@ -120,13 +119,9 @@ pub fn evaluate(
         for (lane, actor) in actors.iter_mut().enumerate() {
             let (first_env, batch) = lanes.batch(lane, interrupted)?;
             for (slot, episode) in ended_episodes(batch) {
-                let env_id = first_env + slot;
-                if counts[env_id] < quota(env_id) {
-                    let number = counts[env_id];
-                    on_event(EvaluationEvent::Ended(EvaluatedEpisode { env_id, number, episode }));
-                    counted.push(episode);
+                if let Some(counted) = tally.add(first_env + slot, episode) {
+                    on_event(EvaluationEvent::Ended(counted));
                 }
-                counts[env_id] += 1;
             }
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
             actor.act(&network, run.sizes, batch, choice, draw);
@@ -134,17 +129,44 @@ pub fn evaluate(
             let ends = batch.terminated().iter().zip(batch.truncated());
             let actions = actor.actions.chunks(run.sizes.n_agents);
             for ((env_id, actions), (terminated, truncated)) in (first_env..).zip(actions).zip(ends) {
-                if terminated | truncated == 0 && counts[env_id] < quota(env_id) {
+                if terminated | truncated == 0 && tally.is_open(env_id) {
                     on_event(EvaluationEvent::Step { env_id, actions });
                 }
             }
             lanes.send(lane, &actor.actions)?;
         }
-        if counted.len() >= episodes {
+        if tally.counted.len() >= episodes {
             break;
         }
     }
-    Ok(result(run.name, evaluation, num_envs, &counted))
+    Ok(result(run.name, evaluation, num_envs, &tally.counted))
+}
+
+/// The episodes that ended, by environment, and those of them that count.
+struct Tally {
+    /// How many are to count.
+    episodes: usize,
+    ended: Vec<usize>,
+    counted: Vec<Episode>,
+}
+
+impl Tally {
+    /// Whether the present episode of an environment counts.
+    fn is_open(&self, env_id: usize) -> bool {
+        let num_envs = self.ended.len();
+        let quota = self.episodes / num_envs + usize::from(env_id < self.episodes % num_envs);
+        self.ended[env_id] < quota
+    }
+
+    /// Adds the episode that ended in an environment; `None` if it does not count.
+    fn add(&mut self, env_id: usize, episode: Episode) -> Option<EvaluatedEpisode> {
+        let (number, counts) = (self.ended[env_id], self.is_open(env_id));
+        self.ended[env_id] += 1;
+        counts.then(|| {
+            self.counted.push(episode);
+            EvaluatedEpisode { env_id, number, episode }
+        })
+    }
 }
 
 fn result(

@@ -86,8 +86,8 @@ impl Ppo {
             Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
         };
         let mut samples = rollout.samples();
-        let mut policy_rows = rollout.policy_rows(&samples);
-        let mut value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
+        let policy_rows = rollout.policy_rows(&samples);
+        let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
         let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
         let agents_per_value = rollout.sizes.n_agents / values_per_env;
@@ -108,13 +108,7 @@ impl Ppo {
             let mut generator = generator(config.seed, Purpose::Minibatches, [update, epoch]);
             // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
             samples.shuffle(&mut generator);
-            policy_rows = rollout.policy_rows(&samples);
-            value_rows = rows(&samples, values_per_env).collect();
-            for i in 0..config.minibatches {
-                let part = |rows| part(rows, i, config.minibatches);
-                let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
-                self.step(team, &data, &minibatch, &settings, &mut sums)?;
-            }
+            self.epoch(team, &data, &samples, &settings, &mut sums)?;
         }
         Ok(UpdateStats {
             policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
@@ -123,6 +117,26 @@ impl Ppo {
             entropy_weight: settings.entropy,
             ..sums.stats()
         })
+    }
+
+    /// One pass over the samples, in minibatches.
+    fn epoch(
+        &mut self,
+        team: &mut Team,
+        data: &Data<'_>,
+        samples: &[u32],
+        settings: &StepSettings<'_>,
+        sums: &mut Sums,
+    ) -> Result<(), Diverged> {
+        let policy_rows = data.rollout.policy_rows(samples);
+        let value_rows: Vec<u32> = rows(samples, data.values_per_env).collect();
+        let n_minibatches = settings.config.minibatches;
+        for i in 0..n_minibatches {
+            let part = |rows| part(rows, i, n_minibatches);
+            let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
+            self.step(team, data, &minibatch, settings, sums)?;
+        }
+        Ok(())
     }
 
     /// One gradient step of both networks.
