@@ -198,8 +198,7 @@ impl Mlp {
         workspace: &mut Workspace,
         gradient: &mut [f32],
     ) {
-        let (rows, _) = workspace.shape;
-        let Workspace { outputs, deltas, .. } = workspace;
+        let Workspace { shape: (rows, _), ref mut outputs, ref mut deltas } = *workspace;
         // The caller has replaced the output of the last layer by its delta.
         let last = self.layers.len() - 1;
         std::mem::swap(&mut outputs[last], &mut deltas[last]);
@@ -224,10 +223,9 @@ impl Mlp {
                     || differentiate(lower, below, self.activation),
                 );
             } else {
-                let id_gradient = &mut gradient[self.id_bias.clone()];
                 vectorised(
                     #[inline(always)]
-                    || sum_rows_by_id(id_gradient, delta, ids, layer.n_out),
+                    || sum_rows_by_id(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out),
                 );
             }
         }

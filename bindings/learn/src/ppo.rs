@@ -105,34 +105,32 @@ impl Ppo {
         let settings = StepSettings::new(config, update, steps);
         let mut sums = Sums::default();
         for epoch in 0..config.epochs as u64 {
-            let mut generator = generator(config.seed, Purpose::Minibatches, [update, epoch]);
-            // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
-            samples.shuffle(&mut generator);
-            self.epoch(team, &data, &samples, &settings, &mut sums)?;
+            self.epoch(team, &data, &mut samples, &settings, epoch, &mut sums)?;
         }
         Ok(UpdateStats {
             policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
             explained_variance: estimates.explained_variance,
-            actor_lr: settings.actor_lr,
-            entropy_weight: settings.entropy,
-            ..sums.stats()
+            ..sums.stats(&settings)
         })
     }
 
-    /// One pass over the samples, in minibatches.
+    /// One pass over the samples, in minibatches of another order.
     fn epoch(
         &mut self,
         team: &mut Team,
         data: &Data<'_>,
-        samples: &[u32],
+        samples: &mut [u32],
         settings: &StepSettings<'_>,
+        epoch: u64,
         sums: &mut Sums,
     ) -> Result<(), Diverged> {
+        let StepSettings { config, update, .. } = *settings;
+        // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
+        samples.shuffle(&mut generator(config.seed, Purpose::Minibatches, [update, epoch]));
         let policy_rows = data.rollout.policy_rows(samples);
         let value_rows: Vec<u32> = rows(samples, data.values_per_env).collect();
-        let n_minibatches = settings.config.minibatches;
-        for i in 0..n_minibatches {
-            let part = |rows| part(rows, i, n_minibatches);
+        for i in 0..config.minibatches {
+            let part = |rows| part(rows, i, config.minibatches);
             let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
             self.step(team, data, &minibatch, settings, sums)?;
         }
@@ -270,7 +268,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn stats(&self) -> UpdateStats {
+    fn stats(&self, settings: &StepSettings<'_>) -> UpdateStats {
         let rows = self.policy.rows.max(1.0);
         UpdateStats {
             policy_loss: self.policy.loss / rows,
@@ -280,6 +278,8 @@ impl Sums {
             clip_fraction: self.policy.clipped / rows,
             actor_grad_norm: self.actor_norms / self.actor_steps.max(1.0),
             critic_grad_norm: self.critic_norms / self.critic_steps.max(1.0),
+            actor_lr: settings.actor_lr,
+            entropy_weight: settings.entropy,
             ..UpdateStats::default()
         }
     }
