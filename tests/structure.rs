@@ -1,5 +1,5 @@
-//! No modules of a crate depend on each other in a circle: each can be read after those that it uses. A module and
-//! the modules inside it count as one.
+//! No modules of a crate depend on each other in a circle: each can be read after those that it uses. A
+//! module and the modules inside it count as one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -50,8 +50,8 @@ fn read_modules(folder: &Path, parent: &mut Module, sources: &mut BTreeMap<Modul
     }
 }
 
-/// The modules that paths from `crate` or `super` lead to, without those around and inside of the module. Braces
-/// end a path, as rustfmt's output has them.
+/// The modules that paths from `crate` or `super` lead to, without those around and inside of the module.
+/// Braces end a path, as rustfmt's output has them.
 fn used_modules(module: &Module, source: &str, all: &BTreeMap<Module, String>) -> BTreeSet<Module> {
     let mut used = BTreeSet::new();
     for start in ["crate::", "super::"] {

@@ -1,5 +1,5 @@
-//! Recording environments of a running pool: `smaclite_ipc` follows them, and `smaclite_view` writes replays. The
-//! command `record --pool` and the Python package use it.
+//! Recording environments of a running pool: `smaclite_ipc` follows them, and `smaclite_view` writes
+//! replays. The command `record --pool` and the Python package use it.
 
 #![forbid(unsafe_code)]
 

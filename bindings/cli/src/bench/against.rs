@@ -1,5 +1,5 @@
-//! `smaclite-pool bench --against`: other programs and this one, measured in turn. `peers` runs them; here are
-//! the options and the table.
+//! `smaclite-pool bench --against`: other programs and this one, measured in turn. `peers` runs them; here
+//! are the options and the table.
 
 use super::null;
 use super::peers::{Comparison, Found, Peer, PeerError};

@@ -1,5 +1,5 @@
-//! `smaclite-pool bench`: steps per second of the engine or of a pool. Here are the options and the tables; the
-//! modules measure. The program `smaclite-benches` uses those that are public.
+//! `smaclite-pool bench`: steps per second of the engine or of a pool. Here are the options and the tables;
+//! the modules measure. The program `smaclite-benches` uses those that are public.
 
 mod against;
 pub mod null;

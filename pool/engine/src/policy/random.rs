@@ -29,9 +29,9 @@ impl Random {
     }
 }
 
-/// A number below `count`, or 0 if `count` is 0, as uniform as the 64 random bits, to within count / 2^64: the high
-/// bits of their product (D. Lemire, "Fast random integer generation in an interval", 2019, without the
-/// rejection).
+/// A number below `count`, or 0 if `count` is 0, as uniform as the 64 random bits, to within count / 2^64:
+/// the high bits of their product (D. Lemire, "Fast random integer generation in an interval", 2019,
+/// without the rejection).
 pub fn uniform_below(count: u32, random: u64) -> u32 {
     ((u128::from(random) * u128::from(count)) >> 64) as u32
 }
