@@ -1,7 +1,7 @@
 //! What the measurements of the engine have in common: the battles that they play. Times differ between runs
 //! and between machines; instructions hardly do, so changes of the engine are judged by instructions first.
 
-use smaclite_benches::play::{AfterEpisode, Player, Policy, Recording};
+use smaclite_cli::bench::play::{AfterEpisode, Player, Policy, Recording};
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::{Scenario, ScenarioError};
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 //! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
 use crate::engine::{Plays, record};
-use smaclite_benches::play::{Player, Policy, Recording};
+use smaclite_cli::bench::play::{Player, Policy, Recording};
 use smaclite_engine::Scratch;
 use smaclite_scenarios::ScenarioError;
 use std::collections::HashMap;

@@ -13,10 +13,10 @@ mod step_times;
 mod transport;
 
 use clap::{Parser, Subcommand};
-use smaclite_benches::null;
-use smaclite_benches::play::Policy;
-use smaclite_benches::process::wait_for_termination;
-use smaclite_benches::throughput::Workload;
+use smaclite_cli::bench::null;
+use smaclite_cli::bench::play::Policy;
+use smaclite_cli::bench::throughput::Workload;
+use smaclite_cli::process::wait_for_termination;
 use smaclite_ipc::{RuntimeDir, WaitStrategy};
 use smaclite_pool::PoolOptions;
 use std::error::Error;

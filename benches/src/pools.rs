@@ -1,10 +1,10 @@
 //! Pools compared with the engine alone, with each other, and by their number of environments.
 
 use crate::second_process;
-use smaclite_benches::median;
-use smaclite_benches::play::Policy;
-use smaclite_benches::process::interrupt_flag;
-use smaclite_benches::throughput::{Mode, Throughput, Workload};
+use smaclite_cli::bench::play::Policy;
+use smaclite_cli::bench::throughput::median;
+use smaclite_cli::bench::throughput::{Mode, Throughput, Workload};
+use smaclite_cli::process::interrupt_flag;
 use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::sync::Arc;

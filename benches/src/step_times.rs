@@ -1,7 +1,7 @@
 //! How long a step takes in each scenario.
 
 use crate::engine::{Plays, record};
-use smaclite_benches::play::{AfterEpisode, Player, Recording};
+use smaclite_cli::bench::play::{AfterEpisode, Player, Recording};
 use smaclite_engine::Scratch;
 use std::error::Error;
 use std::time::{Duration, Instant};

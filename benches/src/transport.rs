@@ -2,9 +2,9 @@
 
 use crate::ping_pong::Endpoint;
 use crate::second_process;
-use smaclite_benches::median;
-use smaclite_benches::null::SIZES;
-use smaclite_benches::process::SecondProcess;
+use smaclite_cli::bench::null::SIZES;
+use smaclite_cli::bench::throughput::median;
+use smaclite_cli::process::SecondProcess;
 use smaclite_ipc::{Client, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
 use std::error::Error;
 use std::time::{Duration, Instant};

@@ -11,7 +11,7 @@ use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use smaclite_engine::Rules;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy, check_name,
@@ -76,7 +76,7 @@ const MAX_LANES: usize = 64;
 // PyO3 shows only literals as defaults, so their text is repeated here; a test compares the two.
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
-    threads=None, autoreset="next_step", episode_limit=Some(EpisodeLimit::Name("default".to_owned())),
+    threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
     rules="smaclite", fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
     max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
     wait="adaptive", name=None, record=None, lanes=None))]
@@ -93,7 +93,7 @@ pub fn make(
     seed: IntArg,
     threads: Option<IntArg>,
     autoreset: &str,
-    episode_limit: Option<EpisodeLimit>,
+    episode_limit: Option<LimitArg>,
     rules: &str,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
@@ -115,7 +115,7 @@ pub fn make(
     let spectators = to_unsigned("spectators", spectators)?;
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
-    let limit = to_episode_limit(episode_limit)?;
+    let episode_limit = to_episode_limit(episode_limit)?;
     let fields = match fields {
         Some(names) => {
             FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?
@@ -127,8 +127,8 @@ pub fn make(
     let _pending = PendingCall::new()?;
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
-        let resolved = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
-        let scenario = resolved.0.clone();
+        let (scenario, files) = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        let setup = BattleSetup { files, rules, episode_limit };
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let count = lanes.unwrap_or(1);
@@ -137,15 +137,12 @@ pub fn make(
             let suffix = if lanes.is_some() { format!("-{index}") } else { String::new() };
             let name = lane_name(&scenario.name, &suffix);
             let num_envs = num_envs / count + usize::from(index < num_envs % count);
-            let mut lane = LaneConfig::new(name.clone(), resolved.clone(), num_envs);
-            if let LaneEnvs::Battle { rules: lane_rules, episode_limit, .. } = &mut lane.envs {
-                (*lane_rules, *episode_limit) = (rules, limit);
-            }
+            let envs = LaneEnvs::Battle(setup.clone());
             let batch_size = batch_size.unwrap_or(num_envs);
             let seed = seed.wrapping_add(first_env as u64);
             let settings = LaneSettings { num_envs, batch_size, seed, ..settings };
-            configs.push(LaneConfig { settings, max_held_batches, spectators, ..lane });
-            names.push(name);
+            names.push(name.clone());
+            configs.push(LaneConfig { name, envs, settings, max_held_batches, spectators });
             first_env += num_envs;
         }
         let config = SupervisorConfig { name, lanes: configs, options, runtime_dir };
@@ -191,25 +188,25 @@ fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {
 
 /// A number of steps, or the name of the scenario's own limit.
 #[derive(FromPyObject)]
-pub enum EpisodeLimit {
+pub enum LimitArg {
     #[pyo3(annotation = "str")]
     Name(String),
     #[pyo3(annotation = "int")]
     Steps(IntArg),
 }
 
-/// The limit as in [`LaneEnvs::Battle`]: the outer `None` is the scenario's limit, the inner one no limit.
-fn to_episode_limit(limit: Option<EpisodeLimit>) -> PyResult<Option<Option<u32>>> {
+/// `None` is no limit.
+fn to_episode_limit(limit: Option<LimitArg>) -> PyResult<EpisodeLimit> {
     const EXPECTED: &str = "episode_limit must be an integer of at least 1, None or \"default\"";
     match limit {
-        None => Ok(Some(None)),
-        Some(EpisodeLimit::Name(name)) if name == "default" => Ok(None),
-        Some(EpisodeLimit::Name(name)) => Err(invalid_request(format!("{EXPECTED}, got `{name}`"))),
-        Some(EpisodeLimit::Steps(IntArg::Other(type_name))) => {
+        None => Ok(EpisodeLimit::None),
+        Some(LimitArg::Name(name)) if name == "default" => Ok(EpisodeLimit::Scenario),
+        Some(LimitArg::Name(name)) => Err(invalid_request(format!("{EXPECTED}, got `{name}`"))),
+        Some(LimitArg::Steps(IntArg::Other(type_name))) => {
             Err(PyTypeError::new_err(format!("{EXPECTED}, got {type_name}")))
         }
-        Some(EpisodeLimit::Steps(IntArg::Small(0))) => Err(invalid_request(format!("{EXPECTED}, got 0"))),
-        Some(EpisodeLimit::Steps(steps)) => Ok(Some(Some(to_unsigned("episode_limit", steps)?))),
+        Some(LimitArg::Steps(IntArg::Small(0))) => Err(invalid_request(format!("{EXPECTED}, got 0"))),
+        Some(LimitArg::Steps(steps)) => Ok(EpisodeLimit::Steps(to_unsigned("episode_limit", steps)?)),
     }
 }
 

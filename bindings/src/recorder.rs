@@ -7,8 +7,8 @@ use crate::wait::run_on_thread;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use smaclite_cli::PoolRecorder;
-use smaclite_ipc::{ClientError, ConnectError, RuntimeDir};
+use smaclite_ipc::{ClientError, ConnectError, ProcessOwned, RuntimeDir};
+use smaclite_recorder::PoolRecorder;
 use smaclite_view::SUFFIX;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -36,10 +36,9 @@ fn save(recorder: &mut PoolRecorder, path: &Path) -> PyResult<bool> {
 
 /// The recording of `make` and `connect`, which is written when its environments are closed.
 pub struct RecordingToFile {
-    recorder: Option<PoolRecorder>,
-    path: PathBuf,
     /// A forked child writes nothing.
-    owner: u32,
+    recorder: ProcessOwned<Option<PoolRecorder>>,
+    path: PathBuf,
 }
 
 impl RecordingToFile {
@@ -51,13 +50,15 @@ impl RecordingToFile {
         path: PathBuf,
     ) -> Result<RecordingToFile, ConnectError> {
         let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES)?;
-        Ok(RecordingToFile { recorder: Some(recorder), path, owner: std::process::id() })
+        Ok(RecordingToFile { recorder: ProcessOwned::new(Some(recorder)), path })
     }
 
     /// Writes the file, if an episode began.
     pub fn finish(&mut self) -> PyResult<()> {
-        let is_owned = self.owner == std::process::id();
-        match self.recorder.take().filter(|_| is_owned) {
+        let Ok(recorder) = self.recorder.get_mut() else {
+            return Ok(());
+        };
+        match recorder.take() {
             Some(mut recorder) => save(&mut recorder, &self.path).map(|_| ()),
             None => Ok(()),
         }

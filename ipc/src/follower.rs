@@ -4,56 +4,19 @@
 use crate::client::{ClientError, ConnectError};
 use crate::control::client::ControlClient;
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
+use crate::lane_scenario::setup_in;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::wait_options::WaitOptions;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::BattleSetup;
 use smaclite_pool::EpisodePart;
-use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
-
-/// The scenario of a lane's battles.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LaneScenario {
-    /// The texts of its files.
-    pub files: ScenarioFiles,
-    /// The rule set.
-    pub rules: Rules,
-    /// Steps after which an episode is truncated; it may differ from that of the scenario file.
-    pub episode_limit: Option<u32>,
-}
-
-impl LaneScenario {
-    /// The scenario, and the arena in which the lane's battles are played.
-    ///
-    /// # Errors
-    /// If this release cannot read the scenario.
-    pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
-        let scenario = self.files.scenario()?;
-        let arena = Arena::new(&scenario, self.rules).with_episode_limit(self.episode_limit);
-        Ok((scenario, arena))
-    }
-}
-
-/// The scenario of a lane, of the only lane if none is named.
-///
-/// # Errors
-/// If the pool cannot be reached, or the lane has no battles.
-pub fn lane_scenario(
-    runtime_dir: &RuntimeDir,
-    pool: &str,
-    lane: Option<&str>,
-) -> Result<LaneScenario, ConnectError> {
-    let request = ControlRequest::Scenario { lane: lane.map(str::to_owned) };
-    let (_, response) = ControlClient::request(runtime_dir, pool, &request, WaitOptions::for_response())?;
-    Ok(scenario_of(response)?.1)
-}
 
 /// Follows environments: receives the states in which their episodes begin and their joint actions. The
 /// supervisor keeps what was not read, as much as fits its limit; then the oldest episodes are missing.
 pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,
-    scenario: LaneScenario,
+    setup: BattleSetup,
 }
 
 /// A part of an episode of a followed environment.
@@ -81,8 +44,8 @@ impl Follower {
         let request = ControlRequest::Follow { lane: lane.map(str::to_owned), env_ids: env_ids.to_vec() };
         let (connection, response) =
             ControlClient::request(runtime_dir, pool, &request, WaitOptions::for_response())?;
-        let (description, scenario) = scenario_of(response)?;
-        Ok(Follower { connection: ProcessOwned::new(connection), description, scenario })
+        let (description, setup) = setup_in(response)?;
+        Ok(Follower { connection: ProcessOwned::new(connection), description, setup })
     }
 
     /// The lane.
@@ -90,9 +53,9 @@ impl Follower {
         &self.description
     }
 
-    /// The scenario of its battles.
-    pub fn scenario(&self) -> &LaneScenario {
-        &self.scenario
+    /// What its battles are played with.
+    pub fn setup(&self) -> &BattleSetup {
+        &self.setup
     }
 
     /// What the environments did since the last call, by environment and in order. The pool has 10 seconds to
@@ -110,19 +73,5 @@ impl Follower {
             ControlResponse::Refused(refusal) => Err(refusal.into()),
             other => Err(ControlError::unexpected(&other).into()),
         }
-    }
-}
-
-fn scenario_of(response: ControlResponse) -> Result<(LaneDescription, LaneScenario), ControlError> {
-    match response {
-        ControlResponse::Scenario { lane, files } => {
-            let rules = lane.rules.parse().map_err(|error| ControlError::Malformed {
-                what: format!("rules of lane `{}`: {error}", lane.lane),
-            })?;
-            let scenario = LaneScenario { files: *files, rules, episode_limit: lane.episode_limit };
-            Ok((*lane, scenario))
-        }
-        ControlResponse::Refused(refusal) => Err(refusal),
-        other => Err(ControlError::unexpected(&other)),
     }
 }

@@ -5,6 +5,7 @@
 //! A learner in Rust:
 //!
 //! ```
+//! use smaclite_engine::BattleSetup;
 //! use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions};
 //! use smaclite_scenarios::ScenarioFiles;
 //!
@@ -12,7 +13,8 @@
 //! # let folder = tempfile::tempdir()?;
 //! # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
 //! // Usually another process: `smaclite-pool serve 2s3z:4 --name train`.
-//! let lanes = vec![LaneConfig::new("2s3z", ScenarioFiles::resolve("2s3z")?, 4)];
+//! let (_, files) = ScenarioFiles::resolve("2s3z")?;
+//! let lanes = vec![LaneConfig::new("2s3z", BattleSetup::new(files), 4)];
 //! let (name, options) = ("train".to_owned(), Default::default());
 //! let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
@@ -38,6 +40,7 @@ mod client;
 pub mod control;
 mod error;
 mod follower;
+mod lane_scenario;
 mod memory;
 mod name;
 mod process_owned;
@@ -57,9 +60,11 @@ pub use clean::{CleanError, CleanReport, clean, left_over_files};
 pub use client::{Actions, Client, ClientError, ConnectError};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
-pub use follower::{FollowedPart, Follower, LaneScenario, lane_scenario};
+pub use follower::{FollowedPart, Follower};
+pub use lane_scenario::lane_scenario;
 pub use memory::TooLittleMemory;
 pub use name::{NameError, check_name};
+pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves

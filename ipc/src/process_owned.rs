@@ -11,31 +11,34 @@ use std::sync::Once;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A value of the process that made it. A forked child can read its copy, and never drops it.
-pub(crate) struct ProcessOwned<T> {
+pub struct ProcessOwned<T> {
     value: ManuallyDrop<T>,
     owner: u32,
 }
 
 /// This process is a forked child of the owner.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct NotOwner {
+pub struct NotOwner {
     /// The process that owns the value.
-    pub(crate) owner: u32,
+    pub owner: u32,
 }
 
 impl<T> ProcessOwned<T> {
     /// A value of this process.
-    pub(crate) fn new(value: T) -> Self {
+    pub fn new(value: T) -> Self {
         ProcessOwned { value: ManuallyDrop::new(value), owner: process_id() }
     }
 
     /// The value, for a change, if this process owns it.
-    pub(crate) fn get_mut(&mut self) -> Result<&mut T, NotOwner> {
+    ///
+    /// # Errors
+    /// If this process is a forked child of the owner.
+    pub fn get_mut(&mut self) -> Result<&mut T, NotOwner> {
         if self.is_owned() { Ok(&mut self.value) } else { Err(NotOwner { owner: self.owner }) }
     }
 
     /// Whether this process made the value.
-    pub(crate) fn is_owned(&self) -> bool {
+    pub fn is_owned(&self) -> bool {
         self.owner == process_id()
     }
 }

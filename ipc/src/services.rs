@@ -32,7 +32,6 @@ pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSample = Sample<Ipc, [u8], FrameHeader>;
 pub(crate) type RequestPublisher = Publisher<Ipc, [u8], RequestHeader>;
 pub(crate) type RequestSubscriber = Subscriber<Ipc, [u8], RequestHeader>;
-pub(crate) type RequestSample = Sample<Ipc, [u8], RequestHeader>;
 pub(crate) type IpcListener = Listener<Ipc>;
 pub(crate) type IpcNotifier = Notifier<Ipc>;
 

@@ -1,7 +1,10 @@
 //! How long a call may wait, and what may interrupt it.
 
-use crate::control::client::RESPONSE_TIMEOUT;
 use std::time::Duration;
+
+/// How long a supervisor may take to answer if the caller sets no timeout. It answers at once, unless it is
+/// stopped or overloaded.
+pub(crate) const RESPONSE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// How to wait.
 pub struct WaitOptions<'a> {

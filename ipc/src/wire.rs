@@ -3,8 +3,9 @@
 
 #![allow(unsafe_code)] // `as_atomics` says why; the derive of `ZeroCopySend` asserts plain data
 
-use crate::services::RequestSample;
+use crate::variant::PoolService;
 use iceoryx2::prelude::ZeroCopySend;
+use iceoryx2::sample::Sample;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Epoch, Message, Request, RequestKind, RequestNumber, SessionId};
@@ -193,7 +194,7 @@ fn check_origin(header: &RequestHeader, layout: &Layout) -> Result<(), Rejection
 
 /// A received request in shared memory.
 pub(crate) struct RequestMessage {
-    pub(crate) sample: RequestSample,
+    pub(crate) sample: Sample<PoolService, [u8], RequestHeader>,
     pub(crate) layout: Arc<Layout>,
 }
 

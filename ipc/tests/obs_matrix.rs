@@ -1,5 +1,6 @@
 //! The matrix view of observations, which needs the feature `faer`.
 
+use smaclite_engine::BattleSetup;
 use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::error::Error;
@@ -8,7 +9,8 @@ use std::error::Error;
 fn a_row_of_the_matrix_is_the_observation_of_an_agent() -> Result<(), Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-    let lanes = vec![LaneConfig::new("2s3z", ScenarioFiles::resolve("2s3z")?, 4)];
+    let (_, files) = ScenarioFiles::resolve("2s3z")?;
+    let lanes = vec![LaneConfig::new("2s3z", BattleSetup::new(files), 4)];
     let (name, options) = ("train".to_owned(), Default::default());
     let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
     let _supervisor = Supervisor::start(config)?;

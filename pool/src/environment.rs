@@ -1,5 +1,8 @@
-//! What the pool needs of an environment, as a trait, and its implementation by a battle. The pool knows
-//! nothing of units or rules.
+//! What the pool needs of an environment, as a trait, and its implementation by a battle. All other code of
+//! the pool steps environments by this trait alone, and knows nothing of units or rules.
+//!
+//! The trait speaks in types of the engine, because users run battles: every worker has one [`Scratch`] for
+//! all its environments, and a [`Snapshot`] is stored and passed on unread.
 
 use smaclite_engine::{Battle, Scratch, Sizes, Snapshot, Step};
 use std::sync::atomic::{AtomicI32, Ordering};

@@ -22,7 +22,7 @@ struct Mirror {
 impl Mirror {
     fn follow(dir: &TestDir, env_ids: &[usize]) -> Mirror {
         let follower = Follower::connect(dir.runtime_dir(), "train", None, env_ids).expect("a follower");
-        let arena = Arc::new(follower.scenario().arena().expect("the lane's scenario").1);
+        let arena = Arc::new(follower.setup().arena().expect("the lane's scenario").1);
         let battle = |env_id: &usize| (*env_id, (Battle::new(Arc::clone(&arena), 0), 0, false));
         Mirror { scratch: Scratch::new(), battles: env_ids.iter().map(battle).collect(), follower }
     }

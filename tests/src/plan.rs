@@ -3,12 +3,12 @@
 use crate::fault::{Fault, FaultyEnv};
 use crate::toy_env::{SIZES, TOY, ToyEnv};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, Battle, Rules, Sizes};
+use smaclite_engine::{Arena, Battle, BattleSetup, Rules, Sizes};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::MakeEnvironment;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, PoolOptions};
-use smaclite_scenarios::{Scenario, ScenarioFiles};
+use smaclite_scenarios::ScenarioFiles;
 use std::sync::Arc;
 
 /// A pool.
@@ -149,21 +149,21 @@ impl LanePlan {
     }
 
     fn config(&self) -> LaneConfig {
-        let mut lane = LaneConfig::new(self.name.clone(), self.resolve(), self.num_envs);
-        lane.envs = self.envs(lane.envs);
-        lane.settings = self.settings();
-        lane.max_held_batches = self.max_held_batches;
-        lane.spectators = self.spectators;
-        lane
+        LaneConfig {
+            name: self.name.clone(),
+            envs: self.envs(),
+            settings: self.settings(),
+            max_held_batches: self.max_held_batches,
+            spectators: self.spectators,
+        }
     }
 
     /// Battles as a user's lane has them, unless an environment has a fault.
-    fn envs(&self, battles: LaneEnvs) -> LaneEnvs {
-        match battles {
-            LaneEnvs::Battle { scenario, files, rules, .. } if self.faults.is_empty() => {
-                LaneEnvs::Battle { scenario, files, rules, episode_limit: Some(self.episode_limit) }
-            }
-            _ => LaneEnvs::Other { name: self.scenario.clone(), sizes: self.sizes(), make: self.make() },
+    fn envs(&self) -> LaneEnvs {
+        if self.faults.is_empty() {
+            LaneEnvs::Battle(self.setup())
+        } else {
+            LaneEnvs::Other { name: self.scenario.clone(), sizes: self.sizes(), make: self.make() }
         }
     }
 
@@ -172,11 +172,12 @@ impl LanePlan {
     }
 
     fn arena(&self) -> Arc<Arena> {
-        Arc::new(Arena::new(&self.resolve().0, Rules::Smaclite).with_episode_limit(self.episode_limit))
+        Arc::new(self.setup().arena().expect("a standard scenario").1)
     }
 
-    fn resolve(&self) -> (Scenario, ScenarioFiles) {
-        ScenarioFiles::resolve(&self.scenario).expect("a standard scenario")
+    fn setup(&self) -> BattleSetup {
+        let (_, files) = ScenarioFiles::resolve(&self.scenario).expect("a standard scenario");
+        BattleSetup { files, rules: Rules::Smaclite, episode_limit: self.episode_limit.into() }
     }
 
     fn field_set(&self) -> FieldSet {

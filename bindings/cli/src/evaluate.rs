@@ -1,13 +1,12 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
 use super::{CommandResult, THREADS, check_range, replay, runtime_dir};
+use crate::process::interrupt_flag;
 use clap::Args;
-use smaclite_benches::process::interrupt_flag;
 use smaclite_engine::IllegalAction;
-use smaclite_ipc::LaneScenario;
 use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, evaluate};
 use smaclite_pool::PoolOptions;
-use smaclite_view::{Recorder, Setup};
+use smaclite_view::Recorder;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -84,8 +83,7 @@ struct Recording(Recorder);
 impl Recording {
     /// Of the run in a folder.
     fn new(folder: &Path, seed: u64) -> Result<Recording, Box<dyn Error>> {
-        let LaneScenario { files, rules, episode_limit } = RunDescription::read(folder)?.scenario;
-        Ok(Recording(Recorder::new(Setup { files, rules, episode_limit }, seed)?))
+        Ok(Recording(Recorder::new(RunDescription::read(folder)?.setup, seed)?))
     }
 
     fn step(&mut self, actions: &[i32]) -> Result<(), IllegalAction> {

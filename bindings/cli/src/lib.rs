@@ -10,8 +10,7 @@ macro_rules! out {
     }};
 }
 
-mod against;
-mod bench;
+pub mod bench;
 mod check;
 mod clean;
 mod completions;
@@ -22,7 +21,7 @@ mod list;
 mod man;
 mod new;
 mod picture;
-mod pool_recorder;
+pub mod process;
 mod record;
 mod replay;
 mod scenarios;
@@ -34,12 +33,10 @@ mod train;
 mod watch;
 mod web;
 
-pub use pool_recorder::{PoolRecorder, PoolRecorderError};
-
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
 use std::error::Error;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::ops::RangeInclusive;
 use tracing_subscriber::EnvFilter;
@@ -134,33 +131,38 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         }
     };
     log_to_stderr(&cli.log);
-    let result = match cli.command {
-        Command::Serve(serve) => serve.run(),
-        Command::Scenarios(scenarios) => scenarios.run(),
-        Command::New(new) => new.run(),
-        Command::Check(check) => check.run(),
-        Command::Schema(schema) => schema.run(),
-        Command::Edit(edit) => edit.run(),
-        Command::Show(show) => show.run(),
-        Command::Record(record) => record.run(),
-        Command::Replay(replay) => replay.run(),
-        Command::Train(train) => train.run(),
-        Command::Evaluate(evaluate) => evaluate.run(),
-        Command::List(list) => list.run(),
-        Command::Status(status) => status.run(),
-        Command::Watch(watch) => watch.run(),
-        Command::Clean(clean) => clean.run(),
-        Command::Bench(bench) => bench.run(),
-        Command::Doctor(doctor) => doctor.run(host),
-        Command::Completions(completions) => completions.run(&args[0]),
-        Command::Man(man) => man.run(),
-    };
-    match result {
+    match cli.command.run(&args[0], host) {
         Ok(()) => 0,
         Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
         Err(error) => {
             eprintln!("smaclite-pool: {error}");
             1
+        }
+    }
+}
+
+impl Command {
+    fn run(self, program: &OsStr, host: &[HostVersion]) -> CommandResult {
+        match self {
+            Command::Serve(serve) => serve.run(),
+            Command::Scenarios(scenarios) => scenarios.run(),
+            Command::New(new) => new.run(),
+            Command::Check(check) => check.run(),
+            Command::Schema(schema) => schema.run(),
+            Command::Edit(edit) => edit.run(),
+            Command::Show(show) => show.run(),
+            Command::Record(record) => record.run(),
+            Command::Replay(replay) => replay.run(),
+            Command::Train(train) => train.run(),
+            Command::Evaluate(evaluate) => evaluate.run(),
+            Command::List(list) => list.run(),
+            Command::Status(status) => status.run(),
+            Command::Watch(watch) => watch.run(),
+            Command::Clean(clean) => clean.run(),
+            Command::Bench(bench) => bench.run(),
+            Command::Doctor(doctor) => doctor.run(host),
+            Command::Completions(completions) => completions.run(program),
+            Command::Man(man) => man.run(),
         }
     }
 }

@@ -1,16 +1,16 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
-use super::pool_recorder::PoolRecorder;
+use super::process::interrupt_flag;
 use super::{CommandResult, check_range, completions, replay, runtime_dir};
 use clap::Args;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
-use smaclite_scenarios::ScenarioFiles;
-use smaclite_view::{Recorder, Replay, Setup};
+use smaclite_learn::resolve_scenario;
+use smaclite_recorder::PoolRecorder;
+use smaclite_view::{Recorder, Replay};
 use std::error::Error;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 #[derive(Args)]
@@ -55,9 +55,6 @@ pub(super) struct Record {
 /// How often a running pool is read.
 const READ_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
-const DEFAULT_LIMIT: u32 = 1000;
-
 impl Record {
     pub(super) fn run(self) -> CommandResult {
         check_range("--episodes", 1..=10_000, self.episodes)?;
@@ -71,12 +68,9 @@ impl Record {
 
     /// Plays and writes the episodes of a scripted policy.
     fn play(&self, scenario: &str) -> Result<Replay, Box<dyn Error>> {
-        let (scenario, files) = ScenarioFiles::resolve(scenario)?;
-        let episode_limit = Some(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
-        let setup = Setup { files, rules: self.rules, episode_limit };
-        let mut recorder = Recorder::new(setup, self.seed)?;
+        let mut recorder = Recorder::new(resolve_scenario(scenario, self.rules)?, self.seed)?;
         let mut policy = Scripted::from_name(&self.policy, self.seed)?;
-        let mut actions = vec![0; scenario.n_agents()];
+        let mut actions = vec![0; recorder.scenario().n_agents()];
         for episode in 0..self.episodes {
             if episode > 0 {
                 recorder.reset();
@@ -93,12 +87,12 @@ impl Record {
 
     /// Follows environments of a running pool, and writes what they did also if the pool ends.
     fn follow(&self, pool: &str) -> Result<Replay, Box<dyn Error>> {
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        let interrupted = interrupt_flag()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
         let mut recorder =
             PoolRecorder::connect(&runtime_dir()?, pool, self.lane.as_deref(), env_ids, self.episodes)?;
         let is_complete = |recorder: &PoolRecorder| recorder.n_complete() >= self.episodes as u64;
-        while !is_complete(&recorder) && signals.pending().next().is_none() {
+        while !is_complete(&recorder) && !interrupted.load(Ordering::Relaxed) {
             std::thread::sleep(READ_INTERVAL);
             if let Err(error) = recorder.read() {
                 eprintln!("smaclite-pool: {error}");

@@ -4,9 +4,9 @@ use super::{CommandResult, THREADS, check_range, completions, megabytes, runtime
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use smaclite_engine::Rules;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{
-    LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
+    LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -43,7 +43,7 @@ pub(super) struct Serve {
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
     /// Steps after which an episode is truncated, or `none` for no limit [default: the scenario's limit]
-    #[arg(long, value_name = "STEPS")]
+    #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
     episode_limit: Option<EpisodeLimit>,
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
@@ -65,23 +65,15 @@ pub(super) struct Serve {
     wait: WaitStrategy,
 }
 
-/// A number of steps, or `None` for no limit.
-#[derive(Clone, Copy)]
-struct EpisodeLimit(Option<u32>);
-
 #[derive(Debug, thiserror::Error)]
 #[error("must be a number of steps between 1 and {}, or `none`", u32::MAX)]
 struct InvalidEpisodeLimit;
 
-impl std::str::FromStr for EpisodeLimit {
-    type Err = InvalidEpisodeLimit;
-
-    fn from_str(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
-        match text.parse::<u32>() {
-            Ok(steps) if steps > 0 => Ok(EpisodeLimit(Some(steps))),
-            _ if text == "none" => Ok(EpisodeLimit(None)),
-            _ => Err(InvalidEpisodeLimit),
-        }
+fn episode_limit(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
+    match text.parse::<u32>() {
+        Ok(steps) if steps > 0 => Ok(EpisodeLimit::Steps(steps)),
+        _ if text == "none" => Ok(EpisodeLimit::None),
+        _ => Err(InvalidEpisodeLimit),
     }
 }
 
@@ -126,14 +118,12 @@ impl Serve {
             }
             None => (rest, DEFAULT_ENVS),
         };
-        let scenario = ScenarioFiles::resolve(scenario)?;
-        let name = name.unwrap_or_else(|| scenario.0.name.clone());
+        let (scenario, files) = ScenarioFiles::resolve(scenario)?;
+        let name = name.unwrap_or(scenario.name);
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
-        let mut lane = LaneConfig::new(name, scenario, num_envs);
-        if let LaneEnvs::Battle { rules, episode_limit, .. } = &mut lane.envs {
-            *rules = self.rules;
-            *episode_limit = self.episode_limit.map(|limit| limit.0);
-        }
+        let episode_limit = self.episode_limit.unwrap_or_default();
+        let setup = BattleSetup { files, rules: self.rules, episode_limit };
+        let mut lane = LaneConfig::new(name, setup, num_envs);
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.seed = self.seed;
         lane.settings.autoreset = self.autoreset;

@@ -1,11 +1,11 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
 use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
+use crate::process::interrupt_flag;
 use clap::Args;
 use serde_json::Value;
-use smaclite_benches::process::interrupt_flag;
-use smaclite_engine::Rules;
-use smaclite_ipc::{ClientError, LaneScenario, RuntimeDir, lane_scenario};
+use smaclite_engine::{BattleSetup, Rules};
+use smaclite_ipc::{ClientError, RuntimeDir, lane_scenario};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
 };
@@ -162,27 +162,27 @@ impl Train {
         if let Some(folder) = &self.resume {
             let run = RunDescription::read(folder)?;
             let Config { num_envs, last_actions, .. } = run.config;
-            let lanes = self.lanes(&run.scenario, num_envs, last_actions, threads, &runtime_dir)?;
+            let lanes = self.lanes(&run.setup, num_envs, last_actions, threads, &runtime_dir)?;
             return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
         }
-        let scenario = self.scenario(&runtime_dir)?;
+        let setup = self.setup(&runtime_dir)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
         check_range("--num-envs", 1..=1 << 16, num_envs)?;
         let last_actions = self.hyperparameters.last_actions.unwrap_or(0);
         check_range("--last-actions", 0..=MAX_LAST_ACTIONS, last_actions)?;
-        let lanes = self.lanes(&scenario, num_envs, last_actions, threads, &runtime_dir)?;
+        let lanes = self.lanes(&setup, num_envs, last_actions, threads, &runtime_dir)?;
         let mut config =
             Config { num_envs: lanes.num_envs(), last_actions: lanes.last_actions(), ..Config::default() };
         config.steps = self.steps.unwrap_or(config.steps);
         config.entropy_end = self.hyperparameters.entropy.unwrap_or(config.entropy_end);
         self.hyperparameters.apply(&mut config);
-        let name = scenario.files.scenario()?.name;
+        let name = setup.files.scenario()?.name;
         let out = self.out.unwrap_or_default();
-        Ok((Run::begin(&out, config, &scenario, lanes, threads)?, name))
+        Ok((Run::begin(&out, config, &setup, lanes, threads)?, name))
     }
 
-    fn scenario(&self, runtime_dir: &RuntimeDir) -> Result<LaneScenario, Box<dyn Error>> {
+    fn setup(&self, runtime_dir: &RuntimeDir) -> Result<BattleSetup, Box<dyn Error>> {
         let of_pool = self
             .pool
             .as_deref()
@@ -191,25 +191,25 @@ impl Train {
         let Some(map) = &self.map else {
             return of_pool.ok_or_else(|| "a MAP or --pool is required".into());
         };
-        let rules = of_pool.as_ref().map(|scenario| scenario.rules).or(self.rules).unwrap_or_default();
-        let mut scenario = resolve_scenario(map, rules)?;
+        let rules = of_pool.as_ref().map(|setup| setup.rules).or(self.rules).unwrap_or_default();
+        let mut setup = resolve_scenario(map, rules)?;
         if let Some(of_pool) = of_pool {
-            scenario.episode_limit = of_pool.episode_limit; // of the pool, which may have its own
+            setup.episode_limit = of_pool.episode_limit; // of the pool, which may have its own
         }
-        Ok(scenario)
+        Ok(setup)
     }
 
     fn lanes(
         &self,
-        scenario: &LaneScenario,
+        setup: &BattleSetup,
         num_envs: usize,
         last_actions: usize,
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, Box<dyn Error>> {
         Ok(match &self.pool {
-            Some(pool) => Lanes::attach(scenario, runtime_dir, pool, &self.lane)?,
-            None => Lanes::start(scenario, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
+            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane)?,
+            None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }
 }

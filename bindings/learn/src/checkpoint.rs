@@ -83,14 +83,8 @@ impl Checkpoint {
         let normaliser: Vec<f64> = arrays.shaped("normaliser", &[3])?;
         let mut team = Team::new(config, sizes);
         team.normaliser = Normaliser { mean: normaliser[0], square: normaliser[1], weight: normaliser[2] };
-        let networks = [("actor", &mut team.actor, counts[3]), ("critic", &mut team.critic, counts[4])];
-        for (name, network, steps) in networks {
-            let shape = [network.mlp.n_params()];
-            network.params = arrays.shaped(&format!("{name}.params"), &shape)?;
-            let mean = arrays.shaped(&format!("{name}.adam.mean"), &shape)?;
-            let square = arrays.shaped(&format!("{name}.adam.square"), &shape)?;
-            network.adam = Adam { steps, mean, square };
-        }
+        read_network(&arrays, "actor", counts[3], &mut team.actor)?;
+        read_network(&arrays, "critic", counts[4], &mut team.critic)?;
         let episode = |values: &[f32]| Episode {
             episode_return: values[0],
             length: values[1] as i32,
@@ -117,6 +111,16 @@ impl Checkpoint {
         }
         Ok(checkpoint)
     }
+}
+
+/// Reads the parameters of a network and its optimiser, which has made `steps` steps.
+fn read_network(arrays: &Arrays, name: &str, steps: u64, network: &mut Network) -> Result<(), FileError> {
+    let shape = [network.mlp.n_params()];
+    network.params = arrays.shaped(&format!("{name}.params"), &shape)?;
+    let mean = arrays.shaped(&format!("{name}.adam.mean"), &shape)?;
+    let square = arrays.shaped(&format!("{name}.adam.square"), &shape)?;
+    network.adam = Adam { steps, mean, square };
+    Ok(())
 }
 
 fn write_arrays(path: &Path, arrays: &[Array]) -> Result<(), FileError> {
@@ -155,5 +159,4 @@ pub(crate) fn read_actor(path: &Path, mlp: Mlp) -> Result<Network, FileError> {
 }
 
 #[cfg(test)]
-#[path = "checkpoint_tests.rs"]
 mod tests;

@@ -158,6 +158,11 @@ impl Config {
     /// # Errors
     /// Names the first hyperparameter that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        self.check_sizes()?;
+        self.check_factors()
+    }
+
+    fn check_sizes(&self) -> Result<(), ConfigError> {
         let count = |name, value: usize, accepted, max: usize| {
             ensure((1..=max).contains(&value), name, accepted, &value)
         };
@@ -172,12 +177,10 @@ impl Config {
         count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
         let layers = (1..=8).contains(&self.hidden.len());
         let widths = self.hidden.iter().all(|width| (2..=4096).contains(width));
-        ensure(
-            layers && widths,
-            "hidden",
-            "1 to 8 widths between 2 and 4096",
-            &format!("{:?}", self.hidden),
-        )?;
+        ensure(layers && widths, "hidden", "1 to 8 widths between 2 and 4096", &format!("{:?}", self.hidden))
+    }
+
+    fn check_factors(&self) -> Result<(), ConfigError> {
         let rates = [("actor_lr", self.actor_lr), ("critic_lr", self.critic_lr), ("adam_eps", self.adam_eps)];
         for (name, value) in rates {
             ensure(value > 0.0 && value <= 1.0, name, "above 0 and at most 1", &value)?;

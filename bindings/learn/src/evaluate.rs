@@ -9,10 +9,10 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
 use crate::run::RunDescription;
-use crate::team::Team;
+use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use serde::Serialize;
-use smaclite_ipc::{ClientError, RuntimeDir};
+use smaclite_ipc::{Batch, ClientError, RuntimeDir};
 use std::path::Path;
 
 /// Most environments of an evaluation.
@@ -104,47 +104,70 @@ pub fn evaluate(
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads } = evaluation;
     let run = RunDescription::read(folder)?;
-    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
-    let network = read_actor(&folder.join("weights.safetensors"), mlp)?;
+    let network = read_network(folder, &run)?;
     let num_envs = episodes.clamp(1, MAX_ENVS);
-    let mut lanes = Lanes::start(&run.scenario, num_envs, run.config.last_actions, threads, runtime_dir)?;
+    let mut lanes = Lanes::start(&run.setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     lanes.reset(seed)?;
     let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
     let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();
-    let quota = |env: usize| episodes / num_envs + usize::from(env < episodes % num_envs);
-    let (mut counts, mut counted) = (vec![0; num_envs], Vec::with_capacity(episodes));
-    for step in 0.. {
+    let mut tally = Tally { episodes, ended: vec![0; num_envs], counted: Vec::with_capacity(episodes) };
+    let mut step = 0;
+    while tally.counted.len() < episodes {
         if interrupted() {
             return Err(ClientError::Interrupted.into());
         }
         for (lane, actor) in actors.iter_mut().enumerate() {
             let (first_env, batch) = lanes.batch(lane, interrupted)?;
-            for (slot, episode) in ended_episodes(batch) {
-                let env_id = first_env + slot;
-                if counts[env_id] < quota(env_id) {
-                    let number = counts[env_id];
-                    on_event(EvaluationEvent::Ended(EvaluatedEpisode { env_id, number, episode }));
-                    counted.push(episode);
-                }
-                counts[env_id] += 1;
-            }
+            tally.add_ended(first_env, batch, on_event);
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
             actor.act(&network, run.sizes, batch, choice, draw);
             // After the last batch of an episode, next-step autoreset ignores the actions.
             let ends = batch.terminated().iter().zip(batch.truncated());
             let actions = actor.actions.chunks(run.sizes.n_agents);
             for ((env_id, actions), (terminated, truncated)) in (first_env..).zip(actions).zip(ends) {
-                if terminated | truncated == 0 && counts[env_id] < quota(env_id) {
+                if terminated | truncated == 0 && tally.is_open(env_id) {
                     on_event(EvaluationEvent::Step { env_id, actions });
                 }
             }
             lanes.send(lane, &actor.actions)?;
         }
-        if counted.len() >= episodes {
-            break;
+        step += 1;
+    }
+    Ok(result(run.name, evaluation, num_envs, &tally.counted))
+}
+
+fn read_network(folder: &Path, run: &RunDescription) -> Result<Network, FileError> {
+    read_actor(&folder.join("weights.safetensors"), Team::new(&run.config, run.sizes).actor.mlp)
+}
+
+/// The episodes that ended, by environment, and those of them that count.
+struct Tally {
+    /// How many are to count.
+    episodes: usize,
+    ended: Vec<usize>,
+    counted: Vec<Episode>,
+}
+
+impl Tally {
+    /// Whether the present episode of an environment counts.
+    fn is_open(&self, env_id: usize) -> bool {
+        let num_envs = self.ended.len();
+        let quota = self.episodes / num_envs + usize::from(env_id < self.episodes % num_envs);
+        self.ended[env_id] < quota
+    }
+
+    /// Adds the episodes that ended in a batch of the environments from `first_env` on.
+    fn add_ended(&mut self, first_env: usize, batch: &Batch, on_event: &mut dyn FnMut(EvaluationEvent)) {
+        for (slot, episode) in ended_episodes(batch) {
+            let env_id = first_env + slot;
+            let number = self.ended[env_id];
+            if self.is_open(env_id) {
+                on_event(EvaluationEvent::Ended(EvaluatedEpisode { env_id, number, episode }));
+                self.counted.push(episode);
+            }
+            self.ended[env_id] += 1;
         }
     }
-    Ok(result(run.name, evaluation, num_envs, &counted))
 }
 
 fn result(

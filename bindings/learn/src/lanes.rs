@@ -5,10 +5,10 @@
 //! seed and its actions depend on `i` alone, not on the lanes.
 
 use crate::config::Config;
-use smaclite_engine::{Rules, Sizes};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, Sizes};
 use smaclite_ipc::{
-    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, LaneEnvs, LaneScenario,
-    RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, StartError,
+    Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
@@ -66,15 +66,15 @@ pub enum LaneError {
 /// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
 const DEFAULT_LIMIT: u32 = 1000;
 
-/// A standard scenario or a scenario file as a lane plays it. Without an episode limit, its episodes end
-/// after 1000 steps.
+/// The setup of a standard scenario or a scenario file. Without an episode limit, its episodes end after 1000
+/// steps.
 ///
 /// # Errors
 /// If the scenario cannot be read.
-pub fn resolve_scenario(name: &str, rules: Rules) -> Result<LaneScenario, ScenarioError> {
+pub fn resolve_scenario(name: &str, rules: Rules) -> Result<BattleSetup, ScenarioError> {
     let (scenario, files) = ScenarioFiles::resolve(name)?;
-    let episode_limit = Some(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
-    Ok(LaneScenario { files, rules, episode_limit })
+    let episode_limit = EpisodeLimit::Steps(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
+    Ok(BattleSetup { files, rules, episode_limit })
 }
 
 /// One lane.
@@ -111,7 +111,7 @@ impl Lanes {
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn start(
-        scenario: &LaneScenario,
+        setup: &BattleSetup,
         num_envs: usize,
         last_actions: usize,
         threads: usize,
@@ -121,7 +121,7 @@ impl Lanes {
         let halves = [("first", num_envs - half), ("second", half)];
         let (mut lanes, mut names) = (Vec::new(), Vec::new());
         for (name, num_envs) in halves.into_iter().filter(|(_, num_envs)| *num_envs > 0) {
-            let mut lane = lane_config(scenario, name, num_envs)?;
+            let mut lane = lane_config(setup, name, num_envs);
             lane.settings.obs_last_actions = last_actions;
             lanes.push(lane);
             names.push(name.to_owned());
@@ -135,7 +135,7 @@ impl Lanes {
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let pool = Supervisor::start(config)?;
         let connect = |lane: Option<&str>| pool.connect(lane, WaitStrategy::default());
-        let lanes = Lanes::attach_by(&connect, scenario, runtime_dir, &name, &names)?;
+        let lanes = Lanes::attach_by(&connect, setup, runtime_dir, &name, &names)?;
         Ok(Lanes { _pool: Some(pool), ..lanes })
     }
 
@@ -144,23 +144,24 @@ impl Lanes {
     /// # Errors
     /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.
     pub fn attach(
-        scenario: &LaneScenario,
+        setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
         pool: &str,
         names: &[String],
     ) -> Result<Lanes, LaneError> {
         let connect = |lane: Option<&str>| Client::connect(runtime_dir, pool, lane, WaitStrategy::default());
-        Lanes::attach_by(&connect, scenario, runtime_dir, pool, names)
+        Lanes::attach_by(&connect, setup, runtime_dir, pool, names)
     }
 
     fn attach_by(
         connect: &dyn Fn(Option<&str>) -> Result<Client, ConnectError>,
-        scenario: &LaneScenario,
+        setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
         pool: &str,
         names: &[String],
     ) -> Result<Lanes, LaneError> {
-        let (parsed, arena) = scenario.arena()?;
+        let (scenario, arena) = setup.arena()?;
+        let expected = BattleSetup { episode_limit: arena.episode_limit().into(), ..setup.clone() };
         let mut sizes = arena.sizes();
         let names: Vec<Option<&str>> = if names.is_empty() {
             vec![None]
@@ -173,8 +174,8 @@ impl Lanes {
             let description = client.description();
             check_settings(description)?;
             let given = lane_scenario(runtime_dir, pool, Some(&description.lane))?;
-            if given != *scenario {
-                let (lane, name) = (description.lane.clone(), parsed.name.clone());
+            if given != expected {
+                let (lane, name) = (description.lane.clone(), scenario.name.clone());
                 return Err(LaneError::OtherScenario { lane, given: description.scenario.clone(), name });
             }
             let settings = description.settings;
@@ -271,16 +272,12 @@ pub(crate) fn sizes_with_history(sizes: Sizes, last_actions: usize) -> Sizes {
     LaneSettings { obs_last_actions: last_actions, ..LaneSettings::new(1) }.frame_sizes(sizes)
 }
 
-/// A lane of battles of the scenario, with the fields that a team reads.
-fn lane_config(scenario: &LaneScenario, name: &str, num_envs: usize) -> Result<LaneConfig, LaneError> {
-    let LaneScenario { files, rules, episode_limit } = scenario;
-    let mut lane = LaneConfig::new(name, (files.scenario()?, files.clone()), num_envs);
-    if let LaneEnvs::Battle { rules: lane_rules, episode_limit: lane_limit, .. } = &mut lane.envs {
-        (*lane_rules, *lane_limit) = (*rules, Some(*episode_limit));
-    }
+/// A lane with the fields that a team reads.
+fn lane_config(setup: &BattleSetup, name: &str, num_envs: usize) -> LaneConfig {
+    let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
     let is_read = |field: &Field| FIELDS.contains(field) || !field.is_optional();
     lane.settings.fields = FieldSet::ALL.iter().filter(is_read).collect();
-    Ok(lane)
+    lane
 }
 
 /// Can a team play on a lane with these settings?

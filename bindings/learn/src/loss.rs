@@ -133,5 +133,4 @@ impl ValueLoss {
 }
 
 #[cfg(test)]
-#[path = "loss_tests.rs"]
 mod tests;

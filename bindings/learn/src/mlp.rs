@@ -64,7 +64,7 @@ pub(crate) struct Workspace {
     shape: (usize, usize),
     /// The output of each layer.
     outputs: Vec<Vec<f32>>,
-    /// dL/dZ of each layer but the last, whose gradient replaces its output.
+    /// dL/dZ of each layer.
     deltas: Vec<Vec<f32>>,
 }
 
@@ -80,9 +80,9 @@ impl Workspace {
         let n_layers = mlp.layers.len();
         self.shape = (rows, mlp.padded_out());
         self.outputs.resize_with(n_layers, Vec::new);
-        self.deltas.resize_with(n_layers - 1, Vec::new);
+        self.deltas.resize_with(n_layers, Vec::new);
         for (i, layer) in mlp.layers.iter().enumerate() {
-            for buffer in self.outputs.get_mut(i).into_iter().chain(self.deltas.get_mut(i)) {
+            for buffer in [&mut self.outputs[i], &mut self.deltas[i]] {
                 buffer.resize(buffer.len().max(rows * layer.n_out), 0.0);
             }
         }
@@ -198,12 +198,13 @@ impl Mlp {
         workspace: &mut Workspace,
         gradient: &mut [f32],
     ) {
-        let (rows, _) = workspace.shape;
-        let Workspace { outputs, deltas, .. } = workspace;
+        let Workspace { shape: (rows, _), ref mut outputs, ref mut deltas } = *workspace;
+        // The caller has replaced the output of the last layer by its delta.
+        let last = self.layers.len() - 1;
+        std::mem::swap(&mut outputs[last], &mut deltas[last]);
         for (i, layer) in self.layers.iter().enumerate().rev() {
-            let n_deltas = deltas.len();
-            let (lower, upper) = deltas.split_at_mut(i.min(n_deltas));
-            let delta = &upper.first().unwrap_or(&outputs[self.layers.len() - 1])[..rows * layer.n_out];
+            let (lower, upper) = deltas.split_at_mut(i);
+            let delta = &upper[0][..rows * layer.n_out];
             let below = i.checked_sub(1).map(|below| &outputs[below][..rows * layer.n_in]);
             let input = below.map_or(x, |input| matrix(input, rows, layer.n_in));
             let g = matrix(delta, rows, layer.n_out);
@@ -222,10 +223,9 @@ impl Mlp {
                     || differentiate(lower, below, self.activation),
                 );
             } else {
-                let id_gradient = &mut gradient[self.id_bias.clone()];
                 vectorised(
                     #[inline(always)]
-                    || sum_rows_by_id(id_gradient, delta, ids, layer.n_out),
+                    || sum_rows_by_id(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out),
                 );
             }
         }
@@ -322,5 +322,4 @@ fn orthogonal(rows: usize, columns: usize, generator: &mut Pcg64Mcg) -> Vec<f64>
 }
 
 #[cfg(test)]
-#[path = "mlp_tests.rs"]
 mod tests;

@@ -86,8 +86,8 @@ impl Ppo {
             Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
         };
         let mut samples = rollout.samples();
-        let mut policy_rows = rollout.policy_rows(&samples);
-        let mut value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
+        let policy_rows = rollout.policy_rows(&samples);
+        let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
         let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
         let agents_per_value = rollout.sizes.n_agents / values_per_env;
@@ -105,24 +105,36 @@ impl Ppo {
         let settings = StepSettings::new(config, update, steps);
         let mut sums = Sums::default();
         for epoch in 0..config.epochs as u64 {
-            let mut generator = generator(config.seed, Purpose::Minibatches, [update, epoch]);
-            // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
-            samples.shuffle(&mut generator);
-            policy_rows = rollout.policy_rows(&samples);
-            value_rows = rows(&samples, values_per_env).collect();
-            for i in 0..config.minibatches {
-                let part = |rows| part(rows, i, config.minibatches);
-                let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
-                self.step(team, &data, &minibatch, &settings, &mut sums)?;
-            }
+            self.epoch(team, &data, &mut samples, &settings, epoch, &mut sums)?;
         }
         Ok(UpdateStats {
             policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
             explained_variance: estimates.explained_variance,
-            actor_lr: settings.actor_lr,
-            entropy_weight: settings.entropy,
-            ..sums.stats()
+            ..sums.stats(&settings)
         })
+    }
+
+    /// One pass over the samples, in minibatches of another order.
+    fn epoch(
+        &mut self,
+        team: &mut Team,
+        data: &Data<'_>,
+        samples: &mut [u32],
+        settings: &StepSettings<'_>,
+        epoch: u64,
+        sums: &mut Sums,
+    ) -> Result<(), Diverged> {
+        let StepSettings { config, update, .. } = *settings;
+        // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
+        samples.shuffle(&mut generator(config.seed, Purpose::Minibatches, [update, epoch]));
+        let policy_rows = data.rollout.policy_rows(samples);
+        let value_rows: Vec<u32> = rows(samples, data.values_per_env).collect();
+        for i in 0..config.minibatches {
+            let part = |rows| part(rows, i, config.minibatches);
+            let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
+            self.step(team, data, &minibatch, settings, sums)?;
+        }
+        Ok(())
     }
 
     /// One gradient step of both networks.
@@ -256,7 +268,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn stats(&self) -> UpdateStats {
+    fn stats(&self, settings: &StepSettings<'_>) -> UpdateStats {
         let rows = self.policy.rows.max(1.0);
         UpdateStats {
             policy_loss: self.policy.loss / rows,
@@ -266,11 +278,12 @@ impl Sums {
             clip_fraction: self.policy.clipped / rows,
             actor_grad_norm: self.actor_norms / self.actor_steps.max(1.0),
             critic_grad_norm: self.critic_norms / self.critic_steps.max(1.0),
+            actor_lr: settings.actor_lr,
+            entropy_weight: settings.entropy,
             ..UpdateStats::default()
         }
     }
 }
 
 #[cfg(test)]
-#[path = "ppo_tests.rs"]
 mod tests;

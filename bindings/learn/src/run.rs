@@ -17,9 +17,7 @@ use crate::log::{CsvLog, TensorBoardLog};
 use crate::tensors::{FileError, read, write};
 use crate::training::{Record, TrainError, Training};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Rules, Sizes};
-use smaclite_ipc::LaneScenario;
-use smaclite_scenarios::ScenarioFiles;
+use smaclite_engine::{BattleSetup, Sizes};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -32,9 +30,8 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 struct RunFile {
     version: String,
     config: Config,
-    files: ScenarioFiles,
-    rules: String,
-    episode_limit: Option<u32>,
+    #[serde(flatten)]
+    setup: BattleSetup,
 }
 
 /// What `run.json` says.
@@ -43,7 +40,7 @@ pub struct RunDescription {
     /// The hyperparameters.
     pub config: Config,
     /// What the team plays.
-    pub scenario: LaneScenario,
+    pub setup: BattleSetup,
     /// The scenario's name.
     pub name: String,
     /// The sizes of its environments; `obs_size` includes the last actions.
@@ -63,11 +60,9 @@ impl RunDescription {
         };
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
-        let rules: Rules = file.rules.parse().map_err(|error| damaged(&error))?;
-        let scenario = LaneScenario { files: file.files, rules, episode_limit: file.episode_limit };
-        let (parsed, arena) = scenario.arena().map_err(|error| damaged(&error))?;
+        let (scenario, arena) = file.setup.arena().map_err(|error| damaged(&error))?;
         let sizes = sizes_with_history(arena.sizes(), file.config.last_actions);
-        Ok(RunDescription { config: file.config, name: parsed.name, sizes, scenario })
+        Ok(RunDescription { config: file.config, name: scenario.name, sizes, setup: file.setup })
     }
 }
 
@@ -91,7 +86,7 @@ impl Run {
     pub fn begin(
         folder: &Path,
         config: Config,
-        scenario: &LaneScenario,
+        setup: &BattleSetup,
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
@@ -104,7 +99,7 @@ impl Run {
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
-        write_description(folder, &training.config, scenario)?;
+        write_description(folder, &training.config, setup)?;
         let mut run = Run::open(folder, training, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         Ok(run)
@@ -122,12 +117,12 @@ impl Run {
         threads: usize,
     ) -> Result<Run, TrainError> {
         let lock = lock(folder)?;
-        let RunDescription { mut config, scenario, .. } = RunDescription::read(folder)?;
+        let RunDescription { mut config, setup, .. } = RunDescription::read(folder)?;
         config.steps = steps.unwrap_or(config.steps);
         let lanes = lanes.for_run(&config)?;
         let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
         let training = Training::resume(config, lanes, threads, state)?;
-        write_description(folder, &training.config, &scenario)?;
+        write_description(folder, &training.config, &setup)?;
         Run::open(folder, training, lock)
     }
 
@@ -186,10 +181,9 @@ fn lock(folder: &Path) -> Result<File, TrainError> {
     }
 }
 
-fn write_description(folder: &Path, config: &Config, scenario: &LaneScenario) -> Result<(), FileError> {
-    let LaneScenario { files, rules, episode_limit } = scenario.clone();
-    let (version, config) = (env!("CARGO_PKG_VERSION").to_owned(), config.clone());
-    let file = RunFile { version, config, files, rules: rules.to_string(), episode_limit };
+fn write_description(folder: &Path, config: &Config, setup: &BattleSetup) -> Result<(), FileError> {
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let file = RunFile { version, config: config.clone(), setup: setup.clone() };
     let path = folder.join("run.json");
     let text = serde_json::to_vec_pretty(&file)
         .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;

@@ -1,8 +1,9 @@
 //! Whole runs, with pools in this process: a team learns, equal seeds give equal bits, a resumed run is the
 //! uninterrupted one, and wrong lanes and files are refused.
 
-use smaclite_engine::Rules;
-use smaclite_ipc::{ClientError, LaneConfig, LaneScenario, RuntimeDir, Supervisor, SupervisorConfig};
+use serde_json::Value;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+use smaclite_ipc::{ClientError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
 use smaclite_learn::{
     Algorithm, Config, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, Lanes, Record, Run,
     RunDescription, TrainError, evaluate, resolve_scenario,
@@ -69,7 +70,7 @@ impl Place {
     }
 }
 
-fn scenario() -> LaneScenario {
+fn scenario() -> BattleSetup {
     resolve_scenario("3m", Rules::default()).unwrap()
 }
 
@@ -164,7 +165,8 @@ fn the_first_episodes_of_every_environment_count() {
 
 /// A pool with one lane, changed by `change`.
 fn serve(place: &Place, map: &str, change: impl FnOnce(&mut LaneConfig)) -> Supervisor {
-    let mut lane = LaneConfig::new("lane", ScenarioFiles::resolve(map).unwrap(), 10);
+    let (_, files) = ScenarioFiles::resolve(map).unwrap();
+    let mut lane = LaneConfig::new("lane", BattleSetup::new(files), 10);
     change(&mut lane);
     let config = SupervisorConfig {
         name: "pool".to_owned(),
@@ -224,6 +226,24 @@ fn hyperparameters_of_older_runs_are_read() {
     let older = without(&older, "    \"advantage_floor\": 0.0,\n");
     fs::write(&path, older).unwrap();
     assert_eq!(RunDescription::read(&place.path("run")).unwrap().config, small());
+}
+
+/// Other programs read `run.json`, and later releases read those of this one.
+#[test]
+fn a_run_is_described_by_files_rules_and_episode_limit() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let path = place.path("run").join("run.json");
+    let mut file: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let keys: Vec<&String> = file.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["config", "episode_limit", "files", "rules", "version"]);
+    assert_eq!((&file["episode_limit"], &file["rules"]), (&60.into(), &"smaclite".into()));
+    let files: Vec<&String> = file["files"].as_object().unwrap().keys().collect();
+    assert_eq!(files, ["source", "text", "unit_files"]);
+    (file["episode_limit"], file["rules"]) = (Value::Null, "paper".into());
+    fs::write(&path, file.to_string()).unwrap();
+    let setup = RunDescription::read(&place.path("run")).unwrap().setup;
+    assert_eq!(setup, BattleSetup { rules: Rules::Paper, episode_limit: EpisodeLimit::None, ..scenario() });
 }
 
 #[test]

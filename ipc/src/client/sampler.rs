@@ -50,8 +50,7 @@ impl Sampler {
 /// One of the available actions, as uniformly as `random` is; 0 if none is available.
 fn pick(mask: &[u8], random: u64) -> usize {
     let count: u32 = mask.iter().map(|available| u32::from(*available != 0)).sum();
-    // The high bits of random * count are uniform in 0..count, to within count / 2^64.
-    let skip = ((u128::from(random) * u128::from(count)) >> 64) as u32;
+    let skip = smaclite_engine::policy::uniform_below(count, random);
     // The index of the available action number `skip` is the number of prefixes of the mask that contain at
     // most `skip` available actions. It is counted without branches, since random ones would be
     // mispredicted.

@@ -2,9 +2,9 @@
 //! them: a stopped supervisor must not block its clients.
 
 use super::protocol::{ControlRequest, ControlResponse, MAX_RESPONSE};
-use crate::client::ConnectError;
 use crate::name::{NameError, check_name};
 use crate::runtime_dir::RuntimeDir;
+pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
 use crate::wait_options::WaitOptions;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
@@ -14,10 +14,6 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-/// How long a supervisor may take to answer if the caller sets no timeout. It answers at once, unless it is
-/// stopped or overloaded.
-pub(crate) const RESPONSE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// How often a wait checks whether its caller interrupts it.
 const SLICE: Duration = Duration::from_millis(50);
@@ -285,7 +281,7 @@ impl ControlClient {
     }
 
     /// The cause of an error after the supervisor answered: its end, if it has ended since.
-    pub(crate) fn cause_of(&self, error: ConnectError) -> ConnectError {
+    pub(crate) fn cause_of<E: From<ControlSocketError>>(&self, error: E) -> E {
         if self.is_alive() { error } else { self.gone().into() }
     }
 

@@ -19,8 +19,8 @@ impl ControlServer {
     pub(super) fn scenario(&self, lane: Option<String>) -> Result<ControlResponse, ControlError> {
         let lane = &self.lanes[self.find(lane)?];
         let no_battles = || ControlError::NoBattles { lane: lane.description.lane.clone() };
-        let files = lane.files.clone().ok_or_else(no_battles)?;
-        Ok(ControlResponse::Scenario { lane: Box::new(lane.description.clone()), files: Box::new(files) })
+        let files = Box::new(lane.setup.as_ref().ok_or_else(no_battles)?.files.clone());
+        Ok(ControlResponse::Scenario { lane: Box::new(lane.description.clone()), files })
     }
 
     /// Makes a connection the follower of environments.

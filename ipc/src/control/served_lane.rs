@@ -1,15 +1,15 @@
 //! A lane as the control thread sees it: who uses it, and its rates.
 
 use super::protocol::{LaneDescription, LaneStatus};
+use smaclite_engine::BattleSetup;
 use smaclite_pool::LaneStats;
-use smaclite_scenarios::ScenarioFiles;
 use std::time::Instant;
 
 /// A lane as the control thread sees it.
 pub(crate) struct ServedLane {
     pub(crate) description: LaneDescription,
-    /// The scenario of its battles, if it has battles.
-    pub(super) files: Option<ScenarioFiles>,
+    /// What its battles are played with, if it has battles.
+    pub(super) setup: Option<BattleSetup>,
     pub(super) learner_pid: Option<u32>,
     pub(super) spectators: usize,
     pub(super) followers: usize,
@@ -20,10 +20,10 @@ pub(crate) struct ServedLane {
 }
 
 impl ServedLane {
-    pub(crate) fn new(description: LaneDescription, files: Option<ScenarioFiles>) -> Self {
+    pub(crate) fn new(description: LaneDescription, setup: Option<BattleSetup>) -> Self {
         ServedLane {
             description,
-            files,
+            setup,
             learner_pid: None,
             spectators: 0,
             followers: 0,

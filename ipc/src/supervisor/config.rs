@@ -6,26 +6,17 @@ use crate::control::protocol::LaneDescription;
 use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Arena, Battle, Rules, Sizes};
+use smaclite_engine::{Battle, BattleSetup, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
-use smaclite_scenarios::{Scenario, ScenarioFiles};
+use smaclite_scenarios::{Problems, Scenario};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// The environments of a lane.
 pub enum LaneEnvs {
     /// Battles of a scenario.
-    Battle {
-        /// The scenario.
-        scenario: Box<Scenario>,
-        /// The texts that it was read from, for spectators.
-        files: ScenarioFiles,
-        /// The rules of the battles.
-        rules: Rules,
-        /// `Some` replaces the scenario's own limit; `Some(None)` is no limit.
-        episode_limit: Option<Option<u32>>,
-    },
+    Battle(BattleSetup),
     /// Any other environment, for tests and benches.
     Other {
         /// Shown as the scenario's name.
@@ -78,8 +69,8 @@ pub struct PreparedPool {
 pub(super) struct PreparedLane {
     pub(super) spec: LaneSpec,
     pub(super) description: LaneDescription,
-    /// The scenario of its battles, if it has battles.
-    pub(super) files: Option<ScenarioFiles>,
+    /// What its battles are played with, if it has battles.
+    pub(super) setup: Option<BattleSetup>,
 }
 
 /// What the descriptions of all lanes of a pool share.
@@ -95,24 +86,18 @@ struct PoolInfo<'a> {
 /// Environments that are ready to be made, and how they are described.
 struct PreparedEnvs {
     scenario: String,
-    rules: String,
     episode_limit: Option<u32>,
     sizes: Sizes,
     make: MakeEnvironment,
-    files: Option<ScenarioFiles>,
+    setup: Option<BattleSetup>,
 }
 
 impl LaneConfig {
-    /// A synchronous lane of a scenario with every other setting at its default.
-    pub fn new(
-        name: impl Into<String>,
-        (scenario, files): (Scenario, ScenarioFiles),
-        num_envs: usize,
-    ) -> LaneConfig {
-        let (scenario, rules) = (Box::new(scenario), Rules::default());
+    /// A synchronous lane of battles with every other setting at its default.
+    pub fn new(name: impl Into<String>, setup: BattleSetup, num_envs: usize) -> LaneConfig {
         LaneConfig {
             name: name.into(),
-            envs: LaneEnvs::Battle { scenario, files, rules, episode_limit: None },
+            envs: LaneEnvs::Battle(setup),
             settings: LaneSettings::new(num_envs),
             max_held_batches: 4,
             spectators: 1,
@@ -132,10 +117,10 @@ impl LaneConfig {
     }
 
     /// Splits the configuration into what the pool builds and what learners receive.
-    fn prepare(self, pool: &PoolInfo<'_>) -> PreparedLane {
+    fn prepare(self, pool: &PoolInfo<'_>) -> Result<PreparedLane, StartError> {
         let settings = LaneSettings { fields: self.settings.frame_fields(), ..self.settings };
-        let PreparedEnvs { scenario, rules, episode_limit, sizes, make, files } =
-            self.envs.prepare(settings.seed);
+        let PreparedEnvs { scenario, episode_limit, sizes, make, setup } =
+            self.envs.prepare(settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
@@ -145,37 +130,33 @@ impl LaneConfig {
             sizes: settings.frame_sizes(sizes),
             settings,
             episode_limit,
-            rules,
+            rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
-        PreparedLane { spec: LaneSpec { name: self.name, sizes, settings, make }, description, files }
+        let spec = LaneSpec { name: self.name, sizes, settings, make };
+        Ok(PreparedLane { spec, description, setup })
     }
 }
 
 impl LaneEnvs {
-    fn prepare(self, seed: u64) -> PreparedEnvs {
-        match self {
-            LaneEnvs::Battle { scenario, files, rules, episode_limit } => {
-                let mut arena = Arena::new(&scenario, rules);
-                if let Some(limit) = episode_limit {
-                    arena = arena.with_episode_limit(limit);
-                }
-                let (scenario, rules) = (scenario.name.clone(), rules.to_string());
+    fn prepare(self, seed: u64) -> Result<PreparedEnvs, Problems> {
+        Ok(match self {
+            LaneEnvs::Battle(setup) => {
+                let (Scenario { name: scenario, .. }, arena) = setup.arena()?;
                 let (sizes, episode_limit) = (arena.sizes(), arena.episode_limit());
                 let arena = Arc::new(arena);
                 let make = move |i: usize| -> Box<dyn Environment> {
                     Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
                 };
-                let (make, files) = (Box::new(make), Some(files));
-                PreparedEnvs { scenario, rules, episode_limit, sizes, make, files }
+                let (make, setup) = (Box::new(make), Some(setup));
+                PreparedEnvs { scenario, episode_limit, sizes, make, setup }
             }
             LaneEnvs::Other { name, sizes, make } => {
-                let (rules, episode_limit, files) = (String::new(), None, None);
-                PreparedEnvs { scenario: name, rules, episode_limit, sizes, make, files }
+                PreparedEnvs { scenario: name, episode_limit: None, sizes, make, setup: None }
             }
-        }
+        })
     }
 }
 
@@ -194,7 +175,7 @@ impl SupervisorConfig {
         let (threads, learners) = (options.threads, lanes.len());
         let writers = threads + threads.min(learners);
         let pool = PoolInfo { name: &name, instance: &instance, threads, writers };
-        let lanes: Vec<_> = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect();
+        let lanes = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect::<Result<Vec<_>, _>>()?;
         let frames = lanes.iter().map(|lane| lane.description.capacity.frame_memory(&lane.spec.layout()));
         let shared_memory = frames.sum();
         let clients = lanes.iter().map(|PreparedLane { spec, description, .. }| {
@@ -217,7 +198,11 @@ fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
     for (index, lane) in lanes.iter().enumerate() {
         let is_duplicate = lanes[..index].iter().any(|other| other.name == lane.name);
         let checked = lane.check().and(if is_duplicate { Err(LaneConfigError::SameName) } else { Ok(()) });
-        checked.map_err(|source| StartError::Lane { lane: lane.name.clone(), source })?;
+        checked.map_err(|source| in_lane(&lane.name, source))?;
     }
     Ok(())
+}
+
+fn in_lane(lane: &str, source: LaneConfigError) -> StartError {
+    StartError::Lane { lane: lane.to_owned(), source }
 }

@@ -6,6 +6,7 @@ use crate::name::NameError;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
 use smaclite_pool::{LaneSettingsError, PoolStartError};
+use smaclite_scenarios::Problems;
 
 /// Why a supervisor did not start. Nothing of it is left.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +44,8 @@ pub enum LaneConfigError {
     SameName,
     #[error(transparent)]
     Settings(#[from] LaneSettingsError),
+    #[error("scenario: {0}")]
+    Scenario(#[from] Problems),
     #[error("max_held_batches must be between 2 and 1024, got {0}")]
     MaxHeldBatches(usize),
     #[error("spectators must be between 0 and 64, got {0}")]

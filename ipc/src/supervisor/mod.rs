@@ -65,7 +65,7 @@ impl Supervisor {
         let _name_lock = NameLock::acquire(&runtime_dir, &name)?;
         let ipc_node = open_node(&runtime_dir, &name)?;
         let descriptions: Vec<_> = lanes.iter().map(|lane| lane.description.clone()).collect();
-        let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.files.clone()));
+        let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.setup.clone()));
         let served = served.collect();
         let started = start_pool(&ipc_node.node, &instance, lanes, options);
         let (pool, services) = started.map_err(|error| match error {

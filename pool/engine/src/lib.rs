@@ -51,6 +51,7 @@
 
 mod arena;
 mod battle;
+mod battle_setup;
 mod command;
 mod encode;
 mod fast_math;
@@ -68,6 +69,7 @@ mod units;
 
 pub use arena::{Arena, Sizes};
 pub use battle::Battle;
+pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
 pub use encode::{FeatureBlock, UnitFeatures, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};

@@ -5,6 +5,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// The rule set of a battle. The rule sets differ in four rules:
@@ -17,7 +18,8 @@ use thiserror::Error;
 ///   damage dealer of its faction has no target, under `Paper` it is always that of the slowest unit around.
 /// - R4, an attack that was declared before the unit was killed and healed in the same tick: `Smaclite` holds
 ///   it until the unit has a target again; under `Paper` such a unit stays dead (R2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Rules {
     /// The published implementation, which produced all results of the paper.
     #[default]

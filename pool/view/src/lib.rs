@@ -19,5 +19,5 @@ pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, writ
 pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};
 pub use replay::{
     Episode, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay, ReplayError,
-    SUFFIX, Setup,
+    SUFFIX,
 };

@@ -5,13 +5,12 @@ use std::io::Read;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use flate2::read::DeflateDecoder;
 use serde_json::Value;
-use smaclite_engine::{Rules, policy};
+use smaclite_engine::{BattleSetup, policy};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
-use smaclite_view::{Moment, Recorder, Replay, ReplayError, Setup, UnitMoment, export_html};
+use smaclite_view::{Moment, Recorder, Replay, ReplayError, UnitMoment, export_html};
 
 fn record(files: ScenarioFiles, episodes: usize) -> Replay {
-    let episode_limit = files.scenario().unwrap().episode_limit;
-    let mut recorder = Recorder::new(Setup { files, rules: Rules::Smaclite, episode_limit }, 1).unwrap();
+    let mut recorder = Recorder::new(BattleSetup::new(files), 1).unwrap();
     let mut actions = vec![0; recorder.battle().arena().sizes().n_agents];
     for _ in 0..episodes {
         recorder.reset();

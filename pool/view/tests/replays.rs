@@ -6,17 +6,17 @@ use std::io::{Read, Write};
 use flate2::{Compression, bufread::GzDecoder, write::GzEncoder};
 use serde_json::{Value, json};
 use smaclite_engine::policy::Random;
-use smaclite_engine::{Rules, StreamPosition};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, StreamPosition};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
-use smaclite_view::{MAX_JSON_BYTES, Moment, Observer, Recorder, Replay, ReplayError, Setup};
+use smaclite_view::{MAX_JSON_BYTES, Moment, Observer, Recorder, Replay, ReplayError};
 
-fn setup(name_or_path: &str) -> Setup {
-    let (scenario, files) = ScenarioFiles::resolve(name_or_path).unwrap();
-    Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit }
+fn setup(name_or_path: &str) -> BattleSetup {
+    let (_, files) = ScenarioFiles::resolve(name_or_path).unwrap();
+    BattleSetup::new(files)
 }
 
 /// Episodes of the random policy, and the moments of the last one.
-fn record(setup: Setup, seed: u64, episodes: usize) -> (Replay, Vec<Moment>) {
+fn record(setup: BattleSetup, seed: u64, episodes: usize) -> (Replay, Vec<Moment>) {
     let mut recorder = Recorder::new(setup, seed).unwrap();
     let mut policy = Random::new(seed);
     let mut actions = vec![0; recorder.battle().arena().sizes().n_agents];
@@ -118,7 +118,11 @@ fn unit_files_are_in_the_replay() {
     });
     let path = folder.path().join("brawl.json");
     std::fs::write(&path, scenario.to_string()).unwrap();
-    let setup = Setup { rules: Rules::Paper, episode_limit: None, ..setup(path.to_str().unwrap()) };
+    let setup = BattleSetup {
+        rules: Rules::Paper,
+        episode_limit: EpisodeLimit::None,
+        ..setup(path.to_str().unwrap())
+    };
     let files = &setup.files.unit_files;
     let names: Vec<(&str, usize)> = files.iter().map(|file| (file.name.as_str(), file.keys.len())).collect();
     assert_eq!(names, [("brawler", 2), ("absent", 1)], "two names of a file are one file");

@@ -40,9 +40,11 @@ fn read_rows(
     height: Result<u32, Reported>,
 ) -> Result<Terrain, Reported> {
     let items = rows.items()?;
-    let n_rows = height.and_then(|height| match items.len() == height as usize {
-        true => Ok(height),
-        false => Err(rows.invalid(&format!("a list of {height} rows, {}", size_of("height", height)))),
+    let n_rows = height.and_then(|height| {
+        if items.len() == height as usize {
+            return Ok(height);
+        }
+        Err(rows.invalid(&format!("a list of {height} rows, {}", size_of("height", height))))
     });
     // After a wrong number of rows only the first ones are read: the list can be millions long.
     let rows_of_squares: Vec<_> =

@@ -3,13 +3,13 @@
 
 mod machine;
 
-use super::bench::serve_command;
 use super::{CommandResult, HostVersion, list};
+use crate::bench::this_program::serve_command;
+use crate::bench::throughput::{Mode, Workload};
+use crate::process::interrupt_flag;
 use clap::Args;
 use machine::{Limit, Machine, SHM, SharedMemory, shown};
 use serde::Serialize;
-use smaclite_benches::process::interrupt_flag;
-use smaclite_benches::throughput::{Mode, Workload};
 use smaclite_ipc::{PoolStatus, ROOT_VARIABLE, RuntimeDir, left_over_files};
 use smaclite_pool::PoolOptions;
 use std::error::Error;

@@ -1,26 +1,74 @@
-//! The libraries for Rust learners do not depend on the command line.
+//! Which crate may depend on which.
 
+use serde_json::Value;
 use std::process::Command;
+
+/// Every crate depends only on those before it.
+const CHAIN: [&str; 10] = [
+    "smaclite-units",
+    "smaclite-scenarios",
+    "smaclite-engine",
+    "smaclite-view",
+    "smaclite-pool",
+    "smaclite-ipc",
+    "smaclite-recorder",
+    "smaclite-learn",
+    "smaclite-cli",
+    "smaclite-bindings",
+];
+
+/// They measure and test the others, and no crate depends on them.
+const LEAVES: [&str; 2] = ["smaclite-benches", "smaclite-tests"];
+
+fn cargo(arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(arguments).arg("--offline").current_dir(env!("CARGO_MANIFEST_DIR"));
+    let output = command.output().expect("cargo");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+/// The program once took its handler of Ctrl-C from the benchmarks.
+#[test]
+fn no_crate_depends_on_a_later_one_or_on_benchmarks_and_tests() {
+    let metadata: Value =
+        serde_json::from_str(&cargo(&["metadata", "--no-deps", "--format-version", "1"])).expect("JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    let position = |name: &Value| CHAIN.iter().position(|other| Some(*other) == name.as_str());
+    let mut checked = 0;
+    for package in packages {
+        let name = &package["name"];
+        let Some(own) = position(name) else {
+            assert!(LEAVES.iter().any(|leaf| name == leaf), "{name} has no place in the chain");
+            continue;
+        };
+        for dependency in package["dependencies"].as_array().expect("dependencies") {
+            let on = &dependency["name"];
+            assert!(LEAVES.iter().all(|leaf| on != leaf), "{name} depends on {on}");
+            // A crate can be its own dev-dependency, with other features.
+            let is_allowed = position(on).is_none_or(|other| other < own || on == name);
+            assert!(is_allowed, "{name} depends on {on}, which comes later");
+        }
+        checked += 1;
+    }
+    assert_eq!(checked, CHAIN.len(), "a crate of the chain is missing");
+}
 
 /// Learners that link `smaclite-ipc` once compiled clap, and whatever else only the program needs.
 #[test]
-fn ipc_and_learn_do_not_depend_on_the_command_line() {
-    let cargo_tree = |package: &str| {
-        let mut command = Command::new(env!("CARGO"));
-        command.args(["tree", "--offline", "--edges", "normal", "--prefix", "none", "--package", package]);
-        let output = command.current_dir(env!("CARGO_MANIFEST_DIR")).output().expect("cargo");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).expect("names of packages")
-    };
+fn libraries_do_not_depend_on_what_only_the_program_needs() {
+    let tree =
+        |package: &str| cargo(&["tree", "--edges", "normal", "--prefix", "none", "--package", package]);
     let depends =
         |tree: &str, package: &str| tree.lines().any(|line| line.split(' ').next() == Some(package));
-    let cli = cargo_tree("smaclite-cli");
-    let libraries = ["smaclite-ipc", "smaclite-learn"].map(|library| (library, cargo_tree(library)));
+    let program = tree("smaclite-cli");
+    let libraries =
+        ["smaclite-ipc", "smaclite-learn", "smaclite-recorder"].map(|library| (library, tree(library)));
     for (library, tree) in &libraries {
         assert!(depends(tree, "smaclite-pool"), "not the tree of {library}:\n{tree}");
     }
-    for package in ["clap", "signal-hook", "tracing-subscriber", "smaclite-benches"] {
-        assert!(depends(&cli, package), "smaclite-cli does not use {package} any more; delete it here");
+    for package in ["axum", "clap", "signal-hook", "tokio", "tracing-subscriber"] {
+        assert!(depends(&program, package), "smaclite-cli does not use {package} any more; delete it here");
         for (library, tree) in &libraries {
             assert!(!depends(tree, package), "{library} depends on {package}");
         }

@@ -10,7 +10,7 @@ mod tactics;
 
 use crate::arena::Arena;
 
-pub use random::Random;
+pub use random::{Random, uniform_below};
 pub use situation::{LearnerView, Situation};
 pub use tactics::{focus_fire, hold, kite, nearest};
 

@@ -23,10 +23,15 @@ impl Random {
     /// If `actions` is longer than there are agents.
     pub fn act(&mut self, situation: &impl Situation, actions: &mut [i32]) {
         for (agent, action) in actions.iter_mut().enumerate() {
-            // The high bits of word * count are uniform in 0..count, to within count / 2^64.
-            let (word, count) = (self.generator.next_u64(), situation.n_available(agent));
-            let n = ((u128::from(word) * u128::from(count)) >> 64) as u32;
+            let n = uniform_below(situation.n_available(agent), self.generator.next_u64());
             *action = situation.nth_available(agent, n) as i32;
         }
     }
+}
+
+/// A number below `count`, or 0 if `count` is 0, as uniform as the 64 random bits, to within count / 2^64:
+/// the high bits of their product (D. Lemire, "Fast random integer generation in an interval", 2019,
+/// without the rejection).
+pub fn uniform_below(count: u32, random: u64) -> u32 {
+    ((u128::from(random) * u128::from(count)) >> 64) as u32
 }

@@ -39,10 +39,8 @@ impl SizeError {
     pub(crate) fn check(width: u32, height: u32) -> Result<(), SizeError> {
         let max_side = Picture::MAX_SIDE;
         let sides = Picture::MIN_SIDE..=max_side;
-        match sides.contains(&width) && sides.contains(&height) {
-            true => Ok(()),
-            false => Err(SizeError { width, height, max_side }),
-        }
+        let is_valid = sides.contains(&width) && sides.contains(&height);
+        if is_valid { Ok(()) } else { Err(SizeError { width, height, max_side }) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The checksum of an episode.
 
-use smaclite_engine::Units;
+use smaclite_engine::{Battle, ExecutionOrder, IllegalAction, Scratch, Step, Units};
 use xxhash_rust::xxh3::Xxh3;
 
 /// XXH3 over the units after every tick, and the reward of every step. Numbers are little-endian.
@@ -11,8 +11,24 @@ pub(super) struct Checksum {
 }
 
 impl Checksum {
+    /// Plays a step of a battle, and takes it in. `observe` is called with the units after each tick.
+    pub fn play_step(
+        &mut self,
+        battle: &mut Battle,
+        actions: &[i32],
+        scratch: &mut Scratch,
+        mut observe: impl FnMut(&Units),
+    ) -> Result<Step, IllegalAction> {
+        let step = battle.step_observed(actions, ExecutionOrder::Drawn, scratch, |tick| {
+            self.tick(tick.units);
+            observe(tick.units);
+        })?;
+        self.hasher.update(&step.reward.to_le_bytes());
+        Ok(step)
+    }
+
     /// Takes in the units after a tick, in the order of their ids.
-    pub fn tick(&mut self, units: &Units) {
+    fn tick(&mut self, units: &Units) {
         self.bytes.clear();
         for id in 0..units.pos.len() {
             let vectors = [units.pos[id], units.vel[id], units.planned_vel[id]];
@@ -32,11 +48,6 @@ impl Checksum {
             self.bytes.extend(target.to_le_bytes());
         }
         self.hasher.update(&self.bytes);
-    }
-
-    /// Takes in the reward of a step.
-    pub fn step(&mut self, reward: f64) {
-        self.hasher.update(&reward.to_le_bytes());
     }
 
     /// The checksum so far.

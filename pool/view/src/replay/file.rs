@@ -12,10 +12,10 @@ use flate2::Compression;
 use flate2::bufread::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Rules, StreamPosition};
+use smaclite_engine::{BattleSetup, Rules, StreamPosition};
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
 
-use super::{Episode, Outcome, Replay, ReplayError, Setup};
+use super::{Episode, Outcome, Replay, ReplayError};
 
 /// The suffix of replay files.
 pub const SUFFIX: &str = "smreplay";
@@ -172,7 +172,7 @@ impl Document {
                 unit_files: unit_texts.collect(),
             },
             rules: replay.setup.rules.to_string(),
-            episode_limit: replay.setup.episode_limit,
+            episode_limit: replay.arena.episode_limit(),
             episodes: replay.episodes.iter().map(EpisodeText::of).collect(),
         }
     }
@@ -187,8 +187,8 @@ impl Document {
             .map_err(|_| check.invalid("rules", "\"smaclite\" or \"paper\"", &self.rules))?;
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
         let files = ScenarioFiles { source: file, text, unit_files };
-        let mut replay =
-            Replay::new(Setup { files, rules, episode_limit: self.episode_limit }, shortened(&self.program))?;
+        let setup = BattleSetup { files, rules, episode_limit: self.episode_limit.into() };
+        let mut replay = Replay::new(setup, shortened(&self.program))?;
         let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
         for (i, episode) in self.episodes.into_iter().enumerate() {
             let check = Check { file: source, key: format!("episodes[{i}].") };

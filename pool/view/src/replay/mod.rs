@@ -2,13 +2,12 @@
 //! again.
 //!
 //! ```
-//! use smaclite_engine::{Rules, policy};
+//! use smaclite_engine::{BattleSetup, policy};
 //! use smaclite_scenarios::ScenarioFiles;
-//! use smaclite_view::{Recorder, Replay, Setup};
+//! use smaclite_view::{Recorder, Replay};
 //!
-//! let (scenario, files) = ScenarioFiles::resolve("3m")?;
-//! let setup = Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit };
-//! let mut recorder = Recorder::new(setup, 1)?;
+//! let (_, files) = ScenarioFiles::resolve("3m")?;
+//! let mut recorder = Recorder::new(BattleSetup::new(files), 1)?;
 //! let mut actions = [0; 3];
 //! while !recorder.battle().is_over() {
 //!     policy::nearest(recorder.battle(), &mut actions);
@@ -32,24 +31,13 @@ mod recorder;
 
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, Rules, StreamPosition};
-use smaclite_scenarios::{Scenario, ScenarioFiles};
+use smaclite_engine::{Arena, BattleSetup, StreamPosition};
+use smaclite_scenarios::Scenario;
 
 pub use error::ReplayError;
 pub use file::{MAX_FILE_BYTES, MAX_JSON_BYTES, SUFFIX};
 pub use player::{PlayedStep, Player};
 pub use recorder::Recorder;
-
-/// What all episodes of a replay have in common.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Setup {
-    /// The scenario file and its unit files.
-    pub files: ScenarioFiles,
-    /// The rule set.
-    pub rules: Rules,
-    /// Steps after which an episode is truncated; it may differ from that of the scenario file.
-    pub episode_limit: Option<u32>,
-}
 
 /// A recorded episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,7 +76,7 @@ pub struct Outcome {
 /// A recording that this program can play.
 #[derive(Clone, Debug)]
 pub struct Replay {
-    setup: Setup,
+    setup: BattleSetup,
     program: String,
     episodes: Vec<Episode>,
     scenario: Scenario,
@@ -97,14 +85,14 @@ pub struct Replay {
 
 impl Replay {
     /// A replay without episodes.
-    fn new(setup: Setup, program: String) -> Result<Replay, ReplayError> {
-        let scenario = setup.files.scenario()?;
-        let arena = Arena::new(&scenario, setup.rules).with_episode_limit(setup.episode_limit);
+    fn new(mut setup: BattleSetup, program: String) -> Result<Replay, ReplayError> {
+        let (scenario, arena) = setup.arena()?;
+        setup.episode_limit = arena.episode_limit().into(); // as its file has it
         Ok(Replay { setup, program, episodes: Vec::new(), scenario, arena: Arc::new(arena) })
     }
 
-    /// What all episodes have in common.
-    pub fn setup(&self) -> &Setup {
+    /// What all episodes are played with.
+    pub fn setup(&self) -> &BattleSetup {
         &self.setup
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use smaclite_engine::{Battle, ExecutionOrder, Scratch, Snapshot, Step, TICKS_PER_STEP};
+use smaclite_engine::{Battle, Scratch, Snapshot, Step, TICKS_PER_STEP, Units};
 
 use super::checksum::Checksum;
 use super::{Episode, Outcome, Replay, ReplayError};
@@ -96,16 +96,11 @@ impl<'a> Player<'a> {
         if actions.is_empty() {
             return Ok(None);
         }
-        let (checksum, observer) = (&mut self.checksum, &mut self.observer);
         let mut moments = Vec::with_capacity(TICKS_PER_STEP);
-        let observe = |tick: smaclite_engine::Tick<'_>| {
-            checksum.tick(tick.units);
-            moments.push(observer.observe(tick.units).clone());
-        };
-        let played = self.battle.step_observed(&actions, ExecutionOrder::Drawn, &mut self.scratch, observe);
+        let observe = |units: &Units| moments.push(self.observer.observe(units).clone());
+        let played = self.checksum.play_step(&mut self.battle, &actions, &mut self.scratch, observe);
         let (episode, step) = (self.index, self.step);
         let step = played.map_err(|error| ReplayError::IllegalAction { episode, step, error })?;
-        self.checksum.step(step.reward);
         self.compare(&step)?;
         self.step += 1;
         if self.step == self.snapshots.len() * SNAPSHOT_EVERY {

@@ -1,10 +1,10 @@
 //! Recording: a battle that notes its seed and actions.
 
-use smaclite_engine::{Battle, ExecutionOrder, IllegalAction, Scratch, Step, StreamPosition, Units};
+use smaclite_engine::{Battle, BattleSetup, IllegalAction, Scratch, Step, StreamPosition, Units};
 use smaclite_scenarios::Scenario;
 
 use super::checksum::Checksum;
-use super::{Episode, Outcome, Replay, ReplayError, Setup, this_program};
+use super::{Episode, Outcome, Replay, ReplayError, this_program};
 
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
@@ -27,7 +27,7 @@ impl Recorder {
     ///
     /// # Errors
     /// [`ReplayError::Scenario`] if the texts of the setup are no scenario.
-    pub fn new(setup: Setup, seed: u64) -> Result<Recorder, ReplayError> {
+    pub fn new(setup: BattleSetup, seed: u64) -> Result<Recorder, ReplayError> {
         let replay = Replay::new(setup, this_program())?;
         Ok(Recorder {
             battle: Battle::new(replay.arena.clone(), seed),
@@ -66,15 +66,10 @@ impl Recorder {
     pub fn step_observed(
         &mut self,
         actions: &[i32],
-        mut observe: impl FnMut(&Units),
+        observe: impl FnMut(&Units),
     ) -> Result<Step, IllegalAction> {
-        let checksum = &mut self.checksum;
-        let step = self.battle.step_observed(actions, ExecutionOrder::Drawn, &mut self.scratch, |tick| {
-            checksum.tick(tick.units);
-            observe(tick.units);
-        })?;
-        checksum.step(step.reward);
-        self.step_checksums.push(checksum.value() as u16);
+        let step = self.checksum.play_step(&mut self.battle, actions, &mut self.scratch, observe)?;
+        self.step_checksums.push(self.checksum.value() as u16);
         // Legal actions are below the 6 + 1000 actions of the largest scenario.
         self.actions.extend(actions.iter().map(|&action| action as u16));
         self.outcome = Outcome::of(&self.battle, &step);

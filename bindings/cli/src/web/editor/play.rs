@@ -3,9 +3,9 @@
 use serde::Deserialize;
 use serde_json::{Value, json};
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
-use smaclite_engine::{IllegalAction, Rules, UnknownRules};
+use smaclite_engine::{BattleSetup, EpisodeLimit, IllegalAction, Rules, UnknownRules};
 use smaclite_scenarios::{Problems, ScenarioFiles};
-use smaclite_view::{Recorder, ReplayError, Setup, export_html};
+use smaclite_view::{Recorder, ReplayError, export_html};
 
 #[derive(Deserialize)]
 pub(super) struct Play {
@@ -46,7 +46,8 @@ pub(super) fn play(play: Play) -> Result<Value, PlayError> {
     let scenario = files.scenario()?;
     let most = MAX_STEPS.min(MAX_UNIT_STEPS / scenario.units.len() as u32);
     let limit = scenario.episode_limit.map_or(most, |limit| limit.min(most));
-    let mut recorder = Recorder::new(Setup { files, rules, episode_limit: Some(limit) }, seed)?;
+    let setup = BattleSetup { files, rules, episode_limit: EpisodeLimit::Steps(limit) };
+    let mut recorder = Recorder::new(setup, seed)?;
     let mut actions = vec![0; scenario.n_agents()];
     while !recorder.battle().is_over() {
         policy.act(recorder.battle(), &mut actions);

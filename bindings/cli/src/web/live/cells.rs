@@ -1,6 +1,6 @@
 //! The cells of the grid: the newest row of every environment, as far as frames showed it.
 
-use super::lane::Battles;
+use super::battles::Battles;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};

@@ -1,7 +1,7 @@
 //! Following one environment for one page: its log, and the episode that is shown.
 
+use super::battles::Battles;
 use super::episodes::{Episode, Episodes};
-use super::lane::Battles;
 use super::simulation::{Simulation, SimulationError};
 use serde_json::{Value, json};
 use smaclite_ipc::{Follower, RuntimeDir};

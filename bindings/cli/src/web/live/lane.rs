@@ -1,14 +1,14 @@
 //! A lane that is watched: the newest frame of its spectator.
 
+use super::battles::Battles;
 use super::cells::Cells;
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, FeatureBlock, obs_features};
+use smaclite_engine::{FeatureBlock, obs_features};
 use smaclite_ipc::{
-    ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator,
-    lane_scenario,
+    ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, lane_scenario,
 };
 use smaclite_pool::fields::Field;
-use smaclite_scenarios::{Scenario, ScenarioError};
+use smaclite_scenarios::Problems;
 use smaclite_view::page::scenario_info;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,26 +16,13 @@ use std::time::{Duration, Instant};
 /// How often frames are read, for all pages together.
 const READ_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What the battles of a lane have in common.
-pub(super) struct Battles {
-    pub(super) scenario: Scenario,
-    pub(super) arena: Arc<Arena>,
-}
-
-impl Battles {
-    fn of(lane: &LaneScenario) -> Result<Battles, ScenarioError> {
-        let (scenario, arena) = lane.arena()?;
-        Ok(Battles { scenario, arena: Arc::new(arena) })
-    }
-}
-
 /// Why a lane cannot be watched.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WatchError {
     #[error("{0}")]
     Connect(#[from] ConnectError),
     #[error("the pool is of another release: {0}")]
-    Scenario(#[from] ScenarioError),
+    Scenario(#[from] Problems),
 }
 
 pub(super) struct WatchedLane {

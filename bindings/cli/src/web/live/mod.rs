@@ -3,6 +3,7 @@
 //! Each open page has a conversation on a thread; what pages have in common is read once for all of them:
 //! the status of the pool, and the newest frame of a lane. While a page is hidden, its conversation waits.
 
+mod battles;
 mod cells;
 mod conversation;
 mod episodes;

@@ -1,6 +1,6 @@
 //! Playing the log of an episode again, to the tick.
 
-use super::lane::Battles;
+use super::battles::Battles;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};

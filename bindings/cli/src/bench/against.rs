@@ -1,13 +1,13 @@
-//! `smaclite-pool bench --against`: other programs and this one, measured in turn. `smaclite_benches::peers`
-//! runs them; here are the options and the table.
+//! `smaclite-pool bench --against`: other programs and this one, measured in turn. `peers` runs them; here
+//! are the options and the table.
 
-use super::CommandResult;
-use super::bench::python_interpreter;
-use super::table::Table;
+use super::null;
+use super::peers::{Comparison, Found, Peer, PeerError};
+use super::this_program::{python_interpreter, serve_command};
+use super::throughput::{MeasureError, Workload};
+use crate::CommandResult;
+use crate::table::Table;
 use clap::Args;
-use smaclite_benches::null;
-use smaclite_benches::peers::{Comparison, Found, Peer, PeerError};
-use smaclite_benches::throughput::{MeasureError, Workload};
 use std::error::Error;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -84,7 +84,7 @@ impl Against {
             report.notes.push(format!("{}: it has none of the scenarios; it has {scenarios:?}", peer.name()));
         }
         for workload in common {
-            let mut here = || Ok(workload.measure(&super::bench::serve_command, interrupted)?.steps_per_s);
+            let mut here = || Ok(workload.measure(&serve_command, interrupted)?.steps_per_s);
             let result = found.compare(&workload.scenario_argument, rounds, workload.time, &mut here);
             report.add(result, interrupted)?;
         }

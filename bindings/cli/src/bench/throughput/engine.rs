@@ -2,7 +2,7 @@
 //! next begins, or they are stepped in turn.
 
 use super::{Counts, Interrupt, MeasureError, Mode, Workload};
-use crate::play::{AfterEpisode, Player, Recording};
+use crate::bench::play::{AfterEpisode, Player, Recording};
 use crate::process::resident_bytes;
 use smaclite_engine::{Arena, Rules, Scratch};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The processes of a measurement: the second one, signals, and how much memory a process uses.
+//! Processes: signals that end this one, a second one, and how much memory one uses.
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -42,8 +42,8 @@ impl Drop for SecondProcess {
     }
 }
 
-/// A flag that SIGINT and SIGTERM set. With it a measurement ends its pools before the program ends;
-/// otherwise files would remain in shared memory.
+/// A flag that SIGINT and SIGTERM set. With it a command ends its pools before the program ends; otherwise
+/// files would remain in shared memory.
 ///
 /// # Errors
 /// If the system refuses the signal handlers.

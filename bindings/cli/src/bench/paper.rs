@@ -1,6 +1,6 @@
 //! The speed table of the SMAClite paper ("Average seconds per timestep"), measured on this machine.
 
-use crate::play::{AfterEpisode, Player};
+use super::play::{AfterEpisode, Player};
 use smaclite_engine::{Arena, Rules, Scratch, policy};
 use smaclite_scenarios::{Scenario, ScenarioError};
 use std::sync::Arc;

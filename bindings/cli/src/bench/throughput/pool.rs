@@ -1,9 +1,9 @@
 //! A whole pool, in this process or in another one, with a learner in this process.
 
 use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
-use crate::play::Policy;
+use crate::bench::play::Policy;
 use crate::process::{SecondProcess, resident_bytes};
-use smaclite_engine::{Arena, Rules, TICKS_PER_STEP};
+use smaclite_engine::{Arena, BattleSetup, Rules, TICKS_PER_STEP};
 use smaclite_ipc::{
     Batch, Client, ConnectError, ControlSocketError, LaneConfig, RuntimeDir, StartError, Supervisor,
     SupervisorConfig, WaitOptions,
@@ -76,8 +76,7 @@ impl Workload {
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
-        let scenario = (self.scenario.clone(), self.files.clone());
-        let mut lane = LaneConfig::new("bench", scenario, self.num_envs);
+        let mut lane = LaneConfig::new("bench", BattleSetup::new(self.files.clone()), self.num_envs);
         lane.settings.batch_size = self.batch_size;
         Supervisor::start(SupervisorConfig {
             name: name.to_owned(),

@@ -1,8 +1,8 @@
 //! Other programs that step environments, measured in turn with this one. `peers.py` steps them, in processes
 //! of a Python interpreter that can import them; here are the processes and the comparison.
 
-use crate::median;
-use crate::throughput::MeasureError;
+use super::throughput::MeasureError;
+use super::throughput::median;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
-const SCRIPT: &str = include_str!("../peers.py");
+const SCRIPT: &str = include_str!("peers.py");
 
 /// A program that steps environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]

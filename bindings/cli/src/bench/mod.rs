@@ -1,21 +1,27 @@
-//! `smaclite-pool bench`: steps per second of the engine or of a pool. `smaclite_benches` measures; here are
-//! the options and the tables.
+//! `smaclite-pool bench`: steps per second of the engine or of a pool. Here are the options and the tables;
+//! the modules measure. The program `smaclite-benches` uses those that are public.
 
-use super::against::Against;
-use super::table::Table;
-use super::{CommandResult, THREADS, check_range, completions, megabytes};
+mod against;
+pub mod null;
+pub mod paper;
+mod peers;
+pub mod play;
+pub(crate) mod this_program;
+pub mod throughput;
+
+use crate::process::{interrupt_flag, resident_bytes};
+use crate::table::Table;
+use crate::{CommandResult, THREADS, check_range, completions, megabytes};
+use against::Against;
 use clap::Args;
-use smaclite_benches::paper;
-use smaclite_benches::play::Policy;
-use smaclite_benches::process::{interrupt_flag, resident_bytes};
-use smaclite_benches::throughput::{Mode, Throughput, Workload};
+use play::Policy;
 use smaclite_ipc::WaitStrategy;
 use smaclite_pool::PoolOptions;
 use smaclite_scenarios::Scenario;
 use std::error::Error;
-use std::path::PathBuf;
-use std::process::Command;
 use std::time::Duration;
+use this_program::serve_command;
+use throughput::{Mode, Throughput, Workload};
 
 #[derive(Args)]
 pub(super) struct Bench {
@@ -133,34 +139,6 @@ fn cells(result: &Throughput) -> [String; 9] {
         format!("{:.0}", result.ns_per_unit_tick),
         megabytes(result.rss_bytes),
     ]
-}
-
-/// `smaclite-pool serve` for a workload.
-pub(super) fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
-    let mut command = this_program()?;
-    let Workload { options, batch_size, num_envs, scenario_argument, .. } = workload;
-    command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
-    command.args(["--batch-size", &batch_size.to_string(), "--wait", options.wait.name()]);
-    command.arg(format!("bench={scenario_argument}:{num_envs}"));
-    Ok(command)
-}
-
-/// This program once more.
-fn this_program() -> std::io::Result<Command> {
-    let Some(interpreter) = python_interpreter() else {
-        return Ok(Command::new(std::env::current_exe()?));
-    };
-    let mut command = Command::new(interpreter);
-    command.args(["-m", "smaclite_pool"]);
-    Ok(command)
-}
-
-/// The interpreter, if this program runs in Python. It is named as this process was: the interpreter of a
-/// virtual environment is a link, and knows its packages by the link's path.
-pub(super) fn python_interpreter() -> Option<PathBuf> {
-    let executable = std::env::current_exe().ok()?;
-    let is_python = executable.file_name()?.to_str()?.starts_with("python");
-    is_python.then(|| std::env::args_os().next().map_or(executable, PathBuf::from))
 }
 
 fn print_paper_json() -> CommandResult {

@@ -6,7 +6,7 @@
 mod engine;
 mod pool;
 
-use crate::play::{AfterEpisode, Policy, Recording};
+use crate::bench::play::{AfterEpisode, Policy, Recording};
 use clap::ValueEnum;
 use serde::Serialize;
 use smaclite_engine::Arena;
@@ -204,4 +204,13 @@ impl Counts {
             rss_bytes,
         }
     }
+}
+
+/// The median of several measurements; of an even number of them the upper of the two in the middle.
+///
+/// # Panics
+/// If there are none.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }

@@ -1,8 +1,8 @@
 //! An environment that does nothing and has the sizes of 2s3z: what remains is the cost of the pool and of
 //! the transport.
 
+use super::throughput::MeasureError;
 use crate::process::wait_for_termination;
-use crate::throughput::MeasureError;
 use smaclite_engine::{Scratch, Sizes, Step};
 use smaclite_ipc::{
     Client, LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions,

@@ -1,11 +1,11 @@
-//! Recording environments of a running pool by following them. The command `record --pool` and the Python
-//! package use it.
+//! Recording environments of a running pool: `smaclite_ipc` follows them, and `smaclite_view` writes
+//! replays. The command `record --pool` and the Python package use it.
+
+#![forbid(unsafe_code)]
 
 use smaclite_engine::StreamPosition;
-use smaclite_ipc::{
-    ClientError, ConnectError, EpisodePart, FollowedPart, Follower, LaneScenario, RuntimeDir,
-};
-use smaclite_view::{Recorder, Replay, ReplayError, Setup};
+use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir};
+use smaclite_view::{Recorder, Replay, ReplayError};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Follows environments and keeps what they did: per environment the newest complete episodes, and the
@@ -97,9 +97,8 @@ impl PoolRecorder {
     /// # Errors
     /// If this release plays other battles than the pool.
     pub fn replay(&self, with_incomplete: bool) -> Result<Replay, PoolRecorderError> {
-        let LaneScenario { files, rules, episode_limit } = self.follower.scenario().clone();
         let n_agents = self.follower.description().sizes.n_agents;
-        let mut recorder = Recorder::new(Setup { files, rules, episode_limit }, 0)?;
+        let mut recorder = Recorder::new(self.follower.setup().clone(), 0)?;
         for episode in self.episodes.values().flatten() {
             let Some(start) = episode.start.filter(|_| episode.is_complete || with_incomplete) else {
                 continue;

@@ -1,4 +1,4 @@
-"""Other programs that step environments, for `smaclite-pool bench --against`; benches/src/peers.rs runs this.
+"""Other programs that step environments, for `smaclite-pool bench --against`; peers.rs runs this.
 
     python -c PEERS describe PEER                     one line: what the peer is, or why it cannot be imported
     python -c PEERS measure PEER SCENARIO INDEX       one line per line of input, until the input ends

@@ -1,0 +1,38 @@
+//! What the battles of a lane are played with, as its pool says.
+
+use crate::client::ConnectError;
+use crate::control::client::ControlClient;
+use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
+use crate::runtime_dir::RuntimeDir;
+use crate::wait_options::WaitOptions;
+use smaclite_engine::BattleSetup;
+
+/// What the battles of a lane are played with, of the only lane if none is named. The episode limit is a
+/// number or none.
+///
+/// # Errors
+/// If the pool cannot be reached, or the lane has no battles.
+pub fn lane_scenario(
+    runtime_dir: &RuntimeDir,
+    pool: &str,
+    lane: Option<&str>,
+) -> Result<BattleSetup, ConnectError> {
+    let request = ControlRequest::Scenario { lane: lane.map(str::to_owned) };
+    let (_, response) = ControlClient::request(runtime_dir, pool, &request, WaitOptions::for_response())?;
+    Ok(setup_in(response)?.1)
+}
+
+/// The lane and its setup in the response to [`ControlRequest::Scenario`] or [`ControlRequest::Follow`].
+pub(crate) fn setup_in(response: ControlResponse) -> Result<(LaneDescription, BattleSetup), ControlError> {
+    match response {
+        ControlResponse::Scenario { lane, files } => {
+            let rules = lane.rules.parse().map_err(|error| ControlError::Malformed {
+                what: format!("rules of lane `{}`: {error}", lane.lane),
+            })?;
+            let setup = BattleSetup { files: *files, rules, episode_limit: lane.episode_limit.into() };
+            Ok((*lane, setup))
+        }
+        ControlResponse::Refused(refusal) => Err(refusal),
+        other => Err(ControlError::unexpected(&other)),
+    }
+}

@@ -1,0 +1,91 @@
+//! What battles are played with: the one record that pools, replays and training runs keep of it.
+
+use crate::{Arena, Rules};
+use serde::{Deserialize, Serialize};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
+
+/// What battles are played with. As JSON, the keys `files`, `rules` and `episode_limit`.
+///
+/// ```
+/// use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+/// use smaclite_scenarios::ScenarioFiles;
+///
+/// let (_, files) = ScenarioFiles::resolve("2s3z")?;
+/// let setup = BattleSetup { episode_limit: EpisodeLimit::Steps(30), ..BattleSetup::new(files) };
+/// assert_eq!(setup.rules, Rules::Smaclite);
+/// let (scenario, arena) = setup.arena()?;
+/// assert_eq!((scenario.episode_limit, arena.episode_limit()), (Some(120), Some(30)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BattleSetup {
+    /// The texts of the scenario file and of its unit files.
+    pub files: ScenarioFiles,
+    /// The rule set.
+    pub rules: Rules,
+    /// When an episode is truncated.
+    pub episode_limit: EpisodeLimit,
+}
+
+/// When an episode is truncated. As JSON `"scenario"`, a number or `null`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EpisodeLimit {
+    /// When the scenario file says.
+    #[default]
+    Scenario,
+    /// After this many steps, whatever the scenario file says.
+    #[serde(untagged)]
+    Steps(u32),
+    /// Never.
+    #[serde(untagged)]
+    None,
+}
+
+impl BattleSetup {
+    /// A scenario with the default rules and its own episode limit.
+    pub fn new(files: ScenarioFiles) -> BattleSetup {
+        BattleSetup { files, rules: Rules::default(), episode_limit: EpisodeLimit::default() }
+    }
+
+    /// The scenario, and the arena in which the battles are played.
+    ///
+    /// # Errors
+    /// If the texts are no valid scenario.
+    pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
+        let scenario = self.files.scenario()?;
+        let arena = Arena::new(&scenario, self.rules);
+        let arena = match self.episode_limit {
+            EpisodeLimit::Scenario => arena,
+            EpisodeLimit::Steps(steps) => arena.with_episode_limit(Some(steps)),
+            EpisodeLimit::None => arena.with_episode_limit(None),
+        };
+        Ok((scenario, arena))
+    }
+}
+
+/// The limit of an arena, in which the scenario's has been looked up: a number of steps, or none.
+impl From<Option<u32>> for EpisodeLimit {
+    fn from(steps: Option<u32>) -> EpisodeLimit {
+        steps.map_or(EpisodeLimit::None, EpisodeLimit::Steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Training runs have these texts in their folders.
+    #[test]
+    fn limits_and_rules_are_written_as_files_have_them() {
+        let limits = [EpisodeLimit::Scenario, EpisodeLimit::Steps(120), EpisodeLimit::None];
+        for (limit, text) in limits.into_iter().zip(["\"scenario\"", "120", "null"]) {
+            assert_eq!(serde_json::to_string(&limit).unwrap(), text);
+            assert_eq!(serde_json::from_str::<EpisodeLimit>(text).unwrap(), limit);
+        }
+        for rules in [Rules::Smaclite, Rules::Paper] {
+            assert_eq!(serde_json::to_value(rules).unwrap(), rules.to_string());
+            assert_eq!(serde_json::from_value::<Rules>(rules.to_string().into()).unwrap(), rules);
+        }
+    }
+}
