@@ -38,7 +38,7 @@
 //! | victory, defeat and the time limit | `battle.rs` (`finish_step`) |
 //! | available actions: targets | `encode/avail.rs` |
 //! | available actions: moves near walls | `arena/moves.rs` |
-//! | targeting range | `encode/gathered.rs` |
+//! | targeting range | `encode/unit_tables.rs` |
 //! | sight range and observations | `encode/obs.rs` |
 //! | the state | `encode/state.rs` |
 //! | differences between the rule sets `smaclite` and `paper`, R1 to R4 | `rules.rs` |
@@ -46,7 +46,7 @@
 //! # Profiles
 //!
 //! The phases of a tick and the encoders are `#[inline(never)]`: each is called once per tick or step, so
-//! this costs nothing, and each appears as a function in profiles (`benches/src/engine/instructions.rs`).
+//! this costs nothing, and each appears as a function in profiles (`benches/src/instructions.rs`).
 #![forbid(unsafe_code)]
 
 mod arena;
@@ -54,7 +54,6 @@ mod battle;
 mod command;
 mod encode;
 mod fast_math;
-mod lanes;
 mod neighbour_order;
 pub mod policy;
 mod random;
@@ -80,7 +79,7 @@ pub use units::Units;
 
 /// The instruction set with which battles are computed on this processor, such as `AVX2`.
 pub fn instruction_set() -> &'static str {
-    lanes::Level::default().name()
+    simd::Level::default().name()
 }
 
 /// Ticks per step.

@@ -5,7 +5,7 @@
 //! tick.
 
 mod avoid;
-mod crowd;
+mod block_index;
 mod deaths;
 mod execute;
 mod preferred;
@@ -15,7 +15,7 @@ mod targets;
 
 use glam::Vec2;
 
-pub(crate) use crowd::search_bound;
+pub(crate) use block_index::search_bound;
 
 use crate::arena::Arena;
 use crate::command::Command;

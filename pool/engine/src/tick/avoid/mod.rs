@@ -7,29 +7,28 @@
 //! velocities change at once.
 //!
 //! It takes three stages over all units of a plane: neighbours, half-planes, solutions. Each is computed for
-//! as many units at a time as a register has lanes ([`crate::lanes`]), to the same bits.
+//! as many units at a time as a register has entries ([`crate::simd`]), to the same bits.
 //!
 //! All arithmetic is in f32, and a vector is divided by a scalar by multiplying it with the rounded
 //! reciprocal: the recorded battles depend on it to the last bit. The time horizon of the paper, tau, is 1 s
 //! for units and for obstacles, so divisions by it do not appear.
 
-mod batch;
 mod linear_program;
 mod nearest_list;
 mod neighbours;
 mod obstacles;
+mod pending_programs;
 mod plane_units;
 mod tree;
 
 use glam::Vec2;
-use pulp::Simd;
 
 use super::World;
 use crate::arena::{Arena, EdgeSearch};
-use crate::lanes::{Kernel, Lanes, Level};
 use crate::neighbour_order::PlaneOrder;
-use batch::{Batch, Mover};
+use crate::simd::{InstructionSet, Kernel, Level};
 use nearest_list::NearestList;
+use pending_programs::{Mover, PendingPrograms};
 use plane_units::{NearList, PlaneUnits};
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
@@ -46,7 +45,7 @@ pub(crate) struct AvoidScratch {
     edge_search: EdgeSearch,
     /// Edges in sight of a unit.
     seen: NearestList,
-    batch: Batch,
+    pending: PendingPrograms,
 }
 
 impl AvoidScratch {
@@ -54,7 +53,7 @@ impl AvoidScratch {
     pub fn reserve(&mut self, n_units: usize, n_edges: usize) {
         self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
         self.seen.reserve(n_edges);
-        self.batch.reserve(n_edges, n_units);
+        self.pending.reserve(n_edges, n_units);
         self.edge_search.reserve(n_edges);
         self.near.reserve(n_units);
     }
@@ -90,7 +89,7 @@ impl Kernel for Planning<'_> {
     /// or obstacles near them. The outcomes are unpredictable, so processing one unit from begin to end would
     /// cost a branch misprediction at nearly every test; a stage over all units has no such branches.
     #[inline(always)]
-    fn run<S: Lanes>(mut self, simd: S) {
+    fn run<S: InstructionSet>(mut self, simd: S) {
         for plane in 0..self.order.len() {
             let AvoidScratch { planes, .. } = &mut *self.scratch;
             // The list keeps its order for the next tick: see `NeighbourOrder`.
@@ -115,12 +114,12 @@ impl Kernel for Planning<'_> {
             self.find_neighbours(simd, plane);
             self.collect_programs(simd, plane);
         }
-        // The programs that are left, of all planes together: so fewer lanes stay empty.
-        let AvoidScratch { planes, batch, .. } = &mut *self.scratch;
-        if batch.len() <= <S::Narrower as Simd>::F32_LANES {
-            batch.solve(simd.narrower(), planes, self.velocities);
+        // The programs that are left, of all planes together: so fewer entries stay empty.
+        let AvoidScratch { planes, pending, .. } = &mut *self.scratch;
+        if pending.len() <= S::Narrower::WIDTH {
+            pending.solve(simd.narrower(), planes, self.velocities);
         } else {
-            batch.solve(simd, planes, self.velocities);
+            pending.solve(simd, planes, self.velocities);
         }
     }
 }
@@ -128,7 +127,7 @@ impl Kernel for Planning<'_> {
 impl Planning<'_> {
     /// Gives every unit its velocity without neighbours and obstacles, and lists the neighbours.
     #[inline(always)]
-    fn find_neighbours<S: Lanes>(&mut self, simd: S, plane: usize) {
+    fn find_neighbours<S: InstructionSet>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, .. } = &mut *self.scratch;
         let plane = &mut planes[plane];
         plane.find_unconstrained(simd, &self.arena.edges);
@@ -138,10 +137,10 @@ impl Planning<'_> {
         plane.find_neighbours(simd, &self.arena.avoidance, &self.arena.edges, near);
     }
 
-    /// Collects the linear programs of the listed units, and solves them whenever every lane has one.
+    /// Collects the linear programs of the listed units, and solves them whenever every entry has one.
     #[inline(always)]
-    fn collect_programs<S: Lanes>(&mut self, simd: S, plane: usize) {
-        let AvoidScratch { planes, near, edge_search, seen, batch, .. } = &mut *self.scratch;
+    fn collect_programs<S: InstructionSet>(&mut self, simd: S, plane: usize) {
+        let AvoidScratch { planes, near, edge_search, seen, pending, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
         for entries in near.units() {
             let index = entries[0].index as usize;
@@ -168,9 +167,9 @@ impl Planning<'_> {
                 #[inline(always)]
                 |number| self.arena.edges.edge(number as u32),
             );
-            batch.push(&mover, seen, entries, plane_units.members());
-            if batch.len() == S::F32_LANES {
-                batch.solve(simd, planes, self.velocities);
+            pending.push(&mover, seen, entries, plane_units.members());
+            if pending.len() == S::WIDTH {
+                pending.solve(simd, planes, self.velocities);
                 plane_units = &planes[plane];
             }
         }

@@ -7,7 +7,7 @@ use glam::Vec2;
 use super::nearest_list::NearestList;
 use super::tree::Tree;
 use crate::arena::{AvoidanceParams, EdgesByCell};
-use crate::lanes::{Floats, Lanes, MAX_LANES, Vectors};
+use crate::simd::{F32s, InstructionSet, MAX_WIDTH, Vec2s};
 use crate::units::clear_and_reserve;
 
 /// Units whose search results are one word: bit i is unit `WORD * word + i`.
@@ -32,7 +32,7 @@ pub(super) struct PlaneUnits {
     unconstrained: Columns,
     /// The cell in which each unit is.
     cell: Vec<f32>,
-    /// The corners of the box around the units of each word, padded to [`MAX_LANES`] with boxes at infinity.
+    /// The corners of the box around the units of each word, padded to [`MAX_WIDTH`] with boxes at infinity.
     /// Empty if there is one word only.
     low: Columns,
     high: Columns,
@@ -56,11 +56,8 @@ impl Columns {
     }
 
     #[inline(always)]
-    pub fn load<S: Lanes>(&self, simd: S, begin: usize) -> Vectors<S> {
-        Vectors {
-            x: Floats::from_slice(simd, &self.x[begin..]),
-            y: Floats::from_slice(simd, &self.y[begin..]),
-        }
+    pub fn load<S: InstructionSet>(&self, simd: S, begin: usize) -> Vec2s<S> {
+        Vec2s { x: F32s::from_slice(simd, &self.x[begin..]), y: F32s::from_slice(simd, &self.y[begin..]) }
     }
 
     pub fn get(&self, index: usize) -> Vec2 {
@@ -157,14 +154,14 @@ impl PlaneUnits {
     pub fn reserve(&mut self, n_units: usize) {
         self.members.resize(n_units, Member::default());
         clear_and_reserve(&mut self.visited, n_units);
-        let n_padded = n_units.next_multiple_of(MAX_LANES);
-        let n_boxes = n_units.div_ceil(WORD).next_multiple_of(MAX_LANES);
+        let n_padded = n_units.next_multiple_of(MAX_WIDTH);
+        let n_boxes = n_units.div_ceil(WORD).next_multiple_of(MAX_WIDTH);
         self.movers.resize(n_units, 0);
         for columns in [&mut self.preferred, &mut self.unconstrained] {
             columns.resize(n_padded);
         }
         // The tree loads registers from any unit on.
-        self.position.resize(n_padded + MAX_LANES);
+        self.position.resize(n_padded + MAX_WIDTH);
         self.max_speed.resize(n_padded, 0.0);
         self.cell.resize(n_padded, 0.0);
         self.low.resize(n_boxes);
@@ -175,7 +172,7 @@ impl PlaneUnits {
     /// Packs the units of a list, which is put in the order that equally near neighbours require. The other
     /// slices are by battle-wide id.
     #[inline(always)]
-    pub fn pack<S: Lanes>(
+    pub fn pack<S: InstructionSet>(
         &mut self,
         simd: S,
         ids: &mut [u32],
@@ -186,9 +183,9 @@ impl PlaneUnits {
     ) {
         let n = ids.len();
         // The last register of coordinates as a whole, in one store, before the units overwrite a part of it.
-        let last = n.saturating_sub(1) / MAX_LANES * MAX_LANES;
+        let last = n.saturating_sub(1) / MAX_WIDTH * MAX_WIDTH;
         for column in [&mut self.position.x, &mut self.position.y] {
-            column[last..][..MAX_LANES].copy_from_slice(&[f32::INFINITY; MAX_LANES]);
+            column[last..][..MAX_WIDTH].copy_from_slice(&[f32::INFINITY; MAX_WIDTH]);
         }
         let has_tree = n > Tree::LEAF_SIZE;
         if has_tree {
@@ -283,20 +280,20 @@ impl PlaneUnits {
     /// Finds the cells of all units, and their velocities without neighbours and obstacles: the preferred
     /// ones within the speed limit. Those that are no finite number are zero.
     #[inline(always)]
-    pub fn find_unconstrained<S: Lanes>(&mut self, simd: S, edges: &EdgesByCell) {
-        let n = self.n.next_multiple_of(MAX_LANES);
+    pub fn find_unconstrained<S: InstructionSet>(&mut self, simd: S, edges: &EdgesByCell) {
+        let n = self.n.next_multiple_of(MAX_WIDTH);
         let (x, y) = (&self.preferred.x[..n], &self.preferred.y[..n]);
         let (to_x, to_y) = (&mut self.unconstrained.x[..n], &mut self.unconstrained.y[..n]);
-        let max_speed = Floats::all(simd, &self.max_speed[..n]);
-        let preferred = Vectors::all(simd, x, y);
-        let to = to_x.chunks_exact_mut(S::F32_LANES).zip(to_y.chunks_exact_mut(S::F32_LANES));
+        let max_speed = F32s::all(simd, &self.max_speed[..n]);
+        let preferred = Vec2s::all(simd, x, y);
+        let to = to_x.chunks_exact_mut(S::WIDTH).zip(to_y.chunks_exact_mut(S::WIDTH));
         for ((max_speed, preferred), (to_x, to_y)) in max_speed.zip(preferred).zip(to) {
             let velocity = preferred.within(max_speed).finite_or_zero();
             velocity.x.to_slice(to_x);
             velocity.y.to_slice(to_y);
         }
-        let positions = Vectors::all(simd, &self.position.x[..n], &self.position.y[..n]);
-        for (position, to) in positions.zip(self.cell[..n].chunks_exact_mut(S::F32_LANES)) {
+        let positions = Vec2s::all(simd, &self.position.x[..n], &self.position.y[..n]);
+        for (position, to) in positions.zip(self.cell[..n].chunks_exact_mut(S::WIDTH)) {
             edges.cells(position).to_slice(to);
         }
     }
@@ -304,7 +301,7 @@ impl PlaneUnits {
     /// Lists the neighbours of all units that move: the units whose squared distance is below the unit's
     /// `neighbour_range_squared`. Units that may see an edge are listed in any case.
     #[inline(always)]
-    pub fn find_neighbours<S: Lanes>(
+    pub fn find_neighbours<S: InstructionSet>(
         &self,
         simd: S,
         stats: &[AvoidanceParams],
@@ -319,9 +316,9 @@ impl PlaneUnits {
             let stats = &stats[member.id as usize];
             let may_see = stats.edge_range_squared.is_some() && edges.may_see(self.cell[index as usize]);
             list.add_if(may_see, Near { index, ..Near::default() });
-            let centre = Vectors::splat(simd, member.position);
-            let range = Floats::splat(simd, stats.neighbour_range_squared);
-            if self.n <= S::F32_LANES {
+            let centre = Vec2s::splat(simd, member.position);
+            let range = F32s::splat(simd, stats.neighbour_range_squared);
+            if self.n <= S::WIDTH {
                 // Of a small plane, all positions stay in one register.
                 let near = (centre - first).length_squared().lt(range).bits() & !(1 << index);
                 list.add_if(near != 0, Near { index, word: 0, bits: near.into() });
@@ -331,7 +328,7 @@ impl PlaneUnits {
                 self.find_in(centre, range, 0, index, list);
                 continue;
             }
-            for group in (0..n_words).step_by(MAX_LANES) {
+            for group in (0..n_words).step_by(MAX_WIDTH) {
                 let mut words = self.near_words(centre, range, group);
                 while words != 0 {
                     let word = group + words.trailing_zeros() as usize;
@@ -342,41 +339,41 @@ impl PlaneUnits {
         }
     }
 
-    /// Of up to [`MAX_LANES`] words, those in whose box there may be neighbours, as bits.
+    /// Of up to [`MAX_WIDTH`] words, those in whose box there may be neighbours, as bits.
     #[inline(always)]
-    fn near_words<S: Lanes>(&self, centre: Vectors<S>, range: Floats<S>, first: usize) -> u32 {
+    fn near_words<S: InstructionSet>(&self, centre: Vec2s<S>, range: F32s<S>, first: usize) -> u32 {
         let simd = range.simd();
-        let zero = Floats::splat(simd, 0.0);
+        let zero = F32s::splat(simd, 0.0);
         let mut words = 0;
-        for i in (0..MAX_LANES).step_by(S::F32_LANES) {
+        for i in (0..MAX_WIDTH).step_by(S::WIDTH) {
             // Rounding is monotonic: no unit in the box is computed to be nearer than the box is here.
             let (low, high) = (self.low.load(simd, first + i), self.high.load(simd, first + i));
             let x = (low.x - centre.x).max(zero) + (centre.x - high.x).max(zero);
             let y = (low.y - centre.y).max(zero) + (centre.y - high.y).max(zero);
-            words |= Vectors { x, y }.length_squared().lt(range).bits() << i;
+            words |= Vec2s { x, y }.length_squared().lt(range).bits() << i;
         }
         words
     }
 
     #[inline(always)]
-    fn find_in<S: Lanes>(
+    fn find_in<S: InstructionSet>(
         &self,
-        centre: Vectors<S>,
-        range: Floats<S>,
+        centre: Vec2s<S>,
+        range: F32s<S>,
         word: usize,
         index: u32,
         list: &mut NearList,
     ) {
         let simd = range.simd();
         let begin = word * WORD;
-        // Of the last word, only the lanes up to the last unit are looked at.
-        let n = (self.n - begin).min(WORD).next_multiple_of(MAX_LANES);
+        // Of the last word, only the entries up to the last unit are looked at.
+        let n = (self.n - begin).min(WORD).next_multiple_of(MAX_WIDTH);
         let (x, y) = (&self.position.x[begin..begin + n], &self.position.y[begin..begin + n]);
         let (mut bits, mut shift) = (0, 0);
-        for other in Vectors::all(simd, x, y) {
+        for other in Vec2s::all(simd, x, y) {
             let is_near = (centre - other).length_squared().lt(range);
             bits |= u64::from(is_near.bits()) << shift;
-            shift += S::F32_LANES;
+            shift += S::WIDTH;
         }
         // The unit itself is always near.
         let itself = u64::from(index as usize / WORD == word) << (index as usize % WORD);
@@ -410,7 +407,7 @@ impl PlaneUnits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{Kernel, Level};
+    use crate::simd::{Kernel, Level};
     use smaclite_scenarios::Terrain;
 
     /// A search around every unit.
@@ -424,7 +421,7 @@ mod tests {
 
     impl Kernel for &mut Search<'_> {
         #[inline(always)]
-        fn run<S: Lanes>(self, simd: S) {
+        fn run<S: InstructionSet>(self, simd: S) {
             let n = self.positions.len();
             let stats = AvoidanceParams { neighbour_range_squared: self.range_squared, ..Default::default() };
             let (mut plane, mut near, mut sorted) = Default::default();

@@ -1,4 +1,4 @@
-//! The half-planes that obstacle edges impose on ground units, one per lane, and the search for edges.
+//! The half-planes that obstacle edges impose on ground units, one per entry, and the search for edges.
 //!
 //! Derivation (the paper's section on static obstacles). An obstacle does not move and takes no share of the
 //! avoidance, so the unit must avoid it alone. Seen from the unit, the velocity obstacle of an edge is the
@@ -16,7 +16,7 @@
 //! adjacent edge, that edge bounds the shadow instead (a *foreign* leg), and its own half-plane does the
 //! work.
 //!
-//! A lane cannot branch on its own: a case that applies to any lane is computed for all, and selected where
+//! An entry cannot branch on its own: a case that applies to any entry is computed for all, and selected where
 //! it applies. The tests have the same for one unit at a time, and compare the bits.
 
 #[cfg(test)]
@@ -29,12 +29,12 @@ use super::linear_program::{HalfPlaneColumns, HalfPlanes};
 use super::nearest_list::NearestList;
 use super::neighbours::Movers;
 use crate::arena::{Edge, EdgeBlock};
-use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Mask, Vectors};
+use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Mask, Vec2s};
 
-/// Finds the edges of a list that a unit sees, nearest first, one edge per lane. `range` is a squared
+/// Finds the edges of a list that a unit sees, nearest first, one edge per entry. `range` is a squared
 /// distance.
 #[inline(always)]
-pub(super) fn find<S: Lanes>(
+pub(super) fn find<S: InstructionSet>(
     simd: S,
     position: Vec2,
     near: &[EdgeBlock],
@@ -42,24 +42,24 @@ pub(super) fn find<S: Lanes>(
     found: &mut NearestList,
 ) {
     found.clear();
-    let position = Vectors::splat(simd, position);
+    let position = Vec2s::splat(simd, position);
     let [zero, one, range] = [0.0, 1.0, range].map(
         #[inline(always)]
-        |x| Floats::splat(simd, x),
+        |x| F32s::splat(simd, x),
     );
     let mut distances = Column::default();
     for block in near {
-        for first in (0..MAX_LANES).step_by(S::F32_LANES) {
+        for first in (0..MAX_WIDTH).step_by(S::WIDTH) {
             if block.numbers[first] == EdgeBlock::NO_EDGE {
                 break;
             }
             let [start, end] = [&block.start, &block.end].map(
                 #[inline(always)]
-                |point| Vectors::load_from(simd, point, first),
+                |point| Vec2s::load_from(simd, point, first),
             );
             let span = end - start;
             // The list is that of the unit's square; the unit itself may be on the line of an edge, and sees
-            // the outer side of edges only. Not that of an empty lane, of which the span is zero.
+            // the outer side of edges only. Not that of an empty entry, of which the span is zero.
             let is_outside = (start - position).perp_dot(span).lt(zero);
             // The projection on the line, as a share of the edge: below 0 or above 1 the nearest point is an
             // end.
@@ -69,15 +69,15 @@ pub(super) fn find<S: Lanes>(
             distance_squared.store(&mut distances);
             let mut seen = (is_outside & distance_squared.lt(range)).bits();
             while seen != 0 {
-                let lane = seen.trailing_zeros() as usize;
+                let entry = seen.trailing_zeros() as usize;
                 seen &= seen - 1;
-                found.insert(distances[lane], block.numbers[first + lane] as usize);
+                found.insert(distances[entry], block.numbers[first + entry] as usize);
             }
         }
     }
 }
 
-/// An edge that the unit of each lane sees, in memory.
+/// An edge that the unit of each entry sees, in memory.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct EdgeColumns {
     start: [Column; 2],
@@ -88,28 +88,28 @@ pub(super) struct EdgeColumns {
 }
 
 impl EdgeColumns {
-    /// Sets the edge of a lane.
+    /// Sets the edge of an entry.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, edge: &Edge) {
+    pub fn set(&mut self, entry: usize, edge: &Edge) {
         let columns = [&mut self.start, &mut self.end, &mut self.before, &mut self.along, &mut self.after];
         for ([x, y], vector) in
             columns.into_iter().zip([edge.start, edge.end, edge.before, edge.along, edge.after])
         {
-            (x[lane], y[lane]) = vector.into();
+            (x[entry], y[entry]) = vector.into();
         }
     }
 }
 
 /// A corner of an obstacle, and the directions of the outline before and after it.
 #[derive(Clone, Copy)]
-struct Corner<S: Lanes> {
+struct Corner<S: InstructionSet> {
     /// Position relative to the unit.
-    offset: Vectors<S>,
-    incoming: Vectors<S>,
-    outgoing: Vectors<S>,
+    offset: Vec2s<S>,
+    incoming: Vec2s<S>,
+    outgoing: Vec2s<S>,
 }
 
-impl<S: Lanes> Corner<S> {
+impl<S: InstructionSet> Corner<S> {
     #[inline(always)]
     fn either(is_this: Mask<S>, this: &Corner<S>, that: &Corner<S>) -> Corner<S> {
         Corner {
@@ -120,12 +120,12 @@ impl<S: Lanes> Corner<S> {
     }
 }
 
-/// Half-planes, and in which lanes there are any.
+/// Half-planes, and in which entries there are any.
 type Optional<S> = (HalfPlanes<S>, Mask<S>);
 
 /// The first where the condition holds, elsewhere the second.
 #[inline(always)]
-fn either<S: Lanes>(is_this: Mask<S>, this: Optional<S>, that: Optional<S>) -> Optional<S> {
+fn either<S: InstructionSet>(is_this: Mask<S>, this: Optional<S>, that: Optional<S>) -> Optional<S> {
     let half_planes = HalfPlanes {
         point: is_this.either(this.0.point, that.0.point),
         direction: is_this.either(this.0.direction, that.0.direction),
@@ -135,16 +135,16 @@ fn either<S: Lanes>(is_this: Mask<S>, this: Optional<S>, that: Optional<S>) -> O
 
 /// Where half-planes of nearer edges keep each unit off its edge already.
 #[inline(always)]
-pub(super) fn are_covered<S: Lanes>(
+pub(super) fn are_covered<S: InstructionSet>(
     movers: &Movers<S>,
     edges: &EdgeColumns,
     nearer: &[HalfPlaneColumns],
 ) -> Mask<S> {
     let (simd, radius) = (movers.radius.simd(), movers.radius);
-    let zero = Floats::splat(simd, 0.0);
+    let zero = F32s::splat(simd, 0.0);
     let [start, end] = [&edges.start, &edges.end].map(
         #[inline(always)]
-        |end| Vectors::load(simd, end) - movers.position,
+        |end| Vec2s::load(simd, end) - movers.position,
     );
     let mut are_covered = zero.lt(zero);
     for half_planes in nearer {
@@ -158,23 +158,23 @@ pub(super) fn are_covered<S: Lanes>(
 /// The velocities that keep each unit off its edge for the time horizon, and where there are any: not where
 /// the half-plane of an adjacent edge ensures that.
 #[inline(always)]
-pub(super) fn keep_off<S: Lanes>(movers: &Movers<S>, edges: &EdgeColumns) -> Optional<S> {
+pub(super) fn keep_off<S: InstructionSet>(movers: &Movers<S>, edges: &EdgeColumns) -> Optional<S> {
     let (simd, radius) = (movers.radius.simd(), movers.radius);
-    let (zero, one) = (Floats::splat(simd, 0.0), Floats::splat(simd, 1.0));
-    let origin = Vectors { x: zero, y: zero };
+    let (zero, one) = (F32s::splat(simd, 0.0), F32s::splat(simd, 1.0));
+    let origin = Vec2s { x: zero, y: zero };
     let everywhere = zero.le(zero);
     let [from, to] = [&edges.start, &edges.end].map(
         #[inline(always)]
-        |end| Vectors::load(simd, end),
+        |end| Vec2s::load(simd, end),
     );
-    let along = Vectors::load(simd, &edges.along);
+    let along = Vec2s::load(simd, &edges.along);
     let start = Corner {
         offset: from - movers.position,
-        incoming: Vectors::load(simd, &edges.before),
+        incoming: Vec2s::load(simd, &edges.before),
         outgoing: along,
     };
     let end =
-        Corner { offset: to - movers.position, incoming: along, outgoing: Vectors::load(simd, &edges.after) };
+        Corner { offset: to - movers.position, incoming: along, outgoing: Vec2s::load(simd, &edges.after) };
     // The position of the unit projected on the line of the edge, as a share of the edge.
     let radius_squared = radius * radius;
     let span = to - from;
@@ -214,44 +214,44 @@ pub(super) fn keep_off<S: Lanes>(movers: &Movers<S>, edges: &EdgeColumns) -> Opt
 /// Whether the half-planes already keep each unit off this point of an obstacle: whether all velocities that
 /// reach the disc of the unit's radius around the point within 1 s are outside of it.
 #[inline(always)]
-fn covers<S: Lanes>(half_planes: &HalfPlanes<S>, offset: Vectors<S>, radius: Floats<S>) -> Mask<S> {
+fn covers<S: InstructionSet>(half_planes: &HalfPlanes<S>, offset: Vec2s<S>, radius: F32s<S>) -> Mask<S> {
     let distance = (offset - half_planes.point).perp_dot(half_planes.direction) - radius;
-    distance.ge(Floats::splat(radius.simd(), -EPSILON))
+    distance.ge(F32s::splat(radius.simd(), -EPSILON))
 }
 
 /// The half-planes of units that touch a corner: velocities that do not come closer.
 #[inline(always)]
-fn away_from<S: Lanes>(corner: Vectors<S>) -> HalfPlanes<S> {
-    let zero = Floats::splat(corner.x.simd(), 0.0);
+fn away_from<S: InstructionSet>(corner: Vec2s<S>) -> HalfPlanes<S> {
+    let zero = F32s::splat(corner.x.simd(), 0.0);
     HalfPlanes {
-        point: Vectors { x: zero, y: zero },
-        direction: Vectors { x: -corner.y, y: corner.x }.normalize(),
+        point: Vec2s { x: zero, y: zero },
+        direction: Vec2s { x: -corner.y, y: corner.x }.normalize(),
     }
 }
 
 /// The velocity obstacle of an edge before it is widened by the radius: two legs, and the cut-off between
 /// them.
 #[derive(Clone, Copy)]
-struct Shadow<S: Lanes> {
+struct Shadow<S: InstructionSet> {
     left: Leg<S>,
     right: Leg<S>,
     /// Direction of the outline at the left corner.
-    along: Vectors<S>,
+    along: Vec2s<S>,
     /// Whether both legs start at one corner; then there is no cut-off.
     single: Mask<S>,
 }
 
 #[derive(Clone, Copy)]
-struct Leg<S: Lanes> {
-    corner: Vectors<S>,
-    direction: Vectors<S>,
+struct Leg<S: InstructionSet> {
+    corner: Vec2s<S>,
+    direction: Vec2s<S>,
     /// Whether the adjacent edge bounds the shadow instead; then the half-plane is left to that edge.
     foreign: Mask<S>,
 }
 
-impl<S: Lanes> Shadow<S> {
+impl<S: InstructionSet> Shadow<S> {
     #[inline(always)]
-    fn cast(left: &Corner<S>, right: &Corner<S>, single: Mask<S>, radius: Floats<S>) -> Shadow<S> {
+    fn cast(left: &Corner<S>, right: &Corner<S>, single: Mask<S>, radius: F32s<S>) -> Shadow<S> {
         Shadow {
             left: Leg::left(left, radius),
             right: Leg::right(right, radius),
@@ -262,11 +262,11 @@ impl<S: Lanes> Shadow<S> {
 
     /// The half-planes at the points of the shadows' boundaries nearest to the velocities.
     #[inline(always)]
-    fn half_planes(&self, velocity: Vectors<S>, radius: Floats<S>) -> Optional<S> {
+    fn half_planes(&self, velocity: Vec2s<S>, radius: F32s<S>) -> Optional<S> {
         let simd = radius.simd();
         let [zero, half, one, infinite] = [0.0, 0.5, 1.0, f32::INFINITY].map(
             #[inline(always)]
-            |x| Floats::splat(simd, x),
+            |x| F32s::splat(simd, x),
         );
         // Because the horizon is 1 s, a velocity is also the point that the unit reaches within the horizon,
         // and can be compared with the corners. Its projections decide which part of the boundary is nearest.
@@ -307,55 +307,55 @@ impl<S: Lanes> Shadow<S> {
     }
 }
 
-impl<S: Lanes> Leg<S> {
+impl<S: InstructionSet> Leg<S> {
     /// The left tangent from each unit to the disc around a corner; see `neighbours::leg_escape` for the
     /// derivation. A leg that would point into the adjacent edge is replaced by the direction of that edge.
     #[inline(always)]
-    fn left(corner: &Corner<S>, radius: Floats<S>) -> Leg<S> {
+    fn left(corner: &Corner<S>, radius: F32s<S>) -> Leg<S> {
         let (offset, distance_squared) = (corner.offset, corner.offset.length_squared());
         let length = (distance_squared - radius * radius).sqrt();
         let direction =
-            Vectors { x: offset.x * length - offset.y * radius, y: offset.x * radius + offset.y * length }
+            Vec2s { x: offset.x * length - offset.y * radius, y: offset.x * radius + offset.y * length }
                 * distance_squared.recip();
         let adjacent = -corner.incoming;
-        let foreign = direction.perp_dot(adjacent).ge(Floats::splat(radius.simd(), 0.0));
+        let foreign = direction.perp_dot(adjacent).ge(F32s::splat(radius.simd(), 0.0));
         Leg { corner: offset, direction: foreign.either(adjacent, direction), foreign }
     }
 
     /// The right tangent.
     #[inline(always)]
-    fn right(corner: &Corner<S>, radius: Floats<S>) -> Leg<S> {
+    fn right(corner: &Corner<S>, radius: F32s<S>) -> Leg<S> {
         let (offset, distance_squared) = (corner.offset, corner.offset.length_squared());
         let length = (distance_squared - radius * radius).sqrt();
         let direction =
-            Vectors { x: offset.x * length + offset.y * radius, y: -offset.x * radius + offset.y * length }
+            Vec2s { x: offset.x * length + offset.y * radius, y: -offset.x * radius + offset.y * length }
                 * distance_squared.recip();
         let adjacent = corner.outgoing;
-        let foreign = direction.perp_dot(adjacent).le(Floats::splat(radius.simd(), 0.0));
+        let foreign = direction.perp_dot(adjacent).le(F32s::splat(radius.simd(), 0.0));
         Leg { corner: offset, direction: foreign.either(adjacent, direction), foreign }
     }
 
     /// The squared distances of velocities whose projections on the leg are `at`; infinite before the leg
     /// starts.
     #[inline(always)]
-    fn distance_squared(&self, velocity: Vectors<S>, at: Floats<S>) -> Floats<S> {
+    fn distance_squared(&self, velocity: Vec2s<S>, at: F32s<S>) -> F32s<S> {
         let simd = at.simd();
         let distance_squared = (velocity - (self.corner + self.direction * at)).length_squared();
-        at.lt(Floats::splat(simd, 0.0)).select(Floats::splat(simd, f32::INFINITY), distance_squared)
+        at.lt(F32s::splat(simd, 0.0)).select(F32s::splat(simd, f32::INFINITY), distance_squared)
     }
 }
 
 /// The half-planes at the arc around a corner: the tangent of the disc at the point nearest to the velocity.
 #[inline(always)]
-fn round_corner<S: Lanes>(corner: Vectors<S>, velocity: Vectors<S>, radius: Floats<S>) -> HalfPlanes<S> {
+fn round_corner<S: InstructionSet>(corner: Vec2s<S>, velocity: Vec2s<S>, radius: F32s<S>) -> HalfPlanes<S> {
     let outward = (velocity - corner).normalize();
-    HalfPlanes { point: corner + outward * radius, direction: Vectors { x: outward.y, y: -outward.x } }
+    HalfPlanes { point: corner + outward * radius, direction: Vec2s { x: outward.y, y: -outward.x } }
 }
 
 /// The half-planes through `corner` along `direction`, moved out by the radius.
 #[inline(always)]
-fn widened<S: Lanes>(corner: Vectors<S>, direction: Vectors<S>, radius: Floats<S>) -> HalfPlanes<S> {
-    let outward = Vectors { x: -direction.y, y: direction.x };
+fn widened<S: InstructionSet>(corner: Vec2s<S>, direction: Vec2s<S>, radius: F32s<S>) -> HalfPlanes<S> {
+    let outward = Vec2s { x: -direction.y, y: direction.x };
     HalfPlanes { point: corner + outward * radius, direction }
 }
 
@@ -369,7 +369,7 @@ mod tests {
     use super::alone::{self, Mover, sees};
     use super::*;
     use crate::arena::{EdgeSearch, EdgesByCell};
-    use crate::lanes::{Kernel, Level};
+    use crate::simd::{Kernel, Level};
 
     /// A unit, and the edges that it sees.
     struct Scene {
@@ -413,7 +413,7 @@ mod tests {
         }
     }
 
-    /// Makes the half-planes of units together, as many as there are lanes.
+    /// Makes the half-planes of units together, as many as there are entries.
     struct Together<'a> {
         scenes: &'a [Scene],
         half_planes: &'a mut Vec<Vec<HalfPlane>>,
@@ -421,8 +421,8 @@ mod tests {
 
     impl Kernel for Together<'_> {
         #[inline(always)]
-        fn run<S: Lanes>(self, simd: S) {
-            for scenes in self.scenes.chunks(S::F32_LANES) {
+        fn run<S: InstructionSet>(self, simd: S) {
+            for scenes in self.scenes.chunks(S::WIDTH) {
                 let column = |of: &dyn Fn(&Scene) -> f32| {
                     let mut column = Column::default();
                     column.iter_mut().zip(scenes).for_each(|(x, scene)| *x = of(scene));
@@ -430,33 +430,33 @@ mod tests {
                 };
                 let vectors = |of: &dyn Fn(&Scene) -> Vec2| [column(&|s| of(s).x), column(&|s| of(s).y)];
                 let movers = Movers {
-                    position: Vectors::load(simd, &vectors(&|s| s.mover.position)),
-                    velocity: Vectors::load(simd, &vectors(&|s| s.mover.velocity)),
-                    radius: Floats::load(simd, &column(&|s| s.mover.radius)),
+                    position: Vec2s::load(simd, &vectors(&|s| s.mover.position)),
+                    velocity: Vec2s::load(simd, &vectors(&|s| s.mover.velocity)),
+                    radius: F32s::load(simd, &column(&|s| s.mover.radius)),
                 };
-                let n_slots = scenes.iter().map(|scene| scene.edges.len()).max().unwrap_or(0);
-                let mut slots = vec![HalfPlaneColumns::default(); n_slots];
-                for slot in 0..n_slots {
+                let n_rows = scenes.iter().map(|scene| scene.edges.len()).max().unwrap_or(0);
+                let mut rows = vec![HalfPlaneColumns::default(); n_rows];
+                for row in 0..n_rows {
                     let mut edges = EdgeColumns::default();
-                    for (lane, scene) in scenes.iter().enumerate() {
-                        if let Some(edge) = scene.edges.get(slot) {
-                            edges.set(lane, edge);
+                    for (entry, scene) in scenes.iter().enumerate() {
+                        if let Some(edge) = scene.edges.get(row) {
+                            edges.set(entry, edge);
                         }
                     }
-                    let is_there = column(&|s| f32::from(slot < s.edges.len()));
-                    let (earlier, rest) = slots.split_at_mut(slot);
+                    let is_there = column(&|s| f32::from(row < s.edges.len()));
+                    let (earlier, rest) = rows.split_at_mut(row);
                     let (half_planes, exist) = keep_off(&movers, &edges);
-                    let is_there = Floats::load(simd, &is_there).gt(Floats::splat(simd, 0.0));
+                    let is_there = F32s::load(simd, &is_there).gt(F32s::splat(simd, 0.0));
                     let is_covered = are_covered(&movers, &edges, earlier);
                     rest[0].store(half_planes, exist & is_there & !is_covered);
                 }
-                self.half_planes.extend((0..scenes.len()).map(|lane| {
-                    let vector = |[x, y]: &[Column; 2]| Vec2::new(x[lane], y[lane]);
-                    let half_plane = |slot: &HalfPlaneColumns| HalfPlane {
-                        point: vector(&slot.point),
-                        direction: vector(&slot.direction),
+                self.half_planes.extend((0..scenes.len()).map(|entry| {
+                    let vector = |[x, y]: &[Column; 2]| Vec2::new(x[entry], y[entry]);
+                    let half_plane = |row: &HalfPlaneColumns| HalfPlane {
+                        point: vector(&row.point),
+                        direction: vector(&row.direction),
                     };
-                    slots.iter().filter(|slot| slot.exists[lane] == 1.0).map(half_plane).collect()
+                    rows.iter().filter(|row| row.exists[entry] == 1.0).map(half_plane).collect()
                 }));
             }
         }
@@ -472,12 +472,12 @@ mod tests {
 
     impl Kernel for &mut Look<'_> {
         #[inline(always)]
-        fn run<S: Lanes>(self, simd: S) {
+        fn run<S: InstructionSet>(self, simd: S) {
             let (mut search, mut found) = (EdgeSearch::default(), NearestList::default());
             found.reserve(self.edges.longest_list());
             for &position in self.positions {
                 let mut cell = Column::default();
-                self.edges.cells(Vectors::splat(simd, position)).store(&mut cell);
+                self.edges.cells(Vec2s::splat(simd, position)).store(&mut cell);
                 let near = self.edges.near(cell[0], &mut search);
                 find(simd, position, near, self.range_squared, &mut found);
                 self.found.push(found.indices().collect());
@@ -517,7 +517,7 @@ mod tests {
     #[test]
     fn half_planes_made_together_have_the_bits_of_one_alone() {
         let mut random = Pcg64Mcg::seed_from_u64(3);
-        let scenes: Vec<Scene> = (0..4000 * MAX_LANES).map(|_| Scene::random(&mut random)).collect();
+        let scenes: Vec<Scene> = (0..4000 * MAX_WIDTH).map(|_| Scene::random(&mut random)).collect();
         let alone: Vec<Vec<HalfPlane>> = scenes.iter().map(Scene::half_planes_alone).collect();
         let n_edges: usize = scenes.iter().map(|scene| scene.edges.len()).sum();
         let n_half_planes: usize = alone.iter().map(Vec::len).sum();
