@@ -11,7 +11,7 @@ use super::unit_tables::{
 };
 use crate::SIGHT_RANGE;
 use crate::command::action;
-use crate::simd::x4::{F32x4, F64x4, Mask4, Vec2x4, WIDTH, four};
+use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH, four};
 
 /// Working memory: a row for those at the end of the output, and what is written beyond it.
 #[derive(Debug, Default)]
@@ -152,9 +152,9 @@ fn write_units<const BODY: usize>(
     out: &mut [f32],
 ) {
     let body_len = if BODY == 0 { units.body_size } else { BODY };
-    let block_len = HEAD + body_len;
+    let (four, block_len) = (four(), HEAD + body_len);
     for FourUnits { xs, ys, bodies, blocks } in fours_of(units, range, body_len, out) {
-        let squared = distances_squared(four(), observer, xs, ys);
+        let squared = distances_squared(four, observer, xs, ys);
         let seen = at_most(squared, SIGHT_SQUARED);
         if !seen.any() {
             blocks.fill(0.0);
@@ -225,12 +225,12 @@ fn heads(
 fn copy_body(bodies: &[f32], unit: usize, body_len: usize, seen: Mask4, out: &mut [f32]) {
     let stride = stride(body_len);
     if stride == 1 {
-        out[0] = seen.keep(register(bodies, 0)).to_array()[unit];
+        out[0] = seen.keep(register(seen.simd(), bodies, 0)).to_array()[unit];
         return;
     }
     let is_seen = seen.splat_entry(unit);
     for begin in (0..stride).step_by(WIDTH) {
-        let floats = is_seen.keep(register(bodies, unit * stride + begin)).to_array();
+        let floats = is_seen.keep(register(seen.simd(), bodies, unit * stride + begin)).to_array();
         let n = if unit + 1 < WIDTH { WIDTH } else { WIDTH.min(body_len - begin) };
         out[begin..begin + n].copy_from_slice(&floats[..n]);
     }
@@ -238,6 +238,6 @@ fn copy_body(bodies: &[f32], unit: usize, body_len: usize, seen: Mask4, out: &mu
 
 /// Four floats from this one on.
 #[inline(always)]
-fn register(floats: &[f32], begin: usize) -> F32x4 {
-    F32x4::new(four(), std::array::from_fn(|i| floats[begin + i]))
+fn register(four: Four, floats: &[f32], begin: usize) -> F32x4 {
+    F32x4::new(four, std::array::from_fn(|i| floats[begin + i]))
 }

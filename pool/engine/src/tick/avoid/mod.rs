@@ -13,7 +13,9 @@
 //! reciprocal: the recorded battles depend on it to the last bit. The time horizon of the paper, tau, is 1 s
 //! for units and for obstacles, so divisions by it do not appear.
 
+mod columns;
 mod linear_program;
+mod near_list;
 mod nearest_list;
 mod neighbours;
 mod obstacles;
@@ -27,9 +29,10 @@ use super::World;
 use crate::arena::{Arena, EdgeSearch};
 use crate::neighbour_order::PlaneOrder;
 use crate::simd::{InstructionSet, Kernel, Level};
+use near_list::NearList;
 use nearest_list::NearestList;
 use pending_programs::{Mover, PendingPrograms};
-use plane_units::{NearList, PlaneUnits};
+use plane_units::{BattleUnits, PlaneUnits};
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
 const EPSILON: f32 = 1e-5;
@@ -97,14 +100,13 @@ impl Kernel for Planning<'_> {
             if list.is_empty() {
                 continue;
             }
-            planes[plane].pack(
-                simd,
-                list,
-                self.positions,
-                self.velocities,
-                self.preferred,
-                &self.arena.avoidance,
-            );
+            let battle = BattleUnits {
+                positions: self.positions,
+                velocities: self.velocities,
+                preferred: self.preferred,
+                stats: &self.arena.avoidance,
+            };
+            planes[plane].pack(simd, list, &battle);
             // A unit that prefers to stay does so and plans nothing: this lets units block and surround
             // others.
             if planes[plane].movers().is_empty() {
@@ -142,15 +144,15 @@ impl Planning<'_> {
     fn collect_programs<S: InstructionSet>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, edge_search, seen, pending, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
-        for entries in near.units() {
-            let index = entries[0].index as usize;
+        for (listed, neighbours) in near.units() {
+            let index = listed.index as usize;
             let member = &plane_units.members()[index];
             let stats = &self.arena.avoidance[member.id as usize];
             seen.clear();
-            if let Some(range) = stats.edge_range_squared.filter(|_| entries[0].may_see_edges()) {
+            if let Some(range) = stats.edge_range_squared.filter(|_| listed.may_see_edges) {
                 let edges = self.arena.edges.near(plane_units.cell(index), edge_search);
                 obstacles::find(simd.narrower(), member.position, edges, range, seen);
-                if seen.indices().len() == 0 && entries.len() == 1 {
+                if seen.indices().len() == 0 && neighbours.is_empty() {
                     continue;
                 }
             }
@@ -167,7 +169,7 @@ impl Planning<'_> {
                 #[inline(always)]
                 |number| self.arena.edges.edge(number as u32),
             );
-            pending.push(&mover, seen, entries, plane_units.members());
+            pending.push(&mover, seen, neighbours, plane_units.members());
             if pending.len() == S::WIDTH {
                 pending.solve(simd, planes, self.velocities);
                 plane_units = &planes[plane];

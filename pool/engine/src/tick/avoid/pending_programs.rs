@@ -1,20 +1,21 @@
-//! The linear programs of several units: collected unit by unit, solved together, one per entry.
+//! The linear programs of several units: collected unit by unit, solved together, one per entry of a register.
 //!
-//! The half-planes of a unit have *rows*. Those of obstacles, nearest first, come before those of
-//! neighbours, nearest first: the order decides the rounding. Entries have different numbers of both, and leave
-//! rows empty.
+//! Row i has the i-th half-plane of every program, one per entry. The rows of obstacles, nearest first, come
+//! before those of neighbours, nearest first: the order decides the rounding. Programs have different numbers
+//! of both, so some entries of a row are empty.
 
 use glam::Vec2;
 
 use super::linear_program::{HalfPlaneColumns, Programs};
+use super::near_list::Near;
 use super::nearest_list::NearestList;
 use super::neighbours::{Movers, NeighbourColumns};
 use super::obstacles::{self, EdgeColumns};
-use super::plane_units::{Member, Near, PlaneUnits};
+use super::plane_units::{Member, PlaneUnits};
 use crate::arena::Edge;
 use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Vec2s};
 
-/// The programs that are not solved yet.
+/// The programs that are not solved yet: at most one per entry.
 #[derive(Debug, Default)]
 pub(super) struct PendingPrograms {
     n_programs: usize,
@@ -59,7 +60,8 @@ struct UnitOfEntry {
 struct Rank {
     /// Infinite where there is no neighbour.
     distance_squared: Column,
-    /// The neighbour's index in its plane, as the bits of a float.
+    /// The neighbour's index in its plane, as the bits of a float: it is exchanged along with the other columns
+    /// and never computed with, so one type of column is enough.
     index: Column,
 }
 
@@ -107,11 +109,23 @@ impl PendingPrograms {
         set(&mut self.preferred, entry, mover.preferred);
         set(&mut self.unconstrained, entry, mover.unconstrained);
         self.max_speed[entry] = mover.max_speed;
+        self.set_edges(entry, edges);
+        self.set_neighbours(entry, near, members);
+    }
+
+    #[inline(always)]
+    fn set_edges<'a>(&mut self, entry: usize, edges: impl Iterator<Item = &'a Edge>) {
         let mut n_edges = 0;
         for (row, edge) in self.edges.iter_mut().zip(edges) {
             row.set(entry, edge);
             n_edges += 1;
         }
+        self.n_edges[entry] = n_edges as f32;
+        self.max_edges = self.max_edges.max(n_edges);
+    }
+
+    #[inline(always)]
+    fn set_neighbours(&mut self, entry: usize, near: &[Near], members: &[Member]) {
         let mut n_neighbours = 0;
         for near in near {
             near.for_each(
@@ -127,8 +141,6 @@ impl PendingPrograms {
                 },
             );
         }
-        self.n_edges[entry] = n_edges as f32;
-        self.max_edges = self.max_edges.max(n_edges);
         self.n_neighbours[entry] = n_neighbours as f32;
         self.max_neighbours = self.max_neighbours.max(n_neighbours);
     }
@@ -282,6 +294,7 @@ mod tests {
     use super::*;
     use crate::arena::AvoidanceParams;
     use crate::simd::{Kernel, Level};
+    use crate::tick::avoid::plane_units::BattleUnits;
 
     /// Two units on a line of twelve, more than fit in a leaf of the tree, each with its two neighbours.
     struct OnALine<'a> {
@@ -297,7 +310,13 @@ mod tests {
             let mut plane = PlaneUnits::default();
             plane.reserve(12);
             let mut ids: Vec<u32> = (0..12).collect();
-            plane.pack(simd, &mut ids, &positions, &[Vec2::ZERO; 12], &[Vec2::ONE; 12], &[stats; 12]);
+            let battle = BattleUnits {
+                positions: &positions,
+                velocities: &[Vec2::ZERO; 12],
+                preferred: &[Vec2::ONE; 12],
+                stats: &[stats; 12],
+            };
+            plane.pack(simd, &mut ids, &battle);
             let mut pending = PendingPrograms::default();
             pending.reserve(0, 12);
             for index in [5, 6] {

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use glam::Vec2;
 
-use super::plane_units::{Columns, WORD};
+use super::columns::{Columns, WORD};
 use crate::fast_math::max;
 use crate::simd::{Column, F32s, InstructionSet, Vec2s};
 use crate::units::clear_and_reserve;

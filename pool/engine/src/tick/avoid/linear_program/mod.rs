@@ -41,7 +41,7 @@ pub(super) struct HalfPlane {
 pub(super) struct HalfPlaneColumns {
     pub point: [Column; 2],
     pub direction: [Column; 2],
-    /// 1 where there is a half-plane, else 0.
+    /// 1 where there is a half-plane, else 0: a mask has another form in memory on every instruction set.
     pub exists: Column,
 }
 
