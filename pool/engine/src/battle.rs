@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use crate::arena::{Arena, Sizes};
+use crate::buffers::refill;
 use crate::command::{Command, IllegalAction, action};
 use crate::encode::{self, Available, UnitFeatures, UnitTables};
 use crate::neighbour_order::NeighbourOrder;
@@ -15,7 +16,7 @@ use crate::scratch::Scratch;
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::step::{ExecutionOrder, Step, Tick};
 use crate::tick::{self, World};
-use crate::units::{AliveIds, Units, refill};
+use crate::units::{AliveIds, Units};
 use crate::{TICKS_PER_STEP, WIN_REWARD};
 
 /// One battle. A clone continues independently, with the same bits.

@@ -51,7 +51,10 @@
 
 mod arena;
 mod battle;
+mod block_index;
+mod buffers;
 mod command;
+mod distance;
 mod encode;
 mod fast_math;
 mod neighbour_order;

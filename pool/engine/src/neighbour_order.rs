@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 
 use crate::arena::Arena;
-use crate::units::{Units, refill};
+use crate::buffers::refill;
+use crate::units::Units;
 
 /// All planes, by `Plane as usize`.
 const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];

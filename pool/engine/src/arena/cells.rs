@@ -12,8 +12,8 @@ use smaclite_scenarios::Terrain;
 
 use super::edges::{Edge, outline};
 use super::partition::Partition;
+use crate::buffers::clear_and_reserve;
 use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Vec2s};
-use crate::units::clear_and_reserve;
 
 /// The largest number of blocks of the lists of all squares together: 40 MiB. The lists exist only for speed,
 /// and far beyond the size of the processor's caches they are not faster than the search.

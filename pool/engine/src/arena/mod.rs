@@ -114,21 +114,6 @@ impl Arena {
             all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
         let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
-        let agent_healers =
-            || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
-        let approach = |(unit, stats): (&Placement, _)| {
-            let attacks = |healer: &UnitStats| types[unit.unit_type].can_attack(healer.plane);
-            Approach::new(unit.unit_type as u32, stats, agent_healers().any(attacks))
-        };
-        let approaches = units.iter().zip(&all_stats).map(approach).collect();
-        let total = |id: &u32| {
-            let unit_type = &types[units[*id as usize].unit_type];
-            unit_type.hp + unit_type.shield
-        };
-        // The first two terms are exact, so only the order of the sum of health decides the last bit: it is
-        // by enemy id.
-        let max_reward =
-            KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>();
         Arena {
             rules,
             terrain: scenario.terrain.clone(),
@@ -136,13 +121,11 @@ impl Arena {
             enemies_heal: heal(&enemies),
             has_reserves: all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0),
             has_area_attacks: all_stats.iter().any(UnitStats::attacks_an_area),
-            agents,
-            enemies,
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
             edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
-            approaches,
+            approaches: approaches(scenario, &agents, &all_stats),
             regenerations: all_stats.iter().map(Regeneration::new).collect(),
             moves: Moves::new(&scenario.terrain),
             n_types: types.len(),
@@ -153,8 +136,10 @@ impl Arena {
             sizes: sizes(scenario, &features),
             features,
             avoidance: all_stats.iter().map(|stats| stats.avoid).collect(),
+            max_reward: max_reward(scenario, &enemies),
+            agents,
+            enemies,
             all_stats,
-            max_reward,
             episode_limit: scenario.episode_limit,
         }
     }
@@ -272,6 +257,27 @@ impl Features {
     pub fn enemy_body(&self) -> usize {
         1 + usize::from(self.enemy_shields) + self.n_types
     }
+}
+
+/// What phases 1 and 2 read of each unit.
+fn approaches(scenario: &Scenario, agents: &[u32], all_stats: &[UnitStats]) -> Vec<Approach> {
+    let healers = || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
+    let approach = |(unit, stats): (&Placement, _)| {
+        let attacks = |healer: &UnitStats| scenario.unit_types[unit.unit_type].can_attack(healer.plane);
+        Approach::new(unit.unit_type as u32, stats, healers().any(attacks))
+    };
+    scenario.units.iter().zip(all_stats).map(approach).collect()
+}
+
+/// The unscaled return of a win without enemy regeneration.
+fn max_reward(scenario: &Scenario, enemies: &[u32]) -> f64 {
+    let total = |id: &u32| {
+        let unit_type = &scenario.unit_types[scenario.units[*id as usize].unit_type];
+        unit_type.hp + unit_type.shield
+    };
+    // The first two terms are exact, so only the order of the sum of health decides the last bit: it is by
+    // enemy id.
+    KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>()
 }
 
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {

@@ -3,8 +3,8 @@
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
-use crate::tick::search_bound;
-use crate::units::square_within;
+use crate::block_index::search_bound;
+use crate::distance::square_within;
 
 /// The stats of a unit type, and values derived from them that a tick reads.
 ///

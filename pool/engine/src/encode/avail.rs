@@ -50,14 +50,14 @@ impl Available {
             for &word in row {
                 let mut bits = word;
                 let n_here = n_left.min(64);
-                for begin in (0..n_here).step_by(8) {
-                    let bytes = spread(bits as u8);
-                    // The last eight of a row may end in the next one, which is written later.
-                    match rest.get_mut(begin..begin + 8) {
+                for begin in (0..n_here).step_by(16) {
+                    let bytes = spread(bits as u16);
+                    // The last sixteen of a row may end in the next one, which is written later.
+                    match rest.get_mut(begin..begin + 16) {
                         Some(out) => out.copy_from_slice(&bytes),
                         None => rest[begin..].iter_mut().zip(bytes).for_each(|(out, byte)| *out = byte),
                     }
-                    bits >>= 8;
+                    bits >>= 16;
                 }
                 rest = &mut rest[n_here..];
                 n_left -= n_here;
@@ -93,12 +93,14 @@ impl Available {
     }
 }
 
-/// Eight bits as bytes of 0 or 1, lowest bit first.
-fn spread(bits: u8) -> [u8; 8] {
-    // Each byte gets all bits and keeps one. Adding 0x7f moves it, whichever it is, to the highest bit, and
-    // nothing into the next byte.
-    let each = u64::from(bits) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
-    ((each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+/// Sixteen bits as bytes of 0 or 1, lowest bit first.
+fn spread(bits: u16) -> [u8; 16] {
+    bytemuck::cast(bits.to_le_bytes().map(|eight| {
+        // Each byte gets all eight bits and keeps one. Adding 0x7f moves it, whichever it is, to the highest
+        // bit, and nothing into the next byte.
+        let each = u64::from(eight) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
+        ((each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+    }))
 }
 
 /// Which of [`UNITS_PER_WORD`] agents, from this one on, are healers. Healers heal neither themselves nor other

@@ -6,8 +6,9 @@ use smaclite_scenarios::Scenario;
 use super::{Available, ObsScratch, UnitTables, View, write_obs, write_state};
 use crate::arena::Arena;
 use crate::command::{DIRECTIONS, action};
+use crate::distance::distance;
 use crate::rules::Rules;
-use crate::units::{Units, distance};
+use crate::units::Units;
 
 /// What the encoders write, by its definition.
 struct Definition<'a> {

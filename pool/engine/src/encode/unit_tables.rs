@@ -132,7 +132,7 @@ pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
 
 /// The squares of the distances from one point to four, in f64 as [`distance_squared`] computes them.
 ///
-/// [`distance_squared`]: crate::units::distance_squared
+/// [`distance_squared`]: crate::distance::distance_squared
 #[inline(always)]
 pub(crate) fn distances_squared(four: Four, from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]) -> F64x4 {
     let dx = F64x4::splat(four, f64::from(from.x)).sub(F64x4::widened(four, *xs));
@@ -193,7 +193,7 @@ pub(crate) fn at_most(numbers: F64x4, bound: f64) -> Mask4 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::square_within;
+    use crate::distance::square_within;
 
     #[test]
     fn comparing_squares_is_comparing_distances() {

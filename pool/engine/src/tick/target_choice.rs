@@ -11,10 +11,12 @@
 use glam::Vec2;
 
 use super::World;
-use super::block_index::{BlockIndex, BoundingBox};
 use crate::arena::{Approach, Arena, UnitStats};
+use crate::block_index::{BlockIndex, BoundingBox};
+use crate::buffers::clear_and_reserve;
+use crate::distance::distance_squared;
 use crate::rules::Rules;
-use crate::units::{AliveIds, clear_and_reserve, distance_squared};
+use crate::units::AliveIds;
 
 /// The distance of a unit that targets the searcher from beyond its search radius: farther than any other.
 const FAR_AWAY: f64 = 2e9;
@@ -71,10 +73,10 @@ pub(super) fn prepare(world: &mut World) {
         return;
     }
     if *any_agent_heals {
-        dealers.gather(allies, |id| !is_healer(id), &units.pos);
-        healers.gather(allies, is_healer, &units.pos);
+        dealers.fill(allies, |id| !is_healer(id), &units.pos);
+        healers.fill(allies, is_healer, &units.pos);
     } else {
-        dealers.gather(allies, |_| true, &units.pos);
+        dealers.fill(allies, |_| true, &units.pos);
     }
     *bounds = dealers.bounds().and(&healers.bounds());
     is_targeted.clear();

@@ -29,7 +29,7 @@ use super::World;
 use crate::arena::{Arena, EdgeSearch};
 use crate::neighbour_order::PlaneOrder;
 use crate::simd::{InstructionSet, Kernel, Level};
-use near_list::NearList;
+use near_list::{NearList, NearUnit};
 use nearest_list::NearestList;
 use pending_programs::{Mover, PendingPrograms};
 use plane_units::{BattleUnits, PlaneUnits};
@@ -144,12 +144,11 @@ impl Planning<'_> {
     fn collect_programs<S: InstructionSet>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, edge_search, seen, pending, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
-        for (listed, neighbours) in near.units() {
-            let index = listed.index as usize;
+        for NearUnit { index, may_see_edges, neighbours } in near.units() {
             let member = &plane_units.members()[index];
             let stats = &self.arena.avoidance[member.id as usize];
             seen.clear();
-            if let Some(range) = stats.edge_range_squared.filter(|_| listed.may_see_edges) {
+            if let Some(range) = stats.edge_range_squared.filter(|_| may_see_edges) {
                 let edges = self.arena.edges.near(plane_units.cell(index), edge_search);
                 obstacles::find(simd.narrower(), member.position, edges, range, seen);
                 if seen.indices().len() == 0 && neighbours.is_empty() {

@@ -8,71 +8,66 @@ use super::columns::WORD;
 /// The units of a plane that have neighbours or may see an edge, with their neighbours.
 #[derive(Debug, Default)]
 pub(super) struct NearList {
-    /// Entries from `n_units` on are stale.
-    units: Vec<NearUnit>,
-    n_units: usize,
-    /// The neighbours of all units, unit by unit; entries from `n_near` on are stale.
-    near: Vec<Near>,
-    n_near: usize,
-    /// Where the neighbours of the unit that is listed next begin.
-    begin: usize,
+    /// Unit by unit. Entries from `n` on are stale.
+    entries: Vec<Near>,
+    n: usize,
 }
 
-/// A unit of the list.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct NearUnit {
-    /// The unit's index.
-    pub index: u32,
-    /// Whether the unit may see an edge. If not, it has neighbours.
-    pub may_see_edges: bool,
-    /// Where its neighbours begin and end.
-    begin: u32,
-    end: u32,
-}
-
-/// Some neighbours of a unit: those of one word. There is at least one.
+/// Some neighbours of a unit, those of one word; or that the unit may see an edge.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Near {
-    word: u32,
+    /// The unit's index.
+    index: u32,
+    word: u16,
+    /// Whether this entry says that the unit may see an edge. It is the unit's first then, and has no
+    /// neighbours.
+    may_see_edges: bool,
     /// Bit i stands for the unit with index `WORD * word + i`.
     bits: u64,
+}
+
+/// A unit of the list: it has neighbours, or may see an edge, or both.
+pub(super) struct NearUnit<'a> {
+    pub index: usize,
+    pub may_see_edges: bool,
+    pub neighbours: &'a [Near],
 }
 
 impl NearList {
     /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
-        // One unit, and one word of it, is written and not counted.
-        self.units.resize(n_units + 1, NearUnit::default());
-        self.near.resize(n_units * n_units.div_ceil(WORD) + 1, Near::default());
+        // Every unit has at most one entry per word, and one more.
+        self.entries.resize(n_units * (n_units.div_ceil(WORD) + 1), Near::default());
     }
 
     pub fn clear(&mut self) {
-        (self.n_units, self.n_near, self.begin) = (0, 0, 0);
+        self.n = 0;
     }
 
-    /// Adds neighbours of the unit that is listed next, if there are any.
-    #[inline(always)]
-    pub fn add_neighbours(&mut self, word: usize, bits: u64) {
-        self.near[self.n_near] = Near { word: word as u32, bits };
-        self.n_near += usize::from(bits != 0);
-    }
-
-    /// Lists a unit with the neighbours that were added since the last one. One that has none and sees no
-    /// edges is not listed.
+    /// Notes whether a unit may see an edge, before its neighbours are added.
     #[inline(always)]
     pub fn add_unit(&mut self, index: u32, may_see_edges: bool) {
-        let (begin, end) = (self.begin as u32, self.n_near as u32);
-        self.begin = self.n_near;
-        self.units[self.n_units] = NearUnit { index, may_see_edges, begin, end };
-        self.n_units += usize::from(may_see_edges | (begin < end));
+        self.entries[self.n] = Near { index, word: 0, may_see_edges, bits: 0 };
+        self.n += usize::from(may_see_edges);
     }
 
-    /// The units that are listed, and the neighbours of each.
+    /// Adds the neighbours of a unit in a word, if there are any.
     #[inline(always)]
-    pub fn units(&self) -> impl Iterator<Item = (&NearUnit, &[Near])> {
-        self.units[..self.n_units].iter().map(
+    pub fn add_neighbours(&mut self, index: u32, word: usize, bits: u64) {
+        self.entries[self.n] = Near { index, word: word as u16, may_see_edges: false, bits };
+        self.n += usize::from(bits != 0);
+    }
+
+    /// The units of the list.
+    #[inline(always)]
+    pub fn units(&self) -> impl Iterator<Item = NearUnit<'_>> {
+        self.entries[..self.n].chunk_by(|a, b| a.index == b.index).map(
             #[inline(always)]
-            |unit| (unit, &self.near[unit.begin as usize..unit.end as usize]),
+            |entries| {
+                let Near { index, may_see_edges, .. } = entries[0];
+                let neighbours = &entries[usize::from(may_see_edges)..];
+                NearUnit { index: index as usize, may_see_edges, neighbours }
+            },
         )
     }
 }

@@ -14,9 +14,9 @@ use std::ops::Range;
 use glam::Vec2;
 
 use super::columns::{Columns, WORD};
+use crate::buffers::clear_and_reserve;
 use crate::fast_math::max;
 use crate::simd::{Column, F32s, InstructionSet, Vec2s};
-use crate::units::clear_and_reserve;
 
 /// A k-d tree whose boxes are halved across their longer side. The positions lie in columns outside it.
 #[derive(Debug, Default)]

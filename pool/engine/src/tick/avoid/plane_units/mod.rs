@@ -9,8 +9,8 @@ use glam::Vec2;
 use super::columns::{Columns, WORD};
 use super::tree::Tree;
 use crate::arena::{AvoidanceParams, EdgesByCell};
+use crate::buffers::clear_and_reserve;
 use crate::simd::{F32s, InstructionSet, MAX_WIDTH, Vec2s};
-use crate::units::clear_and_reserve;
 
 /// The living units of a plane, in the order of [`NeighbourOrder`](crate::NeighbourOrder); a unit's *index*
 /// is its number in that order.

@@ -1,7 +1,7 @@
 //! The search of each unit for its neighbours, among the units of its plane.
 //!
 //! Distances are compared for a register of units at a time. A plane of few units fits in one register; in one
-//! of more units than a word has bits, a box around the units of each word tells which words to look at.
+//! of more units than a word has bits, a box around the units of each word decides whether they are compared.
 
 use super::PlaneUnits;
 use crate::arena::{AvoidanceParams, EdgesByCell};
@@ -29,18 +29,18 @@ impl PlaneUnits {
             let member = &self.members[index as usize];
             let stats = &stats[member.id as usize];
             let may_see = stats.edge_range_squared.is_some() && edges.may_see(self.cell[index as usize]);
+            list.add_unit(index, may_see);
             let centre = Vec2s::splat(simd, member.position);
             let range = F32s::splat(simd, stats.neighbour_range_squared);
             if self.n <= S::WIDTH {
                 // Of a small plane, all positions stay in one register.
                 let near = (centre - first).length_squared().lt(range).bits() & !(1 << index);
-                list.add_neighbours(0, near.into());
+                list.add_neighbours(index, 0, near.into());
             } else if n_words == 1 {
-                list.add_neighbours(0, self.near_in(centre, range, 0, index));
+                list.add_neighbours(index, 0, self.near_in(centre, range, 0, index));
             } else {
                 self.find_in_words(centre, range, n_words, index, list);
             }
-            list.add_unit(index, may_see);
         }
     }
 
@@ -59,7 +59,7 @@ impl PlaneUnits {
             while words != 0 {
                 let word = group + words.trailing_zeros() as usize;
                 words &= words - 1;
-                list.add_neighbours(word, self.near_in(centre, range, word, index));
+                list.add_neighbours(index, word, self.near_in(centre, range, word, index));
             }
         }
     }
@@ -129,6 +129,7 @@ mod tests {
     use super::super::BattleUnits;
     use super::*;
     use crate::simd::{Kernel, Level};
+    use crate::tick::avoid::near_list::NearUnit;
     use smaclite_scenarios::Terrain;
 
     /// A search around every unit.
@@ -158,8 +159,7 @@ mod tests {
             plane.find_unconstrained(simd, &edges);
             plane.find_neighbours(simd, &stats, &edges, &mut near);
             (self.found, self.by_tree) = (vec![Vec::new(); n], vec![Vec::new(); n]);
-            for (listed, neighbours) in near.units() {
-                let index = listed.index as usize;
+            for NearUnit { index, neighbours, .. } in near.units() {
                 let id = |index: usize| plane.members()[index].id;
                 let unit = id(index) as usize;
                 neighbours.iter().for_each(|near| near.for_each(|index| self.found[unit].push(id(index))));

@@ -1,4 +1,4 @@
-//! A spatial index: units in blocks with bounding boxes, for the searches of `target_choice`.
+//! A spatial index: units in blocks with bounding boxes, for the searches of `tick::target_choice`.
 //!
 //! The contract between the two: the rules compare distances in f64, and the index narrows a search down in
 //! f32, four distances at a time. A squared distance in f32 has a relative error below 2^-21 (four roundings),
@@ -8,20 +8,20 @@
 
 use glam::Vec2;
 
+use crate::buffers::{clear_and_reserve, refill};
 use crate::fast_math;
 use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
-use crate::units::{clear_and_reserve, refill};
 
 /// The units of an index and their positions, packed for one tick.
 #[derive(Debug, Default)]
-pub(super) struct BlockIndex {
+pub(crate) struct BlockIndex {
     /// Battle-wide ids, ascending.
     ids: Vec<u32>,
     /// Their positions.
     blocks: Vec<Block>,
 }
 
-/// Registers of four positions in a block: few, so that a box tells much about a block, and enough to make the
+/// Registers of four positions in a block: few, so that the box of a block is small, and enough to make the
 /// test of the box cheaper than that of the positions.
 const FOURS: usize = 4;
 
@@ -30,6 +30,7 @@ const BLOCK_SIZE: usize = FOURS * WIDTH;
 
 /// Consecutive units. The last block is padded with positions at infinity, which no search finds.
 #[derive(Debug)]
+#[repr(C, align(16))]
 struct Block {
     positions: [Vec2x4; FOURS],
     bounds: BoundingBox,
@@ -37,7 +38,8 @@ struct Block {
 
 /// The smallest box around some points: the minima of x, y, -x and -y, so that one instruction compares all.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BoundingBox(F32x4);
+#[repr(C, align(16))]
+pub(crate) struct BoundingBox(F32x4);
 
 /// Squared distances that differ by less than this factor are compared in f64.
 const MARGIN: f32 = 1.0001;
@@ -66,7 +68,7 @@ impl BlockIndex {
     }
 
     /// Replaces the units by those of `ids`, ascending, that belong; `positions` are by battle-wide id.
-    pub fn gather(&mut self, ids: &[u32], belongs: impl Fn(&u32) -> bool, positions: &[Vec2]) {
+    pub fn fill(&mut self, ids: &[u32], belongs: impl Fn(&u32) -> bool, positions: &[Vec2]) {
         self.ids.clear();
         for &id in ids {
             if belongs(&id) {
@@ -142,7 +144,7 @@ impl Block {
     #[inline(always)]
     fn new(four: Four, ids: &[u32], positions: &[Vec2]) -> Block {
         let mut points = [Vec2::INFINITY; BLOCK_SIZE];
-        let mut bounds = BoundingBox::default();
+        let mut bounds = BoundingBox::empty(four);
         for (point, &id) in points.iter_mut().zip(ids) {
             *point = positions[id as usize];
             bounds = bounds.and(&BoundingBox::at(four, *point));
@@ -158,13 +160,18 @@ impl Block {
 }
 
 impl Default for BoundingBox {
-    /// Around no point.
     fn default() -> BoundingBox {
-        BoundingBox(F32x4::splat(four(), f32::INFINITY))
+        BoundingBox::empty(four())
     }
 }
 
 impl BoundingBox {
+    /// Around no point.
+    #[inline(always)]
+    fn empty(four: Four) -> BoundingBox {
+        BoundingBox(F32x4::splat(four, f32::INFINITY))
+    }
+
     /// Around one point.
     #[inline(always)]
     fn at(four: Four, point: Vec2) -> BoundingBox {
@@ -193,7 +200,7 @@ impl BoundingBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::distance_squared;
+    use crate::distance::distance_squared;
 
     /// A grid with many equal distances, a few units in one spot, and one that is far away.
     fn positions() -> Vec<Vec2> {
@@ -203,7 +210,7 @@ mod tests {
 
     fn index(ids: &[u32], positions: &[Vec2]) -> BlockIndex {
         let mut index = BlockIndex::default();
-        index.gather(ids, |_| true, positions);
+        index.fill(ids, |_| true, positions);
         index
     }
 
