@@ -13,12 +13,13 @@ use crate::fast_math;
 use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
 
 /// The units of an index and their positions, packed for one tick.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct BlockIndex {
     /// Battle-wide ids, ascending.
     ids: Vec<u32>,
     /// Their positions.
     blocks: Vec<Block>,
+    four: Four,
 }
 
 /// Registers of four positions in a block: few, so that the box of a block is small, and enough to make the
@@ -56,12 +57,21 @@ fn exact_bound(bound: f32) -> f64 {
     f64::from(bound) * (1.0 - f64::from(MARGIN - 1.0) / 2.0)
 }
 
+impl Default for BlockIndex {
+    /// Without units.
+    fn default() -> BlockIndex {
+        BlockIndex { ids: Vec::new(), blocks: Vec::new(), four: four() }
+    }
+}
+
 impl BlockIndex {
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         clear_and_reserve(&mut self.ids, n_units);
         clear_and_reserve(&mut self.blocks, n_units.div_ceil(BLOCK_SIZE));
     }
 
+    /// Removes all units.
     pub fn clear(&mut self) {
         self.ids.clear();
         self.blocks.clear();
@@ -75,7 +85,7 @@ impl BlockIndex {
                 self.ids.push(id);
             }
         }
-        let four = four();
+        let four = self.four;
         refill(&mut self.blocks, self.ids.chunks(BLOCK_SIZE).map(|ids| Block::new(four, ids, positions)));
     }
 
@@ -86,7 +96,7 @@ impl BlockIndex {
 
     /// The box around all units.
     pub fn bounds(&self) -> BoundingBox {
-        self.blocks.iter().fold(BoundingBox::default(), |bounds, block| bounds.and(&block.bounds))
+        self.blocks.iter().fold(BoundingBox::empty(self.four), |bounds, block| bounds.and(&block.bounds))
     }
 
     /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position, and some
@@ -94,7 +104,7 @@ impl BlockIndex {
     /// square of the search radius if nothing was visited within that.
     #[inline(always)]
     pub fn visit_nearest(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) -> f64 {
-        let centre = Vec2x4::splat(four(), position);
+        let centre = Vec2x4::splat(self.four, position);
         let mut within = bound;
         for (number, block) in self.blocks.iter().enumerate() {
             if block.bounds.distance_squared(position) <= within {
@@ -113,7 +123,7 @@ impl BlockIndex {
     /// little farther.
     #[inline(always)]
     pub fn visit_near(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) {
-        let centre = Vec2x4::splat(four(), position);
+        let centre = Vec2x4::splat(self.four, position);
         for (number, block) in self.blocks.iter().enumerate() {
             if block.bounds.distance_squared(position) <= bound {
                 self.visit_those_within(bound, number, block.distances_squared(centre), &mut visit);

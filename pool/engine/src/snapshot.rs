@@ -79,7 +79,7 @@ pub enum SnapshotError {
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot field 'neighbour_order': list and slots of plane {plane} must each contain every living \
+        "snapshot field 'neighbour_order': list and by_number of plane {plane} must each contain every living \
          unit of that plane exactly once, got {given:?}"
     )]
     NeighbourOrder {

@@ -109,9 +109,6 @@ impl Arena {
         let matchups =
             types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
         let features = Features::new(scenario);
-        // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
-        let farthest_sight =
-            all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
         let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
         Arena {
@@ -124,7 +121,7 @@ impl Arena {
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
-            edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
+            edges: edges_in_sight(&scenario.terrain, &all_stats),
             approaches: approaches(scenario, &agents, &all_stats),
             regenerations: all_stats.iter().map(Regeneration::new).collect(),
             moves: Moves::new(&scenario.terrain),
@@ -176,18 +173,22 @@ impl Arena {
         earned / (self.max_reward / REWARD_SCALE)
     }
 
+    /// The battle-wide ids of all units.
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
         0..self.all_stats.len() as u32
     }
 
+    /// The stats of a unit, by battle-wide id.
     pub(crate) fn stats(&self, id: u32) -> &UnitStats {
         &self.all_stats[id as usize]
     }
 
+    /// Whether a unit is an enemy, by battle-wide id.
     pub(crate) fn is_enemy(&self, id: u32) -> bool {
         self.is_enemy[id as usize]
     }
 
+    /// The number of a unit in its faction, by battle-wide id.
     pub(crate) fn id_in_faction(&self, id: u32) -> usize {
         self.id_in_faction[id as usize]
     }
@@ -257,6 +258,13 @@ impl Features {
     pub fn enemy_body(&self) -> usize {
         1 + usize::from(self.enemy_shields) + self.n_types
     }
+}
+
+/// The edges that units see.
+fn edges_in_sight(terrain: &Terrain, all_stats: &[UnitStats]) -> EdgesByCell {
+    // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
+    let ranges_squared = all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared);
+    EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
 }
 
 /// What phases 1 and 2 read of each unit.

@@ -11,7 +11,7 @@ use super::unit_tables::{
 };
 use crate::SIGHT_RANGE;
 use crate::command::action;
-use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH, four};
+use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH};
 
 /// Working memory: a row for those at the end of the output, and what is written beyond it.
 #[derive(Debug, Default)]
@@ -152,7 +152,7 @@ fn write_units<const BODY: usize>(
     out: &mut [f32],
 ) {
     let body_len = if BODY == 0 { units.body_size } else { BODY };
-    let (four, block_len) = (four(), HEAD + body_len);
+    let (four, block_len) = (units.four, HEAD + body_len);
     for FourUnits { xs, ys, bodies, blocks } in fours_of(units, range, body_len, out) {
         let squared = distances_squared(four, observer, xs, ys);
         let seen = at_most(squared, SIGHT_SQUARED);

@@ -54,6 +54,8 @@ pub(crate) struct UnitTable {
     /// Health, \[shield\], \[type\] of one unit after the other; those of dead units are stale.
     pub bodies: Vec<f32>,
     pub body_size: usize,
+    /// With which registers of these columns are made.
+    pub four: Four,
 }
 
 /// The distance between two bodies in memory, in floats: whole registers, but bodies of one float (in battles
@@ -70,6 +72,7 @@ impl UnitTable {
             ys: vec![f32::INFINITY; length],
             bodies: vec![0.0; length * stride(body_size)],
             body_size,
+            four: four(),
         }
     }
 
@@ -153,7 +156,7 @@ pub(crate) fn within_targeting_range(from: Vec2, units: &UnitTable, begin: usize
     const UNSURE: f32 = 1e-4;
     let end = units.xs.len().min(begin + UNITS_PER_WORD);
     let (Some(xs), Some(ys)) = (units.xs.get(begin..end), units.ys.get(begin..end)) else { return 0 };
-    let four = four();
+    let four = units.four;
     let [zero, range, unsure] = [0.0, WITHIN, UNSURE].map(|x| F32x4::splat(four, x));
     let centre = Vec2x4::splat(four, from);
     let (mut within, mut shift) = (0, 0);

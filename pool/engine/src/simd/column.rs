@@ -11,6 +11,7 @@ pub(crate) const MAX_WIDTH: usize = 16;
 pub(crate) struct Column([f32; MAX_WIDTH]);
 
 impl Column {
+    /// 0 in every entry.
     pub const ZERO: Column = Column([0.0; MAX_WIDTH]);
 
     /// The number of each entry.

@@ -22,6 +22,7 @@ pub(crate) struct Mask<S: InstructionSet> {
 }
 
 impl<S: InstructionSet> F32s<S> {
+    /// One number in every entry.
     #[inline(always)]
     pub fn splat(simd: S, x: f32) -> F32s<S> {
         F32s { value: simd.splat_f32s(x), simd }
@@ -33,6 +34,7 @@ impl<S: InstructionSet> F32s<S> {
         F32s { value: S::as_simd_f32s(&column[..]).0[0], simd }
     }
 
+    /// Overwrites the first entries of a column.
     #[inline(always)]
     pub fn store(self, column: &mut Column) {
         S::as_mut_simd_f32s(&mut column[..]).0[0] = self.value;
@@ -59,6 +61,7 @@ impl<S: InstructionSet> F32s<S> {
         S::as_mut_simd_f32s(slice).0[0] = self.value;
     }
 
+    /// The value of the instruction set, for making further registers.
     #[inline(always)]
     pub fn simd(self) -> S {
         self.simd
@@ -74,11 +77,13 @@ impl<S: InstructionSet> F32s<S> {
         Mask { value, simd: self.simd }
     }
 
+    /// The square root, correctly rounded.
     #[inline(always)]
     pub fn sqrt(self) -> F32s<S> {
         self.with(self.simd.sqrt_f32s(self.value))
     }
 
+    /// The absolute value.
     #[inline(always)]
     pub fn abs(self) -> F32s<S> {
         // Not `abs_f32s` nor `neg_f32s`: these are not always inlined.
@@ -92,6 +97,7 @@ impl<S: InstructionSet> F32s<S> {
         self.with(self.simd.div_f32s(self.simd.splat_f32s(1.0), self.value))
     }
 
+    /// Division, rounded.
     #[inline(always)]
     pub fn div(self, other: F32s<S>) -> F32s<S> {
         self.with(self.simd.div_f32s(self.value, other.value))
@@ -127,26 +133,31 @@ impl<S: InstructionSet> F32s<S> {
         self.simd.reduce_max_f32s(self.value)
     }
 
+    /// Where it is less; false for NaN, as all comparisons.
     #[inline(always)]
     pub fn lt(self, other: F32s<S>) -> Mask<S> {
         self.mask(self.simd.less_than_f32s(self.value, other.value))
     }
 
+    /// Where it is less or equal.
     #[inline(always)]
     pub fn le(self, other: F32s<S>) -> Mask<S> {
         self.mask(self.simd.less_than_or_equal_f32s(self.value, other.value))
     }
 
+    /// Where it is greater.
     #[inline(always)]
     pub fn gt(self, other: F32s<S>) -> Mask<S> {
         other.lt(self)
     }
 
+    /// Where it is greater or equal.
     #[inline(always)]
     pub fn ge(self, other: F32s<S>) -> Mask<S> {
         other.le(self)
     }
 
+    /// Where it is equal.
     #[inline(always)]
     pub fn eq(self, other: F32s<S>) -> Mask<S> {
         self.mask(self.simd.equal_f32s(self.value, other.value))
@@ -154,11 +165,13 @@ impl<S: InstructionSet> F32s<S> {
 }
 
 impl<S: InstructionSet> Mask<S> {
+    /// The conditions as bits, lowest entry first.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         self.simd.bits(self.value)
     }
 
+    /// The value of the instruction set, for making further registers.
     #[inline(always)]
     pub fn simd(self) -> S {
         self.simd
@@ -172,6 +185,7 @@ impl<S: InstructionSet> Mask<S> {
         self.select(x, y).store(b);
     }
 
+    /// Whether the condition holds in any entry.
     #[inline(always)]
     pub fn any(self) -> bool {
         self.bits() != 0

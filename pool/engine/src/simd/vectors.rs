@@ -14,11 +14,13 @@ pub(crate) struct Vec2s<S: InstructionSet> {
 }
 
 impl<S: InstructionSet> Vec2s<S> {
+    /// One vector in every entry.
     #[inline(always)]
     pub fn splat(simd: S, vector: Vec2) -> Vec2s<S> {
         Vec2s { x: F32s::splat(simd, vector.x), y: F32s::splat(simd, vector.y) }
     }
 
+    /// The first entries of two columns.
     #[inline(always)]
     pub fn load(simd: S, [x, y]: &[Column; 2]) -> Vec2s<S> {
         Vec2s { x: F32s::load(simd, x), y: F32s::load(simd, y) }
@@ -40,22 +42,26 @@ impl<S: InstructionSet> Vec2s<S> {
         )
     }
 
+    /// Overwrites the first entries of two columns.
     #[inline(always)]
     pub fn store(self, [x, y]: &mut [Column; 2]) {
         self.x.store(x);
         self.y.store(y);
     }
 
+    /// The dot product.
     #[inline(always)]
     pub fn dot(self, other: Vec2s<S>) -> F32s<S> {
         self.x * other.x + self.y * other.y
     }
 
+    /// The z of the cross product: positive if the other vector is to the left.
     #[inline(always)]
     pub fn perp_dot(self, other: Vec2s<S>) -> F32s<S> {
         self.x * other.y - self.y * other.x
     }
 
+    /// The square of the length.
     #[inline(always)]
     pub fn length_squared(self) -> F32s<S> {
         self.dot(self)

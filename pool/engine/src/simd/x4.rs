@@ -8,8 +8,10 @@ use super::{F32s, InstructionSet, Mask, Vec2s};
 /// The instruction set with registers of four floats.
 #[cfg(target_arch = "x86_64")]
 pub(crate) type Four = pulp::x86::V2;
+/// The instruction set with registers of four floats.
 #[cfg(target_arch = "aarch64")]
 pub(crate) type Four = pulp::aarch64::Neon;
+/// The instruction set with registers of four floats.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 pub(crate) type Four = pulp::Scalar128b;
 
@@ -32,6 +34,7 @@ pub(crate) fn four() -> Four {
     Four::try_new().expect("a processor with SSE4.2 or NEON, for which this program is compiled")
 }
 
+/// The value of the instruction set, with which registers are made.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 #[inline(always)]
 pub(crate) fn four() -> Four {
@@ -39,11 +42,13 @@ pub(crate) fn four() -> Four {
 }
 
 impl F32x4 {
+    /// Four floats.
     #[inline(always)]
     pub fn new(four: Four, floats: [f32; WIDTH]) -> F32x4 {
         F32s { value: bytemuck::cast(floats), simd: four }
     }
 
+    /// The four floats.
     #[inline(always)]
     pub fn to_array(self) -> [f32; WIDTH] {
         bytemuck::cast(self.value)
@@ -53,7 +58,7 @@ impl F32x4 {
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub fn transpose(columns: [F32x4; WIDTH]) -> [[f32; WIDTH]; WIDTH] {
-        // The compiler needs half as many instructions more for what is below.
+        // The compiler needs half as many instructions again for the portable version.
         let sse = columns[0].simd.sse;
         let [a, b, c, d] = columns.map(|column| bytemuck::cast(column.value));
         let [low, high] = [sse._mm_unpacklo_ps(a, b), sse._mm_unpackhi_ps(a, b)];
@@ -66,6 +71,7 @@ impl F32x4 {
         ]
     }
 
+    /// Four columns as rows: row i has entry i of each.
     #[cfg(not(target_arch = "x86_64"))]
     #[inline(always)]
     pub fn transpose(columns: [F32x4; WIDTH]) -> [[f32; WIDTH]; WIDTH] {
@@ -85,6 +91,7 @@ impl Mask4 {
 }
 
 impl Vec2x4 {
+    /// Four vectors.
     #[inline(always)]
     pub fn new(four: Four, vectors: [glam::Vec2; WIDTH]) -> Vec2x4 {
         Vec2s { x: F32x4::new(four, vectors.map(|v| v.x)), y: F32x4::new(four, vectors.map(|v| v.y)) }
@@ -99,6 +106,7 @@ pub(crate) struct F64x4 {
 }
 
 impl F64x4 {
+    /// One number in every entry.
     #[inline(always)]
     pub fn splat(four: Four, x: f64) -> F64x4 {
         F64x4 { halves: [four.splat_f64s(x); 2], four }
@@ -110,6 +118,7 @@ impl F64x4 {
         F64x4 { halves: [f64x2(a.into(), b.into()), f64x2(c.into(), d.into())], four }
     }
 
+    /// The value of the instruction set, for making further registers.
     #[inline(always)]
     pub fn four(self) -> Four {
         self.four
@@ -128,16 +137,19 @@ impl F64x4 {
         F64x4 { halves: [of(a, c), of(b, d)], ..self }
     }
 
+    /// Subtraction, rounded.
     #[inline(always)]
     pub fn sub(self, other: F64x4) -> F64x4 {
         self.zip(other, |a, b| self.four.sub_f64s(a, b))
     }
 
+    /// Division, rounded.
     #[inline(always)]
     pub fn div(self, other: F64x4) -> F64x4 {
         self.zip(other, |a, b| self.four.div_f64s(a, b))
     }
 
+    /// The square root, correctly rounded.
     #[inline(always)]
     pub fn sqrt(self) -> F64x4 {
         F64x4 { halves: self.halves.map(|two| self.four.sqrt_f64s(two)), ..self }
@@ -150,6 +162,7 @@ impl F64x4 {
         self.zip(y, |x, y| four.add_f64s(four.mul_f64s(x, x), four.mul_f64s(y, y)))
     }
 
+    /// Where it is less or equal.
     #[inline(always)]
     pub fn le(self, other: F64x4) -> Mask4 {
         // A comparison sets all bits of an entry or none, so the lower half of an entry has its result.

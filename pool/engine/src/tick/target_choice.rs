@@ -42,6 +42,7 @@ pub(super) struct TargetChoiceScratch {
 }
 
 impl TargetChoiceScratch {
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         self.dealers.reserve(n_units);
         self.healers.reserve(n_units);

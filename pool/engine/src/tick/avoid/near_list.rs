@@ -40,6 +40,7 @@ impl NearList {
         self.entries.resize(n_units * (n_units.div_ceil(WORD) + 1), Near::default());
     }
 
+    /// Removes all units.
     pub fn clear(&mut self) {
         self.n = 0;
     }

@@ -59,6 +59,7 @@ impl Tree {
     /// list.
     pub const LEAF_SIZE: usize = 10;
 
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         // A binary tree with one unit in every leaf is the largest.
         clear_and_reserve(&mut self.nodes, 2 * n_units);
