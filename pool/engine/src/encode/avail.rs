@@ -98,7 +98,7 @@ fn spread(bits: u16) -> [u8; 16] {
     bytemuck::cast(bits.to_le_bytes().map(|eight| {
         // Each byte gets all eight bits and keeps one. Adding 0x7f moves it, whichever it is, to the highest
         // bit, and nothing into the next byte.
-        let each = u64::from(eight) * 0x0101_0101_0101_0101 & 0x8040_2010_0804_0201;
+        let each = (u64::from(eight) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
         ((each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
     }))
 }
