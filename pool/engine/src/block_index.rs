@@ -1,10 +1,11 @@
 //! A spatial index: units in blocks with bounding boxes, for the searches of `tick::target_choice`.
 //!
 //! The contract between the two: the rules compare distances in f64, and the index narrows a search down in
-//! f32, four distances at a time. A squared distance in f32 has a relative error below 2^-21 (four roundings),
-//! and [`MARGIN`] is far more than that. So what the index visits is a superset of the units asked for, by
-//! ascending id, and the visitor decides in f64. A search for the nearest also returns a bound, in f64, that
-//! all units not visited are farther than: if the best visited unit is within it, that is the nearest of all.
+//! f32, four distances at a time. A squared distance in f32 has a relative error below 2^-21 (four
+//! roundings), and [`MARGIN`] is far more than that. So what the index visits is a superset of the units
+//! asked for, by ascending id, and the visitor decides in f64. A search for the nearest also returns a bound,
+//! in f64, that all units not visited are farther than: if the best visited unit is within it, that is the
+//! nearest of all.
 
 use glam::Vec2;
 

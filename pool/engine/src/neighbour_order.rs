@@ -7,8 +7,8 @@
 //! list. Nothing else resets it. So the list is part of a battle and of a snapshot.
 //!
 //! Where several units die in one tick, the order of their removal decides which is replaced by which. Units
-//! are removed by descending number. A plane's units begin an episode with the numbers 0, 1, ... by ascending id,
-//! and when a unit dies the unit with the last number gets its number.
+//! are removed by descending number. A plane's units begin an episode with the numbers 0, 1, ... by ascending
+//! id, and when a unit dies the unit with the last number gets its number.
 
 use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
@@ -94,8 +94,8 @@ fn alive_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = 
 mod tests {
     use super::*;
 
-    /// Units 2 and 0 have exchanged their numbers, because of deaths before; the one with the higher number goes
-    /// first.
+    /// Units 2 and 0 have exchanged their numbers, because of deaths before; the one with the higher number
+    /// goes first.
     #[test]
     fn of_two_deaths_in_a_tick_the_higher_number_is_removed_first() {
         let mut order = NeighbourOrder::default();

@@ -103,8 +103,8 @@ fn spread(bits: u16) -> [u8; 16] {
     }))
 }
 
-/// Which of [`UNITS_PER_WORD`] agents, from this one on, are healers. Healers heal neither themselves nor other
-/// healers.
+/// Which of [`UNITS_PER_WORD`] agents, from this one on, are healers. Healers heal neither themselves nor
+/// other healers.
 #[inline(never)]
 fn healers(arena: &Arena, first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;

@@ -141,9 +141,9 @@ fn writer(body_size: usize) -> WriteUnits {
 
 /// `BODY` is the size of bodies where it is known to the compiler, and 0 for all others.
 ///
-/// Four units per turn. Their heads are computed as columns and transposed to rows; bodies are copied in whole
-/// registers. A register may end behind its body: units are written in ascending order, so the next block
-/// overwrites what is too much, and only the last of four must stop in time.
+/// Four units per turn. Their heads are computed as columns and transposed to rows; bodies are copied in
+/// whole registers. A register may end behind its body: units are written in ascending order, so the next
+/// block overwrites what is too much, and only the last of four must stop in time.
 fn write_units<const BODY: usize>(
     units: &UnitTable,
     range: Range<usize>,

@@ -1,8 +1,8 @@
 //! SIMD: computing several floats with one instruction.
 //!
 //! A register has [`WIDTH`](InstructionSet::WIDTH) *entries*: [`F32s`] has a float in each, [`Vec2s`] a
-//! vector, [`Mask`] a condition; [`Column`] is a register in memory. Every entry is computed as a scalar would
-//! be, in the same order and never fused, so results have the same bits whatever the width.
+//! vector, [`Mask`] a condition; [`Column`] is a register in memory. Every entry is computed as a scalar
+//! would be, in the same order and never fused, so results have the same bits whatever the width.
 //!
 //! There are two ways to use them:
 //!

@@ -137,7 +137,8 @@ impl Choice<'_> {
         }
     }
 
-    /// The nearest agent of an index that qualifies as a target; of equally near ones that with the lowest id.
+    /// The nearest agent of an index that qualifies as a target; of equally near ones that with the lowest
+    /// id.
     #[inline(never)]
     fn best_of(&self, index: &BlockIndex, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let mut search = Search {

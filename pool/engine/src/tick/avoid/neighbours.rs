@@ -14,8 +14,8 @@
 //! points ((w . p)^2 > r^2 |w|^2), else one of the two legs of the cone. If the units overlap already, the
 //! disc of one tick replaces the cone, so that they separate within that tick.
 //!
-//! An entry cannot branch on its own. So every case is computed for all entries and one is selected; the result
-//! of a case that does not apply, NaN included, is dropped.
+//! An entry cannot branch on its own. So every case is computed for all entries and one is selected; the
+//! result of a case that does not apply, NaN included, is dropped.
 
 use super::linear_program::HalfPlanes;
 use crate::TICKS_PER_SECOND;

@@ -1,4 +1,5 @@
-//! The linear programs of several units: collected unit by unit, solved together, one per entry of a register.
+//! The linear programs of several units: collected unit by unit, solved together, one per entry of a
+//! register.
 //!
 //! Row i has the i-th half-plane of every program, one per entry. The rows of obstacles, nearest first, come
 //! before those of neighbours, nearest first: the order decides the rounding. Programs have different numbers
@@ -60,8 +61,8 @@ struct UnitOfEntry {
 struct Rank {
     /// Infinite where there is no neighbour.
     distance_squared: Column,
-    /// The neighbour's index in its plane, as the bits of a float: it is exchanged along with the other columns
-    /// and never computed with, so one type of column is enough.
+    /// The neighbour's index in its plane, as the bits of a float: it is exchanged along with the other
+    /// columns and never computed with, so one type of column is enough.
     index: Column,
 }
 

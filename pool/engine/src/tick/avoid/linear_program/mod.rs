@@ -13,9 +13,9 @@
 //! and some earlier j are violated equally, which is a boundary again; among those it is the velocity
 //! farthest inside i. Half-planes of obstacles are never relaxed.
 //!
-//! The programs of several units are solved at a time, one per entry. An entry cannot branch on its own: every
-//! half-plane is processed for all programs, and masks select the results that apply; the result of a case
-//! that does not apply, NaN included, is dropped. What no entry needs is skipped. Begin reading in
+//! The programs of several units are solved at a time, one per entry. An entry cannot branch on its own:
+//! every half-plane is processed for all programs, and masks select the results that apply; the result of a
+//! case that does not apply, NaN included, is dropped. What no entry needs is skipped. Begin reading in
 //! `reference.rs`, which has the same algorithm for one unit at a time; the tests compare the bits.
 
 #[cfg(test)]

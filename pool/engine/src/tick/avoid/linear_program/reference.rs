@@ -94,9 +94,9 @@ fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f3
     Some(half_plane.point + at * half_plane.direction)
 }
 
-/// The interval of t that is permitted on the boundary of a half-plane, if any. The speed limit leaves what is
-/// between the roots of |point + t direction|^2 = max_speed^2; each earlier half-plane raises the begin of the
-/// interval or lowers its end.
+/// The interval of t that is permitted on the boundary of a half-plane, if any. The speed limit leaves what
+/// is between the roots of |point + t direction|^2 = max_speed^2; each earlier half-plane raises the begin of
+/// the interval or lowers its end.
 fn permitted_interval(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f32) -> Option<(f32, f32)> {
     // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
     let along = half_plane.point.dot(half_plane.direction);

@@ -3,9 +3,10 @@
 //! Derivation (the paper's section on static obstacles). An obstacle does not move and takes no share of the
 //! avoidance, so the unit must avoid it alone. Seen from the unit, the velocity obstacle of an edge is the
 //! set of velocities that lead to a collision within the horizon of 1 s: everything behind the edge as seen
-//! from the unit, widened by the radius. Its boundary has three parts: a *leg* from the left corner, a leg from
-//! the right corner, and the *cut-off line* between them, which is the edge itself. Both legs are tangents of
-//! the discs of the unit's radius around the corners, and at the corners the boundary is an arc of these discs.
+//! from the unit, widened by the radius. Its boundary has three parts: a *leg* from the left corner, a leg
+//! from the right corner, and the *cut-off line* between them, which is the edge itself. Both legs are
+//! tangents of the discs of the unit's radius around the corners, and at the corners the boundary is an arc
+//! of these discs.
 //!
 //! The permitted velocities are the half-plane outside the boundary at the point nearest to the current
 //! velocity. This is done for every edge in sight, nearest first; edges that earlier half-planes cover
@@ -15,9 +16,9 @@
 //! adjacent edge, that edge is the boundary instead: it *replaces* the leg, which gives no half-plane, since
 //! the adjacent edge gives one.
 //!
-//! An entry cannot branch on its own: a case that applies to any entry is computed for all, and selected where
-//! it applies. Begin reading in `reference.rs`, which has the same for one unit at a time; the tests compare the
-//! bits.
+//! An entry cannot branch on its own: a case that applies to any entry is computed for all, and selected
+//! where it applies. Begin reading in `reference.rs`, which has the same for one unit at a time; the tests
+//! compare the bits.
 
 #[cfg(test)]
 mod reference;
@@ -142,7 +143,8 @@ pub(super) fn keep_off<S: InstructionSet>(movers: &Movers<S>, edges: &EdgeColumn
     let (is_before, is_behind) = (share.lt(zero), share.gt(one));
     let touches_line = (-start.offset - span * share).length_squared().le(radius_squared);
 
-    // A unit beside the edge and close to its line sees the edge end-on: both legs begin at the nearer corner.
+    // A unit beside the edge and close to its line sees the edge end-on: both legs begin at the nearer
+    // corner.
     let (only_start, only_end) = (is_before & touches_line, is_behind & touches_line);
     let boundary = Boundary::new(
         &Corner::either(only_end, &end, &start),

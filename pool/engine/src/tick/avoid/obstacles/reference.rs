@@ -84,7 +84,8 @@ pub(super) fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> O
         return Some(HalfPlane { point: Vec2::ZERO, direction: -edge.along });
     }
 
-    // A unit beside the edge and close to its line sees the edge end-on: both legs begin at the nearer corner.
+    // A unit beside the edge and close to its line sees the edge end-on: both legs begin at the nearer
+    // corner.
     let corners = if share < 0.0 && touches_line {
         LegCorners::One(start)
     } else if share > 1.0 && touches_line {

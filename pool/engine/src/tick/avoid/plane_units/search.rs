@@ -1,7 +1,8 @@
 //! The search of each unit for its neighbours, among the units of its plane.
 //!
-//! Distances are compared for a register of units at a time. A plane of few units fits in one register; in one
-//! of more units than a word has bits, a box around the units of each word decides whether they are compared.
+//! Distances are compared for a register of units at a time. A plane of few units fits in one register; in
+//! one of more units than a word has bits, a box around the units of each word decides whether they are
+//! compared.
 
 use super::PlaneUnits;
 use crate::arena::{AvoidanceParams, EdgesByCell};
