@@ -18,7 +18,7 @@ pub(super) struct NearList {
 pub(super) struct Near {
     /// The unit's index.
     index: u32,
-    /// Enough for four million units; scenarios have at most `MAX_UNITS`, 1,024.
+    /// Enough for four million units; scenarios have at most 1,000.
     word: u16,
     /// Whether this entry says that the unit may see an edge. It is the unit's first then, and has no
     /// neighbours.
