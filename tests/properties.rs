@@ -282,7 +282,7 @@ fn spoil(snapshot: &mut Snapshot, column: usize, at: usize, value: f64) -> bool 
         }
         13 => {
             let plane = &mut snapshot.neighbour_order.planes[at % 3];
-            plane.slots.push(at as u32);
+            plane.by_number.push(at as u32);
             true
         }
         _ => {

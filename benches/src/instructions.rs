@@ -21,7 +21,7 @@ const PHASES: [(&str, &str); 11] = [
     ("execute", "tick::execute::take_turns"),
     ("deaths", "tick::deaths::remove_dead"),
     ("masks", "encode::avail::Available::update"),
-    ("gather", "encode::gathered::Gathered::update"),
+    ("tables", "encode::unit_tables::UnitTables::update"),
     ("obs", "encode::obs::write_obs"),
     ("state", "encode::state::write_state"),
     ("avail", "encode::avail::Available::write"),

@@ -47,11 +47,11 @@ enum Measurement {
     Asynchronous,
     /// 64 to 10,000 environments in one lane
     Many,
-    /// Time per living unit and tick in each scenario
+    /// Time per living unit and tick in each scenario, of fresh battles and of one that is replayed
     Engine {
         #[command(flatten)]
         plays: engine::Plays,
-        /// Seconds per scenario
+        /// Seconds per scenario, for fresh battles and for the replayed one each
         #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
         seconds: f64,
     },

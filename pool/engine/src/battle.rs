@@ -7,15 +7,16 @@
 use std::sync::Arc;
 
 use crate::arena::{Arena, Sizes};
+use crate::buffers::refill;
 use crate::command::{Command, IllegalAction, action};
-use crate::encode::{self, Available, Gathered, UnitFeatures};
+use crate::encode::{self, Available, UnitFeatures, UnitTables};
 use crate::neighbour_order::NeighbourOrder;
 use crate::random::Generator;
 use crate::scratch::Scratch;
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::step::{ExecutionOrder, Step, Tick};
 use crate::tick::{self, World};
-use crate::units::{AliveIds, Units, refill};
+use crate::units::{AliveIds, Units};
 use crate::{TICKS_PER_STEP, WIN_REWARD};
 
 /// One battle. A clone continues independently, with the same bits.
@@ -26,7 +27,7 @@ pub struct Battle {
     alive_ids: AliveIds,
     neighbour_order: NeighbourOrder,
     last_actions: Vec<Option<u32>>,
-    gathered: Gathered,
+    tables: UnitTables,
     available: Available,
     generator: Generator,
     episode_length: u32,
@@ -38,7 +39,7 @@ impl Battle {
     /// environment with that seed.
     pub fn new(arena: Arc<Arena>, seed: u64) -> Battle {
         let mut battle = Battle {
-            gathered: Gathered::new(&arena),
+            tables: UnitTables::new(&arena),
             available: Available::new(&arena.sizes()),
             arena,
             units: Units::default(),
@@ -89,10 +90,10 @@ impl Battle {
         self.refresh_encoded();
     }
 
-    /// Computes what the encoders read: the gathered units, and the available actions.
+    /// Computes what the encoders read: the tables of units, and the available actions.
     fn refresh_encoded(&mut self) {
-        self.gathered.update(&self.arena, &self.units);
-        self.available.update(&self.arena, &self.units, &self.gathered);
+        self.tables.update(&self.arena, &self.units);
+        self.available.update(&self.arena, &self.units, &self.tables);
     }
 
     /// Whether [`step`](Self::step) accepts this joint action, one number per agent.
@@ -368,7 +369,7 @@ impl Battle {
         encode::View {
             arena: &self.arena,
             units: &self.units,
-            gathered: &self.gathered,
+            tables: &self.tables,
             available: &self.available,
         }
     }

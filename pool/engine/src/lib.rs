@@ -38,7 +38,7 @@
 //! | victory, defeat and the time limit | `battle.rs` (`finish_step`) |
 //! | available actions: targets | `encode/avail.rs` |
 //! | available actions: moves near walls | `arena/moves.rs` |
-//! | targeting range | `encode/gathered.rs` |
+//! | targeting range | `encode/unit_tables.rs` |
 //! | sight range and observations | `encode/obs.rs` |
 //! | the state | `encode/state.rs` |
 //! | differences between the rule sets `smaclite` and `paper`, R1 to R4 | `rules.rs` |
@@ -46,16 +46,18 @@
 //! # Profiles
 //!
 //! The phases of a tick and the encoders are `#[inline(never)]`: each is called once per tick or step, so
-//! this costs nothing, and each appears as a function in profiles (`benches/src/engine/instructions.rs`).
+//! this costs nothing, and each appears as a function in profiles (`benches/src/instructions.rs`).
 #![forbid(unsafe_code)]
 
 mod arena;
 mod battle;
 mod battle_setup;
+mod block_index;
+mod buffers;
 mod command;
+mod distance;
 mod encode;
 mod fast_math;
-mod lanes;
 mod neighbour_order;
 pub mod policy;
 mod random;
@@ -82,7 +84,7 @@ pub use units::Units;
 
 /// The instruction set with which battles are computed on this processor, such as `AVX2`.
 pub fn instruction_set() -> &'static str {
-    lanes::Level::default().name()
+    simd::Level::default().name()
 }
 
 /// Ticks per step.

@@ -7,14 +7,15 @@
 //! list. Nothing else resets it. So the list is part of a battle and of a snapshot.
 //!
 //! Where several units die in one tick, the order of their removal decides which is replaced by which. Units
-//! are removed by descending slot. Slots are a second numbering: a plane's units begin an episode in the
-//! slots 0, 1, ... by ascending id, and when a unit dies the unit in the last slot moves to its slot.
+//! are removed by descending number. A plane's units begin an episode with the numbers 0, 1, ... by ascending
+//! id, and when a unit dies the unit with the last number gets its number.
 
 use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 
 use crate::arena::Arena;
-use crate::units::{Units, refill};
+use crate::buffers::refill;
+use crate::units::Units;
 
 /// All planes, by `Plane as usize`.
 const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];
@@ -31,8 +32,8 @@ pub struct NeighbourOrder {
 pub struct PlaneOrder {
     /// The list that the tree partitions.
     pub list: Vec<u32>,
-    /// The unit in each slot.
-    pub slots: Vec<u32>,
+    /// The unit with each number.
+    pub by_number: Vec<u32>,
 }
 
 impl NeighbourOrder {
@@ -50,19 +51,18 @@ impl NeighbourOrder {
     pub(crate) fn reset(&mut self, arena: &Arena, units: &Units) {
         for (plane, order) in PLANES.into_iter().zip(&mut self.planes) {
             refill(&mut order.list, alive_in(arena, units, plane));
-            refill(&mut order.slots, alive_in(arena, units, plane));
+            refill(&mut order.by_number, alive_in(arena, units, plane));
         }
     }
 
     /// Removes the units that are no longer alive.
     pub(crate) fn remove_dead(&mut self, units: &Units) {
-        for PlaneOrder { list, slots } in &mut self.planes {
-            // By descending slot, so that the unit that `swap_remove` moves into the slot was examined
-            // already.
-            for slot in (0..slots.len()).rev() {
-                let id = slots[slot];
+        for PlaneOrder { list, by_number } in &mut self.planes {
+            // Descending, so that the unit that gets a number from `swap_remove` was examined already.
+            for number in (0..by_number.len()).rev() {
+                let id = by_number[number];
                 if !units.alive[id as usize] {
-                    slots.swap_remove(slot);
+                    by_number.swap_remove(number);
                     if let Some(i) = list.iter().position(|&other| other == id) {
                         list.swap_remove(i);
                     }
@@ -75,7 +75,7 @@ impl NeighbourOrder {
     pub(crate) fn invalid_plane(&self, arena: &Arena, units: &Units) -> Option<Plane> {
         // Both orders must be permutations of the living units, which `alive_in` lists ascending.
         let is_valid = |(plane, order): &(Plane, &PlaneOrder)| {
-            [&order.list, &order.slots].into_iter().all(|ids| {
+            [&order.list, &order.by_number].into_iter().all(|ids| {
                 let mut ids = ids.clone();
                 ids.sort_unstable();
                 ids.into_iter().eq(alive_in(arena, units, *plane))
@@ -94,16 +94,16 @@ fn alive_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = 
 mod tests {
     use super::*;
 
-    /// Units 2 and 0 have exchanged their slots, because of deaths before; the one in the higher slot goes
-    /// first.
+    /// Units 2 and 0 have exchanged their numbers, because of deaths before; the one with the higher number
+    /// goes first.
     #[test]
-    fn of_two_deaths_in_a_tick_the_higher_slot_is_removed_first() {
+    fn of_two_deaths_in_a_tick_the_higher_number_is_removed_first() {
         let mut order = NeighbourOrder::default();
-        order.planes[0] = PlaneOrder { list: vec![2, 1, 0, 3, 4], slots: vec![2, 1, 0, 4, 3] };
+        order.planes[0] = PlaneOrder { list: vec![2, 1, 0, 3, 4], by_number: vec![2, 1, 0, 4, 3] };
         let mut alive = vec![true; 5];
         (alive[0], alive[2]) = (false, false);
         order.remove_dead(&Units { alive, ..Units::default() });
-        // Unit 0, in slot 2, was replaced by 4; then unit 2, in slot 0, by 3.
-        assert_eq!(order.planes[0], PlaneOrder { list: vec![3, 1, 4], slots: vec![4, 1, 3] });
+        // Unit 0, with number 2, was replaced by 4; then unit 2, with number 0, by 3.
+        assert_eq!(order.planes[0], PlaneOrder { list: vec![3, 1, 4], by_number: vec![4, 1, 3] });
     }
 }

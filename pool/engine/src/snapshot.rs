@@ -79,8 +79,8 @@ pub enum SnapshotError {
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot field 'neighbour_order': list and slots of plane {plane} must each contain every living \
-         unit of that plane exactly once, got {given:?}"
+        "snapshot field 'neighbour_order': list and by_number of plane {plane} must each contain every \
+         living unit of that plane exactly once, got {given:?}"
     )]
     NeighbourOrder {
         /// The plane.

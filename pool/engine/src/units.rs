@@ -6,6 +6,7 @@ use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use crate::arena::Arena;
+use crate::buffers::refill;
 
 /// The changing part of every unit of a battle, indexed by battle-wide id; all columns have equal lengths.
 ///
@@ -60,34 +61,6 @@ impl Units {
     }
 }
 
-/// The distance between two points in f64, as searches and comparisons use it.
-pub(crate) fn distance(a: Vec2, b: Vec2) -> f64 {
-    distance_squared(a, b).sqrt()
-}
-
-/// The square of [`distance`].
-pub(crate) fn distance_squared(a: Vec2, b: Vec2) -> f64 {
-    let (dx, dy) = (f64::from(a.x) - f64::from(b.x), f64::from(a.y) - f64::from(b.y));
-    dx * dx + dy * dy
-}
-
-/// The greatest number whose square root is at most `distance`: `s.sqrt() <= distance` exactly if
-/// `s <= square_within(distance)`. The rules compare roots; with this the root need not be computed.
-pub(crate) fn square_within(distance: f64) -> f64 {
-    if distance.is_nan() || distance < 0.0 || distance == f64::INFINITY {
-        return distance;
-    }
-    // The rounded square is only a few steps off, and the root is correctly rounded and monotonic.
-    let mut square = distance * distance;
-    while square.sqrt() > distance {
-        square = square.next_down();
-    }
-    while square.next_up().sqrt() <= distance {
-        square = square.next_up();
-    }
-    square
-}
-
 /// The battle-wide ids of the living units, ascending.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct AliveIds {
@@ -120,31 +93,5 @@ impl AliveIds {
     /// The living units of the other faction.
     pub fn opponents_of(&self, arena: &Arena, id: u32) -> &[u32] {
         if arena.is_enemy(id) { &self.allies } else { &self.enemies }
-    }
-}
-
-/// Empties a vector and reserves memory for `n` elements.
-pub(crate) fn clear_and_reserve<T>(column: &mut Vec<T>, n: usize) {
-    column.clear();
-    column.reserve(n);
-}
-
-/// Replaces the contents of a vector and keeps its memory.
-pub(crate) fn refill<T>(column: &mut Vec<T>, values: impl Iterator<Item = T>) {
-    column.clear();
-    column.extend(values);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn comparing_squares_is_comparing_distances() {
-        for distance in [0.0, 1e-160, 0.1, 5.0f64.sqrt(), 6.0, 9.0, 6.75 + 0.375, 1e200] {
-            let square = square_within(distance);
-            assert!(square.sqrt() <= distance && square.next_up().sqrt() > distance, "{distance}: {square}");
-        }
-        assert_eq!([square_within(-1.0), square_within(f64::INFINITY)], [-1.0, f64::INFINITY]);
     }
 }

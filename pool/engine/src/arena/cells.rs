@@ -12,8 +12,8 @@ use smaclite_scenarios::Terrain;
 
 use super::edges::{Edge, outline};
 use super::partition::Partition;
-use crate::lanes::{Column, Floats, Lanes, MAX_LANES, Vectors};
-use crate::units::clear_and_reserve;
+use crate::buffers::clear_and_reserve;
+use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Vec2s};
 
 /// The largest number of blocks of the lists of all squares together: 40 MiB. The lists exist only for speed,
 /// and far beyond the size of the processor's caches they are not faster than the search.
@@ -50,14 +50,14 @@ struct Lists {
     longest: usize,
 }
 
-/// Some edges of a list, one per lane from the first on: what decides whether a unit sees them.
+/// Some edges of a list, one per entry from the first on: what decides whether a unit sees them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EdgeBlock {
     pub start: [Column; 2],
-    /// The same as `start` in a lane without an edge.
+    /// The same as `start` in an entry without an edge.
     pub end: [Column; 2],
     /// Their indices, or [`EdgeBlock::NO_EDGE`].
-    pub numbers: [u32; MAX_LANES],
+    pub numbers: [u32; MAX_WIDTH],
 }
 
 impl EdgeBlock {
@@ -66,7 +66,7 @@ impl EdgeBlock {
     const EMPTY: EdgeBlock = EdgeBlock {
         start: [Column::ZERO; 2],
         end: [Column::ZERO; 2],
-        numbers: [EdgeBlock::NO_EDGE; MAX_LANES],
+        numbers: [EdgeBlock::NO_EDGE; MAX_WIDTH],
     };
 }
 
@@ -81,7 +81,7 @@ impl EdgeSearch {
     /// Reserves memory for `n` results.
     pub fn reserve(&mut self, n: usize) {
         clear_and_reserve(&mut self.numbers, n);
-        clear_and_reserve(&mut self.blocks, n.div_ceil(MAX_LANES));
+        clear_and_reserve(&mut self.blocks, n.div_ceil(MAX_WIDTH));
     }
 }
 
@@ -127,15 +127,15 @@ impl EdgesByCell {
 
     /// A list of edges in blocks.
     fn blocks(&self, numbers: &[u32]) -> impl Iterator<Item = EdgeBlock> {
-        numbers.chunks(MAX_LANES).map(|numbers| {
+        numbers.chunks(MAX_WIDTH).map(|numbers| {
             let mut block = EdgeBlock::EMPTY;
-            for (lane, &number) in numbers.iter().enumerate() {
+            for (entry, &number) in numbers.iter().enumerate() {
                 let edge = self.edge(number);
                 for (columns, point) in [(&mut block.start, edge.start), (&mut block.end, edge.end)] {
                     let [x, y] = columns;
-                    (x[lane], y[lane]) = point.into();
+                    (x[entry], y[entry]) = point.into();
                 }
-                block.numbers[lane] = number;
+                block.numbers[entry] = number;
             }
             block
         })
@@ -150,18 +150,18 @@ impl EdgesByCell {
     /// The cells of positions, as [`may_see`](Self::may_see) and [`near`](Self::near) take them: with the
     /// number of the cell in the low bits, which saves a conversion.
     #[inline(always)]
-    pub fn cells<S: Lanes>(&self, positions: Vectors<S>) -> Floats<S> {
+    pub fn cells<S: InstructionSet>(&self, positions: Vec2s<S>) -> F32s<S> {
         let simd = positions.x.simd();
         // A unit beyond the ring uses the nearest cell of it. That cell is on the same side of all edges, and
         // not farther from any of them, so its list contains all edges that the unit sees.
-        let column = (positions.x.floor() + Floats::splat(simd, 1.0))
-            .max(Floats::splat(simd, 0.0))
-            .min(Floats::splat(simd, self.last.x));
-        let row = (positions.y.floor() + Floats::splat(simd, 1.0))
-            .max(Floats::splat(simd, 0.0))
-            .min(Floats::splat(simd, self.last.y));
+        let column = (positions.x.floor() + F32s::splat(simd, 1.0))
+            .max(F32s::splat(simd, 0.0))
+            .min(F32s::splat(simd, self.last.x));
+        let row = (positions.y.floor() + F32s::splat(simd, 1.0))
+            .max(F32s::splat(simd, 0.0))
+            .min(F32s::splat(simd, self.last.y));
         // Exact: there are fewer cells than that.
-        row * Floats::splat(simd, self.columns as f32) + column + Floats::splat(simd, CELL_BASE)
+        row * F32s::splat(simd, self.columns as f32) + column + F32s::splat(simd, CELL_BASE)
     }
 
     /// Whether [`near`](Self::near) has any edges.
@@ -210,6 +210,7 @@ impl EdgesByCell {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::x4;
 
     fn numbers(blocks: &[EdgeBlock]) -> Vec<u32> {
         let numbers = blocks.iter().flat_map(|block| block.numbers);
@@ -217,7 +218,7 @@ mod tests {
     }
 
     fn cell_of(cells: &EdgesByCell, position: Vec2) -> f32 {
-        cells.cells(Vectors::splat(pulp::Scalar, position)).each()[0]
+        cells.cells(Vec2s::splat(x4::four(), position)).to_array()[0]
     }
 
     #[test]

@@ -53,6 +53,7 @@ pub(super) enum Side {
 }
 
 impl Edge {
+    /// On which side of this edge's line another edge lies.
     pub(super) fn side_of(&self, other: &Edge) -> Side {
         let start = left_of(self.start, self.end, other.start);
         let end = left_of(self.start, self.end, other.end);

@@ -109,26 +109,8 @@ impl Arena {
         let matchups =
             types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
         let features = Features::new(scenario);
-        // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
-        let farthest_sight =
-            all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared).fold(0.0, f32::max);
         let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
         let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
-        let agent_healers =
-            || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
-        let approach = |(unit, stats): (&Placement, _)| {
-            let attacks = |healer: &UnitStats| types[unit.unit_type].can_attack(healer.plane);
-            Approach::new(unit.unit_type as u32, stats, agent_healers().any(attacks))
-        };
-        let approaches = units.iter().zip(&all_stats).map(approach).collect();
-        let total = |id: &u32| {
-            let unit_type = &types[units[*id as usize].unit_type];
-            unit_type.hp + unit_type.shield
-        };
-        // The first two terms are exact, so only the order of the sum of health decides the last bit: it is
-        // by enemy id.
-        let max_reward =
-            KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>();
         Arena {
             rules,
             terrain: scenario.terrain.clone(),
@@ -136,13 +118,11 @@ impl Arena {
             enemies_heal: heal(&enemies),
             has_reserves: all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0),
             has_area_attacks: all_stats.iter().any(UnitStats::attacks_an_area),
-            agents,
-            enemies,
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
-            edges: EdgesByCell::new(&scenario.terrain, f64::from(farthest_sight).sqrt()),
-            approaches,
+            edges: edges_in_sight(&scenario.terrain, &all_stats),
+            approaches: approaches(scenario, &agents, &all_stats),
             regenerations: all_stats.iter().map(Regeneration::new).collect(),
             moves: Moves::new(&scenario.terrain),
             n_types: types.len(),
@@ -153,8 +133,10 @@ impl Arena {
             sizes: sizes(scenario, &features),
             features,
             avoidance: all_stats.iter().map(|stats| stats.avoid).collect(),
+            max_reward: max_reward(scenario, &enemies),
+            agents,
+            enemies,
             all_stats,
-            max_reward,
             episode_limit: scenario.episode_limit,
         }
     }
@@ -191,18 +173,22 @@ impl Arena {
         earned / (self.max_reward / REWARD_SCALE)
     }
 
+    /// The battle-wide ids of all units.
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
         0..self.all_stats.len() as u32
     }
 
+    /// The stats of a unit, by battle-wide id.
     pub(crate) fn stats(&self, id: u32) -> &UnitStats {
         &self.all_stats[id as usize]
     }
 
+    /// Whether a unit is an enemy, by battle-wide id.
     pub(crate) fn is_enemy(&self, id: u32) -> bool {
         self.is_enemy[id as usize]
     }
 
+    /// The number of a unit in its faction, by battle-wide id.
     pub(crate) fn id_in_faction(&self, id: u32) -> usize {
         self.id_in_faction[id as usize]
     }
@@ -272,6 +258,34 @@ impl Features {
     pub fn enemy_body(&self) -> usize {
         1 + usize::from(self.enemy_shields) + self.n_types
     }
+}
+
+/// The edges that units see.
+fn edges_in_sight(terrain: &Terrain, all_stats: &[UnitStats]) -> EdgesByCell {
+    // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
+    let ranges_squared = all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared);
+    EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
+}
+
+/// What phases 1 and 2 read of each unit.
+fn approaches(scenario: &Scenario, agents: &[u32], all_stats: &[UnitStats]) -> Vec<Approach> {
+    let healers = || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
+    let approach = |(unit, stats): (&Placement, _)| {
+        let attacks = |healer: &UnitStats| scenario.unit_types[unit.unit_type].can_attack(healer.plane);
+        Approach::new(unit.unit_type as u32, stats, healers().any(attacks))
+    };
+    scenario.units.iter().zip(all_stats).map(approach).collect()
+}
+
+/// The unscaled return of a win without enemy regeneration.
+fn max_reward(scenario: &Scenario, enemies: &[u32]) -> f64 {
+    let total = |id: &u32| {
+        let unit_type = &scenario.unit_types[scenario.units[*id as usize].unit_type];
+        unit_type.hp + unit_type.shield
+    };
+    // The first two terms are exact, so only the order of the sum of health decides the last bit: it is by
+    // enemy id.
+    KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>()
 }
 
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {

@@ -17,6 +17,7 @@ pub(crate) struct Moves {
 }
 
 impl Moves {
+    /// Computes the moves of all squares.
     pub fn new(terrain: &Terrain) -> Moves {
         let (width, height) = (terrain.width(), terrain.height());
         let centres = (0..height).flat_map(|y| (0..width).map(move |x| Vec2::new(x as f32, y as f32) + 0.5));

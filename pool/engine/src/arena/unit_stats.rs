@@ -3,8 +3,8 @@
 use smaclite_units::{Plane, Targeter, UnitType};
 
 use crate::TICKS_PER_SECOND;
-use crate::tick::search_bound;
-use crate::units::square_within;
+use crate::block_index::search_bound;
+use crate::distance::square_within;
 
 /// The stats of a unit type, and values derived from them that a tick reads.
 ///
@@ -88,6 +88,7 @@ pub(crate) struct Approach {
 }
 
 impl Approach {
+    /// What phases 1 and 2 read of a unit with these stats; `attacks_healers`: of the agents.
     pub fn new(unit_type: u32, stats: &UnitStats, attacks_healers: bool) -> Approach {
         Approach {
             speed: stats.speed,
@@ -109,6 +110,7 @@ pub(crate) struct Regeneration {
 }
 
 impl Regeneration {
+    /// What phase 4 reads of a unit with these stats.
     pub fn new(stats: &UnitStats) -> Regeneration {
         let &UnitStats { hp, hp_regen_per_tick: hp_per_tick, shield, energy, .. } = stats;
         Regeneration { hp, hp_per_tick, shield, energy }
@@ -127,6 +129,7 @@ pub(crate) struct Matchup {
 }
 
 impl Matchup {
+    /// What a unit of one type can do to a unit of another.
     pub fn new(attacker: &UnitType, victim: &UnitType) -> Matchup {
         // The attack range is measured between the edges of the two units.
         let reach = attacker.attack_range + attacker.radius() + victim.radius();

@@ -1,12 +1,8 @@
 //! The available actions of each agent, as bits; computed once after each step, reset or restore.
 
-use wide::bytemuck::cast;
-use wide::{u8x16, u16x8};
-
-use super::gathered::{Gathered, within_targeting_range};
+use super::unit_tables::{UNITS_PER_WORD, UnitTables, within_targeting_range};
 use crate::arena::{Arena, Sizes};
 use crate::command::action;
-use crate::simd::MASK_BITS;
 use crate::units::Units;
 
 /// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
@@ -71,7 +67,7 @@ impl Available {
 
     /// Computes all rows.
     #[inline(never)]
-    pub fn update(&mut self, arena: &Arena, units: &Units, gathered: &Gathered) {
+    pub fn update(&mut self, arena: &Arena, units: &Units, tables: &UnitTables) {
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {
@@ -82,35 +78,35 @@ impl Available {
             let position = units.pos[id as usize];
             let is_healer = arena.stats(id).is_healer;
             // Planes do not matter here: a target that the unit cannot attack is available, too.
-            let targets = if is_healer { &gathered.allies } else { &gathered.enemies };
+            let targets = if is_healer { &tables.allies } else { &tables.enemies };
             // Bits of the next word, which precede those of the next targets.
             let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
             for (i, word) in row.iter_mut().enumerate() {
-                let mut in_range = within_targeting_range(position, targets, i * MASK_BITS);
+                let mut in_range = within_targeting_range(position, targets, i * UNITS_PER_WORD);
                 if is_healer {
-                    in_range &= !healers(arena, i * MASK_BITS);
+                    in_range &= !healers(arena, i * UNITS_PER_WORD);
                 }
                 *word = first_bits | in_range << action::FIRST_TARGET;
-                first_bits = in_range >> (MASK_BITS - action::FIRST_TARGET);
+                first_bits = in_range >> (UNITS_PER_WORD - action::FIRST_TARGET);
             }
         }
     }
 }
 
-/// Sixteen bits as bytes, lowest bit first.
+/// Sixteen bits as bytes of 0 or 1, lowest bit first.
 fn spread(bits: u16) -> [u8; 16] {
-    // Each of eight bytes has the low or the high half of the bits, of which it keeps one.
-    let half = u8x16::new([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1]);
-    let bit = u8x16::new(std::array::from_fn(|i| 1 << (i % 8)));
-    let halves: u8x16 = cast(u16x8::splat(bits.to_le()));
-    let bytes = (halves.shuffle_zeroing(half) & bit).simd_eq(bit) & u8x16::splat(1);
-    cast(bytes)
+    bytemuck::cast(bits.to_le_bytes().map(|eight| {
+        // Each byte gets all eight bits and keeps one. Adding 0x7f moves it, whichever it is, to the highest
+        // bit, and nothing into the next byte.
+        let each = (u64::from(eight) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
+        ((each + 0x7f7f_7f7f_7f7f_7f7f) >> 7 & 0x0101_0101_0101_0101).to_le_bytes()
+    }))
 }
 
-/// Which of [`MASK_BITS`] agents, from this one on, are healers. Healers heal neither themselves nor other
-/// healers.
+/// Which of [`UNITS_PER_WORD`] agents, from this one on, are healers. Healers heal neither themselves nor
+/// other healers.
 #[inline(never)]
 fn healers(arena: &Arena, first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
-    arena.agents.iter().skip(first).take(MASK_BITS).enumerate().map(bit).sum()
+    arena.agents.iter().skip(first).take(UNITS_PER_WORD).enumerate().map(bit).sum()
 }

@@ -2,18 +2,18 @@
 
 mod avail;
 mod features;
-mod gathered;
 mod obs;
 mod state;
 #[cfg(test)]
 mod tests;
+mod unit_tables;
 
 pub(crate) use avail::Available;
 pub use features::{FeatureBlock, obs_features, state_features};
-pub(crate) use gathered::Gathered;
 pub(crate) use obs::{ObsScratch, write_obs};
 pub use state::UnitFeatures;
 pub(crate) use state::write_state;
+pub(crate) use unit_tables::UnitTables;
 
 use crate::arena::Arena;
 use crate::units::Units;
@@ -22,7 +22,7 @@ use crate::units::Units;
 pub(crate) struct View<'a> {
     pub arena: &'a Arena,
     pub units: &'a Units,
-    pub gathered: &'a Gathered,
+    pub tables: &'a UnitTables,
     pub available: &'a Available,
 }
 

@@ -3,17 +3,15 @@
 use std::ops::Range;
 
 use glam::Vec2;
-use wide::bytemuck::cast;
-use wide::{f64x2, i32x4};
 
 use super::View;
-use super::gathered::{
-    Faction, Gathered, SIGHT_SQUARED, TARGETING_SQUARED, at_most, distances_squared, fours, rounded, stride,
-    within_targeting_range, write_body,
+use super::unit_tables::{
+    SIGHT_SQUARED, TARGETING_SQUARED, UNITS_PER_WORD, UnitTable, UnitTables, at_most, distances_squared,
+    fours, stride, within_targeting_range, write_body,
 };
 use crate::SIGHT_RANGE;
 use crate::command::action;
-use crate::simd::{F32x4, MASK_BITS, WIDTH};
+use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH};
 
 /// Working memory: a row for those at the end of the output, and what is written beyond it.
 #[derive(Debug, Default)]
@@ -70,14 +68,14 @@ struct RowWriter<'a> {
 impl RowWriter<'_> {
     /// Writes a row, and anything beyond it.
     fn write(&self, agent: usize, row: &mut [f32]) {
-        let View { arena, gathered: Gathered { allies, enemies }, available, .. } = self.view;
+        let View { arena, tables: UnitTables { allies, enemies }, available, .. } = self.view;
         let available = available.first_bits(agent);
         if available == 1 << action::NO_OP {
             // The agent is dead.
             row[..self.row_len].fill(0.0);
             return;
         }
-        row[..MOVES].copy_from_slice(move_features(available).as_array());
+        row[..MOVES].copy_from_slice(&move_features(available));
         let position = allies.position(agent);
         let blocks = &mut row[MOVES..];
         if arena.stats(arena.agents[agent]).is_healer {
@@ -100,25 +98,23 @@ impl RowWriter<'_> {
 }
 
 /// Whether each of the moves is available, as 0 or 1.
-fn move_features(available: u64) -> F32x4 {
-    let bits = i32x4::new([0, 1, 2, 3].map(|i| 1 << (action::NORTH + i)));
-    let is_available = (i32x4::splat(available as i32) & bits).simd_eq(bits);
-    cast::<i32x4, F32x4>(is_available) & F32x4::ONE
+fn move_features(available: u64) -> [f32; MOVES] {
+    std::array::from_fn(|i| (available >> (action::NORTH + i) & 1) as f32)
 }
 
 /// The mark of an enemy says whether the target action of its number is available. A healer's target
 /// actions mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for
 /// healers too, which the available actions exclude.
 fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
-    let Gathered { allies, enemies } = view.gathered;
+    let UnitTables { allies, enemies } = view.tables;
     let mut in_range = 0;
     let blocks = blocks.chunks_exact_mut(HEAD + enemies.body_size);
     for (enemy, block) in blocks.take(view.arena.enemies.len()).enumerate() {
-        if enemy % MASK_BITS == 0 {
+        if enemy % UNITS_PER_WORD == 0 {
             in_range = within_targeting_range(healer, allies, enemy);
         }
         // It is 1 as yet if the enemy is seen.
-        if in_range >> (enemy % MASK_BITS) & 1 == 0 || enemy == agent {
+        if in_range >> (enemy % UNITS_PER_WORD) & 1 == 0 || enemy == agent {
             block[0] = 0.0;
         }
     }
@@ -126,7 +122,7 @@ fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
 
 /// Writes the blocks of a range of units for an observer at a position: a mark, which is 1 for units that are
 /// seen and whose squared distance is at most the fourth argument, distance, dx, dy, and the body.
-type WriteUnits = fn(&Faction, Range<usize>, Vec2, f64, &mut [f32]);
+type WriteUnits = fn(&UnitTable, Range<usize>, Vec2, f64, &mut [f32]);
 
 /// [`write_units`] for bodies of this size.
 fn writer(body_size: usize) -> WriteUnits {
@@ -144,55 +140,104 @@ fn writer(body_size: usize) -> WriteUnits {
 }
 
 /// `BODY` is the size of bodies where it is known to the compiler, and 0 for all others.
+///
+/// Four units per turn. Their heads are computed as columns and transposed to rows; bodies are copied in
+/// whole registers. A register may end behind its body: units are written in ascending order, so the next
+/// block overwrites what is too much, and only the last of four must stop in time.
 fn write_units<const BODY: usize>(
-    units: &Faction,
+    units: &UnitTable,
     range: Range<usize>,
     observer: Vec2,
     marked_within: f64,
     out: &mut [f32],
 ) {
-    let body = if BODY == 0 { units.body_size } else { BODY };
-    let (block, stride) = (HEAD + body, stride(body));
-    let (x, y, sight) =
-        (F32x4::splat(observer.x), F32x4::splat(observer.y), F32x4::splat(SIGHT_RANGE as f32));
-    let n_units = range.len().next_multiple_of(WIDTH);
-    let (begin, end) = (range.start, range.start + n_units);
-    let positions = fours(&units.xs[begin..end]).zip(fours(&units.ys[begin..end]));
-    let bodies = units.bodies[begin * stride..end * stride].chunks_exact(WIDTH * stride);
-    let blocks = out[..n_units * block].chunks_exact_mut(WIDTH * block);
-    for (((xs, ys), bodies), blocks) in positions.zip(bodies).zip(blocks) {
-        let squared = distances_squared(observer, xs, ys);
-        let is_seen = at_most(squared, SIGHT_SQUARED);
-        if !is_seen.any() {
+    let body_len = if BODY == 0 { units.body_size } else { BODY };
+    let (four, block_len) = (units.four, HEAD + body_len);
+    for FourUnits { xs, ys, bodies, blocks } in fours_of(units, range, body_len, out) {
+        let squared = distances_squared(four, observer, xs, ys);
+        let seen = at_most(squared, SIGHT_SQUARED);
+        if !seen.any() {
             blocks.fill(0.0);
             continue;
         }
-        // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
-        // environment.
-        let distance = squared.map(|squared| squared.sqrt() / f64x2::splat(SIGHT_RANGE));
-        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
-        let mark = at_most(squared, marked_within) & F32x4::ONE;
-        let heads = [mark, rounded(distance), dx / sight, dy / sight].map(|column| column & is_seen);
-        for (i, head) in F32x4::transpose(heads).iter().enumerate() {
-            let to = &mut blocks[i * block..];
-            to[..HEAD].copy_from_slice(head.as_array());
-            if stride == 1 {
-                to[HEAD] = (register(bodies, 0) & is_seen).as_array()[i];
-                continue;
-            }
-            let is_seen = F32x4::splat(is_seen.as_array()[i]);
-            for begin in (0..stride).step_by(WIDTH) {
-                let four = register(bodies, i * stride + begin) & is_seen;
-                // What follows a body is written over by the next unit, which the last of four does not have.
-                let n = if i + 1 < WIDTH { WIDTH } else { WIDTH.min(body - begin) };
-                to[HEAD + begin..HEAD + begin + n].copy_from_slice(&four.as_array()[..n]);
-            }
+        let heads = heads(observer, [xs, ys], squared, at_most(squared, marked_within), seen);
+        for (i, head) in heads.iter().enumerate() {
+            let block = &mut blocks[i * block_len..];
+            block[..HEAD].copy_from_slice(head);
+            copy_body(bodies, i, body_len, seen, &mut block[HEAD..]);
         }
     }
 }
 
+/// Four units and their blocks.
+struct FourUnits<'a> {
+    xs: &'a [f32; WIDTH],
+    ys: &'a [f32; WIDTH],
+    bodies: &'a [f32],
+    blocks: &'a mut [f32],
+}
+
+/// The units of a range by fours; the last may be padding, which is out of sight.
+#[inline(always)]
+fn fours_of<'a>(
+    units: &'a UnitTable,
+    range: Range<usize>,
+    body_len: usize,
+    out: &'a mut [f32],
+) -> impl Iterator<Item = FourUnits<'a>> {
+    let (block_len, stride) = (HEAD + body_len, stride(body_len));
+    let n_units = range.len().next_multiple_of(WIDTH);
+    let (begin, end) = (range.start, range.start + n_units);
+    let positions = fours(&units.xs[begin..end]).zip(fours(&units.ys[begin..end]));
+    let bodies = units.bodies[begin * stride..end * stride].chunks_exact(WIDTH * stride);
+    let blocks = out[..n_units * block_len].chunks_exact_mut(WIDTH * block_len);
+    positions.zip(bodies.zip(blocks)).map(
+        #[inline(always)]
+        |((xs, ys), (bodies, blocks))| FourUnits { xs, ys, bodies, blocks },
+    )
+}
+
+/// Mark, distance, dx and dy of four units; zeros for those that are not seen.
+#[inline(always)]
+fn heads(
+    observer: Vec2,
+    [xs, ys]: [&[f32; WIDTH]; 2],
+    squared: F64x4,
+    marked: Mask4,
+    seen: Mask4,
+) -> [[f32; HEAD]; WIDTH] {
+    let four = squared.four();
+    // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
+    // environment.
+    let distance = squared.sqrt().div(F64x4::splat(four, SIGHT_RANGE)).rounded();
+    let offset =
+        Vec2x4 { x: F32x4::new(four, *xs), y: F32x4::new(four, *ys) } - Vec2x4::splat(four, observer);
+    let sight = F32x4::splat(four, SIGHT_RANGE as f32);
+    let mark = marked.keep(F32x4::splat(four, 1.0));
+    F32x4::transpose(
+        [mark, distance, offset.x.div(sight), offset.y.div(sight)].map(|column| seen.keep(column)),
+    )
+}
+
+/// Copies the body of one of four units, or zeros if it is not seen, and all but for the last unit perhaps
+/// some zeros more.
+#[inline(always)]
+fn copy_body(bodies: &[f32], unit: usize, body_len: usize, seen: Mask4, out: &mut [f32]) {
+    let stride = stride(body_len);
+    if stride == 1 {
+        out[0] = seen.keep(register(seen.simd(), bodies, 0)).to_array()[unit];
+        return;
+    }
+    let is_seen = seen.splat_entry(unit);
+    for begin in (0..stride).step_by(WIDTH) {
+        let floats = is_seen.keep(register(seen.simd(), bodies, unit * stride + begin)).to_array();
+        let n = if unit + 1 < WIDTH { WIDTH } else { WIDTH.min(body_len - begin) };
+        out[begin..begin + n].copy_from_slice(&floats[..n]);
+    }
+}
+
 /// Four floats from this one on.
-#[inline]
-fn register(floats: &[f32], begin: usize) -> F32x4 {
-    F32x4::new(std::array::from_fn(|i| floats[begin + i]))
+#[inline(always)]
+fn register(four: Four, floats: &[f32], begin: usize) -> F32x4 {
+    F32x4::new(four, std::array::from_fn(|i| floats[begin + i]))
 }

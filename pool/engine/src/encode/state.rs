@@ -1,7 +1,7 @@
 //! The state: features of all units, for centralised training.
 
-use super::gathered::write_body;
-use super::{Gathered, View, ratio};
+use super::unit_tables::write_body;
+use super::{UnitTables, View, ratio};
 use crate::arena::Arena;
 
 /// Writes the state; `last_actions` is indexed by agent.
@@ -14,7 +14,7 @@ pub(crate) fn write_state(view: &View, last_actions: &[Option<u32>], out: &mut [
     out.chunks_mut(256).for_each(|part| part.fill(0.0));
     // A body is written so that what follows its health is in place; then what precedes that, health
     // included. The zeros at its end may reach into the next block, which is written later.
-    let (features, Gathered { allies, enemies }) = (&arena.features, view.gathered);
+    let (features, UnitTables { allies, enemies }) = (&arena.features, view.tables);
     let (ally, enemy) = (3 + features.ally_body(), 2 + features.enemy_body());
     let mut begin = 0;
     for (&id, (position, body)) in arena.agents.iter().zip(allies.units()) {

@@ -3,11 +3,12 @@
 use glam::Vec2;
 use smaclite_scenarios::Scenario;
 
-use super::{Available, Gathered, ObsScratch, View, write_obs, write_state};
+use super::{Available, ObsScratch, UnitTables, View, write_obs, write_state};
 use crate::arena::Arena;
 use crate::command::{DIRECTIONS, action};
+use crate::distance::distance;
 use crate::rules::Rules;
-use crate::units::{Units, distance};
+use crate::units::Units;
 
 /// What the encoders write, by its definition.
 struct Definition<'a> {
@@ -164,13 +165,13 @@ fn check(scenario: &Scenario, extra: usize, numbers: &mut Numbers, scratch: &mut
     let sizes = arena.sizes();
     let mut units = Units::default();
     units.reset(&arena);
-    let (mut gathered, mut available) = (Gathered::new(&arena), Available::new(&sizes));
+    let (mut tables, mut available) = (UnitTables::new(&arena), Available::new(&sizes));
     for _ in 0..4 {
         numbers.place(&arena, &mut units);
-        gathered.update(&arena, &units);
-        available.update(&arena, &units, &gathered);
+        tables.update(&arena, &units);
+        available.update(&arena, &units, &tables);
         let definition = Definition { arena: &arena, units: &units };
-        let view = View { arena: &arena, units: &units, gathered: &gathered, available: &available };
+        let view = View { arena: &arena, units: &units, tables: &tables, available: &available };
         let which =
             |what: &str| format!("{what} of {} with {} types", scenario.name, scenario.num_unit_types);
 

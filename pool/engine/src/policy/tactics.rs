@@ -9,7 +9,7 @@ use super::Situation;
 use crate::TICK;
 use crate::arena::Arena;
 use crate::command::{DIRECTIONS, MOVE, action};
-use crate::units::distance_squared;
+use crate::distance::distance_squared;
 
 /// Targets the nearest enemy that is available as a target, otherwise moves towards the nearest living enemy.
 /// Healers without a patient move towards the nearest ally that is not a healer.

@@ -5,7 +5,6 @@
 //! tick.
 
 mod avoid;
-mod crowd;
 mod deaths;
 mod execute;
 mod preferred;
@@ -15,12 +14,11 @@ mod targets;
 
 use glam::Vec2;
 
-pub(crate) use crowd::search_bound;
-
 use crate::arena::Arena;
+use crate::buffers::clear_and_reserve;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
-use crate::units::{AliveIds, Units, clear_and_reserve};
+use crate::units::{AliveIds, Units};
 
 /// The parts of a battle that a tick reads and changes.
 pub(crate) struct World<'a> {

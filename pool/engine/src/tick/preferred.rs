@@ -7,7 +7,7 @@ use glam::Vec2;
 use super::World;
 use super::target_choice::{self, Choice};
 use crate::arena::{Approach, Arena, Matchup};
-use crate::units::distance_squared;
+use crate::distance::distance_squared;
 
 /// Sets the preferred velocity, the target and the declared attack of every unit.
 #[inline(never)]

@@ -6,15 +6,17 @@
 //!   lowest id ([`Choice::most_hurt`]).
 //!
 //! The searches use the positions at the start of the tick (no unit moves before phase 4), and find only
-//! units in planes that the searcher can attack.
+//! units in planes that the searcher can attack. `block_index` narrows them down and says what it guarantees.
 
 use glam::Vec2;
 
 use super::World;
-use super::crowd::{Bounds, Crowd};
 use crate::arena::{Approach, Arena, UnitStats};
+use crate::block_index::{BlockIndex, BoundingBox};
+use crate::buffers::clear_and_reserve;
+use crate::distance::distance_squared;
 use crate::rules::Rules;
-use crate::units::{AliveIds, clear_and_reserve, distance_squared};
+use crate::units::AliveIds;
 
 /// The distance of a unit that targets the searcher from beyond its search radius: farther than any other.
 const FAR_AWAY: f64 = 2e9;
@@ -27,10 +29,10 @@ const FAR_AWAY: f64 = 2e9;
 pub(super) struct TargetChoiceScratch {
     /// The living agents that are no healers, and those that are. Both are empty in a tick in which no unit
     /// searches.
-    dealers: Crowd,
-    healers: Crowd,
+    dealers: BlockIndex,
+    healers: BlockIndex,
     /// Around all agents of both.
-    bounds: Bounds,
+    bounds: BoundingBox,
     /// Which units are the target of an agent, by battle-wide id.
     is_targeted: Vec<bool>,
     /// Whether a living agent is a healer (R1).
@@ -40,6 +42,7 @@ pub(super) struct TargetChoiceScratch {
 }
 
 impl TargetChoiceScratch {
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         self.dealers.reserve(n_units);
         self.healers.reserve(n_units);
@@ -71,10 +74,10 @@ pub(super) fn prepare(world: &mut World) {
         return;
     }
     if *any_agent_heals {
-        dealers.gather(allies, |id| !is_healer(id), &units.pos);
-        healers.gather(allies, is_healer, &units.pos);
+        dealers.fill(allies, |id| !is_healer(id), &units.pos);
+        healers.fill(allies, is_healer, &units.pos);
     } else {
-        dealers.gather(allies, |_| true, &units.pos);
+        dealers.fill(allies, |_| true, &units.pos);
     }
     *bounds = dealers.bounds().and(&healers.bounds());
     is_targeted.clear();
@@ -116,7 +119,7 @@ impl Choice<'_> {
     fn search(&self, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let TargetChoiceScratch { dealers, healers, any_agent_heals, .. } = self.scratch;
         let current = targets[id as usize];
-        let best_of = |crowd| self.best_of(crowd, targets, id, own);
+        let best_of = |index| self.best_of(index, targets, id, own);
         // Damage dealers keep a target that is a healer.
         if current.is_some_and(|target| self.arena.approaches[target as usize].is_healer) {
             return current;
@@ -134,9 +137,10 @@ impl Choice<'_> {
         }
     }
 
-    /// The nearest agent of a crowd that qualifies as a target; of equally near ones that with the lowest id.
+    /// The nearest agent of an index that qualifies as a target; of equally near ones that with the lowest
+    /// id.
     #[inline(never)]
-    fn best_of(&self, crowd: &Crowd, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
+    fn best_of(&self, index: &BlockIndex, targets: &[Option<u32>], id: u32, own: &Approach) -> Option<u32> {
         let mut search = Search {
             choice: self,
             targets,
@@ -149,8 +153,10 @@ impl Choice<'_> {
             best: Best::NONE,
         };
         // Nearly always the nearest agent qualifies, or none is within the search radius.
-        let rest = crowd.visit_nearest(search.position, own.search_bound, |other| search.consider(other));
-        if search.best.squared > rest { search.among_all(crowd, rest) } else { search.best.id }
+        let unvisited =
+            index.visit_nearest(search.position, own.search_bound, |other| search.consider(other));
+        // A qualified unit that is nearer than all others is the answer. Else one of the others may be it.
+        if search.best.squared <= unvisited { search.best.id } else { search.among_all(index, unvisited) }
     }
 
     /// The unit that a healer without a target chooses to heal: of those in scan range that are hurt or
@@ -235,14 +241,15 @@ impl Best {
 }
 
 impl Search<'_> {
-    /// The best target of a crowd, if all are farther than `rest` that may be nearer than the best so far.
+    /// The best target of an index, where the nearest units do not decide: `unvisited` is the bound that
+    /// [`BlockIndex::visit_nearest`] returned.
     #[inline(never)]
-    fn among_all(mut self, crowd: &Crowd, rest: f64) -> Option<u32> {
+    fn among_all(mut self, index: &BlockIndex, unvisited: f64) -> Option<u32> {
         self.best = Best::NONE;
         if self.retaliates {
-            crowd.ids().iter().for_each(|&other| self.consider(other));
-        } else if rest <= self.stats.search_radius * self.stats.search_radius {
-            crowd.visit_near(self.position, self.own.search_bound, |other| self.consider(other));
+            index.ids().iter().for_each(|&other| self.consider(other));
+        } else if unvisited <= self.stats.search_radius * self.stats.search_radius {
+            index.visit_near(self.position, self.own.search_bound, |other| self.consider(other));
         }
         self.best.id
     }

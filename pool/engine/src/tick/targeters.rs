@@ -5,8 +5,8 @@ use glam::Vec2;
 use smaclite_units::Targeter;
 
 use super::World;
+use crate::distance::{distance, distance_squared};
 use crate::rules::Rules;
-use crate::units::{distance, distance_squared};
 use crate::{HEAL_PER_TICK, HEALTH_PER_ENERGY, KILL_REWARD, MIN_ENERGY_FOR_NEW_TARGET, SHIELD_DELAY};
 
 /// Lets a unit act on its target.

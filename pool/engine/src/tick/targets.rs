@@ -55,7 +55,7 @@ struct Now<'a> {
 
 impl Now<'_> {
     /// The target of a target command. Only the field is cleared when the target is dead. The command
-    /// remains: the unit goes on walking to the place of the dead unit and acting on it until the step ends.
+    /// remains: until the step ends the unit walks to the place of the dead unit and acts on it.
     #[inline(always)]
     fn if_alive(&self, target: u32) -> Option<u32> {
         (self.hp[target as usize] > 0.0).then_some(target)

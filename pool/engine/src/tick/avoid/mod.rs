@@ -7,30 +7,32 @@
 //! velocities change at once.
 //!
 //! It takes three stages over all units of a plane: neighbours, half-planes, solutions. Each is computed for
-//! as many units at a time as a register has lanes ([`crate::lanes`]), to the same bits.
+//! as many units at a time as a register has entries ([`crate::simd`]), to the same bits.
 //!
 //! All arithmetic is in f32, and a vector is divided by a scalar by multiplying it with the rounded
 //! reciprocal: the recorded battles depend on it to the last bit. The time horizon of the paper, tau, is 1 s
 //! for units and for obstacles, so divisions by it do not appear.
 
-mod batch;
+mod columns;
 mod linear_program;
+mod near_list;
 mod nearest_list;
 mod neighbours;
 mod obstacles;
+mod pending_programs;
 mod plane_units;
 mod tree;
 
 use glam::Vec2;
-use pulp::Simd;
 
 use super::World;
 use crate::arena::{Arena, EdgeSearch};
-use crate::lanes::{Kernel, Lanes, Level};
 use crate::neighbour_order::PlaneOrder;
-use batch::{Batch, Mover};
+use crate::simd::{InstructionSet, Kernel, Level};
+use near_list::{NearList, NearUnit};
 use nearest_list::NearestList;
-use plane_units::{NearList, PlaneUnits};
+use pending_programs::{Mover, PendingPrograms};
+use plane_units::{BattleUnits, PlaneUnits};
 
 /// Two directions whose cross product is this small count as parallel; also the tolerance for covered edges.
 const EPSILON: f32 = 1e-5;
@@ -46,7 +48,7 @@ pub(crate) struct AvoidScratch {
     edge_search: EdgeSearch,
     /// Edges in sight of a unit.
     seen: NearestList,
-    batch: Batch,
+    pending: PendingPrograms,
 }
 
 impl AvoidScratch {
@@ -54,7 +56,7 @@ impl AvoidScratch {
     pub fn reserve(&mut self, n_units: usize, n_edges: usize) {
         self.planes.iter_mut().for_each(|plane| plane.reserve(n_units));
         self.seen.reserve(n_edges);
-        self.batch.reserve(n_edges, n_units);
+        self.pending.reserve(n_edges, n_units);
         self.edge_search.reserve(n_edges);
         self.near.reserve(n_units);
     }
@@ -90,7 +92,7 @@ impl Kernel for Planning<'_> {
     /// or obstacles near them. The outcomes are unpredictable, so processing one unit from begin to end would
     /// cost a branch misprediction at nearly every test; a stage over all units has no such branches.
     #[inline(always)]
-    fn run<S: Lanes>(mut self, simd: S) {
+    fn run<S: InstructionSet>(mut self, simd: S) {
         for plane in 0..self.order.len() {
             let AvoidScratch { planes, .. } = &mut *self.scratch;
             // The list keeps its order for the next tick: see `NeighbourOrder`.
@@ -98,14 +100,13 @@ impl Kernel for Planning<'_> {
             if list.is_empty() {
                 continue;
             }
-            planes[plane].pack(
-                simd,
-                list,
-                self.positions,
-                self.velocities,
-                self.preferred,
-                &self.arena.avoidance,
-            );
+            let battle = BattleUnits {
+                positions: self.positions,
+                velocities: self.velocities,
+                preferred: self.preferred,
+                stats: &self.arena.avoidance,
+            };
+            planes[plane].pack(simd, list, &battle);
             // A unit that prefers to stay does so and plans nothing: this lets units block and surround
             // others.
             if planes[plane].movers().is_empty() {
@@ -115,12 +116,12 @@ impl Kernel for Planning<'_> {
             self.find_neighbours(simd, plane);
             self.collect_programs(simd, plane);
         }
-        // The programs that are left, of all planes together: so fewer lanes stay empty.
-        let AvoidScratch { planes, batch, .. } = &mut *self.scratch;
-        if batch.len() <= <S::Narrower as Simd>::F32_LANES {
-            batch.solve(simd.narrower(), planes, self.velocities);
+        // The programs that are left, of all planes together: so fewer entries stay empty.
+        let AvoidScratch { planes, pending, .. } = &mut *self.scratch;
+        if pending.len() <= S::Narrower::WIDTH {
+            pending.solve(simd.narrower(), planes, self.velocities);
         } else {
-            batch.solve(simd, planes, self.velocities);
+            pending.solve(simd, planes, self.velocities);
         }
     }
 }
@@ -128,7 +129,7 @@ impl Kernel for Planning<'_> {
 impl Planning<'_> {
     /// Gives every unit its velocity without neighbours and obstacles, and lists the neighbours.
     #[inline(always)]
-    fn find_neighbours<S: Lanes>(&mut self, simd: S, plane: usize) {
+    fn find_neighbours<S: InstructionSet>(&mut self, simd: S, plane: usize) {
         let AvoidScratch { planes, near, .. } = &mut *self.scratch;
         let plane = &mut planes[plane];
         plane.find_unconstrained(simd, &self.arena.edges);
@@ -138,20 +139,19 @@ impl Planning<'_> {
         plane.find_neighbours(simd, &self.arena.avoidance, &self.arena.edges, near);
     }
 
-    /// Collects the linear programs of the listed units, and solves them whenever every lane has one.
+    /// Collects the linear programs of the listed units, and solves them whenever every entry has one.
     #[inline(always)]
-    fn collect_programs<S: Lanes>(&mut self, simd: S, plane: usize) {
-        let AvoidScratch { planes, near, edge_search, seen, batch, .. } = &mut *self.scratch;
+    fn collect_programs<S: InstructionSet>(&mut self, simd: S, plane: usize) {
+        let AvoidScratch { planes, near, edge_search, seen, pending, .. } = &mut *self.scratch;
         let mut plane_units = &planes[plane];
-        for entries in near.units() {
-            let index = entries[0].index as usize;
+        for NearUnit { index, may_see_edges, neighbours } in near.units() {
             let member = &plane_units.members()[index];
             let stats = &self.arena.avoidance[member.id as usize];
             seen.clear();
-            if let Some(range) = stats.edge_range_squared.filter(|_| entries[0].may_see_edges()) {
+            if let Some(range) = stats.edge_range_squared.filter(|_| may_see_edges) {
                 let edges = self.arena.edges.near(plane_units.cell(index), edge_search);
                 obstacles::find(simd.narrower(), member.position, edges, range, seen);
-                if seen.indices().len() == 0 && entries.len() == 1 {
+                if seen.indices().len() == 0 && neighbours.is_empty() {
                     continue;
                 }
             }
@@ -168,9 +168,9 @@ impl Planning<'_> {
                 #[inline(always)]
                 |number| self.arena.edges.edge(number as u32),
             );
-            batch.push(&mover, seen, entries, plane_units.members());
-            if batch.len() == S::F32_LANES {
-                batch.solve(simd, planes, self.velocities);
+            pending.push(&mover, seen, neighbours, plane_units.members());
+            if pending.len() == S::WIDTH {
+                pending.solve(simd, planes, self.velocities);
                 plane_units = &planes[plane];
             }
         }

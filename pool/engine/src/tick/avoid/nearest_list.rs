@@ -19,6 +19,7 @@ impl NearestList {
         }
     }
 
+    /// Removes all results.
     pub fn clear(&mut self) {
         self.n = 0;
     }

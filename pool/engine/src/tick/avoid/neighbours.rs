@@ -1,4 +1,4 @@
-//! The ORCA half-planes that neighbouring units impose, one per lane. `plane_units` finds the neighbours.
+//! The ORCA half-planes that neighbouring units impose, one per entry. `plane_units` finds the neighbours.
 //!
 //! Derivation (the paper's sections on velocity obstacles and on ORCA). Let p be the position of the
 //! neighbour seen from the unit, r the sum of both radii (`reach`), and v the unit's velocity minus that of
@@ -14,22 +14,22 @@
 //! points ((w . p)^2 > r^2 |w|^2), else one of the two legs of the cone. If the units overlap already, the
 //! disc of one tick replaces the cone, so that they separate within that tick.
 //!
-//! A lane cannot branch on its own. So every case is computed for all lanes and one is selected; the result
-//! of a case that does not apply, NaN included, is dropped.
+//! An entry cannot branch on its own. So every case is computed for all entries and one is selected; the
+//! result of a case that does not apply, NaN included, is dropped.
 
 use super::linear_program::HalfPlanes;
 use crate::TICKS_PER_SECOND;
-use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
+use crate::simd::{Column, F32s, InstructionSet, Mask, Vec2s};
 
-/// The unit of each lane.
+/// The unit of each entry.
 #[derive(Clone, Copy)]
-pub(super) struct Movers<S: Lanes> {
-    pub position: Vectors<S>,
-    pub velocity: Vectors<S>,
-    pub radius: Floats<S>,
+pub(super) struct Movers<S: InstructionSet> {
+    pub position: Vec2s<S>,
+    pub velocity: Vec2s<S>,
+    pub radius: F32s<S>,
 }
 
-/// A neighbour of the unit of each lane, in memory.
+/// A neighbour of the unit of each entry, in memory.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct NeighbourColumns {
     pub position: [Column; 2],
@@ -40,16 +40,16 @@ pub(super) struct NeighbourColumns {
 
 /// A change of velocity, and the direction of the boundary that it leads to.
 #[derive(Clone, Copy)]
-struct Escape<S: Lanes> {
-    direction: Vectors<S>,
-    change: Vectors<S>,
+struct Escape<S: InstructionSet> {
+    direction: Vec2s<S>,
+    change: Vec2s<S>,
 }
 
-impl<S: Lanes> Movers<S> {
+impl<S: InstructionSet> Movers<S> {
     /// The positions of neighbours seen from each unit.
     #[inline(always)]
-    pub fn offset_of(&self, neighbours: &NeighbourColumns) -> Vectors<S> {
-        Vectors::load(self.radius.simd(), &neighbours.position) - self.position
+    pub fn offset_of(&self, neighbours: &NeighbourColumns) -> Vec2s<S> {
+        Vec2s::load(self.radius.simd(), &neighbours.position) - self.position
     }
 
     /// The velocities that keep each unit off its neighbour for the time horizon.
@@ -57,30 +57,30 @@ impl<S: Lanes> Movers<S> {
     pub fn keep_off(&self, neighbours: &NeighbourColumns) -> HalfPlanes<S> {
         let simd = self.radius.simd();
         let offset = self.offset_of(neighbours);
-        let relative = self.velocity - Vectors::load(simd, &neighbours.velocity);
-        let reach = self.radius + Floats::load(simd, &neighbours.radius);
+        let relative = self.velocity - Vec2s::load(simd, &neighbours.velocity);
+        let reach = self.radius + F32s::load(simd, &neighbours.radius);
         let apart = offset.length_squared().gt(reach * reach);
         let Escape { direction, change } = least_change(offset, relative, reach, apart);
-        HalfPlanes { point: self.velocity + change * Floats::load(simd, &neighbours.share), direction }
+        HalfPlanes { point: self.velocity + change * F32s::load(simd, &neighbours.share), direction }
     }
 }
 
 /// The least change of the relative velocity that leads to the boundary of the velocity obstacle.
 #[inline(always)]
-fn least_change<S: Lanes>(
-    offset: Vectors<S>,
-    relative: Vectors<S>,
-    reach: Floats<S>,
+fn least_change<S: InstructionSet>(
+    offset: Vec2s<S>,
+    relative: Vec2s<S>,
+    reach: F32s<S>,
     apart: Mask<S>,
 ) -> Escape<S> {
-    let zero = Floats::splat(reach.simd(), 0.0);
+    let zero = F32s::splat(reach.simd(), 0.0);
     let from_tip = relative - offset;
     let towards = from_tip.dot(offset);
     // (w . p)^2 > r^2 |w|^2 compares squares, which saves a root: w is within the angle of the touching
     // points.
     let faces_disc = towards.lt(zero) & (towards * towards).gt(reach * reach * from_tip.length_squared());
     // Units that overlap must be apart after this tick: the disc of that time is the whole obstacle.
-    let per_tick = Floats::splat(reach.simd(), TICKS_PER_SECOND as f32);
+    let per_tick = F32s::splat(reach.simd(), TICKS_PER_SECOND as f32);
     let from_centre = apart.either(from_tip, relative - offset * per_tick);
     let disc = disc_escape(from_centre, apart.select(reach, reach * per_tick));
     if !apart.any() {
@@ -98,20 +98,20 @@ fn least_change<S: Lanes>(
 /// To the nearer leg of the cone. A leg is p turned by the angle whose sine is r / |p|, scaled to length 1:
 /// with the length l = sqrt(|p|^2 - r^2) of the leg up to the disc that is (p l + perp(p) r) / |p|^2.
 #[inline(always)]
-fn leg_escape<S: Lanes>(
-    offset: Vectors<S>,
-    relative: Vectors<S>,
-    from_tip: Vectors<S>,
-    reach: Floats<S>,
+fn leg_escape<S: InstructionSet>(
+    offset: Vec2s<S>,
+    relative: Vec2s<S>,
+    from_tip: Vec2s<S>,
+    reach: F32s<S>,
 ) -> Escape<S> {
     let distance_squared = offset.length_squared();
     let length = (distance_squared - reach * reach).sqrt();
-    let is_left = offset.perp_dot(from_tip).gt(Floats::splat(reach.simd(), 0.0));
+    let is_left = offset.perp_dot(from_tip).gt(F32s::splat(reach.simd(), 0.0));
     // The right leg is the left one with the reach to the other side, and its boundary runs the other way.
     let reach = is_left.select(reach, -reach);
     let per_square = distance_squared.recip();
     let direction =
-        Vectors { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
+        Vec2s { x: offset.x * length - offset.y * reach, y: offset.x * reach + offset.y * length }
             * is_left.select(per_square, -per_square);
     // The nearest point of the leg is the projection of v on it.
     Escape { direction, change: direction * relative.dot(direction) - relative }
@@ -119,10 +119,10 @@ fn leg_escape<S: Lanes>(
 
 /// To the edge of the disc; `from_centre` is the velocity seen from its centre.
 #[inline(always)]
-fn disc_escape<S: Lanes>(from_centre: Vectors<S>, radius: Floats<S>) -> Escape<S> {
+fn disc_escape<S: InstructionSet>(from_centre: Vec2s<S>, radius: F32s<S>) -> Escape<S> {
     // The nearest point of the disc's edge is straight outward; the boundary there is the tangent, with the
     // permitted side, which is outside, on its left.
     let length = from_centre.length_squared().sqrt();
     let outward = from_centre * length.recip();
-    Escape { direction: Vectors { x: outward.y, y: -outward.x }, change: outward * (radius - length) }
+    Escape { direction: Vec2s { x: outward.y, y: -outward.x }, change: outward * (radius - length) }
 }

@@ -7,16 +7,16 @@
 //!
 //! The tree is built in every tick by partitioning the list of units in place, and each tick partitions the
 //! order that the last one left (`NeighbourOrder`). Units move little in a tick, so the list is mostly
-//! partitioned already and only scanned, a register at a time ([`crate::lanes`]).
+//! partitioned already and only scanned, a register at a time ([`crate::simd`]).
 
 use std::ops::Range;
 
 use glam::Vec2;
 
-use super::plane_units::{Columns, WORD};
+use super::columns::{Columns, WORD};
+use crate::buffers::clear_and_reserve;
 use crate::fast_math::max;
-use crate::lanes::{Column, Floats, Lanes, Vectors};
-use crate::units::clear_and_reserve;
+use crate::simd::{Column, F32s, InstructionSet, Vec2s};
 
 /// A k-d tree whose boxes are halved across their longer side. The positions lie in columns outside it.
 #[derive(Debug, Default)]
@@ -59,6 +59,7 @@ impl Tree {
     /// list.
     pub const LEAF_SIZE: usize = 10;
 
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         // A binary tree with one unit in every leaf is the largest.
         clear_and_reserve(&mut self.nodes, 2 * n_units);
@@ -69,7 +70,7 @@ impl Tree {
     /// Builds the tree over the units of a list, which it partitions together with their positions. Whole
     /// registers of positions are read, also beyond the last unit.
     #[inline(always)]
-    pub fn build<S: Lanes>(&mut self, simd: S, ids: &mut [u32], positions: &mut Columns) {
+    pub fn build<S: InstructionSet>(&mut self, simd: S, ids: &mut [u32], positions: &mut Columns) {
         self.nodes.clear();
         let (mut begin, mut end) = (0, ids.len());
         loop {
@@ -97,7 +98,7 @@ impl Tree {
     /// Finds the units of the lower half of a box, and their number. The line crosses the longer side in its
     /// middle; units on it belong to the upper half.
     #[inline(always)]
-    fn find_lower<S: Lanes>(
+    fn find_lower<S: InstructionSet>(
         &mut self,
         simd: S,
         positions: &Columns,
@@ -107,13 +108,13 @@ impl Tree {
         let (sides, middle) = (high - low, 0.5 * (high + low));
         let (column, line) =
             if sides.x > sides.y { (&positions.x, middle.x) } else { (&positions.y, middle.y) };
-        let line = Floats::splat(simd, line);
+        let line = F32s::splat(simd, line);
         let mut n_lower = 0;
         for (word, first) in self.lower.iter_mut().zip(units.clone().step_by(WORD)) {
             let n = (units.end - first).min(WORD);
             let mut lower = 0;
-            for i in (0..n).step_by(S::F32_LANES) {
-                let is_lower = Floats::from_slice(simd, &column[first + i..]).lt(line);
+            for i in (0..n).step_by(S::WIDTH) {
+                let is_lower = F32s::from_slice(simd, &column[first + i..]).lt(line);
                 lower |= u64::from(is_lower.bits()) << i;
             }
             *word = lower & first_bits(n);
@@ -219,18 +220,18 @@ impl Search<'_> {
 impl Corners {
     /// The corners of the box around units.
     #[inline(always)]
-    fn of<S: Lanes>(simd: S, positions: &Columns, units: Range<usize>) -> Corners {
-        let infinite = Vectors::splat(simd, Vec2::INFINITY);
-        let negative = Vectors::splat(simd, Vec2::NEG_INFINITY);
+    fn of<S: InstructionSet>(simd: S, positions: &Columns, units: Range<usize>) -> Corners {
+        let infinite = Vec2s::splat(simd, Vec2::INFINITY);
+        let negative = Vec2s::splat(simd, Vec2::NEG_INFINITY);
         let (mut low, mut high) = (infinite, negative);
-        let numbers = Floats::load(simd, &Column::NUMBERS);
-        for first in units.clone().step_by(S::F32_LANES) {
+        let numbers = F32s::load(simd, &Column::NUMBERS);
+        for first in units.clone().step_by(S::WIDTH) {
             // The last register has other units behind the last of these.
-            let count = numbers.lt(Floats::splat(simd, (units.end - first) as f32));
+            let count = numbers.lt(F32s::splat(simd, (units.end - first) as f32));
             let units = positions.load(simd, first);
             let (lowest, highest) = (count.either(units, infinite), count.either(units, negative));
-            low = Vectors { x: low.x.min(lowest.x), y: low.y.min(lowest.y) };
-            high = Vectors { x: high.x.max(highest.x), y: high.y.max(highest.y) };
+            low = Vec2s { x: low.x.min(lowest.x), y: low.y.min(lowest.y) };
+            high = Vec2s { x: high.x.max(highest.x), y: high.y.max(highest.y) };
         }
         Corners {
             low: Vec2::new(low.x.least(), low.y.least()),
@@ -250,12 +251,12 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
-    use crate::lanes::{Kernel, Level, MAX_LANES};
+    use crate::simd::{Kernel, Level, MAX_WIDTH};
 
     /// Positions in columns that are long enough for whole registers.
     fn columns(positions: &[Vec2]) -> Columns {
         let mut columns = Columns::default();
-        columns.resize(positions.len() + MAX_LANES);
+        columns.resize(positions.len() + MAX_WIDTH);
         for (i, position) in positions.iter().enumerate() {
             (columns.x[i], columns.y[i]) = (*position).into();
         }
@@ -271,7 +272,7 @@ mod tests {
 
     impl Kernel for Build<'_> {
         #[inline(always)]
-        fn run<S: Lanes>(self, simd: S) {
+        fn run<S: InstructionSet>(self, simd: S) {
             self.tree.build(simd, self.ids, self.positions);
         }
     }

@@ -13,19 +13,21 @@
 //! and some earlier j are violated equally, which is a boundary again; among those it is the velocity
 //! farthest inside i. Half-planes of obstacles are never relaxed.
 //!
-//! The programs of several units are solved at a time, one per lane. A lane cannot branch on its own: every
-//! half-plane is processed for all programs, and masks select the results that apply; the result of a case
-//! that does not apply, NaN included, is dropped. What no lane needs is skipped. The tests have the same
-//! algorithm for one unit at a time, and compare the bits.
+//! The programs of several units are solved at a time, one per entry. An entry cannot branch on its own:
+//! every half-plane is processed for all programs, and masks select the results that apply; the result of a
+//! case that does not apply, NaN included, is dropped. What no entry needs is skipped. Begin reading in
+//! `reference.rs`, which has the same algorithm for one unit at a time; the tests compare the bits.
 
 #[cfg(test)]
-mod alone;
+mod reference;
+#[cfg(test)]
+mod tests;
 
 #[cfg(test)]
 use glam::Vec2;
 
 use super::EPSILON;
-use crate::lanes::{Column, Floats, Lanes, Mask, Vectors};
+use crate::simd::{Column, F32s, InstructionSet, Mask, Vec2s};
 
 /// A half-plane of permitted velocities, by its boundary: velocities to the left of it are permitted.
 #[cfg(test)]
@@ -36,87 +38,87 @@ pub(super) struct HalfPlane {
     pub direction: Vec2,
 }
 
-/// A half-plane per lane, in memory. Lanes need not have one.
+/// A half-plane per entry, in memory. Entries need not have one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HalfPlaneColumns {
     pub point: [Column; 2],
     pub direction: [Column; 2],
-    /// 1 where there is a half-plane, else 0.
+    /// 1 where there is a half-plane, else 0: a mask has another form in memory on every instruction set.
     pub exists: Column,
 }
 
-/// A half-plane of permitted velocities per lane, by its boundary: velocities to the left of it are
+/// A half-plane of permitted velocities per entry, by its boundary: velocities to the left of it are
 /// permitted.
 #[derive(Clone, Copy)]
-pub(super) struct HalfPlanes<S: Lanes> {
-    pub point: Vectors<S>,
+pub(super) struct HalfPlanes<S: InstructionSet> {
+    pub point: Vec2s<S>,
     /// Of length 1.
-    pub direction: Vectors<S>,
+    pub direction: Vec2s<S>,
 }
 
 impl HalfPlaneColumns {
-    /// The half-planes, and in which lanes they exist.
+    /// The half-planes, and in which entries they exist.
     #[inline(always)]
-    pub fn load<S: Lanes>(&self, simd: S) -> (HalfPlanes<S>, Mask<S>) {
+    pub fn load<S: InstructionSet>(&self, simd: S) -> (HalfPlanes<S>, Mask<S>) {
         let half_planes = HalfPlanes {
-            point: Vectors::load(simd, &self.point),
-            direction: Vectors::load(simd, &self.direction),
+            point: Vec2s::load(simd, &self.point),
+            direction: Vec2s::load(simd, &self.direction),
         };
-        (half_planes, Floats::load(simd, &self.exists).gt(Floats::splat(simd, 0.0)))
+        (half_planes, F32s::load(simd, &self.exists).gt(F32s::splat(simd, 0.0)))
     }
 
     #[inline(always)]
-    pub fn store<S: Lanes>(&mut self, half_planes: HalfPlanes<S>, exist: Mask<S>) {
+    pub fn store<S: InstructionSet>(&mut self, half_planes: HalfPlanes<S>, exist: Mask<S>) {
         let simd = exist.simd();
         half_planes.point.store(&mut self.point);
         half_planes.direction.store(&mut self.direction);
-        exist.select(Floats::splat(simd, 1.0), Floats::splat(simd, 0.0)).store(&mut self.exists);
+        exist.select(F32s::splat(simd, 1.0), F32s::splat(simd, 0.0)).store(&mut self.exists);
     }
 }
 
-impl<S: Lanes> HalfPlanes<S> {
+impl<S: InstructionSet> HalfPlanes<S> {
     /// How far velocities are on the wrong side of the boundaries; negative if they are permitted.
     #[inline(always)]
-    fn violation(&self, velocities: Vectors<S>) -> Floats<S> {
+    fn violation(&self, velocities: Vec2s<S>) -> F32s<S> {
         self.direction.perp_dot(self.point - velocities)
     }
 }
 
 /// What is common to the half-planes of each program.
 #[derive(Clone, Copy)]
-pub(super) struct Programs<S: Lanes> {
-    pub preferred: Vectors<S>,
+pub(super) struct Programs<S: InstructionSet> {
+    pub preferred: Vec2s<S>,
     /// The preferred velocities within the speed limit.
-    pub unconstrained: Vectors<S>,
-    pub max_speed: Floats<S>,
-    /// How many slots, the first ones, have half-planes that are never relaxed.
+    pub unconstrained: Vec2s<S>,
+    pub max_speed: F32s<S>,
+    /// How many rows, the first ones, have half-planes that are never relaxed.
     pub n_hard: usize,
 }
 
 /// The objective: which of the permitted velocities is best.
 #[derive(Clone, Copy)]
-enum Aim<S: Lanes> {
-    Nearest(Vectors<S>),
+enum Aim<S: InstructionSet> {
+    Nearest(Vec2s<S>),
     /// The farthest in directions of length 1.
-    Farthest(Vectors<S>),
+    Farthest(Vec2s<S>),
 }
 
-impl<S: Lanes> Vectors<S> {
+impl<S: InstructionSet> Vec2s<S> {
     /// The velocities within `max_speed` that are nearest to these.
     #[inline(always)]
-    pub fn within(self, max_speed: Floats<S>) -> Vectors<S> {
+    pub fn within(self, max_speed: F32s<S>) -> Vec2s<S> {
         let is_too_fast = self.length_squared().gt(max_speed * max_speed);
         is_too_fast.either(self.normalize() * max_speed, self)
     }
 }
 
-impl<S: Lanes> Programs<S> {
+impl<S: InstructionSet> Programs<S> {
     /// The velocities within the speed limit nearest to the preferred ones that the half-planes permit.
     ///
     /// `projected` is working memory, at least as long as `half_planes`.
     #[inline(always)]
-    pub fn solve(&self, half_planes: &[HalfPlaneColumns], projected: &mut [HalfPlaneColumns]) -> Vectors<S> {
-        let zero = Floats::splat(self.max_speed.simd(), 0.0);
+    pub fn solve(&self, half_planes: &[HalfPlaneColumns], projected: &mut [HalfPlaneColumns]) -> Vec2s<S> {
+        let zero = F32s::splat(self.max_speed.simd(), 0.0);
         let all = zero.le(zero);
         let nearest = self.best_velocity(half_planes, Aim::Nearest(self.preferred), self.unconstrained, all);
         if nearest.is_infeasible.any() {
@@ -134,11 +136,11 @@ impl<S: Lanes> Programs<S> {
         &self,
         half_planes: &[HalfPlaneColumns],
         aim: Aim<S>,
-        velocities: Vectors<S>,
+        velocities: Vec2s<S>,
         count: Mask<S>,
     ) -> Solutions<S> {
         let simd = self.max_speed.simd();
-        let zero = Floats::splat(simd, 0.0);
+        let zero = F32s::splat(simd, 0.0);
         let mut solutions = Solutions { velocities, is_infeasible: !count, half_plane: zero };
         for (i, columns) in half_planes.iter().enumerate() {
             let (half_plane, exists) = columns.load(simd);
@@ -156,7 +158,7 @@ impl<S: Lanes> Programs<S> {
             solutions.velocities = (concerned & is_feasible).either(better, solutions.velocities);
             let fails = concerned & !is_feasible;
             solutions.is_infeasible = solutions.is_infeasible | fails;
-            solutions.half_plane = fails.select(Floats::splat(simd, i as f32), solutions.half_plane);
+            solutions.half_plane = fails.select(F32s::splat(simd, i as f32), solutions.half_plane);
         }
         solutions
     }
@@ -173,9 +175,9 @@ impl<S: Lanes> Programs<S> {
         half_plane: &HalfPlanes<S>,
         earlier: &[HalfPlaneColumns],
         aim: Aim<S>,
-    ) -> (Vectors<S>, Mask<S>) {
+    ) -> (Vec2s<S>, Mask<S>) {
         let (max_speed, simd) = (self.max_speed, self.max_speed.simd());
-        let zero = Floats::splat(simd, 0.0);
+        let zero = F32s::splat(simd, 0.0);
         let HalfPlanes { point, direction } = *half_plane;
         // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
         let along = point.dot(direction);
@@ -193,7 +195,7 @@ impl<S: Lanes> Programs<S> {
             let numerator = other.direction.perp_dot(point - other.point);
             // Parallel boundaries: the other half-plane contains this boundary entirely or not at all. They
             // divide by nearly zero; `crosses` drops the result.
-            let are_parallel = denominator.abs().le(Floats::splat(simd, EPSILON));
+            let are_parallel = denominator.abs().le(F32s::splat(simd, EPSILON));
             is_infeasible = is_infeasible | exists & are_parallel & numerator.lt(zero);
             let crosses = exists & !are_parallel;
             // The sign of the denominator says whether the boundary leaves or enters the other half-plane
@@ -225,12 +227,12 @@ impl<S: Lanes> Programs<S> {
         half_planes: &[HalfPlaneColumns],
         failed: Solutions<S>,
         projected: &mut [HalfPlaneColumns],
-    ) -> Vectors<S> {
+    ) -> Vec2s<S> {
         let simd = self.max_speed.simd();
         let Solutions { mut velocities, is_infeasible, half_plane: first } = failed;
         // `worst` is the violation so far by the half-planes before i. One that is violated more must be
         // among the most violated of the solution; there it and some earlier one are violated equally.
-        let mut worst = Floats::splat(simd, 0.0);
+        let mut worst = F32s::splat(simd, 0.0);
         // The hard half-planes come first and stay as they are. If one of them failed, there are none of
         // units before it.
         projected[..self.n_hard].copy_from_slice(&half_planes[..self.n_hard]);
@@ -238,7 +240,7 @@ impl<S: Lanes> Programs<S> {
             let (half_plane, exists) = columns.load(simd);
             let is_worse = half_plane.violation(velocities).gt(worst);
             // Half-planes before the first that failed are satisfied.
-            let concerned = is_infeasible & exists & is_worse & first.le(Floats::splat(simd, i as f32));
+            let concerned = is_infeasible & exists & is_worse & first.le(F32s::splat(simd, i as f32));
             if !concerned.any() {
                 continue;
             }
@@ -249,7 +251,7 @@ impl<S: Lanes> Programs<S> {
                 let (between, applies) = half_plane.equal_violation(&other);
                 projected.store(between, exists & applies);
             }
-            let inward = Vectors { x: -half_plane.direction.y, y: half_plane.direction.x };
+            let inward = Vec2s { x: -half_plane.direction.y, y: half_plane.direction.x };
             let farthest = inward * self.max_speed;
             let better = self.best_velocity(projected, Aim::Farthest(inward), farthest, concerned);
             // This is feasible up to rounding, because the velocity so far is a solution. If rounding makes
@@ -263,13 +265,13 @@ impl<S: Lanes> Programs<S> {
 
 /// Velocities, and which programs are infeasible, because of the half-plane with that number.
 #[derive(Clone, Copy)]
-struct Solutions<S: Lanes> {
-    velocities: Vectors<S>,
+struct Solutions<S: InstructionSet> {
+    velocities: Vec2s<S>,
     is_infeasible: Mask<S>,
-    half_plane: Floats<S>,
+    half_plane: F32s<S>,
 }
 
-impl<S: Lanes> HalfPlanes<S> {
+impl<S: InstructionSet> HalfPlanes<S> {
     /// The half-planes whose boundary violates these and others equally, and where the two do not face the
     /// same way.
     #[inline(always)]
@@ -279,10 +281,10 @@ impl<S: Lanes> HalfPlanes<S> {
         // in the direction of the difference of the two directions. If they are parallel it is the line in
         // the middle.
         let determinant = self.direction.perp_dot(other.direction);
-        let are_parallel = determinant.abs().le(Floats::splat(simd, EPSILON));
-        let face_one_way = are_parallel & self.direction.dot(other.direction).gt(Floats::splat(simd, 0.0));
+        let are_parallel = determinant.abs().le(F32s::splat(simd, EPSILON));
+        let face_one_way = are_parallel & self.direction.dot(other.direction).gt(F32s::splat(simd, 0.0));
         let at = other.direction.perp_dot(self.point - other.point).div(determinant);
-        let middle = (self.point + other.point) * Floats::splat(simd, 0.5);
+        let middle = (self.point + other.point) * F32s::splat(simd, 0.5);
         let point = are_parallel.either(middle, self.point + self.direction * at);
         let direction = (other.direction - self.direction).normalize();
         (HalfPlanes { point, direction }, !face_one_way)
@@ -293,115 +295,4 @@ impl<S: Lanes> HalfPlanes<S> {
 #[cfg(test)]
 pub(super) fn normalize(vector: Vec2) -> Vec2 {
     vector * (1.0 / vector.length())
-}
-
-#[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_pcg::Pcg64Mcg;
-
-    use super::*;
-    use crate::lanes::{Kernel, Level, MAX_LANES};
-
-    /// The program of one unit.
-    struct Program {
-        half_planes: Vec<HalfPlane>,
-        n_hard: usize,
-        preferred: Vec2,
-        max_speed: f32,
-    }
-
-    impl Program {
-        /// Some half-planes are parallel or the same, and some leave no velocity.
-        fn random(random: &mut Pcg64Mcg) -> Program {
-            let n = random.random_range(0..=9);
-            let angle = |random: &mut Pcg64Mcg| match random.random_range(0..3) {
-                0 => random.random_range(0..4) as f32 * std::f32::consts::FRAC_PI_2,
-                _ => random.random_range(0.0..std::f32::consts::TAU),
-            };
-            let mut half_plane = || HalfPlane {
-                point: Vec2::from_angle(angle(random)) * random.random_range(0.0..4.0),
-                direction: Vec2::from_angle(angle(random)),
-            };
-            let half_planes = (0..n).map(|_| half_plane()).collect();
-            let n_hard = random.random_range(0..=3).min(n) * random.random_range(0..=1);
-            let preferred = Vec2::from_angle(angle(random)) * random.random_range(0.1..3.5);
-            Program { half_planes, n_hard, preferred, max_speed: random.random_range(1.0..4.0) }
-        }
-
-        fn solve_alone(&self) -> Vec2 {
-            alone::solve(&self.half_planes, self.n_hard, self.max_speed, self.preferred)
-        }
-    }
-
-    /// Solves programs together, as many as there are lanes.
-    struct Together<'a> {
-        programs: &'a [Program],
-        solutions: &'a mut Vec<Vec2>,
-    }
-
-    impl Kernel for Together<'_> {
-        #[inline(always)]
-        fn run<S: Lanes>(self, simd: S) {
-            for programs in self.programs.chunks(S::F32_LANES) {
-                let column = |of: &dyn Fn(&Program) -> f32| {
-                    let mut column = Column::default();
-                    column.iter_mut().zip(programs).for_each(|(x, program)| *x = of(program));
-                    column
-                };
-                let n_hard = programs.iter().map(|program| program.n_hard).max().unwrap_or(0);
-                let n_relaxed = programs.iter().map(|p| p.half_planes.len() - p.n_hard).max().unwrap_or(0);
-                // The number in a program of the half-plane in a slot.
-                let number = |p: &Program, slot: usize| match slot {
-                    _ if slot >= n_hard => Some(slot - n_hard + p.n_hard),
-                    _ => Some(slot).filter(|slot| *slot < p.n_hard),
-                };
-                let in_slot = |p: &Program, slot| number(p, slot).and_then(|i| p.half_planes.get(i)).copied();
-                // Lanes without a half-plane in this slot have one that must not count.
-                let unused = HalfPlane { point: Vec2::X, direction: Vec2::NEG_X };
-                let slots: Vec<_> = (0..n_hard + n_relaxed)
-                    .map(|i| {
-                        let get = |program: &Program| in_slot(program, i).unwrap_or(unused);
-                        HalfPlaneColumns {
-                            point: [column(&|p| get(p).point.x), column(&|p| get(p).point.y)],
-                            direction: [column(&|p| get(p).direction.x), column(&|p| get(p).direction.y)],
-                            exists: column(&|p| f32::from(in_slot(p, i).is_some())),
-                        }
-                    })
-                    .collect();
-                let preferred = [column(&|p| p.preferred.x), column(&|p| p.preferred.y)];
-                let preferred = Vectors::load(simd, &preferred);
-                let max_speed = Floats::load(simd, &column(&|p| p.max_speed));
-                let all =
-                    Programs { preferred, unconstrained: preferred.within(max_speed), max_speed, n_hard };
-                let mut solved = [Column::default(); 2];
-                all.solve(&slots, &mut slots.clone()).store(&mut solved);
-                let [x, y] = solved;
-                self.solutions.extend((0..programs.len()).map(|lane| Vec2::new(x[lane], y[lane])));
-            }
-        }
-    }
-
-    #[test]
-    fn programs_solved_together_have_the_bits_of_one_alone() {
-        let mut random = Pcg64Mcg::seed_from_u64(1);
-        let programs: Vec<Program> = (0..1000 * MAX_LANES).map(|_| Program::random(&mut random)).collect();
-        let alone: Vec<Vec2> = programs.iter().map(Program::solve_alone).collect();
-        let mut hindered = [0, 0];
-        for (program, velocity) in programs.iter().zip(&alone) {
-            let is_permitted = |l: &HalfPlane| l.direction.perp_dot(l.point - *velocity) <= 1e-3;
-            let permitted = program.half_planes.iter().all(is_permitted);
-            hindered[usize::from(!permitted)] += usize::from(*velocity != program.preferred);
-        }
-        assert!(hindered.iter().all(|n| *n > 3_000), "both kinds of program: {hindered:?}");
-        for level in Level::available() {
-            let mut solutions = Vec::new();
-            level.run(Together { programs: &programs, solutions: &mut solutions });
-            for (i, (together, alone)) in solutions.iter().zip(&alone).enumerate() {
-                let bits = |velocity: &Vec2| velocity.to_array().map(f32::to_bits);
-                assert_eq!(bits(together), bits(alone), "{level:?}, program {i}: {together} and {alone}");
-            }
-            assert_eq!(solutions.len(), programs.len());
-        }
-    }
 }

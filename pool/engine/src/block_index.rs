@@ -1,24 +1,29 @@
-//! Units packed for searches by position.
+//! A spatial index: units in blocks with bounding boxes, for the searches of `tick::target_choice`.
+//!
+//! The contract between the two: the rules compare distances in f64, and the index narrows a search down in
+//! f32, four distances at a time. A squared distance in f32 has a relative error below 2^-21 (four
+//! roundings), and [`MARGIN`] is far more than that. So what the index visits is a superset of the units
+//! asked for, by ascending id, and the visitor decides in f64. A search for the nearest also returns a bound,
+//! in f64, that all units not visited are farther than: if the best visited unit is within it, that is the
+//! nearest of all.
 
 use glam::Vec2;
 
+use crate::buffers::{clear_and_reserve, refill};
 use crate::fast_math;
-use crate::simd::{F32x4, Vec2x4, WIDTH};
-use crate::units::{clear_and_reserve, refill};
+use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
 
-/// Some units, packed for one tick, and the searches among them.
-///
-/// Searches compute squared distances in f32, with a relative error below 2^-21: four roundings. Their
-/// margins are far larger, so they find some units too many, but miss none.
-#[derive(Debug, Default)]
-pub(super) struct Crowd {
+/// The units of an index and their positions, packed for one tick.
+#[derive(Debug)]
+pub(crate) struct BlockIndex {
     /// Battle-wide ids, ascending.
     ids: Vec<u32>,
     /// Their positions.
     blocks: Vec<Block>,
+    four: Four,
 }
 
-/// Entries of four positions in a block: few, so that a box tells much about a block, and enough to make the
+/// Registers of four positions in a block: few, so that the box of a block is small, and enough to make the
 /// test of the box cheaper than that of the positions.
 const FOURS: usize = 4;
 
@@ -27,14 +32,16 @@ const BLOCK_SIZE: usize = FOURS * WIDTH;
 
 /// Consecutive units. The last block is padded with positions at infinity, which no search finds.
 #[derive(Debug)]
+#[repr(C, align(16))]
 struct Block {
     positions: [Vec2x4; FOURS],
-    bounds: Bounds,
+    bounds: BoundingBox,
 }
 
 /// The smallest box around some points: the minima of x, y, -x and -y, so that one instruction compares all.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds(F32x4);
+#[repr(C, align(16))]
+pub(crate) struct BoundingBox(F32x4);
 
 /// Squared distances that differ by less than this factor are compared in f64.
 const MARGIN: f32 = 1.0001;
@@ -44,32 +51,43 @@ pub(crate) fn search_bound(radius: f64) -> f32 {
     fast_math::min((radius * radius) as f32 * MARGIN, f32::MAX)
 }
 
-/// A squared distance that all units are farther than that a search within `bound` did not find.
-fn beyond(bound: f32) -> f64 {
+/// A squared distance in f64 that is less than that of every unit whose squared distance in f32 is more than
+/// `bound`.
+fn exact_bound(bound: f32) -> f64 {
     // Half of the margin is more than the error of the bound and of the distances compared with it.
     f64::from(bound) * (1.0 - f64::from(MARGIN - 1.0) / 2.0)
 }
 
-impl Crowd {
+impl Default for BlockIndex {
+    /// Without units.
+    fn default() -> BlockIndex {
+        BlockIndex { ids: Vec::new(), blocks: Vec::new(), four: four() }
+    }
+}
+
+impl BlockIndex {
+    /// Reserves memory for `n_units` units.
     pub fn reserve(&mut self, n_units: usize) {
         clear_and_reserve(&mut self.ids, n_units);
         clear_and_reserve(&mut self.blocks, n_units.div_ceil(BLOCK_SIZE));
     }
 
+    /// Removes all units.
     pub fn clear(&mut self) {
         self.ids.clear();
         self.blocks.clear();
     }
 
     /// Replaces the units by those of `ids`, ascending, that belong; `positions` are by battle-wide id.
-    pub fn gather(&mut self, ids: &[u32], belongs: impl Fn(&u32) -> bool, positions: &[Vec2]) {
+    pub fn fill(&mut self, ids: &[u32], belongs: impl Fn(&u32) -> bool, positions: &[Vec2]) {
         self.ids.clear();
         for &id in ids {
             if belongs(&id) {
                 self.ids.push(id);
             }
         }
-        refill(&mut self.blocks, self.ids.chunks(BLOCK_SIZE).map(|ids| Block::new(ids, positions)));
+        let four = self.four;
+        refill(&mut self.blocks, self.ids.chunks(BLOCK_SIZE).map(|ids| Block::new(four, ids, positions)));
     }
 
     /// All units, by ascending id.
@@ -78,36 +96,35 @@ impl Crowd {
     }
 
     /// The box around all units.
-    pub fn bounds(&self) -> Bounds {
-        self.blocks.iter().fold(Bounds::default(), |bounds, block| bounds.and(&block.bounds))
+    pub fn bounds(&self) -> BoundingBox {
+        self.blocks.iter().fold(BoundingBox::empty(self.four), |bounds, block| bounds.and(&block.bounds))
     }
 
     /// Visits by ascending id those that may be the nearest within a [`search_bound`] of a position, and some
-    /// others. Returns a squared distance that all those not visited are farther than; it is more than that
-    /// of the search radius if they are beyond it.
+    /// others. Returns a squared distance that all units not visited are farther than: it is more than the
+    /// square of the search radius if nothing was visited within that.
     #[inline(always)]
     pub fn visit_nearest(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) -> f64 {
-        let centre = Vec2x4::splat(position);
+        let centre = Vec2x4::splat(self.four, position);
         let mut within = bound;
         for (number, block) in self.blocks.iter().enumerate() {
             if block.bounds.distance_squared(position) <= within {
                 let distances = block.distances_squared(centre);
                 let [a, b, c, d] = distances;
-                let least = a.fast_min(b).fast_min(c.fast_min(d));
-                let least = least.to_array().into_iter().fold(f32::INFINITY, fast_math::min);
+                let least = a.min(b).min(c.min(d)).to_array().into_iter().fold(f32::INFINITY, fast_math::min);
                 // The least positive number makes up for squares too small to have a relative error.
                 within = fast_math::min(least * MARGIN + f32::MIN_POSITIVE, within);
                 self.visit_those_within(within, number, distances, &mut visit);
             }
         }
-        beyond(within)
+        exact_bound(within)
     }
 
     /// Visits by ascending id all units within a [`search_bound`] of a position, and perhaps some that are a
     /// little farther.
     #[inline(always)]
     pub fn visit_near(&self, position: Vec2, bound: f32, mut visit: impl FnMut(u32)) {
-        let centre = Vec2x4::splat(position);
+        let centre = Vec2x4::splat(self.four, position);
         for (number, block) in self.blocks.iter().enumerate() {
             if block.bounds.distance_squared(position) <= bound {
                 self.visit_those_within(bound, number, block.distances_squared(centre), &mut visit);
@@ -124,7 +141,7 @@ impl Crowd {
         distances: [F32x4; FOURS],
         visit: &mut impl FnMut(u32),
     ) {
-        let [a, b, c, d] = distances.map(|four| four.simd_le(F32x4::splat(bound)).to_bitmask());
+        let [a, b, c, d] = distances.map(|four| four.le(F32x4::splat(four.simd(), bound)).bits());
         let mut near = a | b << WIDTH | c << (2 * WIDTH) | d << (3 * WIDTH);
         while near != 0 {
             visit(self.ids[block * BLOCK_SIZE + near.trailing_zeros() as usize]);
@@ -136,15 +153,15 @@ impl Crowd {
 
 impl Block {
     #[inline(always)]
-    fn new(ids: &[u32], positions: &[Vec2]) -> Block {
+    fn new(four: Four, ids: &[u32], positions: &[Vec2]) -> Block {
         let mut points = [Vec2::INFINITY; BLOCK_SIZE];
-        let mut bounds = Bounds::default();
+        let mut bounds = BoundingBox::empty(four);
         for (point, &id) in points.iter_mut().zip(ids) {
             *point = positions[id as usize];
-            bounds = bounds.and(&Bounds::at(*point));
+            bounds = bounds.and(&BoundingBox::at(four, *point));
         }
-        let four = |i: usize| std::array::from_fn(|k| points[i * WIDTH + k]);
-        Block { positions: std::array::from_fn(|i| Vec2x4::new(four(i))), bounds }
+        let quarter = |i: usize| std::array::from_fn(|k| points[i * WIDTH + k]);
+        Block { positions: std::array::from_fn(|i| Vec2x4::new(four, quarter(i))), bounds }
     }
 
     #[inline(always)]
@@ -153,23 +170,29 @@ impl Block {
     }
 }
 
-impl Default for Bounds {
-    /// Around no point.
-    fn default() -> Bounds {
-        Bounds(F32x4::splat(f32::INFINITY))
+impl Default for BoundingBox {
+    fn default() -> BoundingBox {
+        BoundingBox::empty(four())
     }
 }
 
-impl Bounds {
+impl BoundingBox {
+    /// Around no point.
     #[inline(always)]
-    fn at(point: Vec2) -> Bounds {
-        Bounds(F32x4::new([point.x, point.y, -point.x, -point.y]))
+    fn empty(four: Four) -> BoundingBox {
+        BoundingBox(F32x4::splat(four, f32::INFINITY))
+    }
+
+    /// Around one point.
+    #[inline(always)]
+    fn at(four: Four, point: Vec2) -> BoundingBox {
+        BoundingBox(F32x4::new(four, [point.x, point.y, -point.x, -point.y]))
     }
 
     /// The box around two boxes.
     #[inline(always)]
-    pub fn and(self, other: &Bounds) -> Bounds {
-        Bounds(self.0.fast_min(other.0))
+    pub fn and(self, other: &BoundingBox) -> BoundingBox {
+        BoundingBox(self.0.min(other.0))
     }
 
     /// The squared distance of a point; infinite from the box around no point. Rounding keeps the order of
@@ -177,7 +200,9 @@ impl Bounds {
     #[inline(always)]
     pub fn distance_squared(&self, point: Vec2) -> f32 {
         // Of two opposite sides the point is beyond one at most, or they are infinite and it is beyond both.
-        let [west, south, east, north] = (self.0 - Bounds::at(point).0).fast_max(F32x4::ZERO).to_array();
+        let four = self.0.simd();
+        let beyond = (self.0 - BoundingBox::at(four, point).0).max(F32x4::splat(four, 0.0));
+        let [west, south, east, north] = beyond.to_array();
         let (x, y) = (fast_math::max(west, east), fast_math::max(south, north));
         x * x + y * y
     }
@@ -186,7 +211,7 @@ impl Bounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::distance_squared;
+    use crate::distance::distance_squared;
 
     /// A grid with many equal distances, a few units in one spot, and one that is far away.
     fn positions() -> Vec<Vec2> {
@@ -194,10 +219,10 @@ mod tests {
         grid.chain([Vec2::new(-1e30, 3.0)]).collect()
     }
 
-    fn crowd(ids: &[u32], positions: &[Vec2]) -> Crowd {
-        let mut crowd = Crowd::default();
-        crowd.gather(ids, |_| true, positions);
-        crowd
+    fn index(ids: &[u32], positions: &[Vec2]) -> BlockIndex {
+        let mut index = BlockIndex::default();
+        index.fill(ids, |_| true, positions);
+        index
     }
 
     #[test]
@@ -205,12 +230,12 @@ mod tests {
         let positions = positions();
         let ids: Vec<u32> = (0..71).filter(|id| id % 5 > 0).collect();
         for n in [0, 1, 4, 15, 16, 17, ids.len()] {
-            let (ids, crowd) = (&ids[..n], crowd(&ids[..n], &positions));
+            let (ids, index) = (&ids[..n], index(&ids[..n], &positions));
             for (centre, radius) in
                 positions.iter().flat_map(|&p| [0.0, 0.25, 1.3, 20.0, 1e300].map(|r| (p, r)))
             {
                 let mut visited = Vec::new();
-                crowd.visit_near(centre, search_bound(radius), |id| visited.push(id));
+                index.visit_near(centre, search_bound(radius), |id| visited.push(id));
                 let within = |factor: f64| {
                     let bound = radius * radius * factor;
                     let away = |id: u32| distance_squared(centre, positions[id as usize]);
@@ -231,11 +256,11 @@ mod tests {
         let ids: Vec<u32> = (0..71).collect();
         let away = |centre: Vec2, id: u32| distance_squared(centre, positions[id as usize]);
         for n in [0, 1, 4, 15, 16, 17, 70] {
-            let crowd = crowd(&ids[..n], &positions);
+            let index = index(&ids[..n], &positions);
             for centre in positions.iter().flat_map(|&p| [p, p + Vec2::new(0.11, 0.07), p * 2.0]) {
                 for radius in [0.01, 0.5, 3.0] {
                     let mut visited = Vec::new();
-                    let rest = crowd.visit_nearest(centre, search_bound(radius), |id| visited.push(id));
+                    let rest = index.visit_nearest(centre, search_bound(radius), |id| visited.push(id));
                     let others = ids[..n].iter().filter(|id| !visited.contains(id));
                     assert!(visited.is_sorted() && others.clone().all(|&id| away(centre, id) > rest));
                     let nearest = ids[..n].iter().map(|&id| away(centre, id)).fold(f64::INFINITY, f64::min);

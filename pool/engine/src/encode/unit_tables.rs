@@ -1,42 +1,40 @@
-//! The units as the encoders read them, gathered once after each step: positions four at a time, and the
-//! features that do not depend on the observer.
+//! The units as the encoders read them: tables that are filled once after each step, with positions in
+//! columns and the features that do not depend on the observer.
 
 use glam::Vec2;
-use wide::bytemuck::cast;
-use wide::f64x2;
 
 use super::ratio;
 use crate::arena::{Arena, UnitStats};
-use crate::simd::{F32x4, MASK_BITS, Mask, WIDTH};
+use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH, four};
 use crate::units::Units;
 use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
 /// The units of both factions.
 #[derive(Clone, Debug)]
-pub(crate) struct Gathered {
-    pub allies: Faction,
-    pub enemies: Faction,
+pub(crate) struct UnitTables {
+    pub allies: UnitTable,
+    pub enemies: UnitTable,
 }
 
-impl Gathered {
+impl UnitTables {
     /// Memory for the units of an arena, with their types.
-    pub fn new(arena: &Arena) -> Gathered {
+    pub fn new(arena: &Arena) -> UnitTables {
         let features = &arena.features;
         let of = |ids: &[u32], size, has_shield| {
-            let mut faction = Faction::new(ids.len(), size);
+            let mut table = UnitTable::new(ids.len(), size);
             for (unit, &id) in ids.iter().enumerate().filter(|_| features.n_types > 0) {
                 let body = unit * stride(size);
-                faction.bodies[body + 1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
+                table.bodies[body + 1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
             }
-            faction
+            table
         };
-        Gathered {
+        UnitTables {
             allies: of(&arena.agents, features.ally_body(), features.ally_shields),
             enemies: of(&arena.enemies, features.enemy_body(), features.enemy_shields),
         }
     }
 
-    /// Gathers what a step has changed.
+    /// Takes in what a step has changed.
     #[inline(never)]
     pub fn update(&mut self, arena: &Arena, units: &Units) {
         self.allies.update(arena, units, &arena.agents, arena.features.ally_shields);
@@ -50,12 +48,14 @@ impl Gathered {
 /// Coordinates beyond the last unit are infinite, as are those of dead units: they are out of sight of
 /// every unit. Bodies begin at multiples of [`stride`]; what follows a body up to the next is 0.
 #[derive(Clone, Debug)]
-pub(crate) struct Faction {
+pub(crate) struct UnitTable {
     pub xs: Vec<f32>,
     pub ys: Vec<f32>,
     /// Health, \[shield\], \[type\] of one unit after the other; those of dead units are stale.
     pub bodies: Vec<f32>,
     pub body_size: usize,
+    /// With which registers of these columns are made.
+    pub four: Four,
 }
 
 /// The distance between two bodies in memory, in floats: whole registers, but bodies of one float (in battles
@@ -64,14 +64,15 @@ pub(crate) const fn stride(body_size: usize) -> usize {
     if body_size == 1 { 1 } else { body_size.next_multiple_of(WIDTH) }
 }
 
-impl Faction {
-    fn new(n_units: usize, body_size: usize) -> Faction {
+impl UnitTable {
+    fn new(n_units: usize, body_size: usize) -> UnitTable {
         let length = n_units + WIDTH - 1;
-        Faction {
+        UnitTable {
             xs: vec![f32::INFINITY; length],
             ys: vec![f32::INFINITY; length],
             bodies: vec![0.0; length * stride(body_size)],
             body_size,
+            four: four(),
         }
     }
 
@@ -112,7 +113,7 @@ impl Faction {
     }
 }
 
-/// Writes a [body](Faction::body) with the zeros that follow it.
+/// Writes a [body](UnitTable::body) with the zeros that follow it.
 #[inline]
 pub(crate) fn write_body(body: &[f32], out: &mut [f32]) {
     if body.len() == 1 {
@@ -132,50 +133,50 @@ pub(crate) const SIGHT_SQUARED: f64 = (SIGHT_RANGE * SIGHT_RANGE).next_down().ne
 /// [`TARGETING_RANGE`].
 pub(crate) const TARGETING_SQUARED: f64 = TARGETING_RANGE * TARGETING_RANGE;
 
-/// The squares of the distances from one point to four, in f64 as [`distance_squared`] computes them, two per
-/// register.
+/// The squares of the distances from one point to four, in f64 as [`distance_squared`] computes them.
 ///
-/// [`distance_squared`]: crate::units::distance_squared
-#[inline]
-pub(crate) fn distances_squared(from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]) -> [f64x2; 2] {
-    let offset =
-        |from: f32, [a, b]: [f32; 2]| f64x2::splat(f64::from(from)) - f64x2::new([a.into(), b.into()]);
-    [0, 2].map(|i| {
-        let (dx, dy) = (offset(from.x, [xs[i], xs[i + 1]]), offset(from.y, [ys[i], ys[i + 1]]));
-        dx * dx + dy * dy
-    })
+/// [`distance_squared`]: crate::distance::distance_squared
+#[inline(always)]
+pub(crate) fn distances_squared(four: Four, from: Vec2, xs: &[f32; WIDTH], ys: &[f32; WIDTH]) -> F64x4 {
+    let dx = F64x4::splat(four, f64::from(from.x)).sub(F64x4::widened(four, *xs));
+    let dy = F64x4::splat(four, f64::from(from.y)).sub(F64x4::widened(four, *ys));
+    dx.sum_of_squares(dy)
 }
 
-/// Which of [`MASK_BITS`] units, from this one on, are within targeting range of a position, as bits.
+/// How many units a word of bits has.
+pub(crate) const UNITS_PER_WORD: usize = u64::BITS as usize;
+
+/// Which of [`UNITS_PER_WORD`] units, from this one on, are within targeting range of a position, as bits.
 #[inline(never)]
-pub(crate) fn within_targeting_range(from: Vec2, units: &Faction, begin: usize) -> u64 {
+pub(crate) fn within_targeting_range(from: Vec2, units: &UnitTable, begin: usize) -> u64 {
     const WITHIN: f32 = TARGETING_SQUARED as f32;
     // In f32 a squared distance near 36 is wrong by less than 36 * 4 / 2^24, or 1e-5: the two squares and
     // the sum add a relative 2^-24 each, and the subtractions twice that. So if none is nearer to 36 than
     // ten times that, all comparisons are right.
     const UNSURE: f32 = 1e-4;
-    let end = units.xs.len().min(begin + MASK_BITS);
+    let end = units.xs.len().min(begin + UNITS_PER_WORD);
     let (Some(xs), Some(ys)) = (units.xs.get(begin..end), units.ys.get(begin..end)) else { return 0 };
-    let (x, y) = (F32x4::splat(from.x), F32x4::splat(from.y));
+    let four = units.four;
+    let [zero, range, unsure] = [0.0, WITHIN, UNSURE].map(|x| F32x4::splat(four, x));
+    let centre = Vec2x4::splat(four, from);
     let (mut within, mut shift) = (0, 0);
-    let mut nearest_to_range = F32x4::splat(f32::INFINITY);
+    let mut nearest_to_range = F32x4::splat(four, f32::INFINITY);
     for (xs, ys) in fours(xs).zip(fours(ys)) {
-        let (dx, dy) = (F32x4::new(*xs) - x, F32x4::new(*ys) - y);
-        // Its sign is the result of the comparison.
-        let beyond = dx * dx + dy * dy - F32x4::splat(WITHIN);
-        nearest_to_range = nearest_to_range.fast_min(beyond.abs());
-        within |= u64::from(beyond.to_bitmask()) << shift;
+        let offset = Vec2x4 { x: F32x4::new(four, *xs), y: F32x4::new(four, *ys) } - centre;
+        let beyond = offset.length_squared() - range;
+        nearest_to_range = nearest_to_range.min(beyond.abs());
+        within |= u64::from(beyond.lt(zero).bits()) << shift;
         shift += WIDTH;
     }
-    if nearest_to_range.simd_lt(F32x4::splat(UNSURE)).any() {
-        within = exactly_within_targeting_range(from, xs, ys);
+    if nearest_to_range.lt(unsure).any() {
+        within = exactly_within_targeting_range(four, from, xs, ys);
     }
     within
 }
 
 #[cold]
-fn exactly_within_targeting_range(from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
-    let within = |xs, ys| at_most(distances_squared(from, xs, ys), TARGETING_SQUARED).to_bitmask();
+fn exactly_within_targeting_range(four: Four, from: Vec2, xs: &[f32], ys: &[f32]) -> u64 {
+    let within = |xs, ys| at_most(distances_squared(four, from, xs, ys), TARGETING_SQUARED).bits();
     let fours = fours(xs).zip(fours(ys)).enumerate();
     fours.fold(0, |mask, (i, (xs, ys))| mask | u64::from(within(xs, ys)) << (WIDTH * i))
 }
@@ -187,25 +188,15 @@ pub(crate) fn fours(column: &[f32]) -> impl Iterator<Item = &[f32; WIDTH]> {
 }
 
 /// Which of four numbers are at most `bound`.
-#[inline]
-pub(crate) fn at_most(numbers: [f64x2; 2], bound: f64) -> Mask {
-    // A comparison sets all bits of an entry or none, so the lower half of an entry has its result.
-    let [[a, _, b, _], [c, _, d, _]] =
-        numbers.map(|two| cast::<f64x2, [f32; 4]>(two.simd_le(f64x2::splat(bound))));
-    F32x4::new([a, b, c, d])
-}
-
-/// Four numbers rounded to f32.
-#[inline]
-pub(crate) fn rounded(numbers: [f64x2; 2]) -> F32x4 {
-    let [[a, b], [c, d]] = numbers.map(|two| two.to_array());
-    F32x4::new([a as f32, b as f32, c as f32, d as f32])
+#[inline(always)]
+pub(crate) fn at_most(numbers: F64x4, bound: f64) -> Mask4 {
+    numbers.le(F64x4::splat(numbers.four(), bound))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::square_within;
+    use crate::distance::square_within;
 
     #[test]
     fn comparing_squares_is_comparing_distances() {

@@ -1,4 +1,5 @@
-//! The half-planes of one unit: what those of many units at a time are compared with.
+//! Begin reading here: the half-planes that edges impose on one unit, as the module above derives them. That
+//! module computes them for many units at a time, and its tests compare the bits with these.
 
 use glam::Vec2;
 
@@ -48,10 +49,10 @@ impl Corner {
     }
 }
 
-/// The part of an edge that bounds its shadow: both corners, or one that hides the other.
-enum View {
-    Whole { left: Corner, right: Corner },
-    Only(Corner),
+/// Where the legs begin: at both corners of an edge, or at one that hides the other.
+enum LegCorners {
+    Both { left: Corner, right: Corner },
+    One(Corner),
 }
 
 /// The velocities that keep `mover` off the edge for the time horizon; `None` if other half-planes ensure
@@ -83,16 +84,16 @@ pub(super) fn half_plane(mover: &Mover, edge: &Edge, earlier: &[HalfPlane]) -> O
         return Some(HalfPlane { point: Vec2::ZERO, direction: -edge.along });
     }
 
-    // A unit beside the edge and close to its line sees the edge end-on: only the nearer corner bounds the
-    // shadow.
-    let view = if share < 0.0 && touches_line {
-        View::Only(start)
+    // A unit beside the edge and close to its line sees the edge end-on: both legs begin at the nearer
+    // corner.
+    let corners = if share < 0.0 && touches_line {
+        LegCorners::One(start)
     } else if share > 1.0 && touches_line {
-        View::Only(end)
+        LegCorners::One(end)
     } else {
-        View::Whole { left: start, right: end }
+        LegCorners::Both { left: start, right: end }
     };
-    Shadow::cast(&view, radius).half_plane(mover.velocity, radius)
+    Boundary::new(&corners, radius).half_plane(mover.velocity, radius)
 }
 
 /// Whether the half-plane already keeps the unit off this point of an obstacle: whether all velocities that
@@ -118,29 +119,29 @@ fn away_from(corner: Vec2) -> HalfPlane {
     HalfPlane { point: Vec2::ZERO, direction: normalize(Vec2::new(-corner.y, corner.x)) }
 }
 
-/// The velocity obstacle of an edge before it is widened by the radius: two legs, and the cut-off between
-/// them.
-struct Shadow {
+/// The boundary of the velocity obstacle of an edge before it is widened by the radius: two legs, and the
+/// cut-off line between them.
+struct Boundary {
     left: Leg,
     right: Leg,
     /// Direction of the outline at the left corner.
     along: Vec2,
-    /// Whether both legs start at one corner; then there is no cut-off.
+    /// Whether both legs start at one corner; then there is no cut-off line.
     single: bool,
 }
 
 struct Leg {
     corner: Vec2,
     direction: Vec2,
-    /// Whether the adjacent edge bounds the shadow instead; then the half-plane is left to that edge.
-    foreign: bool,
+    /// Whether the adjacent edge replaces this leg.
+    is_replaced: bool,
 }
 
-impl Shadow {
-    fn cast(view: &View, radius: f32) -> Shadow {
-        let (left, right, single) = match view {
-            View::Whole { left, right } => (left, right, false),
-            View::Only(corner) => (corner, corner, true),
+impl Boundary {
+    fn new(corners: &LegCorners, radius: f32) -> Boundary {
+        let (left, right, single) = match corners {
+            LegCorners::Both { left, right } => (left, right, false),
+            LegCorners::One(corner) => (corner, corner, true),
         };
         let tangent = |corner: &Corner| {
             let distance_squared = corner.offset.length_squared();
@@ -148,7 +149,7 @@ impl Shadow {
         };
         let (left_length, left_squared) = tangent(left);
         let (right_length, right_squared) = tangent(right);
-        Shadow {
+        Boundary {
             left: Leg::left(left, left_leg(left.offset, left_length, radius, left_squared)),
             right: Leg::right(right, right_leg(right.offset, right_length, radius, right_squared)),
             along: left.outgoing,
@@ -156,11 +157,11 @@ impl Shadow {
         }
     }
 
-    /// The half-plane at the point of the shadow's boundary nearest to the velocity.
+    /// The half-plane at the point of the boundary nearest to the velocity.
     fn half_plane(&self, velocity: Vec2, radius: f32) -> Option<HalfPlane> {
         // Because the horizon is 1 s, a velocity is also the point that the unit reaches within the horizon,
         // and can be compared with the corners. Its projections decide which part of the boundary is nearest.
-        let Shadow { left, right, .. } = self;
+        let Boundary { left, right, .. } = self;
         let cutoff = right.corner - left.corner;
         let share =
             if self.single { 0.5 } else { (velocity - left.corner).dot(cutoff) / cutoff.length_squared() };
@@ -186,10 +187,10 @@ impl Shadow {
         if to_cutoff <= to_left && to_cutoff <= to_right {
             Some(widened(left.corner, -self.along, radius))
         } else if to_left <= to_right {
-            // A foreign leg gives no half-plane: the adjacent edge gives one.
-            (!left.foreign).then(|| widened(left.corner, left.direction, radius))
+            // A replaced leg gives no half-plane: the adjacent edge gives one.
+            (!left.is_replaced).then(|| widened(left.corner, left.direction, radius))
         } else {
-            (!right.foreign).then(|| widened(right.corner, -right.direction, radius))
+            (!right.is_replaced).then(|| widened(right.corner, -right.direction, radius))
         }
     }
 }
@@ -197,13 +198,21 @@ impl Shadow {
 impl Leg {
     /// A leg that would point into the adjacent edge is replaced by the direction of that edge.
     fn left(corner: &Corner, direction: Vec2) -> Leg {
-        let foreign = direction.perp_dot(-corner.incoming) >= 0.0;
-        Leg { corner: corner.offset, direction: if foreign { -corner.incoming } else { direction }, foreign }
+        let is_replaced = direction.perp_dot(-corner.incoming) >= 0.0;
+        Leg {
+            corner: corner.offset,
+            direction: if is_replaced { -corner.incoming } else { direction },
+            is_replaced,
+        }
     }
 
     fn right(corner: &Corner, direction: Vec2) -> Leg {
-        let foreign = direction.perp_dot(corner.outgoing) <= 0.0;
-        Leg { corner: corner.offset, direction: if foreign { corner.outgoing } else { direction }, foreign }
+        let is_replaced = direction.perp_dot(corner.outgoing) <= 0.0;
+        Leg {
+            corner: corner.offset,
+            direction: if is_replaced { corner.outgoing } else { direction },
+            is_replaced,
+        }
     }
 
     /// The squared distance of a velocity whose projection on the leg is `at`; infinite before the leg

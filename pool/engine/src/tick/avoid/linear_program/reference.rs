@@ -1,5 +1,5 @@
-//! The linear program of one unit, as the module above describes it: what the programs of many units at a
-//! time are compared with.
+//! Begin reading here: the linear program of one unit, as the module above describes it. That module solves
+//! the programs of many units at a time, and its tests compare the bits with these.
 
 use glam::Vec2;
 
@@ -71,12 +71,33 @@ fn best_velocity(half_planes: &[HalfPlane], max_speed: f32, aim: Aim) -> Result<
     Ok(velocity)
 }
 
-/// The best velocity on the boundary of a half-plane that satisfies all `earlier` ones.
-///
-/// A point of the boundary is `point + t direction`. The speed limit leaves an interval of t, from the roots
-/// of
-/// |point + t direction|^2 = max_speed^2; each earlier half-plane raises its begin or lowers its end.
+/// The best velocity on the boundary of a half-plane that satisfies all `earlier` ones: a point
+/// `point + t direction`.
 fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f32, aim: Aim) -> Option<Vec2> {
+    let (from, to) = permitted_interval(half_plane, earlier, max_speed)?;
+    // On a line both objectives have a best point: one of the ends of the interval, or the projection of the
+    // preferred velocity, clamped to the interval.
+    let at = match aim {
+        Aim::Farthest(direction) if direction.dot(half_plane.direction) > 0.0 => to,
+        Aim::Farthest(_) => from,
+        Aim::Nearest(preferred) => {
+            let nearest = half_plane.direction.dot(preferred - half_plane.point);
+            if nearest < from {
+                from
+            } else if nearest > to {
+                to
+            } else {
+                nearest
+            }
+        }
+    };
+    Some(half_plane.point + at * half_plane.direction)
+}
+
+/// The interval of t that is permitted on the boundary of a half-plane, if any. The speed limit leaves what
+/// is between the roots of |point + t direction|^2 = max_speed^2; each earlier half-plane raises the begin of
+/// the interval or lowers its end.
+fn permitted_interval(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f32) -> Option<(f32, f32)> {
     // With |direction| = 1 the quadratic equation is t^2 + 2 t along + |point|^2 - max_speed^2 = 0.
     let along = half_plane.point.dot(half_plane.direction);
     let discriminant = along * along + max_speed * max_speed - half_plane.point.length_squared();
@@ -108,23 +129,7 @@ fn best_on_boundary(half_plane: &HalfPlane, earlier: &[HalfPlane], max_speed: f3
             return None;
         }
     }
-    // On a line both objectives have a best point: one of the ends of the interval, or the projection of the
-    // preferred velocity, clamped to the interval.
-    let at = match aim {
-        Aim::Farthest(direction) if direction.dot(half_plane.direction) > 0.0 => to,
-        Aim::Farthest(_) => from,
-        Aim::Nearest(preferred) => {
-            let nearest = half_plane.direction.dot(preferred - half_plane.point);
-            if nearest < from {
-                from
-            } else if nearest > to {
-                to
-            } else {
-                nearest
-            }
-        }
-    };
-    Some(half_plane.point + at * half_plane.direction)
+    Some((from, to))
 }
 
 /// The velocity whose worst violation of the half-planes from `n_hard` on is least, from where
