@@ -6,6 +6,9 @@ const RETRY_AFTER = 1000;
 /** Bytes of the longest message that the program reads. */
 const LARGEST_MESSAGE = 2 ** 22;
 
+/** There is no connection to the program, or it ended before the answer. */
+class ConnectionLost extends Error {}
+
 class Connection {
   /** `handlers` has a function per event, and `open` and `lost`. */
   constructor(handlers) {
@@ -22,7 +25,7 @@ class Connection {
     this.socket.onopen = () => this.handlers.open();
     this.socket.onmessage = (message) => this.hear(JSON.parse(message.data));
     this.socket.onclose = () => {
-      for (const { reject } of this.waiting.values()) reject(new Error("the connection is lost"));
+      for (const { reject } of this.waiting.values()) reject(new ConnectionLost("the connection is lost"));
       this.waiting.clear();
       this.handlers.lost();
       setTimeout(() => this.connect(), RETRY_AFTER);
@@ -40,7 +43,7 @@ class Connection {
   /** The answer to a request; an error if it was refused or the connection is lost. */
   ask(what, more = {}) {
     return new Promise((resolve, reject) => {
-      if (this.socket.readyState !== WebSocket.OPEN) return reject(new Error("not connected"));
+      if (this.socket.readyState !== WebSocket.OPEN) return reject(new ConnectionLost("not connected"));
       const id = this.next++;
       const message = JSON.stringify({ ...more, id, do: what });
       const { length } = new TextEncoder().encode(message);

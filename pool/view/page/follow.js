@@ -16,6 +16,7 @@ class FollowPlayer extends BattlePlayer {
     super(info);
     this.ask = ask;
     this.clock.isOpen = true;
+    this.isFetching = false;
     this.observation = new ObservationCard(byId("obs"), ask);
     this.stop();
   }
@@ -28,7 +29,8 @@ class FollowPlayer extends BattlePlayer {
     this.tracks = new Map();
     this.rows = null;
     this.number = -1;
-    this.isFetching = false;
+    /** Whether the last request of steps brought none; the next list of episodes allows another one. */
+    this.isStalled = false;
     this.endedAt = 0;
     this.clock.playing = false;
   }
@@ -50,6 +52,7 @@ class FollowPlayer extends BattlePlayer {
   hear(episodes) {
     this.listed = episodes;
     this.received = performance.now();
+    this.isStalled = false;
     const isWhole = episodes[0]?.first_step === 0,
       waits = performance.now() - this.began < WAIT_FOR_START;
     if (this.number < 0 && episodes.length && (isWhole || !waits)) this.newest();
@@ -78,6 +81,7 @@ class FollowPlayer extends BattlePlayer {
     if (number === this.number) return;
     this.number = number;
     this.endedAt = 0;
+    this.isStalled = false;
     if (!this.tracks.has(number)) {
       const track = new Track(this.info);
       track.serial = number;
@@ -95,29 +99,46 @@ class FollowPlayer extends BattlePlayer {
     if (next) this.open(next.number);
   }
 
-  /** Fetches steps until enough are there. */
+  /** What is known of the shown episode. */
+  get entry() {
+    return this.tracks.get(this.number);
+  }
+
+  /** Fetches steps of the shown episode until enough are there. One request at a time. */
   async fetch() {
-    const { number } = this,
-      entry = this.tracks.get(number),
-      known = this.known;
-    if (this.isFetching || !entry || !known) return;
-    if (entry.isOver || (entry.track.length && entry.steps >= known.steps)) return;
-    if (entry.track.length && entry.track.last > this.clock.time + AHEAD) return;
+    if (this.isFetching) return;
     this.isFetching = true;
-    try {
-      this.append(entry, await this.ask("steps", { number, step: entry.steps }));
-    } catch (error) {
-      // An episode that the program has forgotten; the list says which ones there are.
-      if (number === this.number && !this.isNewest) this.newest();
-      else console.warn(error.message);
-    } finally {
-      this.isFetching = false;
+    while (this.needsMore()) {
+      const { entry, number } = this;
+      try {
+        this.append(entry, await this.ask("steps", { number, step: entry.steps }));
+      } catch (error) {
+        if (entry === this.entry) this.failed(error);
+      }
     }
-    this.fetch();
+    this.isFetching = false;
+  }
+
+  needsMore() {
+    const { entry, known, clock } = this;
+    if (this.isStalled || !entry || !known || entry.isOver) return false;
+    return !entry.track.length || (entry.steps < known.steps && entry.track.last <= clock.time + AHEAD);
+  }
+
+  /** Without this a request that fails at once would be repeated without end, and block the page. */
+  failed(error) {
+    this.isStalled = true;
+    if (error instanceof ConnectionLost) return; // the page says so
+    // An episode that the program has forgotten; the list says which ones there are.
+    if (!this.isNewest) return this.newest();
+    byId("message").hidden = false;
+    byId("message").textContent = `Steps of this episode cannot be read: ${error.message}`;
   }
 
   append(entry, answer) {
     const { track } = entry;
+    byId("message").hidden = true;
+    this.isStalled = answer.steps === 0 && answer.n_moments === 0;
     if (answer.step !== entry.steps || this.tracks.get(answer.number) !== entry) return;
     if (answer.n_moments) track.append(bytesOf(answer.moments), answer.n_moments);
     track.appendDecisions(bytesOf(answer.decisions));

@@ -74,7 +74,7 @@ pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App
     let listener =
         TcpListener::bind(address).map_err(|error| format!("cannot listen on {address}: {error}"))?;
     listener.set_nonblocking(true)?;
-    let token = random_token()?;
+    let token = token()?;
     let url = format!("http://{}/?token={token}", listener.local_addr()?);
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
@@ -158,6 +158,20 @@ impl<S: Send + Sync> FromRequestParts<S> for Upgrade {
         let upgrade = WebSocketUpgrade::from_request_parts(parts, state).await;
         upgrade.map(Upgrade).map_err(|_| (StatusCode::BAD_REQUEST, "expected a WebSocket\n"))
     }
+}
+
+/// The variable with the token of the URL. With a token of its own, a program that is started again serves the
+/// pages that are still open.
+const TOKEN_VARIABLE: &str = "SMACLITE_POOL_TOKEN";
+
+/// The token that is given, or a random one.
+fn token() -> Result<String, Box<dyn std::error::Error>> {
+    let Some(token) = std::env::var_os(TOKEN_VARIABLE) else {
+        return Ok(random_token()?);
+    };
+    let is_plain = |token: &String| token.len() >= 32 && token.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    let token = token.into_string().ok().filter(is_plain);
+    token.ok_or_else(|| format!("{TOKEN_VARIABLE} must be 32 or more letters and digits").into())
 }
 
 /// 128 random bits of the operating system, as hexadecimal digits.
