@@ -1,4 +1,12 @@
+// @ts-check
 // The page of a replay: reads the data in the document, and lists its episodes.
+
+import { byId, make } from "./dom.js";
+import { clamp } from "./numbers.js";
+import { BattlePlayer, RESULTS } from "./player.js";
+import { theme } from "./theme.js";
+import { Track, inflate } from "./track.js";
+import { SPEEDS } from "./transport.js";
 
 class ReplayPage extends BattlePlayer {
   constructor(data) {

@@ -1,7 +1,7 @@
 //! A lane that is watched: the newest frame of its spectator.
 
 use super::cells::Cells;
-use serde_json::{Value, json};
+use crate::web::protocol::{Features, LaneInfo};
 use smaclite_engine::{Arena, FeatureBlock, obs_features};
 use smaclite_ipc::{
     ConnectError, ControlError, LaneDescription, LaneScenario, PoolStatus, RuntimeDir, Spectator,
@@ -85,21 +85,19 @@ impl WatchedLane {
     }
 
     /// What a page needs to know before it shows the lane.
-    pub(super) fn info(&self) -> Value {
+    pub(super) fn info(&self) -> LaneInfo {
         let lane = &self.description;
-        let blocks = obs_features(&self.battles.scenario);
-        json!({
-            "scenario": scenario_info(&self.battles.scenario, &self.battles.arena),
-            "lane": lane.lane,
-            "pid": lane.pid,
-            "num_envs": lane.settings.num_envs,
-            "batch_size": lane.settings.batch_size,
-            "autoreset": lane.settings.autoreset,
-            "rules": lane.rules,
-            "no_grid": self.spectator.as_ref().err(),
-            "has_state": lane.settings.fields.contains(Field::State),
-            "features": blocks.iter().map(feature_block).collect::<Vec<_>>(),
-        })
+        let features = obs_features(&self.battles.scenario);
+        LaneInfo {
+            scenario: scenario_info(&self.battles.scenario, &self.battles.arena),
+            lane: lane.lane.clone(),
+            pid: lane.pid,
+            num_envs: lane.settings.num_envs,
+            rules: lane.rules.to_string(),
+            no_grid: self.spectator.as_ref().err().cloned(),
+            has_state: lane.settings.fields.contains(Field::State),
+            features: features.into_iter().map(features_of).collect(),
+        }
     }
 
     /// Reads the newest frame, if the last reading was long enough ago.
@@ -121,6 +119,6 @@ impl WatchedLane {
     }
 }
 
-fn feature_block(block: &FeatureBlock) -> Value {
-    json!({"name": block.name, "start": block.start, "rows": block.rows, "features": block.features})
+fn features_of(FeatureBlock { name, start, rows, features }: FeatureBlock) -> Features {
+    Features { name, start, rows, features }
 }

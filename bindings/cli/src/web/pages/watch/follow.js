@@ -1,4 +1,13 @@
+// @ts-check
 // FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
+
+import { titleCase } from "#view/battle.js";
+import { byId, make } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { BattlePlayer, RESULTS } from "#view/player.js";
+import { Track, bytesOf } from "#view/track.js";
+import { TICKS_PER_STEP } from "#view/transport.js";
+import { ConnectionLost } from "../connection.js";
 
 /** Ticks that are fetched ahead of the clock. */
 const AHEAD = 1024;
@@ -11,13 +20,15 @@ const WAIT_FOR_START = 1500;
 /** An episode that is shown no later than this many seconds is live. */
 const LIVE_WITHIN = 2;
 
-class FollowPlayer extends BattlePlayer {
-  constructor(info, ask) {
+export class FollowPlayer extends BattlePlayer {
+  constructor(info, request) {
     super(info);
-    this.ask = ask;
+    this.request = request;
+    /** The names of the features of an observation. */
+    this.features = [];
     this.clock.isOpen = true;
     this.isFetching = false;
-    this.observation = new ObservationCard(byId("obs"), ask);
+    this.observation = new ObservationCard(byId("obs"), request);
     this.stop();
   }
 
@@ -49,7 +60,7 @@ class FollowPlayer extends BattlePlayer {
   }
 
   /** Takes the list of episodes, the newest first. */
-  hear(episodes) {
+  list(episodes) {
     this.listed = episodes;
     this.received = performance.now();
     this.isStalled = false;
@@ -111,7 +122,7 @@ class FollowPlayer extends BattlePlayer {
     while (this.needsMore()) {
       const { entry, number } = this;
       try {
-        this.append(entry, await this.ask("steps", { number, step: entry.steps }));
+        this.append(entry, await this.request({ type: "get_steps", number, step: entry.steps }));
       } catch (error) {
         if (entry === this.entry) this.failed(error);
       }
@@ -135,21 +146,21 @@ class FollowPlayer extends BattlePlayer {
     byId("message").textContent = `Steps of this episode cannot be read: ${error.message}`;
   }
 
-  append(entry, answer) {
+  append(entry, response) {
     const { track } = entry;
     byId("message").hidden = true;
-    this.isStalled = answer.steps === 0 && answer.n_moments === 0;
-    if (answer.step !== entry.steps || this.tracks.get(answer.number) !== entry) return;
-    if (answer.n_moments) track.append(bytesOf(answer.moments), answer.n_moments);
-    track.appendDecisions(bytesOf(answer.decisions));
-    entry.steps += answer.steps;
+    this.isStalled = response.steps === 0 && response.n_moments === 0;
+    if (response.step !== entry.steps || this.tracks.get(response.number) !== entry) return;
+    if (response.n_moments) track.append(bytesOf(response.moments), response.n_moments);
+    track.appendDecisions(bytesOf(response.decisions));
+    entry.steps += response.steps;
     Object.assign(entry, {
-      isOver: answer.is_over,
-      result: answer.result,
-      episodeReturn: answer.return,
-      length: answer.length,
+      isOver: response.is_over,
+      result: response.result,
+      episodeReturn: response.return,
+      length: response.length,
     });
-    if (answer.number !== this.number) return;
+    if (response.number !== this.number) return;
     this.clock.end = track.last;
     // A view that the mouse has not changed follows the units.
     if (this.view.isFitted) this.view.camera = null;
@@ -257,16 +268,16 @@ class FollowPlayer extends BattlePlayer {
   }
 }
 
-const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
+export const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
 
 /** Milliseconds between two requests for observations. */
 const OBSERVE_EVERY = 250;
 
 /** The observation of the selected agent before the shown step, with the name of every feature. */
 class ObservationCard {
-  constructor(element, ask) {
+  constructor(element, request) {
     this.element = element;
-    this.ask = ask;
+    this.request = request;
     this.shown = "";
     this.asked = -OBSERVE_EVERY;
   }
@@ -285,7 +296,7 @@ class ObservationCard {
     const now = performance.now();
     if (!entry || key === this.shown || now - this.asked < OBSERVE_EVERY || step > entry.steps) return;
     [this.shown, this.asked] = [key, now];
-    this.ask("observe", { number: player.number, step, agent: unit.id })
+    this.request({ type: "get_observation", number: player.number, step, agent: unit.id })
       .then(({ obs }) => this.shown === key && this.draw(player.features, step, obs))
       .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
   }
@@ -303,7 +314,11 @@ class ObservationCard {
     const width = features.length;
     if (!width || rows === 0) return null;
     const cell = (index) =>
-      make("td", { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" }, short(obs[index]));
+      make(
+        "td",
+        { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" },
+        short(obs[index]),
+      );
     const lines = Array.from({ length: rows ?? 1 }, (_, row) => {
       const values = features.map((_, at) => cell(start + row * width + at));
       return make("tr", {}, [make("th", {}, rows === null ? "" : String(row)), ...values]);
@@ -312,7 +327,11 @@ class ObservationCard {
       make("th", {}, name),
       ...features.map((feature) => make("th", {}, feature)),
     ]);
-    return make("div", { className: "obs" }, make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]));
+    return make(
+      "div",
+      { className: "obs" },
+      make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]),
+    );
   }
 }
 

@@ -1,20 +1,25 @@
+// @ts-check
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
+import { Track } from "#view/track.js";
+import { BattleView } from "#view/battle.js";
+import { clamp } from "#view/numbers.js";
+import { theme } from "#view/theme.js";
+import { Brush, LARGEST_BRUSH } from "./brush.js";
+import { isNumber, rectanglesOf } from "./document.js";
+
 /** Points snap to multiples of this, in squares, unless Alt is held. */
-const SNAP = 0.5;
+export const SNAP = 0.5;
 /** How far from the attack point a click still means it, in squares. */
 const GOAL_REACH = 0.6;
 
 /** The moment before a battle: every unit at its start. */
-class StartTrack {
+class StartTrack extends Track {
   constructor(info, places) {
-    this.info = info;
+    super(info);
     this.places = places;
-    this.units = info.units.length;
     this.length = this.units ? 1 : 0;
-    this.last = 0;
     this.attacks = [[]];
-    this.deaths = [];
   }
 
   unitAt(unit) {
@@ -26,7 +31,7 @@ class StartTrack {
   }
 }
 
-class MapEditor extends BattleView {
+export class MapEditor extends BattleView {
   constructor(canvas, page) {
     super(canvas, { width: 1, height: 1, obstacles: [], attack_point: [NaN, NaN], types: [], units: [] });
     this.page = page;
@@ -56,7 +61,7 @@ class MapEditor extends BattleView {
       const known = layout?.find(group, index);
       if (!known) return this.unplaced.push(index);
       for (const [type, x, y] of known.units) {
-        units.push({ type, faction: FACTIONS.indexOf(group.faction), id: 0 });
+        units.push({ type, faction: doc.formats.factions.indexOf(group.faction), id: 0 });
         places.push([x + group.x - known.x, y + group.y - known.y]);
         this.groupOf.push(index);
       }

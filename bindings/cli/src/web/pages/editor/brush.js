@@ -1,8 +1,9 @@
+// @ts-check
 // Brush: the squares that a drawing tool covers, and maps that are drawn on.
 
 /** Tools that draw on the map. */
 const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
-const LARGEST_BRUSH = 15;
+export const LARGEST_BRUSH = 15;
 
 /** The squares on a line between two squares. */
 function squaresBetween([x0, y0], [x1, y1]) {
@@ -13,7 +14,7 @@ function squaresBetween([x0, y0], [x1, y1]) {
   ]);
 }
 
-class Brush {
+export class Brush {
   constructor() {
     this.tool = "select";
     this.paintsBlocked = true;

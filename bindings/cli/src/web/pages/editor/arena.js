@@ -1,6 +1,9 @@
+// @ts-check
 // Arena: plays the scenario, in a frame with the page of a replay.
 
-class Arena {
+import { byId, make } from "#view/dom.js";
+
+export class Arena {
   constructor(page) {
     this.page = page;
   }
@@ -11,8 +14,8 @@ class Arena {
     const seed = byId("seed").value.trim() || "0";
     const choice = { policy: byId("policy").value, rules: byId("rules").value, seed };
     try {
-      const answer = await this.page.connection.ask("play", { files: this.page.doc.files(), ...choice });
-      this.enter(answer);
+      const files = this.page.doc.files();
+      this.enter(await this.page.connection.request({ type: "play_battle", files, ...choice }));
     } catch (error) {
       this.page.tell(`Not played: ${error.message}`, true);
     } finally {
