@@ -120,6 +120,7 @@ export class LanePanel {
     for (const plot of this.plots) this.drawPlot(plot);
   }
 
+  /** @param {Plot & { canvas: HTMLCanvasElement, values: { time: number, value: number | null }[] }} plot */
   drawPlot({ canvas, values, from, to, text }) {
     const { context, width, height } = fitCanvas(canvas),
       { colours } = theme;
