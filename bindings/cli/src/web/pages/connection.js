@@ -33,6 +33,7 @@ export class Connection {
     /** @type {Map<number, { resolve: (response: any) => void, reject: (error: Error) => void }>} */
     this.waiting = new Map();
     this.next = 1;
+    /** @type {WebSocket} */
     this.socket = this.connect();
   }
 
@@ -40,6 +41,7 @@ export class Connection {
     return this.socket.readyState === WebSocket.OPEN;
   }
 
+  /** @returns {WebSocket} */
   connect() {
     const token = new URLSearchParams(location.search).get("token") ?? "";
     const path = location.pathname.replace(/[^/]*$/, "ws");

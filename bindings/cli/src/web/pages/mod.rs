@@ -27,6 +27,8 @@ const MODULES: &[Module] = modules![
     "editor/json.js",
     "editor/map.js",
     "editor/problems.js",
+    "editor/reader.js",
+    "editor/start.js",
     "editor/text.js",
     "editor/types.js",
     "watch/follow.js",

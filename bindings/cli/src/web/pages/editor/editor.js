@@ -1,6 +1,7 @@
 // @ts-check
 // EditorPage: connects the document, the map, the forms and the program that serves the page.
 
+import { TOOL_HINTS, TOOL_KEYS } from "./brush.js";
 import { all, byId, make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
@@ -14,29 +15,6 @@ import { MapEditor } from "./map.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TypesPanel } from "./types.js";
-
-const TOOL_KEYS = {
-  v: "select",
-  b: "brush",
-  e: "erase",
-  r: "rectangle",
-  l: "line",
-  f: "fill",
-  a: "goal",
-  g: "ally",
-  h: "enemy",
-};
-const TOOL_HINTS = {
-  select: "Click a group to edit it, drag it to move it; drag the map to move the view",
-  brush: "Drag to draw; the right button draws the opposite",
-  erase: "Drag to make squares walkable",
-  rectangle: "Drag from corner to corner",
-  line: "Drag from end to end",
-  fill: "Click an area to fill it",
-  goal: "Click or drag to where the enemies march",
-  ally: "Click where the new group starts",
-  enemy: "Click where the new group starts",
-};
 
 class EditorPage {
   constructor() {

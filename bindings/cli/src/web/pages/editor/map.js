@@ -1,35 +1,17 @@
 // @ts-check
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
-import { Track } from "#view/track.js";
 import { BattleView } from "#view/battle.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Brush, LARGEST_BRUSH } from "./brush.js";
 import { isNumber, rectanglesOf } from "./document.js";
+import { StartTrack } from "./start.js";
 
 /** Points snap to multiples of this, in squares, unless Alt is held. */
 export const SNAP = 0.5;
 /** How far from the attack point a click still means it, in squares. */
 const GOAL_REACH = 0.6;
-
-/** The moment before a battle: every unit at its start. */
-class StartTrack extends Track {
-  constructor(info, places) {
-    super(info);
-    this.places = places;
-    this.length = this.units ? 1 : 0;
-    this.attacks = [[]];
-  }
-
-  unitAt(unit) {
-    const { type, faction } = this.info.units[unit],
-      { hp, shield, energy, initial_energy: initial } = this.info.types[type],
-      [x, y] = this.places[unit];
-    const state = { unit, x, y, hp, shield, cooldown: 0, target: -1, alive: true };
-    return { ...state, energy: energy ? initial : 0, facing: faction ? Math.PI : 0 };
-  }
-}
 
 export class MapEditor extends BattleView {
   constructor(canvas, page) {
