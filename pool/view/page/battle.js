@@ -7,6 +7,8 @@ import { TerrainLayer } from "./terrain.js";
 import { fitCanvas, theme } from "./theme.js";
 import { Track } from "./track.js";
 
+/** @import { ScenarioInfo } from "./data.d.ts" */
+
 /** Space around the units when the view is fitted to the battle, in squares. */
 const FIT_MARGIN = 2.2;
 /** The largest scale that fitting chooses, in pixels per square. */
@@ -15,7 +17,7 @@ const LARGEST_FIT = 62;
 const HEXAGON = 1.1;
 
 export class BattleView {
-  constructor(canvas, info) {
+  constructor(canvas, /** @type {ScenarioInfo} */ info) {
     this.canvas = canvas;
     this.info = info;
     this.track = new Track(info);

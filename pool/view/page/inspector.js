@@ -6,6 +6,8 @@ import { all, make } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
+/** @import { ScenarioInfo } from "./data.d.ts" */
+
 const ACTIONS = ["no-op", "stop", "north", "south", "east", "west"];
 /** Rosters of more units than this would only be noise. */
 const LARGEST_ROSTER = 160;
@@ -23,7 +25,7 @@ function actionName(info, agent, action) {
 }
 
 export class Inspector {
-  constructor(info, select) {
+  constructor(/** @type {ScenarioInfo} */ info, select) {
     this.info = info;
     this.select = select;
     this.chips = [];

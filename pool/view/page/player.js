@@ -8,10 +8,12 @@ import { Inspector } from "./inspector.js";
 import { theme } from "./theme.js";
 import { Clock, TICKS_PER_SECOND, TICKS_PER_STEP, Timeline } from "./transport.js";
 
+/** @import { ScenarioInfo } from "./data.d.ts" */
+
 export const RESULTS = { won: "Won", lost: "Lost", truncated: "Time limit", unfinished: "Unfinished" };
 
 export class BattlePlayer {
-  constructor(info) {
+  constructor(/** @type {ScenarioInfo} */ info) {
     this.clock = new Clock();
     /** Where the pointer was last while it drags, and whether that moved the map. */
     this.drag = null;

@@ -8,7 +8,10 @@ import { theme } from "./theme.js";
 import { Track, inflate } from "./track.js";
 import { SPEEDS } from "./transport.js";
 
+/** @import { ReplayData } from "./data.d.ts" */
+
 class ReplayPage extends BattlePlayer {
+  /** @param {ReplayData} data */
   constructor(data) {
     super(data.scenario);
     this.data = data;

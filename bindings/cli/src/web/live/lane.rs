@@ -54,10 +54,9 @@ impl WatchedLane {
         pool: &PoolStatus,
         lane: &str,
     ) -> Result<WatchedLane, WatchError> {
-        let lanes = pool.lanes.iter().map(|status| &status.description);
-        let Some(description) = lanes.clone().find(|description| description.lane == lane).cloned() else {
-            let (lane, lanes) = (lane.to_owned(), lanes.map(|other| other.lane.clone()).collect());
-            return Err(ConnectError::from(ControlError::NoSuchLane { lane, lanes }).into());
+        let mut lanes = pool.lanes.iter().map(|status| &status.description);
+        let Some(description) = lanes.find(|description| description.lane == lane).cloned() else {
+            return Err(WatchedLane::not_found(pool, lane));
         };
         let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
             Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
@@ -68,6 +67,12 @@ impl WatchedLane {
         let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);
         let cells = Cells::new(description.settings.num_envs);
         Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
+    }
+
+    /// The error that a pool has no lane of this name.
+    pub(super) fn not_found(pool: &PoolStatus, lane: &str) -> WatchError {
+        let lanes = pool.lanes.iter().map(|status| status.description.lane.clone()).collect();
+        ConnectError::from(ControlError::NoSuchLane { lane: lane.to_owned(), lanes }).into()
     }
 
     /// The supervisor's process.

@@ -1,7 +1,7 @@
 //! What all pages share: the status of the pool, its history, and the lanes that are watched.
 
 use super::lane::{WatchError, WatchedLane};
-use crate::web::protocol::{LaneState, Point, PoolAnswer, PoolInfo, PoolState};
+use crate::web::protocol::{LaneState, Point, PoolInfo, PoolResponse, PoolState};
 use smaclite_ipc::{LaneStatus, PoolStatus, RuntimeDir, WaitOptions, status_within};
 use smaclite_pool::LaneStats;
 use std::collections::{HashMap, VecDeque};
@@ -76,9 +76,9 @@ impl WatchedPool {
         let points: Vec<Point> = points.skip_while(|point| point.time <= after).copied().collect();
         let time = points.last().map_or(after, |point| point.time);
         let pool = match &status.response {
-            Some(Ok(pool)) => PoolAnswer::Pool(pool_info(pool, lane)),
-            Some(Err(error)) => PoolAnswer::Error(error.clone()),
-            None => PoolAnswer::Error("the pool has not responded yet".to_owned()),
+            Some(Ok(pool)) => PoolResponse::Pool(pool_info(pool, lane)),
+            Some(Err(error)) => PoolResponse::Error(error.clone()),
+            None => PoolResponse::Error("the pool has not responded yet".to_owned()),
         };
         let pid = match &status.response {
             Some(Ok(pool)) => Some(pool.pid),
@@ -106,6 +106,9 @@ impl WatchedPool {
     /// Watches a lane, or shares it with the pages that do.
     pub(super) fn lane(&self, name: &str) -> Result<Arc<Mutex<WatchedLane>>, WatchError> {
         let pool = status_within(&self.runtime_dir, &self.name, patience(&mut || false))?;
+        if !pool.lanes.iter().any(|lane| lane.description.lane == name) {
+            return Err(WatchedLane::not_found(&pool, name)); // pages add no entries by names
+        }
         let entry = Arc::clone(lock(&self.lanes).entry(name.to_owned()).or_default());
         let mut entry = lock(&entry);
         if let Some(lane) = entry.upgrade()

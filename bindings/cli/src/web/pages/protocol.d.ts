@@ -165,7 +165,7 @@ last: EpisodeResult | null,
  */
 moment: string | null, };
 export type PoolState = { points: Array<Point>, } & ({ "pool": PoolInfo } | { "error": string });
-export type PoolAnswer = { "pool": PoolInfo } | { "error": string };
+export type PoolResponse = { "pool": PoolInfo } | { "error": string };
 export type PoolInfo = { pid: number, threads: number, uptime_s: number, 
 /**
  * The names of all lanes.

@@ -85,15 +85,15 @@ pub(crate) struct GridCell {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct PoolState {
     pub(in crate::web) points: Vec<Point>,
-    /// The pool, or why it does not answer.
+    /// The pool, or why it does not respond.
     #[serde(flatten)]
-    pub(in crate::web) pool: PoolAnswer,
+    pub(in crate::web) pool: PoolResponse,
 }
 
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(test, derive(TS))]
-pub(crate) enum PoolAnswer {
+pub(crate) enum PoolResponse {
     Pool(PoolInfo),
     Error(String),
 }

@@ -66,7 +66,7 @@ fn description() -> String {
         Features,
         GridCell,
         PoolState,
-        PoolAnswer,
+        PoolResponse,
         PoolInfo,
         LaneState,
         Point,

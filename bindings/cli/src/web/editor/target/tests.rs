@@ -44,8 +44,8 @@ fn only_what_changed_is_written() {
     files.text += "\n";
     files.unit_files.push(unit("medic"));
     let text = files.text.clone();
-    let answer = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(matches!(&answer, SavedFiles::Saved(files) if files.len() == 2), "{answer:?}");
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Saved(files) if files.len() == 2), "{saved:?}");
     assert_eq!(names(&folder), ["medic.json", "s.json", "scout.json"]);
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), text);
     assert_eq!(
@@ -77,8 +77,8 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     };
     let files = edited();
     fs::write(folder.path().join("s.json"), "{}").unwrap();
-    let answer = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(matches!(&answer, SavedFiles::Conflicts(files) if files.len() == 1), "{answer:?}");
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files.len() == 1), "{saved:?}");
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), "{}");
     let mut files = opened(&start);
     files.text = "{ }".into();
@@ -90,11 +90,8 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     fs::write(folder.path().join("medic.json"), "mine").unwrap();
     let mut files = edited();
     files.unit_files.push(unit("medic"));
-    let answer = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(
-        matches!(&answer, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")),
-        "{answer:?}"
-    );
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")), "{saved:?}");
 }
 
 #[test]

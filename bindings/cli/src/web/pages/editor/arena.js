@@ -3,7 +3,11 @@
 
 import { byId, make } from "#view/dom.js";
 
+/** @import { EditorPage } from "./editor.js" */
+/** @import { PlayedBattle } from "../protocol.d.ts" */
+
 export class Arena {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
   }
@@ -24,7 +28,7 @@ export class Arena {
   }
 
   /** Shows the page of a replay, and starts it. */
-  enter({ page, cut_at: cutAt }) {
+  enter(/** @type {PlayedBattle} */ { page, cut_at: cutAt }) {
     const frame = make("iframe", { title: "Battle", srcdoc: page });
     byId("cut").hidden = !cutAt;
     byId("cut").textContent = `The editor shows the first ${cutAt} steps.`;

@@ -4,6 +4,8 @@
 import { Formats } from "./formats.js";
 import { JsonText, Raw, linesOf } from "./json.js";
 
+/** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
+
 /** Limits of the history: states, and characters of text in them. */
 const MOST_STATES = 400;
 const MOST_CHARACTERS = 60e6;
@@ -56,6 +58,10 @@ export function rectanglesOf({ width, height, blocked }) {
 }
 
 export class ScenarioDocument {
+  /**
+   * @param {Builtins} builtins
+   * @param {ScenarioFiles} files
+   */
   constructor(builtins, files) {
     this.builtins = builtins;
     this.formats = new Formats(builtins);

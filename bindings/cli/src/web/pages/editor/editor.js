@@ -16,7 +16,7 @@ import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TypesPanel } from "./types.js";
 
-class EditorPage {
+export class EditorPage {
   constructor() {
     this.group = -1;
     this.goalSelected = false;
@@ -136,6 +136,7 @@ class EditorPage {
     if (doc.state !== this.checker.checked) this.checker.soon();
   }
 
+  /** @param {{ square: number[] }} point */
   showPointer({ square: [x, y] }) {
     const { width, height, blocked } = this.doc.map();
     const isInside = x >= 0 && y >= 0 && x < width && y < height;

@@ -5,7 +5,13 @@ import { make } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { JsonText } from "./json.js";
 
+/** @import { EditorPage } from "./editor.js" */
+
 export class FileStore {
+  /**
+   * @param {EditorPage} page
+   * @param {{ target: string | null, exists: boolean }} opened
+   */
   constructor(page, { target, exists }) {
     this.page = page;
     /** The file that the program writes, or null. */

@@ -6,7 +6,9 @@ import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Brush, LARGEST_BRUSH } from "./brush.js";
 import { isNumber, rectanglesOf } from "./document.js";
-import { StartTrack } from "./start.js";
+import { StartTrack, infoOf } from "./start.js";
+
+/** @import { EditorPage } from "./editor.js" */
 
 /** Points snap to multiples of this, in squares, unless Alt is held. */
 export const SNAP = 0.5;
@@ -14,8 +16,13 @@ export const SNAP = 0.5;
 const GOAL_REACH = 0.6;
 
 export class MapEditor extends BattleView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {EditorPage} page
+   */
   constructor(canvas, page) {
-    super(canvas, { width: 1, height: 1, obstacles: [], attack_point: [NaN, NaN], types: [], units: [] });
+    const empty = { width: 1, height: 1, obstacles: [], types: [], units: [] };
+    super(canvas, infoOf({ ...empty, attack_point: [NaN, NaN] }));
     this.page = page;
     this.wholeMap = true;
     this.brush = new Brush();
@@ -50,15 +57,15 @@ export class MapEditor extends BattleView {
     });
     const counts = [0, 0];
     for (const unit of units) unit.id = counts[unit.faction]++;
-    this.info = {
+    this.info = infoOf({
       width: map.width,
       height: map.height,
       obstacles: rectanglesOf(map),
-      attack_point: isPoint ? goal : [NaN, NaN],
+      attack_point: isPoint ? /** @type {[number, number]} */ (goal) : [NaN, NaN],
       types: layout?.types ?? [],
       units,
       sight_range: layout?.sight ?? 9,
-    };
+    });
     this.track = new StartTrack(this.info, places);
     this.hovered = this.selected = -1;
     this.terrain.key = "";
@@ -369,7 +376,7 @@ export class MapEditor extends BattleView {
     const { width, height } = this.info;
     const [x, y] = this.square ?? [Math.floor(width / 2), Math.floor(height / 2)];
     this.square = [clamp(x + dx * by, 0, width - 1), clamp(y + dy * by, 0, height - 1)];
-    this.page.showPointer({ x: this.square[0], y: this.square[1], square: this.square });
+    this.page.showPointer({ square: this.square });
     this.page.redraw();
   }
 

@@ -5,6 +5,9 @@ import { all, byId, make } from "#view/dom.js";
 import { isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
 
+/** @import { EditorPage } from "./editor.js" */
+/** @import { CheckedFiles, Problem } from "../protocol.d.ts" */
+
 /** The forms, and the text. */
 export const TABS = ["groups", "scenario", "types", "json"];
 /** Milliseconds without a change after which the files are checked. */
@@ -12,7 +15,7 @@ const CHECK_AFTER = 120;
 
 /** The program's response about the units of groups. */
 class Layout {
-  constructor(groups, checked) {
+  /** @param {CheckedFiles} checked */ constructor(groups, checked) {
     this.types = checked.types;
     this.sight = checked.sight;
     this.entries = groups.map((group, i) => ({
@@ -37,6 +40,7 @@ class Layout {
 }
 
 export class Checker {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
     /** What is wrong with the files, as far as the program has responded. */
@@ -78,7 +82,10 @@ export class Checker {
     this.page.showMap();
   }
 
-  /** A problem with the file, path and offsets that it is about. `unit` is null for the scenario file. */
+  /**
+   * A problem with the file, path and offsets that it is about. `unit` is null for the scenario file.
+   * @param {Problem} problem
+   */
   placed(problem) {
     const unit = this.page.doc.units.find(({ name }) => problem.file === `${name}.json`);
     const isScenario = problem.file === this.page.doc.state.source || !unit;

@@ -3,6 +3,14 @@
 
 import { Track } from "#view/track.js";
 
+/** @import { ScenarioInfo } from "#view/data.d.ts" */
+
+/**
+ * What the view draws, of a scenario that may be invalid.
+ * @param {Partial<ScenarioInfo>} known
+ */
+export const infoOf = (known) => /** @type {ScenarioInfo} */ (known);
+
 /** The moment before a battle: every unit at its start. */
 export class StartTrack extends Track {
   constructor(info, places) {

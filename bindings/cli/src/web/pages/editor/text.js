@@ -5,10 +5,13 @@ import { byId, make } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { INDENT } from "./json.js";
 
+/** @import { EditorPage } from "./editor.js" */
+
 /** Milliseconds without typing that separate two changes. */
 const PAUSE = 1000;
 
 export class TextPanel {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
     this.choice = byId("file");

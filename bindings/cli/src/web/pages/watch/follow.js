@@ -9,6 +9,10 @@ import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_STEP } from "#view/transport.js";
 import { ConnectionLost } from "../connection.js";
 
+/** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { EpisodeInfo, Features, Steps } from "../protocol.d.ts" */
+/** @typedef {import("../connection.js").Connection["request"]} Request */
+
 /** Ticks that are fetched ahead of the clock. */
 const AHEAD = 1024;
 /** Decoded episodes that are kept. */
@@ -21,11 +25,15 @@ const WAIT_FOR_START = 1500;
 const LIVE_WITHIN = 2;
 
 export class FollowPlayer extends BattlePlayer {
+  /**
+   * @param {ScenarioInfo} info
+   * @param {Request} request
+   */
   constructor(info, request) {
     super(info);
     this.request = request;
     /** The names of the features of an observation. */
-    this.features = [];
+    this.features = /** @type {Features[]} */ ([]);
     this.clock.isOpen = true;
     this.isFetching = false;
     this.observation = new ObservationCard(byId("obs"), request);
@@ -35,7 +43,7 @@ export class FollowPlayer extends BattlePlayer {
   /** Forgets the environment. */
   stop() {
     this.env = -1;
-    this.listed = [];
+    this.listed = /** @type {EpisodeInfo[]} */ ([]);
     this.received = 0;
     this.tracks = new Map();
     this.rows = null;
@@ -59,7 +67,10 @@ export class FollowPlayer extends BattlePlayer {
     byId("message").hidden = true;
   }
 
-  /** Takes the list of episodes, the newest first. */
+  /**
+   * Takes the list of episodes, the newest first.
+   * @param {EpisodeInfo[]} episodes
+   */
   list(episodes) {
     this.listed = episodes;
     this.received = performance.now();
@@ -146,6 +157,10 @@ export class FollowPlayer extends BattlePlayer {
     byId("message").textContent = `Steps of this episode cannot be read: ${error.message}`;
   }
 
+  /**
+   * @param {any} entry
+   * @param {Steps} response
+   */
   append(entry, response) {
     const { track } = entry;
     byId("message").hidden = true;
@@ -254,7 +269,7 @@ export class FollowPlayer extends BattlePlayer {
 
   markEpisode() {
     for (const [number, item] of this.rows)
-      item.firstChild.setAttribute("aria-current", String(number === this.number));
+      item.firstElementChild?.setAttribute("aria-current", String(number === this.number));
   }
 
   command(key, ticks) {
@@ -275,6 +290,10 @@ const OBSERVE_EVERY = 250;
 
 /** The observation of the selected agent before the shown step, with the name of every feature. */
 class ObservationCard {
+  /**
+   * @param {HTMLElement} element
+   * @param {Request} request
+   */
   constructor(element, request) {
     this.element = element;
     this.request = request;

@@ -8,6 +8,8 @@ import { RESULTS } from "#view/player.js";
 import { theme } from "#view/theme.js";
 import { COLUMNS, Track, bytesOf } from "#view/track.js";
 
+/** @import { GridCell } from "../protocol.d.ts" */
+
 /** Milliseconds per picture that the grid may draw; cells that do not fit wait for the next picture. */
 const GRID_BUDGET = 8;
 /** The shortest and the longest time in which a cell moves from one frame to the next, in milliseconds. */
@@ -58,7 +60,11 @@ class Cell {
     this.isDrawn = false;
   }
 
-  /** Takes the environment's row of a frame. */
+  /**
+   * Takes the environment's row of a frame.
+   * @param {GridCell} row
+   * @param {number} now
+   */
   take(row, now) {
     const jumps = row.length === null || row.length < this.length || this.outcome;
     this.length = row.length ?? 0;

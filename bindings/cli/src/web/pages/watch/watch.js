@@ -8,6 +8,8 @@ import { FollowPlayer, seconds } from "./follow.js";
 import { Grid, MOST_CELLS } from "./grid.js";
 import { LanePanel, compact } from "./plots.js";
 
+/** @import { LaneInfo, PageRequest, PoolState } from "../protocol.d.ts" */
+
 class WatchPage {
   constructor(data) {
     this.hash = new URLSearchParams(location.hash.slice(1));
@@ -49,7 +51,10 @@ class WatchPage {
     requestAnimationFrame(frame);
   }
 
-  /** Sends a request whose response says nothing. */
+  /**
+   * Sends a request whose response says nothing.
+   * @param {PageRequest} request
+   */
   send(request) {
     this.connection.request(request).catch((error) => this.failed(error));
   }
@@ -92,7 +97,10 @@ class WatchPage {
     this.remember();
   }
 
-  /** The lane is connected, at first or again. */
+  /**
+   * The lane is connected, at first or again.
+   * @param {LaneInfo} event
+   */
   showLane(event) {
     this.info = event;
     if (this.player) this.player.use(event.scenario);
@@ -183,6 +191,7 @@ field `state` is left out. Click a battle to follow it.");
     this.send({ type: "set_view", first, count, visible: !document.hidden });
   }
 
+  /** @param {PoolState} event */
   showStatus(event) {
     this.panel.take(event.points);
     if ("error" in event) return this.lost(event.error);
