@@ -305,7 +305,7 @@ def endless_scenario(folder: Path) -> Path:
 def test_a_page_whose_program_ends_while_steps_are_missing_stays_alive_and_recovers(
     browser: Any, programs_of_test: Programs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The page once asked for the missing steps again at once, without end: it froze, and never reconnected."""
+    """The page once asked for the missing steps again at once, without end, and froze."""
     monkeypatch.setenv("SMACLITE_POOL_TOKEN", "0123456789abcdef" * 2)
     programs_of_test.serve(f"{endless_scenario(tmp_path)}:1")
     programs_of_test.learn("endless", 400)

@@ -1,6 +1,6 @@
 //! The web server of the commands that show something in a browser: one document, and a WebSocket over which
-//! its scripts send requests (`protocol`). It listens on loopback unless another address is given, and answers only those
-//! that know the token in the printed URL. What is served is an [`App`].
+//! its scripts send requests (`protocol`). It listens on loopback unless another address is given, and
+//! answers only those that know the token in the printed URL. What is served is an [`App`].
 
 mod connections;
 pub(crate) mod editor;
@@ -162,8 +162,8 @@ impl<S: Send + Sync> FromRequestParts<S> for Upgrade {
     }
 }
 
-/// The variable with the token of the URL. With a token of its own, a program that is started again serves the
-/// pages that are still open.
+/// The variable with the token of the URL. With a token of its own, a program that is started again serves
+/// the pages that are still open.
 const TOKEN_VARIABLE: &str = "SMACLITE_POOL_TOKEN";
 
 /// The token that is given, or a random one.

@@ -1,5 +1,5 @@
-//! One open page: its requests, which are queued for the app's thread, and the messages that go back. `protocol`
-//! declares both.
+//! One open page: its requests, which are queued for the app's thread, and the messages that go back.
+//! `protocol` declares both.
 
 use super::protocol::{EventMessage, Outcome, PageEvent, PageRequest, PageResponse, RequestMessage};
 use super::protocol::{ResponseMessage, VERSION};
@@ -71,7 +71,8 @@ fn text(message: &impl Serialize) -> String {
     serde_json::to_string(message).unwrap_or_default()
 }
 
-/// Carries messages between a WebSocket and `run`, which runs on another thread, until either or the server ends.
+/// Carries messages between a WebSocket and `run`, which runs on another thread, until either or the server
+/// ends.
 pub(super) async fn serve(
     mut socket: WebSocket,
     mut ended: watch::Receiver<()>,

@@ -1,8 +1,8 @@
 //! The page that shows a replay in a browser: one HTML document with styles, scripts and data inside.
 //!
-//! Its parts are in `pool/view/page`, written by hand: modules of JavaScript, which `bundle` joins. The page loads
-//! nothing, and its content security policy forbids it. Other pages that show battles are made of the same parts,
-//! by [`Document`].
+//! Its parts are in `pool/view/page`, written by hand: modules of JavaScript, which `bundle` joins. The page
+//! loads nothing, and its content security policy forbids it. Other pages that show battles are made of the
+//! same parts, by [`Document`].
 
 mod bundle;
 mod data;
@@ -17,8 +17,8 @@ use data::ReplayData;
 
 use crate::{Replay, ReplayError};
 
-/// The content security policy of a page that needs nothing else: it runs the scripts inside, and loads nothing.
-/// A script cannot import another one.
+/// The content security policy of a page that needs nothing else: it runs the scripts inside, and loads
+/// nothing. A script cannot import another one.
 pub const POLICY: &str =
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
 

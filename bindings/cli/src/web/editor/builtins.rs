@@ -1,5 +1,5 @@
-//! What is built in (scenarios, terrains, unit types, policies), and the keys of files as their crates declare
-//! them.
+//! What is built in (scenarios, terrains, unit types, policies), and the keys of files as their crates
+//! declare them.
 
 use crate::new::default_scenario;
 use crate::web::protocol::{

@@ -1,7 +1,7 @@
 //! The live page: the battles of a running pool. Nothing here writes to the pool.
 //!
-//! Each open page has a session on a thread; what pages have in common is read once for all of them: the status
-//! of the pool, and the newest frame of a lane. While a page is hidden, its session waits.
+//! Each open page has a session on a thread; what pages have in common is read once for all of them: the
+//! status of the pool, and the newest frame of a lane. While a page is hidden, its session waits.
 
 mod cells;
 mod episodes;

@@ -87,8 +87,8 @@ impl WatchedPool {
         StatusNews { state: PoolState { points, pool }, time, pid }
     }
 
-    /// Requests the status if it is old and no other page does so now. A pool that does not respond delays only
-    /// the page that requests it; the others get what is known. Only the first status is waited for.
+    /// Requests the status if it is old and no other page does so now. A pool that does not respond delays
+    /// only the page that requests it; the others get what is known. Only the first status is waited for.
     fn refresh(&self) {
         let mut requested = match self.requested.try_lock() {
             Ok(requested) => requested,

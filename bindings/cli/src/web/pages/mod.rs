@@ -1,12 +1,13 @@
-//! The documents of the pages: what is in this folder, together with the battle player of `smaclite_view`. How
-//! their scripts talk with this program is in `protocol`.
+//! The documents of the pages: what is in this folder, together with the battle player of `smaclite_view`.
+//! How their scripts talk with this program is in `protocol`.
 
 use serde_json::Value;
 use smaclite_view::page::{Document, Module};
 
-/// The content security policy of both pages: as that of a replay, but they may connect to the server that they
-/// came from.
-pub(super) const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'";
+/// The content security policy of both pages: as that of a replay, but they may connect to the server that
+/// they came from.
+pub(super) const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+    img-src data:; connect-src 'self'";
 
 macro_rules! modules {
     ($($path:literal),+ $(,)?) => {

@@ -1,12 +1,16 @@
-// Written by a test of protocol/mod.rs, from the types there: SMACLITE_WRITE=1 cargo test protocol
+// Written by a test of protocol/mod.rs, from the types there:
+// SMACLITE_WRITE=1 cargo test protocol
 import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
 export type Version = 1;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
-export type Problem = { file: string; line: number | null; column: number | null; path: string; message: string };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
 export type LaneStats = Record<
-  "steps" | "episodes" | "wins" | "returns" | "frames" | "rejected" | "accepted" | "waited_ns",
+  "steps" | "episodes" | "wins" | "returns" | "frames"
+  | "rejected" | "accepted" | "waited_ns",
   number
 >;
 export type JsonSchema = {

@@ -1,9 +1,9 @@
-//! What the pages and this program say to each other: JSON in the text messages of a WebSocket, declared here and
-//! nowhere else. `pages/protocol.d.ts` describes it to the scripts, which are checked against that file; the test
-//! below writes it.
+//! What the pages and this program say to each other: JSON in the text messages of a WebSocket, declared here
+//! and nowhere else. `pages/protocol.d.ts` describes it to the scripts, which are checked against that file;
+//! the test below writes it.
 //!
-//! A page sends a [`RequestMessage`] and gets one [`ResponseMessage`] with the same `id`. The program sends an
-//! [`EventMessage`] whenever there is something new. The first request is [`PageRequest::Hello`].
+//! A page sends a [`RequestMessage`] and gets one [`ResponseMessage`] with the same `id`. The program sends
+//! an [`EventMessage`] whenever there is something new. The first request is [`PageRequest::Hello`].
 
 mod editor;
 mod live;

@@ -13,9 +13,12 @@ const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/protocol.
 const FOREIGN: &str = "\
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
-export type Problem = { file: string; line: number | null; column: number | null; path: string; message: string };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
 export type LaneStats = Record<
-  \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\" | \"rejected\" | \"accepted\" | \"waited_ns\",
+  \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\"
+  | \"rejected\" | \"accepted\" | \"waited_ns\",
   number
 >;
 export type JsonSchema = {
@@ -73,7 +76,8 @@ fn description() -> String {
         EpisodeInfo,
     ];
     format!(
-        "// Written by a test of protocol/mod.rs, from the types there: SMACLITE_WRITE=1 cargo test protocol\n\
+        "// Written by a test of protocol/mod.rs, from the types there:\n\
+         // SMACLITE_WRITE=1 cargo test protocol\n\
          import type {{ ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
     )
