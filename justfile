@@ -66,6 +66,18 @@ test-notebook *args: _notebook
 notebook: _notebook
     {{ python }} -m nbconvert --execute --inplace --ExecutePreprocessor.record_timing=False {{ notebook }}
 
+_node:
+    @command -v npm >/dev/null || { echo "error: Node.js 20.19 or newer is missing (Debian: nodejs npm)" >&2; exit 1; }
+    @npm ci --silent --no-audit --no-fund
+
+# Test the scripts of the pages without a browser
+test-js: _node
+    npm test --silent
+
+# Check the scripts of the pages: format, lints, types
+lint-js: _node
+    npm run --silent lint
+
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
     cargo test --release -p smaclite-tests --test conformance -- --nocapture
@@ -200,12 +212,13 @@ release-notes version:
     @awk '/^## / { here = $2 == "{{ version }}"; next } here { print; found = 1 } END { exit !found }' CHANGELOG.md || \
         { echo "error: CHANGELOG.md has no section {{ version }}" >&2; exit 1; }
 
-# Format all code
-fmt:
+# Format all code, Rust and JavaScript
+fmt: _node
     cargo fmt --all
+    npm run --silent format
 
 # Check formatting, lints and the length of lines; warnings are errors
-lint: _venv lint-github
+lint: _venv lint-github lint-js
     cargo fmt --all --check
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \

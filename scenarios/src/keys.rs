@@ -10,8 +10,9 @@ use smaclite_units::file::{
 };
 use std::marker::PhantomData;
 
-/// Every key of a scenario file.
+/// Every key of a scenario file, in the order in which files have them.
 pub(crate) const KEYS: [&dyn AnyKey; 16] = [
+    &SCHEMA_KEY,
     &NAME,
     &CUSTOM_UNIT_PATH,
     &NUM_ALLIED_UNITS,
@@ -27,7 +28,6 @@ pub(crate) const KEYS: [&dyn AnyKey; 16] = [
     &ALLY_HAS_SHIELDS,
     &ENEMY_HAS_SHIELDS,
     &EPISODE_LIMIT,
-    &SCHEMA_KEY,
 ];
 
 /// Every key of a group.
@@ -142,6 +142,11 @@ pub(crate) const UNITS: Key<Shape> = Key::required(
 );
 
 impl Scenario {
+    /// Every key of a scenario file, in the order in which files have them.
+    pub fn keys() -> &'static [&'static dyn AnyKey] {
+        &KEYS
+    }
+
     /// The JSON Schema (draft 2020-12) of scenario files.
     ///
     /// It accepts every valid file. It cannot express what depends on several values or on other files: the

@@ -39,6 +39,7 @@ pub use sight::MAX_OUTLINE_IN_SIGHT;
 /// What is wrong with scenario and unit files.
 pub use smaclite_units::{Problem, Problems};
 pub use terrain::{MAX_SIDE, Rect, Terrain};
+pub use unit_files::is_replaceable;
 
 /// The largest number of units of a scenario, both factions together.
 pub const MAX_UNITS: u32 = 1000;

@@ -12,6 +12,11 @@ use std::path::{Path, PathBuf};
 /// file, so a file of this name has priority.
 const ADDED: &str = "HYDRALISK";
 
+/// Whether a unit file of this name has priority over the standard type.
+pub fn is_replaceable(standard_type: &str) -> bool {
+    standard_type == ADDED
+}
+
 /// The identity of a unit type: two names of one file are one type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum UnitSource {
@@ -73,10 +78,10 @@ impl<'a> UnitFiles<'a> {
     }
 
     /// The unit type that `name`, the key of entry `node`, refers to. Standard names have priority, except
-    /// [`ADDED`].
+    /// those that are replaceable.
     pub(crate) fn find(&self, name: &str, node: &Node) -> Result<UnitSource, Reported> {
         let is_standard = UnitType::standard_names().any(|standard| standard == name);
-        if is_standard && name != ADDED {
+        if is_standard && !is_replaceable(name) {
             return Ok(UnitSource::Standard(name.into()));
         }
         if let Origin::Texts(files) = self.origin

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import signal
@@ -45,6 +46,7 @@ class Programs:
         return learner
 
     def watch(self, *options: str) -> str:
+        """Serves the pages; gives their URL. The process is the last of `running`."""
         watch = self.start(*PROGRAM, "watch", "train", *options)
         assert watch.stdout is not None
         return watch.stdout.readline().strip()
@@ -279,6 +281,53 @@ def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_o
         page.wait(lambda: page.text("h1") == "Battle 1" and page.last > 0)
         page.press("g")
         page.wait(lambda: "step" in page.text(".cell >> nth=2") and page.text("#state") == "Live")
+
+
+def endless_scenario(folder: Path) -> Path:
+    """A scenario whose battles never end: both sides fly, and cannot attack each other."""
+    group = {"y": 16, "units": {"MEDIVAC": 1}}
+    scenario = {
+        "name": "endless",
+        "num_allied_units": 1,
+        "num_enemy_units": 1,
+        "groups": [{"x": 9, "faction": "ALLY", **group}, {"x": 23, "faction": "ENEMY", **group}],
+        "attack_point": [9, 16],
+        "terrain_preset": "SIMPLE",
+        "num_unit_types": 0,
+        "ally_has_shields": False,
+        "enemy_has_shields": False,
+    }
+    path = folder / "endless.json"
+    path.write_text(json.dumps(scenario))
+    return path
+
+
+def test_a_page_whose_program_ends_while_steps_are_missing_stays_alive_and_recovers(
+    browser: Any, programs_of_test: Programs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page once asked for the missing steps again at once, without end, and froze."""
+    monkeypatch.setenv("SMACLITE_POOL_TOKEN", "0123456789abcdef" * 2)
+    programs_of_test.serve(f"{endless_scenario(tmp_path)}:1")
+    programs_of_test.learn("endless", 400)
+    url = programs_of_test.watch()
+    program = programs_of_test.running[-1]
+    page = WatchPage(browser, url)
+    page.follow(0)
+    # The page has up to 128 steps more than the clock needs; there must be others.
+    page.wait(lambda: page.number("#episode-list span >> nth=2") > page.last / 8 + 200)
+    assert programs_of_test.stop(program) == 0
+    page.wait(lambda: page.text("#state") == "Disconnected")
+    page.press("End")
+    assert "Trying again" in page.text("#notice")
+    end = page.last
+    port = url.removeprefix("http://127.0.0.1:").split("/")[0]
+    assert programs_of_test.watch("--port", port) == url
+    page.wait(lambda: page.text("#state") == "Live" and not page.shown("#notice"))
+    page.wait(lambda: page.text("h1") == "Battle 0" and page.last > 0)
+    assert end > 0
+    # A browser itself reports connections that fail.
+    page.problems = [text for text in page.problems if "WebSocket connection to" not in text]
+    page.__exit__()
 
 
 def test_a_wrong_token_is_refused(browser: Any, programs_of_test: Programs) -> None:

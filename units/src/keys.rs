@@ -7,8 +7,9 @@ use crate::{Attribute, CombatType, Keyword, Plane, UnitType};
 use serde_json::json;
 use std::marker::PhantomData;
 
-/// Every key of a unit file.
+/// Every key of a unit file, in the order in which files have them.
 pub(crate) const KEYS: [&dyn AnyKey; 22] = [
+    &SCHEMA_KEY,
     &HP,
     &SHIELD,
     &HP_REGEN,
@@ -30,7 +31,6 @@ pub(crate) const KEYS: [&dyn AnyKey; 22] = [
     &ATTRIBUTES,
     &TARGETER,
     &TARGETER_KWARGS,
-    &SCHEMA_KEY,
 ];
 
 /// No useful value comes near these limits; they keep the simulator's f32 arithmetic finite.
@@ -163,6 +163,16 @@ impl TargeterKind {
 }
 
 impl UnitType {
+    /// Every key of a unit file, in the order in which files have them.
+    pub fn keys() -> &'static [&'static dyn AnyKey] {
+        &KEYS
+    }
+
+    /// The keywords of `targeter`, with the keys of `targeter_kwargs` for each, all required.
+    pub fn targeters() -> impl Iterator<Item = (&'static str, &'static [&'static dyn AnyKey])> {
+        TargeterKind::KEYWORDS.iter().map(|(name, kind)| (*name, kind.parameters()))
+    }
+
     /// The JSON Schema (draft 2020-12) of unit files.
     ///
     /// It accepts every valid file. It cannot express that `initial_energy` is at most `energy` and equal to

@@ -1,4 +1,13 @@
+// @ts-check
 // BattleView: draws a battle on a canvas at any time between two ticks, and finds units under the pointer.
+
+import { FACTION_COLOURS, drawDeaths, drawEffects, hitFlashes } from "./effects.js";
+import { clamp } from "./numbers.js";
+import { TerrainLayer } from "./terrain.js";
+import { fitCanvas, theme } from "./theme.js";
+import { Track } from "./track.js";
+
+/** @import { ScenarioInfo } from "./data.d.ts" */
 
 /** Space around the units when the view is fitted to the battle, in squares. */
 const FIT_MARGIN = 2.2;
@@ -7,8 +16,8 @@ const LARGEST_FIT = 62;
 /** Corner radius of the hexagon that looks as large as a disc of radius 1. */
 const HEXAGON = 1.1;
 
-class BattleView {
-  constructor(canvas, info) {
+export class BattleView {
+  constructor(canvas, /** @type {ScenarioInfo} */ info) {
     this.canvas = canvas;
     this.info = info;
     this.track = new Track(info);
@@ -21,6 +30,21 @@ class BattleView {
     this.selected = -1;
     this.hovered = -1;
     this.terrain = new TerrainLayer(this);
+    this.measure();
+    /** Pixels per square, and the pixels at the north-west corner of the map. */
+    this.scale = 1;
+    this.left = this.top = 0;
+    /** What was drawn last, by unit. */
+    this.states = [];
+  }
+
+  /** Takes the size of the canvas; its context then measures in CSS pixels. */
+  measure() {
+    const { context, width, height, ratio } = fitCanvas(this.canvas);
+    this.context = context;
+    this.width = width;
+    this.height = height;
+    this.ratio = ratio;
   }
 
   type(unit) {
@@ -108,8 +132,7 @@ class BattleView {
   }
 
   draw(time) {
-    const { context, width, height, ratio } = fitCanvas(this.canvas);
-    Object.assign(this, { context, width, height, ratio });
+    this.measure();
     if (!this.camera) this.fit();
     this.aim();
     this.terrain.draw();
@@ -127,63 +150,80 @@ class BattleView {
   }
 
   drawUnit(state, flash) {
-    const { context, scale } = this,
-      { colours } = theme,
-      type = this.type(state.unit);
-    const faction = this.info.units[state.unit].faction,
-      tone = FACTION_COLOURS[faction];
+    const type = this.type(state.unit),
+      faction = this.info.units[state.unit].faction;
     const at = this.toCanvas(state.x, state.y),
-      r = Math.max(3, type.radius * scale),
-      flies = type.plane === "AIR";
-    const ring = clamp(r * 0.17, 1.6, 5),
+      r = Math.max(3, type.radius * this.scale),
+      ring = clamp(r * 0.17, 1.6, 5),
       body = r - ring - 0.5;
-    if (flies) {
-      context.beginPath();
-      context.ellipse(at.x + scale * 0.12, at.y + scale * 0.35, r * 0.95, r * 0.8, 0, 0, 2 * Math.PI);
-      context.fillStyle = theme.dark ? "rgba(0, 0, 0, 0.45)" : "rgba(20, 30, 45, 0.16)";
-      context.fill();
-    }
-    this.drawPointer(at, r, state.facing, tone);
+    if (type.plane === "AIR") this.drawShadow(at, r);
+    this.drawPointer(at, r, state.facing, FACTION_COLOURS[faction]);
+    this.drawBody(at, r, body, faction, flash);
+    this.drawCooldown(at, body, type.cooldown > 0 ? clamp(state.cooldown / type.cooldown) : 0);
+    this.drawGauges(state, at, r, ring);
+    if (r >= 7) this.drawLabel(at, body, type.label);
+    if (state.unit === this.selected || state.unit === this.hovered)
+      this.drawMark(at, r + ring * 1.6, state.unit === this.selected);
+  }
+
+  /** The shadow of a unit that flies. */
+  drawShadow(at, r) {
+    const { context, scale } = this;
+    context.beginPath();
+    context.ellipse(at.x + scale * 0.12, at.y + scale * 0.35, r * 0.95, r * 0.8, 0, 0, 2 * Math.PI);
+    context.fillStyle = theme.dark ? "rgba(0, 0, 0, 0.45)" : "rgba(20, 30, 45, 0.16)";
+    context.fill();
+  }
+
+  /** The disc or hexagon of a unit, bright if it was just hit. */
+  drawBody(at, r, body, faction, flash) {
+    const { context } = this;
     // The backing keeps units apart in a crowd.
     this.outline(at, r, faction);
     context.fillStyle = theme.dark ? "#0b1016" : "#ffffff";
     context.fill();
     this.outline(at, body, faction);
-    context.fillStyle = colours[`${tone}-deep`];
+    context.fillStyle = theme.colours[`${FACTION_COLOURS[faction]}-deep`];
     context.fill();
     if (flash > 0) {
       context.fillStyle = `rgba(255, 255, 255, ${0.55 * flash})`;
       context.fill();
     }
-    const cooldown = type.cooldown > 0 ? clamp(state.cooldown / type.cooldown) : 0;
-    if (cooldown > 0.01) {
-      context.beginPath();
-      context.moveTo(at.x, at.y);
-      context.arc(at.x, at.y, body * 0.86, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * cooldown);
-      context.closePath();
-      context.fillStyle = "rgba(4, 8, 14, 0.42)";
-      context.fill();
-    }
-    this.drawGauge(
-      at,
-      r - ring / 2,
-      ring,
-      1,
-      theme.dark ? "rgba(255, 255, 255, 0.13)" : "rgba(20, 30, 45, 0.14)",
-      faction,
-    );
-    this.drawGauge(at, r - ring / 2, ring, state.hp / type.hp, colours[tone], faction);
-    const outside = [r + ring * 0.55, ring * 0.6];
-    if (type.shield > 0) this.drawGauge(at, ...outside, state.shield / type.shield, colours.shield, faction);
-    if (type.energy > 0) this.drawGauge(at, ...outside, state.energy / type.energy, colours.energy, faction);
-    if (r >= 7) this.drawLabel(at, body, type.label);
-    if (state.unit === this.selected || state.unit === this.hovered) {
-      context.beginPath();
-      context.arc(at.x, at.y, r + ring * 1.6, 0, 2 * Math.PI);
-      context.lineWidth = state.unit === this.selected ? 2.2 : 1.2;
-      context.strokeStyle = state.unit === this.selected ? colours.focus : theme.faint("text", 0.6);
-      context.stroke();
-    }
+  }
+
+  /** The share of the cooldown that is left, as a sector. */
+  drawCooldown(at, body, share) {
+    if (share <= 0.01) return;
+    const { context } = this;
+    context.beginPath();
+    context.moveTo(at.x, at.y);
+    context.arc(at.x, at.y, body * 0.86, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * share);
+    context.closePath();
+    context.fillStyle = "rgba(4, 8, 14, 0.42)";
+    context.fill();
+  }
+
+  /** Health on the rim; shield or energy around it. */
+  drawGauges(state, at, r, ring) {
+    const { colours } = theme,
+      type = this.type(state.unit),
+      faction = this.info.units[state.unit].faction;
+    const empty = theme.dark ? "rgba(255, 255, 255, 0.13)" : "rgba(20, 30, 45, 0.14)";
+    this.drawGauge(at, r - ring / 2, ring, 1, empty, faction);
+    this.drawGauge(at, r - ring / 2, ring, state.hp / type.hp, colours[FACTION_COLOURS[faction]], faction);
+    const gauge = (share, colour) => this.drawGauge(at, r + ring * 0.55, ring * 0.6, share, colour, faction);
+    if (type.shield > 0) gauge(state.shield / type.shield, colours.shield);
+    if (type.energy > 0) gauge(state.energy / type.energy, colours.energy);
+  }
+
+  /** The ring of the selected unit, or of the one under the pointer. */
+  drawMark(at, r, isSelected) {
+    const { context } = this;
+    context.beginPath();
+    context.arc(at.x, at.y, r, 0, 2 * Math.PI);
+    context.lineWidth = isSelected ? 2.2 : 1.2;
+    context.strokeStyle = isSelected ? theme.colours.focus : theme.faint("text", 0.6);
+    context.stroke();
   }
 
   /** Makes the outline of a unit, from its top, clockwise: a disc for allies, a hexagon for enemies.
@@ -306,7 +346,7 @@ class BattleView {
   unitAt(x, y) {
     let best = -1,
       nearest = Infinity;
-    for (const state of this.states ?? []) {
+    for (const state of this.states) {
       if (!state.alive) continue;
       const at = this.toCanvas(state.x, state.y),
         away = Math.hypot(at.x - x, at.y - y);
@@ -317,14 +357,14 @@ class BattleView {
   }
 }
 
-const titleCase = (name) =>
+export const titleCase = (name) =>
   name
     .toLowerCase()
     .replaceAll("_", " ")
     .replace(/^./, (letter) => letter.toUpperCase());
 
 /** A unit as text: its type, faction and number in it. */
-function unitName(info, unit) {
+export function unitName(info, unit) {
   const { type, faction, id } = info.units[unit];
   return `${titleCase(info.types[type].name)}, ${faction ? "enemy" : "agent"} ${id}`;
 }

@@ -1,6 +1,12 @@
+// @ts-check
 // HealthChart: the share of health that each team has left, over time, with a cursor.
 
-class HealthChart {
+import { FACTION_COLOURS } from "./effects.js";
+import { clamp } from "./numbers.js";
+import { fitCanvas, theme } from "./theme.js";
+import { TICKS_PER_SECOND } from "./transport.js";
+
+export class HealthChart {
   constructor(canvas, seek) {
     this.canvas = canvas;
     this.track = null;

@@ -1,18 +1,20 @@
+// @ts-check
 // Effects: attacks, heals, explosions and deaths, as functions of the time since they happened.
 
+import { clamp, easeOut } from "./numbers.js";
+import { reducedMotion, theme } from "./theme.js";
+
 /** Ticks for which an effect is seen. */
-const SHOT_TICKS = 3.2,
-  BEAM_TICKS = 5,
-  BLAST_TICKS = 8,
-  HEAL_TICKS = 2,
-  DEATH_TICKS = 12,
-  FLASH_TICKS = 2;
+const SHOT_TICKS = 3.2;
+const BEAM_TICKS = 5;
+const BLAST_TICKS = 8;
+const HEAL_TICKS = 2;
+const DEATH_TICKS = 12;
+const FLASH_TICKS = 2;
 /** Attacks from up to this distance between two units, in squares, are blows. */
 const MELEE_RANGE = 1;
 
-const FACTION_COLOURS = ["ally", "enemy"];
-const clamp = (value, low = 0, high = 1) => Math.min(high, Math.max(low, value));
-const easeOut = (part) => 1 - (1 - clamp(part)) ** 3;
+export const FACTION_COLOURS = ["ally", "enemy"];
 
 /** Calls `draw(attack, age, tick)` for the attacks that are still seen at `time`; age is in ticks. */
 function recentAttacks(track, time, draw) {
@@ -24,7 +26,7 @@ function recentAttacks(track, time, draw) {
 }
 
 /** `view` draws at `time`: the effects below units, or those above them. */
-function drawEffects(view, time, above) {
+export function drawEffects(view, time, above) {
   const { track } = view;
   recentAttacks(track, time, (attack, age, tick) => {
     const faction = track.info.units[attack.by].faction;
@@ -130,7 +132,7 @@ function drawRay(view, at, attack, age, tone) {
 /** The rectangle that a beam hits. */
 function drawBurn(view, attack, age, tick, tone) {
   if (age > BEAM_TICKS + 3) return;
-  const { context, track } = view,
+  const { context } = view,
     [width, height] = view.type(attack.by).attack_size;
   const at = { by: view.place(attack.by, tick), on: view.place(attack.on, tick) };
   const fade = 1 - clamp(age / (BEAM_TICKS + 3));
@@ -197,7 +199,7 @@ function drawHeal(view, at, attack, age, time) {
 }
 
 /** The share of a flash that a unit that was just hit still has. */
-function hitFlashes(track, time) {
+export function hitFlashes(track, time) {
   const flashes = new Map();
   if (reducedMotion.matches) return flashes;
   recentAttacks(track, time, (attack, age) => {
@@ -209,7 +211,7 @@ function hitFlashes(track, time) {
 }
 
 /** Where units died: a ring at first, then a mark that stays. */
-function drawDeaths(view, time) {
+export function drawDeaths(view, time) {
   const { context, track } = view;
   for (const { tick, unit } of track.deaths) {
     if (tick > time) break;

@@ -1,22 +1,19 @@
+// @ts-check
 // Inspector: the rosters of both teams, and the card of the selected unit.
+
+import { titleCase, unitName } from "./battle.js";
+import { all, make } from "./dom.js";
+import { clamp } from "./numbers.js";
+import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
+
+/** @import { ScenarioInfo } from "./data.d.ts" */
 
 const ACTIONS = ["no-op", "stop", "north", "south", "east", "west"];
 /** Rosters of more units than this would only be noise. */
 const LARGEST_ROSTER = 160;
 /** Rosters of more units than these have smaller chips. */
-const DENSE_ROSTER = 20,
-  TINY_ROSTER = 36;
-
-/** Makes an element; properties that are no properties of elements become attributes. */
-function make(tag, properties = {}, children = []) {
-  const element = document.createElement(tag);
-  for (const [key, value] of Object.entries(properties)) {
-    if (key in element) element[key] = value;
-    else element.setAttribute(key, value);
-  }
-  element.append(...[].concat(children));
-  return element;
-}
+const DENSE_ROSTER = 20;
+const TINY_ROSTER = 36;
 
 /** The name of an action of an agent. */
 function actionName(info, agent, action) {
@@ -27,8 +24,8 @@ function actionName(info, agent, action) {
   return `${heals ? "heal agent" : "attack enemy"} ${action - ACTIONS.length}`;
 }
 
-class Inspector {
-  constructor(info, select) {
+export class Inspector {
+  constructor(/** @type {ScenarioInfo} */ info, select) {
     this.info = info;
     this.select = select;
     this.chips = [];
@@ -100,7 +97,9 @@ class Inspector {
     }
     const { faction, type: typeId, id } = this.info.units[unit],
       type = this.info.types[typeId];
-    const focused = card.contains(document.activeElement) ? document.activeElement.dataset.name : null;
+    const focused = card.contains(document.activeElement)
+      ? /** @type {HTMLElement} */ (document.activeElement).dataset.name
+      : null;
     card.className = `card ${faction ? "enemy" : "ally"}`;
     const close = make(
       "button",
@@ -118,7 +117,7 @@ class Inspector {
       this.pairs(track, tick, unit, type),
       ...(faction ? [] : this.decision(track, tick, id)),
     );
-    if (focused) card.querySelector(`[data-name="${focused}"]`)?.focus();
+    if (focused) all(`[data-name="${focused}"]`, card)[0]?.focus();
   }
 
   meters(track, tick, unit, type) {
@@ -151,6 +150,7 @@ class Inspector {
       target = track.target[at],
       alive = track.alive[at] > 0;
     const dead = track.deathTick[unit];
+    /** @type {string | HTMLElement} */
     let aim = "none";
     if (alive && target >= 0) {
       aim = make(
@@ -160,6 +160,7 @@ class Inspector {
       );
       aim.addEventListener("click", () => this.select(target));
     }
+    /** @type {[string, string | HTMLElement][]} */
     const rows = [
       ["Position", `${track.x[at].toFixed(2)}, ${track.y[at].toFixed(2)}`],
       ["Target", aim],

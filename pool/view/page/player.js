@@ -1,12 +1,22 @@
+// @ts-check
 // BattlePlayer: shows a track, with clock and controls. Pages say which tracks there are.
 
-const RESULTS = { won: "Won", lost: "Lost", truncated: "Time limit", unfinished: "Unfinished" };
+import { BattleView } from "./battle.js";
+import { HealthChart } from "./chart.js";
+import { all, byId, make } from "./dom.js";
+import { Inspector } from "./inspector.js";
+import { theme } from "./theme.js";
+import { Clock, TICKS_PER_SECOND, TICKS_PER_STEP, Timeline } from "./transport.js";
 
-const byId = (id) => document.getElementById(id);
+/** @import { ScenarioInfo } from "./data.d.ts" */
 
-class BattlePlayer {
-  constructor(info) {
+export const RESULTS = { won: "Won", lost: "Lost", truncated: "Time limit", unfinished: "Unfinished" };
+
+export class BattlePlayer {
+  constructor(/** @type {ScenarioInfo} */ info) {
     this.clock = new Clock();
+    /** Where the pointer was last while it drags, and whether that moved the map. */
+    this.drag = null;
     this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
     this.chart = new HealthChart(byId("chart"), (tick) => this.seek(tick));
     this.use(info);
@@ -126,17 +136,16 @@ class BattlePlayer {
       back: () => this.step(-TICKS_PER_STEP),
       forward: () => this.step(TICKS_PER_STEP),
     };
-    document
-      .querySelectorAll("[data-go]")
-      .forEach((button) => button.addEventListener("click", moves[button.dataset.go]));
-    document
-      .querySelectorAll("[data-speed]")
-      .forEach((button) =>
-        button.addEventListener("click", () => this.changeSpeed(Number(button.dataset.speed))),
-      );
+    all("[data-go]").forEach((button) => button.addEventListener("click", moves[button.dataset.go]));
+    all("[data-speed]").forEach((button) =>
+      button.addEventListener("click", () => this.changeSpeed(Number(button.dataset.speed))),
+    );
     addEventListener("keydown", (event) => this.key(event), { capture: true });
     // After a click the space bar plays again; with the keyboard (detail 0) a button keeps the focus.
-    addEventListener("click", (event) => event.detail > 0 && event.target.closest?.("button")?.blur());
+    addEventListener(
+      "click",
+      (event) => event.detail > 0 && /** @type {Element} */ (event.target).closest?.("button")?.blur(),
+    );
     this.listenToPointer(byId("battle"));
   }
 
@@ -182,59 +191,71 @@ class BattlePlayer {
   }
 
   listenToPointer(canvas) {
-    const local = (event) => {
-      const { left, top } = canvas.getBoundingClientRect();
-      return [event.clientX - left, event.clientY - top];
-    };
-    let from = null,
-      moved = false;
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
-      [from, moved] = [local(event), false];
+      this.drag = { from: this.local(event), hasMoved: false };
     });
-    canvas.addEventListener("pointermove", (event) => {
-      const at = local(event);
-      if (!from) {
-        const unit = this.view.unitAt(...at);
-        if (unit !== this.view.hovered) this.redraw();
-        this.view.hovered = unit;
-        canvas.classList.toggle("over", unit >= 0);
-        return;
-      }
-      const [dx, dy] = [at[0] - from[0], at[1] - from[1]];
-      if (!moved && Math.hypot(dx, dy) < 4) return;
-      moved = true;
-      canvas.classList.add("moving");
-      this.view.move(dx, dy);
-      from = at;
-      this.redraw();
+    canvas.addEventListener("pointermove", (event) =>
+      this.drag ? this.dragTo(this.local(event)) : this.hover(...this.local(event)),
+    );
+    canvas.addEventListener("pointerup", (event) => {
+      if (this.drag && !this.drag.hasMoved) this.click(...this.local(event));
+      this.release();
     });
-    const release = (event) => {
-      if (event.type === "pointerup" && from && !moved) {
-        const unit = this.view.unitAt(...local(event));
-        if (unit >= 0 || this.view.selected >= 0) this.select(unit);
-      }
-      from = null;
-      canvas.classList.remove("moving");
-    };
-    canvas.addEventListener("pointerup", release);
-    canvas.addEventListener("pointercancel", release);
+    canvas.addEventListener("pointercancel", () => this.release());
     canvas.addEventListener("pointerleave", () => {
       this.view.hovered = -1;
       this.redraw();
     });
-    canvas.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        this.view.zoom(Math.exp(-event.deltaY * 0.0015), ...local(event));
-        this.redraw();
-      },
-      { passive: false },
-    );
+    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("dblclick", () => {
       this.view.camera = null;
       this.redraw();
     });
+  }
+
+  /**
+   * Where the pointer is on the canvas.
+   * @param {MouseEvent} event
+   * @returns {[number, number]}
+   */
+  local(event) {
+    const { left, top } = this.view.canvas.getBoundingClientRect();
+    return [event.clientX - left, event.clientY - top];
+  }
+
+  hover(x, y) {
+    const { view } = this,
+      unit = view.unitAt(x, y);
+    if (unit !== view.hovered) this.redraw();
+    view.hovered = unit;
+    view.canvas.classList.toggle("over", unit >= 0);
+  }
+
+  dragTo(at) {
+    const { drag, view } = this;
+    const [dx, dy] = [at[0] - drag.from[0], at[1] - drag.from[1]];
+    // A click that trembles moves nothing.
+    if (!drag.hasMoved && Math.hypot(dx, dy) < 4) return;
+    this.drag = { from: at, hasMoved: true };
+    view.canvas.classList.add("moving");
+    view.move(dx, dy);
+    this.redraw();
+  }
+
+  click(x, y) {
+    const unit = this.view.unitAt(x, y);
+    if (unit >= 0 || this.view.selected >= 0) this.select(unit);
+  }
+
+  release() {
+    this.drag = null;
+    this.view.canvas.classList.remove("moving");
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    this.view.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));
+    this.redraw();
   }
 }

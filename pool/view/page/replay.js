@@ -1,6 +1,17 @@
+// @ts-check
 // The page of a replay: reads the data in the document, and lists its episodes.
 
+import { byId, make } from "./dom.js";
+import { clamp } from "./numbers.js";
+import { BattlePlayer, RESULTS } from "./player.js";
+import { theme } from "./theme.js";
+import { Track, inflate } from "./track.js";
+import { SPEEDS } from "./transport.js";
+
+/** @import { ReplayData } from "./data.d.ts" */
+
 class ReplayPage extends BattlePlayer {
+  /** @param {ReplayData} data */
   constructor(data) {
     super(data.scenario);
     this.data = data;

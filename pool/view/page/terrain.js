@@ -1,9 +1,12 @@
+// @ts-check
 // TerrainLayer: the map of a battle, painted once for each camera and then copied.
+
+import { theme } from "./theme.js";
 
 /** Maps of more obstacles than this are painted without hatching, which is slow then. */
 const MOST_HATCHED = 5000;
 
-class TerrainLayer {
+export class TerrainLayer {
   constructor(view) {
     this.view = view;
     this.picture = document.createElement("canvas");
@@ -31,7 +34,10 @@ class TerrainLayer {
     return Math.round(value * this.view.ratio) / this.view.ratio;
   }
 
-  /** A rectangle of squares on the canvas: left, top, width, height. */
+  /**
+   * A rectangle of squares on the canvas: left, top, width, height.
+   * @returns {[number, number, number, number]}
+   */
   rect(x0, y0, x1, y1) {
     const a = this.view.toCanvas(x0, y1);
     const b = this.view.toCanvas(x1, y0);
@@ -75,7 +81,7 @@ class TerrainLayer {
   }
 
   /** The obstacles as one shape: each is stroked first, then all are filled over the inner lines. */
-  paintWalls(map) {
+  paintWalls(/** @type {[number, number, number, number]} */ map) {
     const { context } = this;
     const { info, scale } = this.view;
     context.strokeStyle = theme.colours["wall-edge"];

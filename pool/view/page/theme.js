@@ -1,6 +1,7 @@
+// @ts-check
 // Theme: the colours of the style sheet for canvases, and the choice between light and dark.
 
-const theme = {
+export const theme = {
   colours: {},
   listeners: [],
 
@@ -75,10 +76,10 @@ function stored(key) {
   }
 }
 
-const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
+export const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 
 /** Fits the pixels of a canvas to its size on the screen; its context then measures in CSS pixels. */
-function fitCanvas(canvas) {
+export function fitCanvas(canvas) {
   const ratio = devicePixelRatio || 1,
     { width, height } = canvas.getBoundingClientRect();
   const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];

@@ -1,20 +1,43 @@
+// @ts-check
 // Track: the moments and decisions of an episode, decoded. It grows by `append`, so it serves recordings and
 // live data.
 
+/** @import { ScenarioInfo } from "./data.d.ts" */
+/** @typedef {{ by: number, on: number, kind: string }} Attack */
+/** @typedef {{ action: number, available: number[] }} Decision */
+
+// The orders of `encode_moments` in pool/view/src/page/data.rs.
 const ATTACK_KINDS = ["shot", "beam", "explosion", "heal"];
-const COLUMNS = ["x", "y", "facing", "hp", "shield", "energy", "cooldown", "target", "alive"];
+export const COLUMNS = /** @type {const} */ ([
+  "x",
+  "y",
+  "facing",
+  "hp",
+  "shield",
+  "energy",
+  "cooldown",
+  "target",
+  "alive",
+]);
 
-/** The bytes of base64 text. */
-const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+/**
+ * The bytes of base64 text.
+ * @param {string} text
+ */
+export const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
-/** The bytes of base64 text that was compressed by deflate. */
-async function inflate(text) {
+/**
+ * The bytes of base64 text that was compressed by deflate.
+ * @param {string} text
+ */
+export async function inflate(text) {
   const stream = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
 /** Reads LEB128 numbers. */
 class Numbers {
+  /** @param {Uint8Array} bytes */
   constructor(bytes) {
     this.bytes = bytes;
     this.at = 0;
@@ -39,24 +62,34 @@ class Numbers {
   }
 }
 
-class Track {
+export class Track {
+  /** @param {ScenarioInfo} info */
   constructor(info) {
     this.info = info;
+    /** Tells it from other tracks of the page. */
+    this.serial = 0;
     this.units = info.units.length;
     /** Number of moments; moment t is t ticks after the start. */
     this.length = 0;
     this.capacity = 0;
-    for (const name of COLUMNS) this[name] = new Float32Array(0);
-    /** By moment: the attacks of the tick that ends there. */
+    this.x = this.y = this.facing = new Float32Array(0);
+    this.hp = this.shield = this.energy = this.cooldown = new Float32Array(0);
+    this.target = this.alive = new Float32Array(0);
+    /** By moment: the attacks of the tick that ends there.
+     * @type {Attack[][]} */
     this.attacks = [];
-    /** Every death, in order: { tick, unit }. */
+    /** Every death, in order.
+     * @type {{ tick: number, unit: number }[]} */
     this.deaths = [];
     this.deathTick = new Float64Array(this.units).fill(Infinity);
-    /** By faction and moment: the share of health and shields that is left. */
+    /** By faction and moment: the share of health and shields that is left.
+     * @type {number[][]} */
     this.health = [[], []];
-    /** By faction and moment: the number of living units. */
+    /** By faction and moment: the number of living units.
+     * @type {number[][]} */
     this.living = [[], []];
-    /** By step and agent: { action, available }. */
+    /** By step and agent.
+     * @type {Decision[][]} */
     this.decisions = [];
     const most = [0, 0];
     for (const unit of info.units)
@@ -68,7 +101,11 @@ class Track {
     return Math.max(0, this.length - 1);
   }
 
-  /** Appends the moments of decompressed bytes. */
+  /**
+   * Appends the moments of decompressed bytes.
+   * @param {Uint8Array} bytes
+   * @param {number} count
+   */
   append(bytes, count) {
     this.reserve(this.length + count);
     const per = this.info.units_per;
@@ -111,7 +148,10 @@ class Track {
     this.length += count;
   }
 
-  /** Appends the decisions of decompressed bytes; the last one may be without actions. */
+  /**
+   * Appends the decisions of decompressed bytes; the last one may be without actions.
+   * @param {Uint8Array} bytes
+   */
   appendDecisions(bytes) {
     const numbers = new Numbers(bytes);
     const words = Math.ceil(this.info.n_actions / 32);
@@ -131,6 +171,7 @@ class Track {
     }
   }
 
+  /** @param {number} length */
   reserve(length) {
     if (length <= this.capacity) return;
     this.capacity = Math.max(length, this.capacity * 2);
@@ -141,6 +182,7 @@ class Track {
     }
   }
 
+  /** @param {number} tick */
   summarise(tick) {
     const left = [0, 0],
       living = [0, 0];
@@ -161,13 +203,18 @@ class Track {
     }
   }
 
-  /** A unit at a time between two moments: positions move evenly, the rest is that of the moment before. */
+  /**
+   * A unit at a time between two moments: positions move evenly, the rest is that of the moment before.
+   * @param {number} unit
+   * @param {number} time
+   */
   unitAt(unit, time) {
     const before = Math.min(Math.floor(time), this.last),
       after = Math.min(before + 1, this.last);
     const part = time - before,
       a = before * this.units + unit,
       b = after * this.units + unit;
+    /** @param {Float32Array} column */
     const mix = (column) => column[a] + (column[b] - column[a]) * part;
     const turn = ((this.facing[b] - this.facing[a] + 3 * Math.PI) % (2 * Math.PI)) - Math.PI;
     return {

@@ -1,12 +1,16 @@
+// @ts-check
 // Clock: the time that is shown, and how fast it runs. Timeline: the scrub bar with its marks.
 
-const TICKS_PER_SECOND = 16,
-  TICKS_PER_STEP = 8;
-const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
+import { clamp } from "./numbers.js";
+import { fitCanvas, theme } from "./theme.js";
+
+export const TICKS_PER_SECOND = 16;
+export const TICKS_PER_STEP = 8;
+export const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 /** The longest time between two pictures that counts, in seconds: a hidden tab does not jump ahead. */
 const LONGEST_FRAME = 0.1;
 
-class Clock {
+export class Clock {
   constructor() {
     this.time = 0;
     this.end = 0;
@@ -52,7 +56,7 @@ class Clock {
   }
 }
 
-class Timeline {
+export class Timeline {
   constructor(canvas, input, seek) {
     this.canvas = canvas;
     this.input = input;

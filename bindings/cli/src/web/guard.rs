@@ -1,11 +1,11 @@
 //! What every request must pass, and the headers of every response.
 
+use super::pages;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::http::{HeaderMap, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use smaclite_view::page::CONNECTED_POLICY;
 use std::net::IpAddr;
 use std::sync::Arc;
 use subtle::ConstantTimeEq;
@@ -61,7 +61,7 @@ pub(super) async fn check(guard: Arc<Guard>, request: Request, next: Next) -> Re
         None => next.run(request).await,
     };
     let headers = [
-        (header::CONTENT_SECURITY_POLICY, CONNECTED_POLICY),
+        (header::CONTENT_SECURITY_POLICY, pages::POLICY),
         (header::CACHE_CONTROL, "no-store"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),

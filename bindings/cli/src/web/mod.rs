@@ -1,14 +1,16 @@
 //! The web server of the commands that show something in a browser: one document, and a WebSocket over which
-//! it talks with the program. It listens on loopback unless another address is given, and answers only those
-//! that know the token in the printed URL. What is served is an [`App`].
+//! its scripts send requests (`protocol`). It listens on loopback unless another address is given, and
+//! answers only those that know the token in the printed URL. What is served is an [`App`].
 
 mod connections;
 pub(crate) mod editor;
 mod guard;
 pub(crate) mod live;
 mod page;
+mod pages;
+mod protocol;
 
-pub(crate) use page::{Closed, Page, Request};
+pub(crate) use page::{Closed, Page};
 
 use crate::CommandResult;
 use axum::Router;
@@ -41,7 +43,7 @@ const MAX_PAGES: usize = 16;
 /// Bytes of the longest message of a page; a scenario with its unit files fits.
 const MAX_MESSAGE: usize = 1 << 22;
 
-/// How long to wait for conversations at the end: one may wait for an answer of a pool that is stopped.
+/// How long to wait for open pages at the end: one may wait for a response of a pool that is stopped.
 const MOST_WAIT: Duration = Duration::from_secs(3);
 
 /// Options of the commands that serve a page.
@@ -63,18 +65,18 @@ pub(crate) trait App: Send + Sync + 'static {
     /// The HTML document, which loads nothing but the WebSocket.
     fn document(&self) -> String;
 
-    /// Talks with one open page until it is closed. It runs on a separate thread and may block.
-    fn talk(&self, page: Page);
+    /// Serves one open page until it is closed. It runs on a separate thread and may block.
+    fn run(&self, page: Page);
 }
 
 /// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after
-/// every [`App::talk`] has, unless one takes too long.
+/// every [`App::run`] has, unless one takes too long.
 pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App>)>) -> CommandResult {
     let address = SocketAddr::new(options.host, options.port);
     let listener =
         TcpListener::bind(address).map_err(|error| format!("cannot listen on {address}: {error}"))?;
     listener.set_nonblocking(true)?;
-    let token = random_token()?;
+    let token = token()?;
     let url = format!("http://{}/?token={token}", listener.local_addr()?);
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
@@ -98,7 +100,7 @@ pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App
         let _all_ended = timeout(MOST_WAIT, pages.acquire_many(MAX_PAGES as u32)).await;
         served
     });
-    runtime.shutdown_background(); // does not wait for a conversation that took too long
+    runtime.shutdown_background(); // does not wait for a page that took too long
     served
 }
 
@@ -143,7 +145,7 @@ async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Resp
     let upgrade = upgrade.0.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE);
     upgrade.on_upgrade(async move |socket| {
         let ended = served.ended.clone();
-        page::converse(socket, ended, move |page| served.app.talk(page)).await;
+        page::serve(socket, ended, move |page| served.app.run(page)).await;
         drop(permit);
     })
 }
@@ -158,6 +160,21 @@ impl<S: Send + Sync> FromRequestParts<S> for Upgrade {
         let upgrade = WebSocketUpgrade::from_request_parts(parts, state).await;
         upgrade.map(Upgrade).map_err(|_| (StatusCode::BAD_REQUEST, "expected a WebSocket\n"))
     }
+}
+
+/// The variable with the token of the URL. With a token of its own, a program that is started again serves
+/// the pages that are still open.
+const TOKEN_VARIABLE: &str = "SMACLITE_POOL_TOKEN";
+
+/// The token that is given, or a random one.
+fn token() -> Result<String, Box<dyn std::error::Error>> {
+    let Some(token) = std::env::var_os(TOKEN_VARIABLE) else {
+        return Ok(random_token()?);
+    };
+    let is_plain =
+        |token: &String| token.len() >= 32 && token.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    let token = token.into_string().ok().filter(is_plain);
+    token.ok_or_else(|| format!("{TOKEN_VARIABLE} must be 32 or more letters and digits").into())
 }
 
 /// 128 random bits of the operating system, as hexadecimal digits.

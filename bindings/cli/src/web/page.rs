@@ -1,9 +1,10 @@
-//! The conversation with one open page: requests `{"id": n, "do": "...", ...}` and their answers
-//! `{"id": n, ...}`, and events `{"event": "...", ...}` that are sent unasked. All are JSON in text messages.
+//! One open page: its requests, which are queued for the app's thread, and the messages that go back.
+//! `protocol` declares both.
 
+use super::protocol::{EventMessage, Outcome, PageEvent, PageRequest, PageResponse, RequestMessage};
+use super::protocol::{ResponseMessage, VERSION};
 use axum::extract::ws::{Message, WebSocket};
-use serde::Deserialize;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::time::Instant;
 use tokio::sync::mpsc::{Sender, channel};
@@ -15,46 +16,19 @@ const MAX_WAITING: usize = 256;
 /// Messages that wait until the browser has time; then the app waits.
 const MAX_UNSENT: usize = 4;
 
-/// A request of a page.
-#[derive(Debug, Deserialize)]
-pub(crate) struct Request {
-    id: u64,
-    /// What to do.
-    #[serde(rename = "do")]
-    pub(crate) action: String,
-    /// Everything else in the message.
-    #[serde(flatten)]
-    pub(crate) arguments: Map<String, Value>,
-}
-
-impl Request {
-    /// A text among the arguments.
-    pub(crate) fn text(&self, key: &str) -> Result<&str, String> {
-        let value = self.arguments.get(key).and_then(Value::as_str);
-        value.ok_or_else(|| format!("`{key}` must be a text"))
-    }
-
-    /// A number among the arguments.
-    pub(crate) fn number(&self, key: &str) -> Result<usize, String> {
-        let value = self.arguments.get(key).and_then(Value::as_u64);
-        let value = value.and_then(|value| usize::try_from(value).ok());
-        value.ok_or_else(|| format!("`{key}` must be a whole number, 0 or more"))
-    }
-}
-
 /// The page is closed, or the server ends.
 #[derive(Debug)]
 pub(crate) struct Closed;
 
 /// An open page, as the app's thread sees it.
 pub(crate) struct Page {
-    requests: Receiver<Request>,
+    requests: Receiver<RequestMessage>,
     messages: Sender<String>,
 }
 
 impl Page {
     /// The next request; `None` if there is none until the given time.
-    pub(crate) fn receive(&self, until: Option<Instant>) -> Result<Option<Request>, Closed> {
+    pub(crate) fn receive(&self, until: Option<Instant>) -> Result<Option<RequestMessage>, Closed> {
         let Some(until) = until else {
             return self.requests.recv().map(Some).map_err(|_| Closed);
         };
@@ -65,71 +39,118 @@ impl Page {
         }
     }
 
-    /// Answers a request with the keys of an object.
-    pub(crate) fn answer(&self, request: &Request, mut answer: Value) -> Result<(), Closed> {
-        answer["id"] = request.id.into();
-        self.send(answer)
+    /// Responds to a request.
+    pub(crate) fn respond(
+        &self,
+        id: u64,
+        result: Result<PageResponse, impl std::fmt::Display>,
+    ) -> Result<(), Closed> {
+        self.send(&response(Some(id), result))
     }
 
-    /// Answers that a request failed.
-    pub(crate) fn refuse(&self, request: &Request, why: impl ToString) -> Result<(), Closed> {
-        self.answer(request, json!({"error": why.to_string()}))
+    /// Sends an event.
+    pub(crate) fn push(&self, event: PageEvent) -> Result<(), Closed> {
+        self.send(&EventMessage { event })
     }
 
-    /// Sends an event with the keys of an object.
-    pub(crate) fn push(&self, event: &str, mut contents: Value) -> Result<(), Closed> {
-        contents["event"] = event.into();
-        self.send(contents)
-    }
-
-    fn send(&self, message: Value) -> Result<(), Closed> {
-        self.messages.blocking_send(message.to_string()).map_err(|_| Closed)
+    fn send(&self, message: &impl Serialize) -> Result<(), Closed> {
+        self.messages.blocking_send(text(message)).map_err(|_| Closed)
     }
 }
 
-/// Carries messages between a WebSocket and `talk`, which runs on another thread, until either or the server
+fn response(id: Option<u64>, result: Result<PageResponse, impl std::fmt::Display>) -> ResponseMessage {
+    let outcome = match result {
+        Ok(response) => Outcome::Response(Box::new(response)),
+        Err(error) => Outcome::Error(error.to_string()),
+    };
+    ResponseMessage { id, outcome }
+}
+
+/// A message as JSON; its types have nothing that JSON cannot say.
+fn text(message: &impl Serialize) -> String {
+    serde_json::to_string(message).unwrap_or_default()
+}
+
+/// Carries messages between a WebSocket and `run`, which runs on another thread, until either or the server
 /// ends.
-pub(super) async fn converse(
+pub(super) async fn serve(
     mut socket: WebSocket,
     mut ended: watch::Receiver<()>,
-    talk: impl FnOnce(Page) + Send + 'static,
+    run: impl FnOnce(Page) + Send + 'static,
 ) {
     let (request_sender, requests) = sync_channel(MAX_WAITING);
     let (messages, mut unsent) = channel(MAX_UNSENT);
-    let talking = tokio::task::spawn_blocking(move || talk(Page { requests, messages }));
+    let running = tokio::task::spawn_blocking(move || run(Page { requests, messages }));
+    let mut version = None;
     loop {
-        tokio::select! {
+        let message = tokio::select! {
             _ = ended.changed() => break,
             received = socket.recv() => {
                 let Some(Ok(message)) = received else { break };
-                let refusal = match message {
-                    Message::Text(text) => match serde_json::from_str::<Request>(&text) {
-                        Ok(request) => match request_sender.try_send(request) {
-                            Ok(()) => continue,
-                            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => break,
-                        },
-                        Err(error) => format!("expected a request, {{\"id\": 1, \"do\": \"...\"}}: {error}"),
+                match understand(message, &mut version) {
+                    Understood::Request(request) => match request_sender.try_send(request) {
+                        Ok(()) => continue,
+                        Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => break,
                     },
-                    Message::Binary(_) => "expected text, got bytes".to_owned(),
-                    Message::Ping(_) | Message::Pong(_) => continue,
-                    Message::Close(_) => break,
-                };
-                if send(&mut socket, json!({"error": refusal}).to_string()).await.is_err() {
-                    break;
+                    Understood::Response(response) => text(&response),
+                    Understood::Nothing => continue,
+                    Understood::Close => break,
                 }
             }
             message = unsent.recv() => {
                 let Some(message) = message else { break };
-                if send(&mut socket, message).await.is_err() {
-                    break;
-                }
+                message
             }
+        };
+        if socket.send(Message::Text(message.into())).await.is_err() {
+            break;
         }
     }
-    drop((request_sender, unsent)); // ends the talk
-    let _ = talking.await; // a panic is printed by its thread, and this page is closed
+    drop((request_sender, unsent)); // ends the run
+    let _ = running.await; // a panic is printed by its thread, and this page is closed
 }
 
-async fn send(socket: &mut WebSocket, message: String) -> Result<(), axum::Error> {
-    socket.send(Message::Text(message.into())).await
+/// A message of a page.
+enum Understood {
+    Request(RequestMessage),
+    /// What it gets without the app.
+    Response(ResponseMessage),
+    Nothing,
+    Close,
+}
+
+/// Reads a message; `version` is the one of the page, once it has said it.
+fn understand(message: Message, version: &mut Option<u32>) -> Understood {
+    let refuse = |id, why: String| Understood::Response(response(id, Err(why)));
+    let text = match message {
+        Message::Text(text) => text,
+        Message::Binary(_) => return refuse(None, "expected text, got bytes".to_owned()),
+        Message::Ping(_) | Message::Pong(_) => return Understood::Nothing,
+        Message::Close(_) => return Understood::Close,
+    };
+    let message = match serde_json::from_str::<RequestMessage>(&text) {
+        Ok(message) => message,
+        Err(error) => return refuse(id_of(&text), format!("expected a request: {error}")),
+    };
+    if let PageRequest::Hello { version: said } = message.request {
+        *version = Some(said);
+        if said == VERSION {
+            return Understood::Response(response(Some(message.id), Ok::<_, String>(PageResponse::Hello {})));
+        }
+    }
+    match version {
+        Some(VERSION) => Understood::Request(message),
+        Some(other) => refuse(
+            Some(message.id),
+            format!(
+                "this page has version {other} of the messages, the program has {VERSION}: reload the page"
+            ),
+        ),
+        None => refuse(Some(message.id), "the first request must be `hello`".to_owned()),
+    }
+}
+
+/// The id of a request that is otherwise not understood.
+fn id_of(text: &str) -> Option<u64> {
+    serde_json::from_str::<serde_json::Value>(text).ok()?.get("id")?.as_u64()
 }

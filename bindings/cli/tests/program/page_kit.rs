@@ -153,7 +153,9 @@ impl Url {
         let stream = TcpStream::connect(&self.host).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
-        OpenPage { socket, next: 1, events: Vec::new() }
+        let mut page = OpenPage { socket, next: 1, events: Vec::new() };
+        page.request("hello", json!({"version": 1}));
+        page
     }
 }
 
@@ -161,61 +163,68 @@ impl Url {
 pub struct OpenPage {
     pub socket: WebSocket<TcpStream>,
     next: u64,
-    /// Events that came while an answer was awaited.
+    /// Events that came while a response was awaited.
     events: Vec<Value>,
 }
 
 impl OpenPage {
-    pub fn say(&mut self, text: &str) {
+    pub fn send(&mut self, text: &str) {
         self.socket.send(Message::text(text)).expect("it reads");
     }
 
-    pub fn hear(&mut self) -> Value {
+    pub fn receive(&mut self) -> Value {
         loop {
-            if let Message::Text(text) = self.socket.read().expect("it talks") {
+            if let Message::Text(text) = self.socket.read().expect("it is open") {
                 return serde_json::from_str(&text).expect("JSON");
             }
         }
     }
 
-    pub fn ask(&mut self, what: &str, mut arguments: Value) -> Value {
-        (arguments["id"], arguments["do"]) = (self.next.into(), what.into());
-        self.say(&arguments.to_string());
+    /// Sends a request; returns the message that responds to it.
+    fn exchange(&mut self, name: &str, mut request: Value) -> Value {
+        request["type"] = name.into();
+        self.send(&json!({"id": self.next, "request": request}).to_string());
         loop {
-            let message = self.hear();
+            let message = self.receive();
             if message.get("event").is_none() {
                 assert_eq!(message["id"], self.next, "{message}");
                 self.next += 1;
                 return message;
             }
-            self.events.push(message);
+            self.events.push(message["event"].clone());
         }
     }
 
-    pub fn error(&mut self, what: &str, arguments: Value) -> String {
-        let answer = self.ask(what, arguments);
-        answer["error"].as_str().unwrap_or_else(|| panic!("{what}: {answer}")).to_owned()
+    pub fn request(&mut self, name: &str, request: Value) -> Value {
+        let message = self.exchange(name, request);
+        assert_eq!(message["response"]["type"], name, "{message}");
+        message["response"].clone()
+    }
+
+    pub fn error(&mut self, name: &str, request: Value) -> String {
+        let message = self.exchange(name, request);
+        message["error"].as_str().unwrap_or_else(|| panic!("{name}: {message}")).to_owned()
     }
 
     /// The next event of a name that fulfils a condition.
     pub fn event(&mut self, name: &str, fits: impl Fn(&Value) -> bool) -> Value {
-        let fits = |event: &Value| event["event"] == name && fits(event);
+        let fits = |event: &Value| event["type"] == name && fits(event);
         if let Some(at) = self.events.iter().position(fits) {
             return self.events.drain(..=at).next_back().expect("an event");
         }
         self.events.clear();
         let begin = Instant::now();
         while begin.elapsed() < PATIENCE {
-            let message = self.hear();
-            if fits(&message) {
-                return message;
+            let event = self.receive()["event"].clone();
+            if fits(&event) {
+                return event;
             }
         }
         panic!("no event {name}")
     }
 
     pub fn show(&mut self, lane: &str, first: usize, count: usize) {
-        self.ask("lane", json!({"name": lane}));
-        self.ask("look", json!({"first": first, "count": count, "visible": true}));
+        self.request("select_lane", json!({"name": lane}));
+        self.request("set_view", json!({"first": first, "count": count, "visible": true}));
     }
 }

@@ -110,21 +110,27 @@ fn requests_that_make_no_sense_are_refused() {
         ("", "expected a request"),
         ("{", "expected a request"),
         ("[]", "expected a request"),
-        ("{\"do\": \"lane\"}", "missing field `id`"),
-        ("{\"id\": -1, \"do\": \"lane\"}", "invalid value"),
+        (r#"{"request": {"type": "unfollow"}}"#, "missing field `id`"),
+        (r#"{"id": -1, "request": {"type": "unfollow"}}"#, "invalid value"),
     ] {
-        page.say(text);
-        let error = page.hear();
+        page.send(text);
+        let error = page.receive();
         assert!(error["error"].as_str().is_some_and(|error| error.contains(expected)), "{text}: {error}");
     }
     page.socket.send(Message::binary(vec![1, 2])).expect("it reads");
-    assert_eq!(page.hear()["error"], "expected text, got bytes");
-    assert_eq!(page.error("fly", json!({})), "there is no request `fly`");
-    assert_eq!(page.error("lane", json!({"name": 3})), "`name` must be a text");
-    assert_eq!(page.error("look", json!({"first": -1})), "`first` must be a whole number, 0 or more");
-    assert_eq!(page.error("follow", json!({"env": 0})), "choose a lane first");
-    assert_eq!(page.error("steps", json!({"number": 0, "step": 0})), "no environment is followed");
-    assert_eq!(page.error("observe", json!({"number": 0, "step": 0})), "no environment is followed");
+    assert_eq!(page.receive()["error"], "expected text, got bytes");
+    for (name, request, expected) in [
+        ("fly", json!({}), "unknown variant `fly`, expected one of `hello`, `select_lane`"),
+        ("select_lane", json!({"name": 3}), "invalid type: integer `3`, expected a string"),
+        ("set_view", json!({"first": -1}), "invalid value: integer `-1`, expected usize"),
+        ("follow", json!({"env": 0}), "select a lane first"),
+        ("get_steps", json!({"number": 0, "step": 0}), "no environment is followed"),
+        ("get_observation", json!({"number": 0, "step": 0, "agent": 0}), "no environment is followed"),
+        ("get_builtins", json!({}), "this request is one of the editor"),
+    ] {
+        let error = page.error(name, request);
+        assert!(error.contains(expected), "{name}: {error}");
+    }
     page.show("4m", 0, 1);
     let lost = page.event("lost", |_| true);
     assert!(lost["error"].as_str().is_some_and(|error| error.contains("no lane `4m`")), "{lost}");
@@ -170,6 +176,19 @@ fn many_connections_do_not_exhaust_the_program() {
     drop(pages);
 }
 
+/// A page can stay open while the program is replaced by another release.
+#[test]
+fn a_page_of_another_version_is_told_to_be_reloaded() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    assert!(page.error("hello", json!({"version": 1_000_000})).ends_with("reload the page"));
+    assert!(page.error("unfollow", json!({})).ends_with("reload the page"));
+    page.request("hello", json!({"version": 1}));
+    page.request("unfollow", json!({}));
+}
+
 /// An attached learner that plays the first legal action of every agent.
 struct Learner {
     client: Client,
@@ -212,13 +231,13 @@ fn a_page_sees_what_the_learner_does() {
     });
     assert_eq!(n_features.sum::<usize>(), sizes.obs_size);
 
-    assert_eq!(page.ask("follow", json!({"env": 1})).get("error"), None);
+    assert_eq!(page.request("follow", json!({"env": 1}))["type"], "follow");
     let seen: Vec<_> = (0..200).map(|_| learner.step()).collect();
     let grid = page.event("grid", |event| event["cells"][0]["length"] == seen[199].1);
     assert_eq!((&grid["cells"][0]["env"], &grid["cells"][1]["env"]), (&1.into(), &2.into()), "{grid}");
     assert!(grid["cells"].as_array().is_some_and(|cells| cells.len() == 2));
-    let status = page.event("status", |event| event["lane"]["stats"]["steps"].as_u64() > Some(700));
-    assert_eq!(status["lane"]["learner_pid"], std::process::id());
+    let status = page.event("status", |event| event["pool"]["lane"]["stats"]["steps"].as_u64() > Some(700));
+    assert_eq!(status["pool"]["lane"]["learner_pid"], std::process::id());
 
     // The log of environment 1 begins after its reset, so its episodes are those that the learner saw.
     let ends = seen.iter().zip(&seen[1..]).filter(|((_, length), (_, next))| next < length).count();
@@ -227,7 +246,7 @@ fn a_page_sees_what_the_learner_does() {
     let mut step = 0;
     for episode in episodes.iter().rev() {
         let (number, steps) = (&episode["number"], episode["steps"].as_u64().expect("a number"));
-        let played = page.ask("steps", json!({"number": number, "step": 0}));
+        let played = page.request("get_steps", json!({"number": number, "step": 0}));
         assert_eq!(
             (played["steps"].as_u64(), played["n_moments"].as_u64()),
             (Some(steps), Some(steps * 8 + 1))
@@ -236,7 +255,8 @@ fn a_page_sees_what_the_learner_does() {
             let (obs, length) = &seen[step];
             assert_eq!(u64::try_from(*length), Ok(k), "of episode {number}");
             for (agent, row) in obs.chunks(sizes.obs_size).enumerate() {
-                let observed = page.ask("observe", json!({"number": number, "step": k, "agent": agent}));
+                let observed =
+                    page.request("get_observation", json!({"number": number, "step": k, "agent": agent}));
                 // JSON has the shortest digits that give the same f32; reading them as f64 may round.
                 let values = observed["obs"].as_array().expect("a row").iter();
                 let values = values.map(|value| value.as_f64().expect("a number") as f32).collect::<Vec<_>>();
@@ -248,13 +268,13 @@ fn a_page_sees_what_the_learner_does() {
     }
     assert!(step >= seen.len(), "all steps were compared, got {step}");
 
-    let refused = page.error("steps", json!({"number": ends, "step": 1000}));
+    let refused = page.error("get_steps", json!({"number": ends, "step": 1000}));
     assert!(refused.contains("step 1000 is not in the log"), "{refused}");
     assert_eq!(
-        page.error("steps", json!({"number": 99, "step": 0})),
+        page.error("get_steps", json!({"number": 99, "step": 0})),
         "episode 99 is not in the log any more"
     );
-    let refused = page.error("observe", json!({"number": ends, "step": 0, "agent": 3}));
+    let refused = page.error("get_observation", json!({"number": ends, "step": 0, "agent": 3}));
     assert_eq!(refused, "agent must be below 3, got 3");
     assert_eq!(watch.interrupt(), Some(0));
     let after = status_of(&place);
@@ -274,7 +294,7 @@ fn a_hidden_page_is_sent_nothing_and_holds_nothing() {
     let mut page = url.open();
     page.show("3m", 0, 2);
     page.event("lane", |_| true);
-    page.ask("look", json!({"first": 0, "count": 2, "visible": false}));
+    page.request("set_view", json!({"first": 0, "count": 2, "visible": false}));
     page.socket.get_mut().set_read_timeout(Some(Duration::from_millis(1500))).expect("a timeout");
     let silence = page.socket.read();
     assert!(matches!(silence, Err(tungstenite::Error::Io(_))), "{silence:?}");
@@ -294,7 +314,7 @@ fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
         lane["no_grid"].as_str().is_some_and(|why| why.contains("already has its 1 spectators")),
         "{lane}"
     );
-    page.ask("follow", json!({"env": 1}));
+    page.request("follow", json!({"env": 1}));
     learner.step();
     page.event("episodes", |event| event["episodes"][0]["steps"] == 1);
 }
@@ -307,7 +327,7 @@ fn a_pool_that_runs_again_is_shown_again() {
     let mut page = url.open();
     page.show("3m", 0, 2);
     let first = page.event("lane", |_| true);
-    page.ask("follow", json!({"env": 0}));
+    page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
     assert_eq!(pool.interrupt(), Some(0));
     page.event("lost", |_| true);
@@ -317,8 +337,8 @@ fn a_pool_that_runs_again_is_shown_again() {
     let _again = place.serve("3m:2 --name train");
     let second = page.event("lane", |_| true);
     assert_ne!(first["pid"], second["pid"]);
-    page.event("status", |event| event["pid"] == second["pid"]);
-    page.ask("follow", json!({"env": 0}));
+    page.event("status", |event| event["pool"]["pid"] == second["pid"]);
+    page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
 }
 
@@ -332,7 +352,7 @@ fn an_interrupt_ends_the_program_while_a_page_is_open() {
     let mut page = url.open();
     page.show("3m", 0, 2);
     page.event("lane", |_| true);
-    page.ask("follow", json!({"env": 0}));
+    page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
     assert_eq!(status_of(&place)["spectators"], 1);
     assert_eq!((pool.interrupt(), watch.interrupt()), (Some(0), Some(0)));

@@ -1,4 +1,5 @@
-//! The data of the page: what its scripts (`track.js`) decode.
+//! The data of the page: what its scripts (`track.js`) decode. `page/data.d.ts` describes it to them; a test
+//! writes that file. It has no version, because a page contains both the data and the scripts.
 //!
 //! Moments and steps are streams of variable-length integers (LEB128; signed ones in zigzag order),
 //! compressed by deflate and written in base64. Values are rounded to what can be seen.
@@ -10,10 +11,13 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
-use serde_json::{Value, json};
+use serde::Serialize;
 use smaclite_engine::{Arena, Battle, SIGHT_RANGE};
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::{Keyword, Targeter, UnitType};
+
+#[cfg(test)]
+use ts_rs::TS;
 
 use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment, type_letters};
 
@@ -25,61 +29,155 @@ const SECONDS: f32 = 160.0;
 const DIRECTIONS: i64 = 256;
 
 /// What no tick changes: terrain, unit types, units, sizes.
-pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> Value {
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub struct ScenarioInfo {
+    name: String,
+    width: u32,
+    height: u32,
+    /// Blocked rectangles: west, south, east and north side, in squares.
+    obstacles: Vec<[u32; 4]>,
+    attack_point: [f64; 2],
+    types: Vec<TypeInfo>,
+    units: Vec<UnitInfo>,
+    n_agents: usize,
+    n_actions: usize,
+    episode_limit: Option<u32>,
+    sight_range: f64,
+    units_per: UnitsPer,
+}
+
+/// What a page shows of a unit type.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub struct TypeInfo {
+    name: String,
+    label: char,
+    radius: f64,
+    hp: f64,
+    shield: f64,
+    energy: f64,
+    initial_energy: f64,
+    cooldown: f64,
+    attack_range: f64,
+    speed: f64,
+    plane: &'static str,
+    #[cfg_attr(test, ts(type = "\"shot\" | \"beam\" | \"explosion\" | \"heal\""))]
+    attack: &'static str,
+    /// Width and height of a beam, or the radius of an explosion.
+    attack_size: [f64; 2],
+}
+
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+struct UnitInfo {
+    /// Index in `types`.
+    #[serde(rename = "type")]
+    unit_type: usize,
+    /// 0 for agents, 1 for enemies.
+    faction: usize,
+    /// The number in its faction.
+    id: usize,
+}
+
+/// How many units of the encoded columns are one square, point, second or turn.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+struct UnitsPer {
+    position: f32,
+    points: f32,
+    seconds: f32,
+    turn: i32,
+}
+
+/// The data of the page of a replay.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(super) struct ReplayData {
+    pub(super) program: String,
+    pub(super) rules: String,
+    pub(super) scenario: ScenarioInfo,
+    pub(super) episodes: Vec<EpisodeData>,
+}
+
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(super) struct EpisodeData {
+    /// A text, because JavaScript has no 64-bit integers.
+    seed: String,
+    #[cfg_attr(test, ts(type = "number"))]
+    draws: u64,
+    steps: u32,
+    episode_return: f64,
+    #[cfg_attr(test, ts(type = "\"won\" | \"lost\" | \"truncated\" | \"unfinished\""))]
+    result: &'static str,
+    /// Allies and enemies that died.
+    dead: [u32; 2],
+    rewards: Vec<f64>,
+    n_moments: usize,
+    /// Compressed, in base64.
+    moments: String,
+    /// Compressed, in base64.
+    decisions: String,
+}
+
+/// The data of a scenario.
+pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
     let terrain = &scenario.terrain;
     let rects = terrain.obstacles().iter().map(|rect| [rect.x0, rect.y0, rect.x1, rect.y1]);
-    let units = scenario.units.iter().map(|unit| {
-        let faction = usize::from(unit.faction == Faction::Enemy);
-        json!({"type": unit.unit_type, "faction": faction, "id": unit.id_in_faction})
+    let units = scenario.units.iter().map(|unit| UnitInfo {
+        unit_type: unit.unit_type,
+        faction: usize::from(unit.faction == Faction::Enemy),
+        id: unit.id_in_faction,
     });
-    json!({
-        "name": scenario.name,
-        "width": terrain.width(),
-        "height": terrain.height(),
-        "obstacles": rects.collect::<Vec<_>>(),
-        "attack_point": scenario.attack_point,
-        "types": types_info(&scenario.unit_types),
-        "units": units.collect::<Vec<_>>(),
-        "n_agents": arena.sizes().n_agents,
-        "n_actions": arena.sizes().n_actions,
-        "episode_limit": arena.episode_limit(),
-        "sight_range": SIGHT_RANGE,
-        "units_per": {"position": POSITION, "points": POINTS, "seconds": SECONDS, "turn": DIRECTIONS},
-    })
+    ScenarioInfo {
+        name: scenario.name.clone(),
+        width: terrain.width(),
+        height: terrain.height(),
+        obstacles: rects.collect(),
+        attack_point: scenario.attack_point,
+        types: types_info(&scenario.unit_types),
+        units: units.collect(),
+        n_agents: arena.sizes().n_agents,
+        n_actions: arena.sizes().n_actions,
+        episode_limit: arena.episode_limit(),
+        sight_range: SIGHT_RANGE,
+        units_per: UnitsPer { position: POSITION, points: POINTS, seconds: SECONDS, turn: DIRECTIONS as i32 },
+    }
 }
 
 /// What the page shows of unit types, with the letter of each.
-pub fn types_info(types: &[UnitType]) -> Vec<Value> {
+pub fn types_info(types: &[UnitType]) -> Vec<TypeInfo> {
     let types = types.iter().zip(type_letters(types));
     types.map(|(unit_type, letter)| type_info(unit_type, letter)).collect()
 }
 
-fn type_info(unit_type: &UnitType, letter: char) -> Value {
-    let (attack, size) = match unit_type.targeter {
+fn type_info(unit_type: &UnitType, label: char) -> TypeInfo {
+    let (attack, attack_size) = match unit_type.targeter {
         Targeter::Standard => ("shot", [0.0, 0.0]),
         Targeter::LaserBeam { width, height } => ("beam", [width, height]),
         Targeter::Kamikaze { radius } => ("explosion", [radius, radius]),
         Targeter::Heal => ("heal", [0.0, 0.0]),
     };
-    json!({
-        "name": unit_type.name,
-        "label": letter,
-        "radius": unit_type.radius(),
-        "hp": unit_type.hp,
-        "shield": unit_type.shield,
-        "energy": unit_type.energy,
-        "initial_energy": unit_type.initial_energy,
-        "cooldown": unit_type.cooldown,
-        "attack_range": unit_type.attack_range,
-        "speed": unit_type.speed,
-        "plane": unit_type.plane.name(),
-        "attack": attack,
-        "attack_size": size,
-    })
+    TypeInfo {
+        name: unit_type.name.clone(),
+        label,
+        radius: unit_type.radius(),
+        hp: unit_type.hp,
+        shield: unit_type.shield,
+        energy: unit_type.energy,
+        initial_energy: unit_type.initial_energy,
+        cooldown: unit_type.cooldown,
+        attack_range: unit_type.attack_range,
+        speed: unit_type.speed,
+        plane: unit_type.plane.name(),
+        attack,
+        attack_size,
+    }
 }
 
 /// An episode of a replay, played by this version.
-pub(super) fn episode(replay: &Replay, index: usize) -> Result<Value, ReplayError> {
+pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, ReplayError> {
     let mut player = replay.play(index)?;
     let mut moments = vec![player.moment().clone()];
     let (mut steps, mut rewards) = (Vec::new(), Vec::new());
@@ -93,23 +191,23 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<Value, ReplayErro
     }
     let episode = player.episode();
     let outcome = episode.outcome;
-    Ok(json!({
-        "seed": episode.start.seed.to_string(),
-        "draws": episode.start.draws,
-        "steps": outcome.steps,
-        "episode_return": outcome.episode_return,
-        "result": match outcome {
+    Ok(EpisodeData {
+        seed: episode.start.seed.to_string(),
+        draws: episode.start.draws,
+        steps: outcome.steps,
+        episode_return: outcome.episode_return,
+        result: match outcome {
             _ if outcome.battle_won => "won",
             _ if outcome.terminated => "lost",
             _ if outcome.truncated => "truncated",
             _ => "unfinished",
         },
-        "dead": [outcome.dead_allies, outcome.dead_enemies],
-        "rewards": rewards,
-        "n_moments": moments.len(),
-        "moments": compressed(&encode_moments(&moments)),
-        "decisions": compressed(&steps),
-    }))
+        dead: [outcome.dead_allies, outcome.dead_enemies],
+        rewards,
+        n_moments: moments.len(),
+        moments: compressed(&encode_moments(&moments)),
+        decisions: compressed(&steps),
+    })
 }
 
 /// Encodes consecutive moments: column by column, in each unit by unit, and in that each value as the
@@ -179,4 +277,74 @@ fn compressed(bytes: &[u8]) -> String {
     // Writing to a vector never fails.
     let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
     STANDARD.encode(written.unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Recorder, Setup};
+    use smaclite_engine::{Rules, policy};
+    use smaclite_scenarios::ScenarioFiles;
+    use ts_rs::Config;
+
+    #[test]
+    fn the_scripts_know_this_data() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/data.d.ts");
+        let config = Config::default();
+        let declarations = [
+            ScenarioInfo::decl(&config),
+            TypeInfo::decl(&config),
+            UnitInfo::decl(&config),
+            UnitsPer::decl(&config),
+            ReplayData::decl(&config),
+            EpisodeData::decl(&config),
+        ];
+        let head = "// Written by a test of src/page/data.rs: SMACLITE_WRITE=1 cargo test -p smaclite-view\n";
+        let text = head.to_owned() + &declarations.map(|text| format!("export {text}\n")).concat();
+        if std::env::var_os("SMACLITE_WRITE").is_some() {
+            std::fs::write(file, &text).unwrap();
+        }
+        let written = std::fs::read_to_string(file).unwrap_or_default();
+        assert!(written == text, "the data has changed: SMACLITE_WRITE=1 cargo test -p smaclite-view");
+    }
+
+    /// The test of `track.js` decodes the file that this one writes.
+    #[test]
+    fn the_test_of_the_decoder_has_a_battle() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/track.test.json");
+        let text = format!("{}\n", battle_as_json());
+        if std::env::var_os("SMACLITE_WRITE").is_some() {
+            std::fs::write(file, &text).unwrap();
+        }
+        let written = std::fs::read_to_string(file).unwrap_or_default();
+        assert!(written == text, "it has changed: SMACLITE_WRITE=1 cargo test -p smaclite-view");
+    }
+
+    /// Some steps of a battle, encoded and as they are.
+    fn battle_as_json() -> serde_json::Value {
+        let (scenario, files) = ScenarioFiles::resolve("MMM").unwrap();
+        let setup = Setup { files, rules: Rules::Smaclite, episode_limit: Some(40) };
+        let mut recorder = Recorder::new(setup, 1).unwrap();
+        let mut actions = vec![0; scenario.n_agents()];
+        while !recorder.battle().is_over() {
+            policy::nearest(recorder.battle(), &mut actions);
+            recorder.step(&actions).unwrap();
+        }
+        let replay = recorder.finish();
+        let moments: Vec<Moment> = replay.play(0).unwrap().map(Result::unwrap).collect();
+        let unit = |unit: &UnitMoment| {
+            serde_json::json!({"x": unit.pos.x, "y": unit.pos.y, "hp": unit.hp, "alive": unit.alive,
+                "target": unit.target.map_or(-1, i64::from)})
+        };
+        let of_moment = |moment: &Moment| {
+            let units = moment.units.iter().map(unit).collect::<Vec<_>>();
+            serde_json::json!({"units": units, "attacks": moment.attacks.len()})
+        };
+        serde_json::json!({
+            "info": scenario_info(&scenario, replay.arena()),
+            "episode": episode(&replay, 0).unwrap(),
+            "actions": replay.play(0).unwrap().actions(0),
+            "moments": moments.iter().step_by(40).map(of_moment).collect::<Vec<_>>(),
+        })
+    }
 }

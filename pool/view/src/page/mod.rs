@@ -1,45 +1,50 @@
-//! The pages that show battles in a browser: each one HTML document with styles, scripts and data inside.
+//! The page that shows a replay in a browser: one HTML document with styles, scripts and data inside.
 //!
-//! Their parts are in `pool/view/page`, written by hand, and used as they are. They load nothing from a
-//! network, and their content security policy forbids it. The page of a replay needs nothing else; the live
-//! page talks over a WebSocket with the program that serves it.
+//! Its parts are in `pool/view/page`, written by hand: modules of JavaScript, which `bundle` joins. The page
+//! loads nothing, and its content security policy forbids it. Other pages that show battles are made of the
+//! same parts, by [`Document`].
 
+mod bundle;
 mod data;
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-pub use data::{encode_moments, encode_step, scenario_info, types_info};
+pub use bundle::Module;
+pub use data::{ScenarioInfo, TypeInfo, encode_moments, encode_step, scenario_info, types_info};
+
+use bundle::bundle;
+use data::ReplayData;
 
 use crate::{Replay, ReplayError};
 
-/// What the page of a replay may load: nothing.
-macro_rules! policy {
-    () => {
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
-    };
-}
-
-/// The content security policy of pages that talk with the server that they came from.
-pub const CONNECTED_POLICY: &str = concat!(policy!(), "; connect-src 'self'");
+/// The content security policy of a page that needs nothing else: it runs the scripts inside, and loads
+/// nothing. A script cannot import another one.
+pub const POLICY: &str =
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
 
 const TEMPLATE: &str = include_str!("../../page/page.html");
 const STYLE: &str = include_str!("../../page/style.css");
 
-/// The scripts that show a battle, in the order in which they depend on each other.
-const BATTLE_SCRIPTS: [&str; 5] = [
-    include_str!("../../page/track.js"),
-    include_str!("../../page/theme.js"),
-    include_str!("../../page/terrain.js"),
-    include_str!("../../page/effects.js"),
-    include_str!("../../page/battle.js"),
-];
+macro_rules! modules {
+    ($($name:literal),+ $(,)?) => {
+        &[$(Module { path: concat!("view/", $name), text: include_str!(concat!("../../page/", $name)) }),+]
+    };
+}
 
-/// The scripts that play a battle, by mouse and keyboard, in the elements of [`PLAYER_PARTS`].
-const PLAYER_SCRIPTS: [&str; 4] = [
-    include_str!("../../page/chart.js"),
-    include_str!("../../page/inspector.js"),
-    include_str!("../../page/transport.js"),
-    include_str!("../../page/player.js"),
+/// The modules that show battles; pages import them as `#view/name.js`.
+const MODULES: &[Module] = modules![
+    "battle.js",
+    "chart.js",
+    "dom.js",
+    "effects.js",
+    "inspector.js",
+    "numbers.js",
+    "player.js",
+    "replay.js",
+    "terrain.js",
+    "theme.js",
+    "track.js",
+    "transport.js",
 ];
 
 /// The elements that the scripts of a player use; a body names them as `{{name}}`.
@@ -59,94 +64,57 @@ pub fn export_html(replay: &Replay) -> Result<String, ReplayError> {
     let episodes =
         (0..n_episodes).map(|episode| data::episode(replay, episode)).collect::<Result<Vec<_>, _>>()?;
     let scenario = replay.scenario();
-    let data = json!({
-        "program": replay.program(),
-        "rules": replay.setup().rules.to_string(),
-        "scenario": scenario_info(scenario, replay.arena()),
-        "episodes": episodes,
-    });
+    let data = ReplayData {
+        program: replay.program().to_owned(),
+        rules: replay.setup().rules.to_string(),
+        scenario: scenario_info(scenario, replay.arena()),
+        episodes,
+    };
+    let data = serde_json::to_value(data).unwrap_or_default(); // every value of it is valid JSON
     let document = Document {
         title: &format!("{} replay", scenario.name),
-        policy: policy!(),
+        policy: POLICY,
+        style: "",
         body: include_str!("../../page/replay.html"),
-        scripts: &[include_str!("../../page/replay.js")],
+        modules: &[],
+        entry: "view/replay.js",
         data: &data,
     };
     Ok(document.html())
 }
 
-/// The page that watches a running pool. `data` is what its scripts find in the document.
-pub fn watch_html(title: &str, data: &Value) -> String {
-    let document = Document {
-        title,
-        policy: CONNECTED_POLICY,
-        body: include_str!("../../page/watch.html"),
-        scripts: &[
-            include_str!("../../page/connection.js"),
-            include_str!("../../page/grid.js"),
-            include_str!("../../page/plots.js"),
-            include_str!("../../page/follow.js"),
-            include_str!("../../page/watch.js"),
-        ],
-        data,
-    };
-    document.html()
-}
-
-/// The scenario editor. Its battles are played by pages of replays, each in a frame.
-pub fn edit_html() -> String {
-    let document = Document {
-        title: "Scenario editor",
-        policy: CONNECTED_POLICY,
-        body: concat!(
-            "<style>\n",
-            include_str!("../../page/editor/editor.css"),
-            "</style>\n",
-            include_str!("../../page/editor/editor.html"),
-        ),
-        scripts: &[
-            include_str!("../../page/connection.js"),
-            include_str!("../../page/editor/json.js"),
-            include_str!("../../page/editor/document.js"),
-            include_str!("../../page/editor/brush.js"),
-            include_str!("../../page/editor/map.js"),
-            include_str!("../../page/editor/fields.js"),
-            include_str!("../../page/editor/groups.js"),
-            include_str!("../../page/editor/types.js"),
-            include_str!("../../page/editor/text.js"),
-            include_str!("../../page/editor/problems.js"),
-            include_str!("../../page/editor/files.js"),
-            include_str!("../../page/editor/arena.js"),
-            include_str!("../../page/editor/editor.js"),
-        ],
-        data: &Value::Null,
-    };
-    document.html()
-}
-
-/// The parts of a page with a battle player.
-struct Document<'a> {
-    title: &'a str,
-    policy: &'a str,
-    /// What is in the body; it may name [`PLAYER_PARTS`].
-    body: &'a str,
-    /// Scripts after those of the player; the last one starts the page.
-    scripts: &'a [&'a str],
-    data: &'a Value,
+/// A page with a battle player.
+#[derive(Clone, Copy, Debug)]
+pub struct Document<'a> {
+    /// The title of the window.
+    pub title: &'a str,
+    /// The content security policy.
+    pub policy: &'a str,
+    /// Rules after those of the player.
+    pub style: &'a str,
+    /// What is in the body; `{{stage}}`, `{{details}}` and `{{transport}}` are the elements of a player.
+    pub body: &'a str,
+    /// Modules besides those of the player, which are `#view/...`.
+    pub modules: &'a [Module],
+    /// The path of the module that starts the page.
+    pub entry: &'a str,
+    /// What the scripts find in the element `data`.
+    pub data: &'a Value,
 }
 
 impl Document<'_> {
-    fn html(&self) -> String {
-        let scripts = BATTLE_SCRIPTS.iter().chain(&PLAYER_SCRIPTS).chain(self.scripts);
-        let scripts = scripts.copied().collect::<Vec<_>>().join("\n");
+    /// The text of the document.
+    pub fn html(&self) -> String {
+        let scripts = bundle(self.entry, &[self.modules, MODULES]);
         // Inside a script element only `<` can end the text early, and JSON may write it by its code.
         let data = self.data.to_string().replace('<', "\\u003c");
         let title = escaped(self.title);
-        let mut page = String::with_capacity(TEMPLATE.len() + STYLE.len() + scripts.len() + data.len());
+        let style = format!("{STYLE}{}", self.style);
+        let mut page = String::with_capacity(TEMPLATE.len() + style.len() + scripts.len() + data.len());
         let own = [
             ("policy", self.policy),
             ("title", &title),
-            ("style", STYLE),
+            ("style", &style),
             ("body", self.body),
             ("scripts", &scripts),
             ("data", &data),

@@ -127,3 +127,50 @@ const LIGHT: Palette = Palette {
     heal: Ink::new(0x12a066),
     spark: Ink::new(0xe8a300),
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STYLE: &str = include_str!("../../page/style.css");
+
+    /// The hue of a colour, in degrees.
+    fn hue([r, g, b]: [u8; 3]) -> f32 {
+        let [r, g, b] = [r, g, b].map(f32::from);
+        let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+        let sixth = match most {
+            _ if most == r => (g - b) / (most - least),
+            _ if most == g => (b - r) / (most - least) + 2.0,
+            _ => (r - g) / (most - least) + 4.0,
+        };
+        (sixth * 60.0).rem_euclid(360.0)
+    }
+
+    /// A colour of the style sheet's `theme`-th block of rules.
+    fn of_page(theme: usize, name: &str) -> [u8; 3] {
+        let rules = STYLE.split('}').nth(theme).unwrap();
+        let (_, colour) = rules.split_once(&format!("--{name}: #")).unwrap();
+        let part = |at| u8::from_str_radix(&colour[at..at + 2], 16).unwrap();
+        [part(0), part(2), part(4)]
+    }
+
+    /// The tones differ, because a page draws larger units on another ground; a reader must still know them.
+    #[test]
+    fn pictures_and_pages_have_the_same_hues() {
+        for (theme, palette) in [&DARK, &LIGHT].into_iter().enumerate() {
+            let colours = [
+                ("ally", palette.ally.body),
+                ("enemy", palette.enemy.body),
+                ("shield", palette.shield),
+                ("energy", palette.energy),
+                ("heal", palette.heal),
+            ];
+            for (name, ink) in colours {
+                let Ink([r, g, b, _]) = ink;
+                let (page, picture) = (hue(of_page(theme, name)), hue([r, g, b]));
+                let away = ((page - picture + 540.0).rem_euclid(360.0) - 180.0).abs();
+                assert!(away <= 15.0, "{name}: {page} degrees in style.css, {picture} in theme.rs");
+            }
+        }
+    }
+}

@@ -1,41 +1,19 @@
-//! `check`: the problems of the files, as `smaclite-pool check` prints them, and where the units start.
+//! The problems of the files, as `smaclite-pool check` prints them, and where the units start.
 
-use serde::Deserialize;
-use serde_json::{Value, json};
+use crate::web::protocol::{CheckedFiles, Group, Summary};
 use smaclite_engine::SIGHT_RANGE;
 use smaclite_engine::{Arena, Rules};
 use smaclite_scenarios::{Faction, MAX_UNITS, Problem, ScenarioFiles, formation};
 use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::types_info;
 
-#[derive(Deserialize)]
-pub(super) struct Check {
-    files: ScenarioFiles,
-    groups: Vec<Group>,
-}
-
-/// A group as the page reads it; the scenario around it may be invalid.
-#[derive(Deserialize)]
-struct Group {
-    x: f64,
-    y: f64,
-    faction: String,
-    units: Vec<(String, u32)>,
-}
-
-pub(super) fn check(Check { files, groups }: Check) -> Value {
-    let problems = problems(&files);
-    let mut types = Types { files: &files, keys: Vec::new(), types: Vec::new() };
+pub(super) fn check(files: &ScenarioFiles, groups: &[Group]) -> CheckedFiles {
+    let problems = problems(files);
+    let mut types = Types { files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;
-    let groups: Vec<Value> = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
-    let summary = problems.is_empty().then(|| summary(&files));
-    json!({
-        "problems": problems,
-        "summary": summary,
-        "types": types_info(&types.types),
-        "groups": groups,
-        "sight": SIGHT_RANGE,
-    })
+    let groups = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
+    let summary = if problems.is_empty() { summary(files) } else { None };
+    CheckedFiles { problems, summary, types: types_info(&types.types), groups, sight: SIGHT_RANGE }
 }
 
 /// All that is wrong with the scenario, and with unit files that it does not name yet.
@@ -52,16 +30,15 @@ fn problems(files: &ScenarioFiles) -> Vec<Problem> {
     found
 }
 
-/// What `smaclite-pool check` prints of a valid scenario.
-fn summary(files: &ScenarioFiles) -> Option<Value> {
+fn summary(files: &ScenarioFiles) -> Option<Summary> {
     let sizes = Arena::new(&files.scenario().ok()?, Rules::default()).sizes();
-    Some(json!({
-        "n_agents": sizes.n_agents,
-        "n_enemies": sizes.n_enemies,
-        "n_actions": sizes.n_actions,
-        "obs_size": sizes.obs_size,
-        "state_size": sizes.state_size,
-    }))
+    Some(Summary {
+        n_agents: sizes.n_agents,
+        n_enemies: sizes.n_enemies,
+        n_actions: sizes.n_actions,
+        obs_size: sizes.obs_size,
+        state_size: sizes.state_size,
+    })
 }
 
 /// The unit types that the groups name.
@@ -83,29 +60,26 @@ impl Types<'_> {
     }
 }
 
-/// The units of a group, `[type, x, y]` each, as a battle begins with them; null if a type is unknown or if
+/// The units of a group, `[type, x, y]` each, as a battle begins with them; none if a type is unknown or if
 /// there are more than `free` units.
-fn place(group: &Group, types: &mut Types, free: &mut usize) -> Value {
-    let mut units = || {
-        let faction = Faction::from_name(&group.faction)?;
-        let mut of_group = Vec::new();
-        for (key, n) in &group.units {
-            let index = types.index(key)?;
-            let n = *n as usize;
-            *free = free.checked_sub(n)?;
-            of_group.extend(std::iter::repeat_n(index, n));
-        }
-        let radii: Vec<f64> = of_group.iter().map(|&index| types.types[index].radius()).collect();
-        let positions = formation([group.x, group.y], faction, &radii);
-        let units = of_group.iter().zip(positions).map(|(index, [x, y])| json!([index, x, y]));
-        Some(units.collect::<Vec<Value>>())
-    };
-    json!(units())
+fn place(group: &Group, types: &mut Types, free: &mut usize) -> Option<Vec<(usize, f64, f64)>> {
+    let faction = Faction::from_name(&group.faction)?;
+    let mut of_group = Vec::new();
+    for (key, n) in &group.units {
+        let index = types.index(key)?;
+        let n = *n as usize;
+        *free = free.checked_sub(n)?;
+        of_group.extend(std::iter::repeat_n(index, n));
+    }
+    let radii: Vec<f64> = of_group.iter().map(|&index| types.types[index].radius()).collect();
+    let positions = formation([group.x, group.y], faction, &radii);
+    Some(of_group.into_iter().zip(positions).map(|(index, [x, y])| (index, x, y)).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::Value;
     use smaclite_scenarios::{Scenario, UnitFile};
 
     fn groups_of(files: &ScenarioFiles) -> Vec<Group> {
@@ -128,15 +102,13 @@ mod tests {
         for name in ["2s3z", "3s5z", "27m_vs_30m", "2c_vs_64zg", "6h_vs_8z", "corridor", "bane_vs_bane"] {
             let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
             let groups = groups_of(&files);
-            let answer = check(Check { files: files.clone(), groups });
-            assert_eq!(answer["problems"], json!([]), "{name}");
-            let placed =
-                answer["groups"].as_array().unwrap().iter().flat_map(|group| group.as_array().unwrap());
+            let checked = check(&files, &groups);
+            assert_eq!(checked.problems, [], "{name}");
             let placed: Vec<[f64; 2]> =
-                placed.map(|unit| [unit[1].as_f64().unwrap(), unit[2].as_f64().unwrap()]).collect();
+                checked.groups.into_iter().flat_map(Option::unwrap).map(|(_, x, y)| [x, y]).collect();
             let expected: Vec<[f64; 2]> = scenario.units.iter().map(|unit| unit.position).collect();
             assert_eq!(placed, expected, "{name}");
-            assert_eq!(answer["summary"]["n_agents"], scenario.n_agents());
+            assert_eq!(checked.summary.unwrap().n_agents, scenario.n_agents());
         }
     }
 
@@ -158,14 +130,14 @@ mod tests {
             group(&[("ZEALOT", 1000)], "ENEMY"),
             group(&[("ZEALOT", 4_000_000_000)], "ENEMY"),
         ];
-        let answer = check(Check { files: files.clone(), groups });
-        assert_eq!(answer["groups"], json!([[[0, 4.0, 5.0]], null, null, null, null, null]));
-        assert_eq!(answer["types"].as_array().unwrap().len(), 2);
-        let problems = answer["problems"].as_array().unwrap();
-        assert_eq!((&problems[0]["file"], &problems[0]["line"]), (&json!("s.json"), &json!(1)));
-        assert_eq!((&problems[1]["file"], &problems[1]["path"]), (&json!("scout.json"), &json!("hp")));
+        let checked = check(&files, &groups);
+        assert_eq!(checked.groups, [Some(vec![(0, 4.0, 5.0)]), None, None, None, None, None]);
+        assert_eq!(checked.types.len(), 2);
+        let problems = checked.problems;
+        assert_eq!((problems[0].file.as_str(), problems[0].line), ("s.json", Some(1)));
+        assert_eq!((problems[1].file.as_str(), problems[1].path.as_str()), ("scout.json", "hp"));
         assert!(problems.len() > 3, "all of them: {problems:?}");
-        assert_eq!(answer["summary"], json!(null));
+        assert!(checked.summary.is_none());
     }
 
     #[test]

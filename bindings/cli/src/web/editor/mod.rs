@@ -2,17 +2,16 @@
 //! them, places the units, plays battles, and saves. It keeps no state of a page. The files of a scenario
 //! travel as [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
 
+mod builtins;
 mod check;
 mod play;
-mod standard;
+
 mod target;
 
 pub(crate) use target::Start;
 
-use super::{App, Page, Request};
-use serde::de::DeserializeOwned;
-use serde_json::Value;
-use smaclite_view::page::edit_html;
+use super::protocol::{PageRequest, PageResponse};
+use super::{App, Page, pages};
 
 /// The editor of one command.
 pub(crate) struct Editor {
@@ -24,30 +23,28 @@ impl Editor {
         Editor { start }
     }
 
-    fn respond(&self, request: &Request) -> Result<Value, EditorError> {
-        match request.action.as_str() {
-            "standard" => Ok(standard::standard()),
-            "open" => Ok(self.start.open()?),
-            "check" => Ok(check::check(arguments(request)?)),
-            "play" => Ok(play::play(arguments(request)?)?),
-            "save" => Ok(self.start.save(arguments(request)?)?),
-            other => Err(EditorError::UnknownRequest(other.to_owned())),
-        }
+    fn respond(&self, request: PageRequest) -> Result<PageResponse, EditorError> {
+        Ok(match request {
+            PageRequest::GetBuiltins {} => PageResponse::GetBuiltins(builtins::builtins()),
+            PageRequest::OpenFiles {} => PageResponse::OpenFiles(self.start.open()?),
+            PageRequest::CheckFiles { files, groups } => {
+                PageResponse::CheckFiles(check::check(&files, &groups))
+            }
+            PageRequest::PlayBattle(battle) => PageResponse::PlayBattle(play::play(battle)?),
+            PageRequest::SaveFiles(save) => PageResponse::SaveFiles(self.start.save(save)?),
+            _ => return Err(EditorError::OtherPage),
+        })
     }
 }
 
 impl App for Editor {
     fn document(&self) -> String {
-        edit_html()
+        pages::editor()
     }
 
-    fn talk(&self, page: Page) {
-        while let Ok(Some(request)) = page.receive(None) {
-            let answered = match self.respond(&request) {
-                Ok(answer) => page.answer(&request, answer),
-                Err(error) => page.refuse(&request, error),
-            };
-            if answered.is_err() {
+    fn run(&self, page: Page) {
+        while let Ok(Some(message)) = page.receive(None) {
+            if page.respond(message.id, self.respond(message.request)).is_err() {
                 return;
             }
         }
@@ -57,45 +54,29 @@ impl App for Editor {
 /// Why a request is refused.
 #[derive(Debug, thiserror::Error)]
 enum EditorError {
-    #[error("unknown request `{0}`; the requests are standard, open, check, play and save")]
-    UnknownRequest(String),
-    #[error("`{action}`: {error}")]
-    Arguments { action: String, error: serde_json::Error },
+    #[error("this request is one of the page of a running pool")]
+    OtherPage,
     #[error(transparent)]
     Play(#[from] play::PlayError),
     #[error(transparent)]
     Target(#[from] target::TargetError),
 }
 
-fn arguments<T: DeserializeOwned>(request: &Request) -> Result<T, EditorError> {
-    let arguments = Value::Object(request.arguments.clone());
-    serde_json::from_value(arguments)
-        .map_err(|error| EditorError::Arguments { action: request.action.clone(), error })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
+    use crate::web::protocol::SaveFiles;
+    use smaclite_scenarios::ScenarioFiles;
 
     #[test]
-    fn requests_that_cannot_be_understood_are_refused() {
+    fn requests_that_cannot_be_carried_out_are_refused() {
         let editor = Editor::new(Start::New);
-        let files = json!({"source": "s.json", "text": "{", "unit_files": []});
-        let check = |request: Value, expected: &str| {
-            let request: Request = serde_json::from_value(request).unwrap();
-            let error = editor.respond(&request).unwrap_err().to_string();
+        let check = |request: PageRequest, expected: &str| {
+            let error = editor.respond(request).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
-        check(json!({"id": 1, "do": "delete"}), "unknown request `delete`; the requests are standard, open,");
-        check(json!({"id": 2, "do": "check", "files": files}), "`check`: missing field `groups`");
-        check(
-            json!({"id": 3, "do": "check", "files": 3, "groups": []}),
-            "`check`: invalid type: integer `3`",
-        );
-        let play =
-            json!({"id": 4, "do": "play", "files": files, "policy": "nearest", "seed": 1, "rules": "paper"});
-        check(play, "`play`: invalid type: integer `1`, expected a string");
-        check(json!({"id": 5, "do": "save", "files": files, "replace": true}), "the command names no file");
+        check(PageRequest::Unfollow {}, "one of the page of a running pool");
+        let files = ScenarioFiles { source: "s.json".into(), text: "{".into(), unit_files: Vec::new() };
+        check(PageRequest::SaveFiles(SaveFiles { files, replace: true }), "the command names no file");
     }
 }

@@ -1,20 +1,10 @@
-//! `play`: a battle of the edited scenario, with a scripted policy, as the page that plays a replay.
+//! A battle of the edited scenario, with a scripted policy, as the page that plays a replay.
 
-use serde::Deserialize;
-use serde_json::{Value, json};
+use crate::web::protocol::{PlayBattle, PlayedBattle};
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_engine::{BattleSetup, EpisodeLimit, IllegalAction, Rules, UnknownRules};
-use smaclite_scenarios::{Problems, ScenarioFiles};
+use smaclite_scenarios::Problems;
 use smaclite_view::{Recorder, ReplayError, export_html};
-
-#[derive(Deserialize)]
-pub(super) struct Play {
-    files: ScenarioFiles,
-    policy: String,
-    /// A whole number; as a text, because JavaScript has no 64-bit integers.
-    seed: String,
-    rules: String,
-}
 
 #[derive(Debug, thiserror::Error)]
 pub(super) enum PlayError {
@@ -37,8 +27,8 @@ pub(super) enum PlayError {
 const MAX_STEPS: u32 = 2000;
 const MAX_UNIT_STEPS: u32 = 200_000;
 
-/// Plays one episode. `cut_at` is the number of steps after which this limit ended it, not the scenario's.
-pub(super) fn play(play: Play) -> Result<Value, PlayError> {
+/// Plays one episode.
+pub(super) fn play(play: PlayBattle) -> Result<PlayedBattle, PlayError> {
     let rules: Rules = play.rules.parse()?;
     let seed = play.seed.parse().map_err(|_| PlayError::Seed(play.seed))?;
     let mut policy = Scripted::from_name(&play.policy, seed)?;
@@ -56,30 +46,27 @@ pub(super) fn play(play: Play) -> Result<Value, PlayError> {
     let replay = recorder.finish();
     let outcome = replay.episodes()[0].outcome;
     let is_cut = outcome.truncated && scenario.episode_limit != Some(limit);
-    Ok(json!({
-        "page": export_html(&replay)?,
-        "steps": outcome.steps,
-        "cut_at": is_cut.then_some(limit),
-    }))
+    Ok(PlayedBattle { page: export_html(&replay)?, steps: outcome.steps, cut_at: is_cut.then_some(limit) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_scenarios::ScenarioFiles;
 
-    fn request(name: &str, change: impl Fn(String) -> String) -> Play {
+    fn request(name: &str, change: impl Fn(String) -> String) -> PlayBattle {
         let (_, mut files) = ScenarioFiles::resolve(name).unwrap();
         files.text = change(files.text);
-        Play { files, policy: "nearest".into(), seed: "1".into(), rules: "smaclite".into() }
+        PlayBattle { files, policy: "nearest".into(), seed: "1".into(), rules: "smaclite".into() }
     }
 
     #[test]
     fn a_battle_is_played_to_its_end() {
         for policy in Scripted::NAMES {
-            let answer = play(Play { policy: policy.into(), ..request("2s3z", |text| text) }).unwrap();
-            assert!(answer["page"].as_str().unwrap().contains("<!doctype html>"));
-            assert_eq!(answer["cut_at"], json!(null), "{policy}");
-            assert!((1..=120).contains(&answer["steps"].as_u64().unwrap()), "{policy}: {}", answer["steps"]);
+            let played = play(PlayBattle { policy: policy.into(), ..request("2s3z", |text| text) }).unwrap();
+            assert!(played.page.contains("<!doctype html>"));
+            assert_eq!(played.cut_at, None, "{policy}");
+            assert!((1..=120).contains(&played.steps), "{policy}: {}", played.steps);
         }
     }
 
@@ -91,21 +78,24 @@ mod tests {
             text.replace("\"num_unit_types\": 2", "\"num_unit_types\": 0")
                 .replace(",\n    \"episode_limit\": 120", "")
         };
-        let answer = play(request("2s3z", medivacs)).unwrap();
-        assert_eq!((&answer["cut_at"], &answer["steps"]), (&json!(2000), &json!(2000)));
+        let played = play(request("2s3z", medivacs)).unwrap();
+        assert_eq!((played.cut_at, played.steps), (Some(2000), 2000));
     }
 
     #[test]
     fn what_cannot_be_played_is_refused() {
-        let check = |request: Play, expected: &str| {
+        let check = |request: PlayBattle, expected: &str| {
             let error = play(request).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
         let ok = || request("3m", |text| text);
-        check(Play { policy: "best".into(), ..ok() }, "unknown policy `best`; the policies are random,");
-        check(Play { rules: "go".into(), ..ok() }, "rules must be 'smaclite' or 'paper', got 'go'");
         check(
-            Play { seed: "-1".into(), ..ok() },
+            PlayBattle { policy: "best".into(), ..ok() },
+            "unknown policy `best`; the policies are random,",
+        );
+        check(PlayBattle { rules: "go".into(), ..ok() }, "rules must be 'smaclite' or 'paper', got 'go'");
+        check(
+            PlayBattle { seed: "-1".into(), ..ok() },
             "seed must be a whole number from 0 to 18446744073709551615",
         );
         check(request("3m", |text| text.replace("MARINE", "MARIN")), "did you mean `MARINE`?");

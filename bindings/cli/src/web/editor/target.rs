@@ -2,8 +2,8 @@
 //! files of that scenario, in the same folder.
 
 use crate::new::default_scenario;
-use serde::Deserialize;
-use serde_json::{Value, json};
+use crate::web::protocol::{OpenedFiles, SaveFiles, SavedFiles};
+use serde_json::Value;
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path};
 use std::collections::BTreeMap;
@@ -61,22 +61,26 @@ impl Start {
     }
 
     /// The files to begin with; and the file that `save` writes, if there is one.
-    pub(super) fn open(&self) -> Result<Value, TargetError> {
+    pub(super) fn open(&self) -> Result<OpenedFiles, TargetError> {
         match self {
-            Start::New => Ok(json!({"files": new_files("new_scenario.json"), "target": null})),
-            Start::Standard(files) => Ok(json!({"files": &**files, "target": null})),
+            Start::New => {
+                Ok(OpenedFiles { files: new_files("new_scenario.json"), target: None, exists: false })
+            }
+            Start::Standard(files) => {
+                Ok(OpenedFiles { files: (**files).clone(), target: None, exists: false })
+            }
             Start::File(target) => {
                 let path = shown_path(&target.path);
                 let (files, exists) = match target.read()? {
                     Some(files) => (files, true),
                     None => (new_files(&path), false),
                 };
-                Ok(json!({"files": files, "target": path, "exists": exists}))
+                Ok(OpenedFiles { files, target: Some(path), exists })
             }
         }
     }
 
-    pub(super) fn save(&self, save: Save) -> Result<Value, TargetError> {
+    pub(super) fn save(&self, save: SaveFiles) -> Result<SavedFiles, TargetError> {
         match self {
             Start::File(target) => target.save(save),
             Start::New | Start::Standard(_) => Err(TargetError::NoFile),
@@ -89,13 +93,6 @@ fn new_files(source: &str) -> ScenarioFiles {
     let name =
         Path::new(source).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     ScenarioFiles { source: source.to_owned(), text: default_scenario(&name), unit_files: Vec::new() }
-}
-
-#[derive(Deserialize)]
-pub(super) struct Save {
-    files: ScenarioFiles,
-    /// Whether files are written that were changed by another program since they were read.
-    replace: bool,
 }
 
 /// A scenario file that is edited.
@@ -140,7 +137,7 @@ impl Target {
         Ok(Some(files))
     }
 
-    fn save(&self, Save { files, replace }: Save) -> Result<Value, TargetError> {
+    fn save(&self, SaveFiles { files, replace }: SaveFiles) -> Result<SavedFiles, TargetError> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let mut writes = Vec::new();
         for unit in &files.unit_files {
@@ -175,7 +172,7 @@ impl Target {
             changed.push((path, text));
         }
         if !conflicts.is_empty() && !replace {
-            return Ok(json!({"conflicts": conflicts}));
+            return Ok(SavedFiles::Conflicts(conflicts));
         }
         let mut saved = Vec::new();
         for (path, text) in changed {
@@ -183,7 +180,7 @@ impl Target {
             saved.push(shown_path(&path));
             known.texts.insert(path, text.clone());
         }
-        Ok(json!({"saved": saved}))
+        Ok(SavedFiles::Saved(saved))
     }
 
     /// Where a unit type without a file gets one: in the scenario's `custom_unit_path`, or beside it.

@@ -1,9 +1,9 @@
 //! The cells of the grid: the newest row of every environment, as far as frames showed it.
 
 use super::battles::Battles;
+use crate::web::protocol::{EpisodeResult, GridCell};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::{Value, json};
 use smaclite_ipc::Batch;
 use smaclite_pool::fields::Field;
 use smaclite_view::Moment;
@@ -24,9 +24,9 @@ struct Cell {
     length: Option<i32>,
     episode_return: Option<f32>,
     /// How the episode ended that the row shows the end of.
-    outcome: Option<&'static str>,
+    outcome: Option<EpisodeResult>,
     /// How the last episode ended whose end was seen.
-    last_outcome: Option<&'static str>,
+    last_outcome: Option<EpisodeResult>,
     state: Vec<f32>,
     /// The encoded moment of the state.
     encoded: Option<String>,
@@ -59,8 +59,8 @@ impl Cells {
             cell.episode_return = returns.map(|returns| returns[slot]);
             cell.outcome = match (batch.terminated()[slot], batch.truncated()[slot]) {
                 (0, 0) => None,
-                (0, _) => Some("truncated"),
-                _ => won.map(|won| if won[slot] == 1 { "won" } else { "lost" }),
+                (0, _) => Some(EpisodeResult::Truncated),
+                _ => won.map(|won| if won[slot] == 1 { EpisodeResult::Won } else { EpisodeResult::Lost }),
             };
             cell.last_outcome = cell.outcome.or(cell.last_outcome);
             if let Some(states) = states {
@@ -73,7 +73,7 @@ impl Cells {
     }
 
     /// The cells of some environments that changed after a frame, and the newest frame.
-    pub(super) fn news(&mut self, envs: Range<usize>, after: u64, battles: &Battles) -> (Vec<Value>, u64) {
+    pub(super) fn news(&mut self, envs: Range<usize>, after: u64, battles: &Battles) -> (Vec<GridCell>, u64) {
         let envs = envs.start.min(self.cells.len())..envs.end.min(self.cells.len());
         let first = envs.start;
         let changed = self.cells[envs].iter_mut().enumerate().filter(|(_, cell)| cell.sequence > after);
@@ -83,7 +83,7 @@ impl Cells {
 }
 
 impl Cell {
-    fn news(&mut self, env: usize, battles: &Battles) -> Value {
+    fn news(&mut self, env: usize, battles: &Battles) -> GridCell {
         if self.encoded.is_none() && !self.state.is_empty() {
             let mut moment = Moment::from_state(&battles.scenario, &self.state);
             for (id, unit) in moment.units.iter_mut().enumerate().filter(|(_, unit)| !unit.alive) {
@@ -93,14 +93,13 @@ impl Cell {
             self.encoded = Some(STANDARD.encode(encode_moments(std::slice::from_ref(&moment))));
             self.moment = Some(moment);
         }
-        let (length, episode_return) = (self.length, self.episode_return);
-        json!({
-            "env": env,
-            "length": length,
-            "return": episode_return,
-            "outcome": self.outcome,
-            "last": self.last_outcome,
-            "moment": self.encoded,
-        })
+        GridCell {
+            env,
+            length: self.length,
+            episode_return: self.episode_return,
+            outcome: self.outcome,
+            last: self.last_outcome,
+            moment: self.encoded.clone(),
+        }
     }
 }

@@ -3,15 +3,15 @@
 use super::battles::Battles;
 use super::episodes::{Episode, Episodes};
 use super::simulation::{Simulation, SimulationError};
-use serde_json::{Value, json};
+use crate::web::protocol::{EpisodeInfo, Steps};
 use smaclite_ipc::{Follower, RuntimeDir};
 use std::sync::Arc;
 
 /// Episodes in the list that a page gets.
 const LISTED: usize = 40;
 
-/// Steps in one answer: four seconds at the highest speed of the page.
-const STEPS_PER_ANSWER: usize = 128;
+/// Steps in one response: four seconds at the highest speed of the page.
+const STEPS_PER_RESPONSE: usize = 128;
 
 pub(super) struct Follow {
     follower: Follower,
@@ -58,22 +58,20 @@ impl Follow {
     }
 
     /// The newest episodes, and the one that is shown.
-    pub(super) fn list(&self) -> Value {
+    pub(super) fn list(&self) -> Vec<EpisodeInfo> {
         let n_agents = self.n_agents();
         let shown = self.shown.as_ref().map(|(number, _)| *number);
         let row = |(i, episode): (usize, &Episode)| {
-            (i < LISTED || Some(episode.number) == shown).then(|| {
-                json!({
-                    "number": episode.number,
-                    "steps": episode.actions.len() / n_agents,
-                    "first_step": episode.start.episode_length,
-                    "is_over": episode.is_over,
-                    "began_s": episode.began.elapsed().as_secs_f64(),
-                    "newest_s": episode.newest.elapsed().as_secs_f64(),
-                })
+            (i < LISTED || Some(episode.number) == shown).then(|| EpisodeInfo {
+                number: episode.number,
+                steps: episode.actions.len() / n_agents,
+                first_step: episode.start.episode_length,
+                is_over: episode.is_over,
+                began_s: episode.began.elapsed().as_secs_f64(),
+                newest_s: episode.newest.elapsed().as_secs_f64(),
             })
         };
-        json!({"episodes": self.episodes.recent().enumerate().filter_map(row).collect::<Vec<_>>()})
+        self.episodes.recent().enumerate().filter_map(row).collect()
     }
 
     fn n_agents(&self) -> usize {
@@ -81,13 +79,12 @@ impl Follow {
     }
 
     /// Steps of an episode, from one on, as moments and decisions.
-    pub(super) fn steps(&mut self, number: u64, step: usize) -> Result<Value, FollowError> {
+    pub(super) fn steps(&mut self, number: u64, step: usize) -> Result<Steps, FollowError> {
         let episode = self.episodes.get(number).ok_or(FollowError::Forgotten(number))?;
         let simulation = at_step(&mut self.shown, &self.battles, episode, step)?;
-        let mut answer = simulation.encode(STEPS_PER_ANSWER, &episode.actions)?;
-        answer["number"] = number.into();
-        answer["is_over"] = (episode.is_over && simulation.step() == steps_of(episode, &self.battles)).into();
-        Ok(answer)
+        let played = simulation.encode(STEPS_PER_RESPONSE, &episode.actions)?;
+        let is_over = episode.is_over && simulation.step() == steps_of(episode, &self.battles);
+        Ok(Steps { number, is_over, ..played })
     }
 
     /// What an agent observes before a step.

@@ -2,7 +2,7 @@
 
 use super::battles::Battles;
 use super::cells::Cells;
-use serde_json::{Value, json};
+use crate::web::protocol::{Features, LaneInfo};
 use smaclite_engine::{FeatureBlock, obs_features};
 use smaclite_ipc::{
     ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, lane_scenario,
@@ -41,10 +41,9 @@ impl WatchedLane {
         pool: &PoolStatus,
         lane: &str,
     ) -> Result<WatchedLane, WatchError> {
-        let lanes = pool.lanes.iter().map(|status| &status.description);
-        let Some(description) = lanes.clone().find(|description| description.lane == lane).cloned() else {
-            let (lane, lanes) = (lane.to_owned(), lanes.map(|other| other.lane.clone()).collect());
-            return Err(ConnectError::from(ControlError::NoSuchLane { lane, lanes }).into());
+        let mut lanes = pool.lanes.iter().map(|status| &status.description);
+        let Some(description) = lanes.find(|description| description.lane == lane).cloned() else {
+            return Err(WatchedLane::not_found(pool, lane));
         };
         let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
             Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
@@ -55,6 +54,12 @@ impl WatchedLane {
         let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);
         let cells = Cells::new(description.settings.num_envs);
         Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
+    }
+
+    /// The error that a pool has no lane of this name.
+    pub(super) fn not_found(pool: &PoolStatus, lane: &str) -> WatchError {
+        let lanes = pool.lanes.iter().map(|status| status.description.lane.clone()).collect();
+        ConnectError::from(ControlError::NoSuchLane { lane: lane.to_owned(), lanes }).into()
     }
 
     /// The supervisor's process.
@@ -72,21 +77,19 @@ impl WatchedLane {
     }
 
     /// What a page needs to know before it shows the lane.
-    pub(super) fn info(&self) -> Value {
+    pub(super) fn info(&self) -> LaneInfo {
         let lane = &self.description;
-        let blocks = obs_features(&self.battles.scenario);
-        json!({
-            "scenario": scenario_info(&self.battles.scenario, &self.battles.arena),
-            "lane": lane.lane,
-            "pid": lane.pid,
-            "num_envs": lane.settings.num_envs,
-            "batch_size": lane.settings.batch_size,
-            "autoreset": lane.settings.autoreset,
-            "rules": lane.rules,
-            "no_grid": self.spectator.as_ref().err(),
-            "has_state": lane.settings.fields.contains(Field::State),
-            "features": blocks.iter().map(feature_block).collect::<Vec<_>>(),
-        })
+        let features = obs_features(&self.battles.scenario);
+        LaneInfo {
+            scenario: scenario_info(&self.battles.scenario, &self.battles.arena),
+            lane: lane.lane.clone(),
+            pid: lane.pid,
+            num_envs: lane.settings.num_envs,
+            rules: lane.rules.to_string(),
+            no_grid: self.spectator.as_ref().err().cloned(),
+            has_state: lane.settings.fields.contains(Field::State),
+            features: features.into_iter().map(features_of).collect(),
+        }
     }
 
     /// Reads the newest frame, if the last reading was long enough ago.
@@ -108,6 +111,6 @@ impl WatchedLane {
     }
 }
 
-fn feature_block(block: &FeatureBlock) -> Value {
-    json!({"name": block.name, "start": block.start, "rows": block.rows, "features": block.features})
+fn features_of(FeatureBlock { name, start, rows, features }: FeatureBlock) -> Features {
+    Features { name, start, rows, features }
 }

@@ -1,23 +1,22 @@
 //! The live page: the battles of a running pool. Nothing here writes to the pool.
 //!
-//! Each open page has a conversation on a thread; what pages have in common is read once for all of them:
-//! the status of the pool, and the newest frame of a lane. While a page is hidden, its conversation waits.
+//! Each open page has a session on a thread; what pages have in common is read once for all of them: the
+//! status of the pool, and the newest frame of a lane. While a page is hidden, its session waits.
 
 mod battles;
 mod cells;
-mod conversation;
 mod episodes;
 mod follow;
 mod lane;
 mod pool;
+mod session;
 mod simulation;
 
-use super::{App, Page};
-use conversation::Conversation;
+use super::{App, Page, pages};
 use pool::WatchedPool;
 use serde_json::json;
+use session::Session;
 use smaclite_ipc::RuntimeDir;
-use smaclite_view::page::watch_html;
 
 /// What a live page shows.
 pub(crate) struct Live {
@@ -33,10 +32,10 @@ impl Live {
 
 impl App for Live {
     fn document(&self) -> String {
-        watch_html(self.pool.name(), &json!({"pool": self.pool.name(), "lane": self.lane}))
+        pages::watch(self.pool.name(), &json!({"pool": self.pool.name(), "lane": self.lane}))
     }
 
-    fn talk(&self, page: Page) {
-        let _closed = Conversation::new(&self.pool, &page).run();
+    fn run(&self, page: Page) {
+        let _closed = Session::new(&self.pool, &page).run();
     }
 }

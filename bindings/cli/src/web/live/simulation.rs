@@ -1,9 +1,9 @@
 //! Playing the log of an episode again, to the tick.
 
 use super::battles::Battles;
+use crate::web::protocol::{EpisodeResult, Steps};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::{Value, json};
 use smaclite_engine::{Battle, ExecutionOrder, Scratch, Snapshot, Step};
 use smaclite_view::page::{encode_moments, encode_step};
 use smaclite_view::{Moment, Observer};
@@ -47,8 +47,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Plays up to `n_steps` more steps, and encodes them for the page.
-    pub(super) fn encode(&mut self, n_steps: usize, actions: &[u16]) -> Result<Value, SimulationError> {
+    /// Plays up to `n_steps` more steps, and encodes them for the page. The number and the end of the episode
+    /// are left to the caller.
+    pub(super) fn encode(&mut self, n_steps: usize, actions: &[u16]) -> Result<Steps, SimulationError> {
         let first = self.step;
         let n_agents = self.battle.arena().sizes().n_agents;
         let end = (actions.len() / n_agents).min(first + n_steps);
@@ -61,16 +62,18 @@ impl Simulation {
             encode_step(&self.battle, actions_of(actions, self.step, n_agents), &mut decisions);
             self.play(actions, |moment| moments.push(moment.clone()))?;
         }
-        Ok(json!({
-            "step": first,
-            "steps": self.step - first,
-            "n_moments": moments.len(),
-            "moments": STANDARD.encode(encode_moments(&moments)),
-            "decisions": STANDARD.encode(&decisions),
-            "return": self.battle.episode_return(),
-            "length": self.battle.episode_length(),
-            "result": self.newest.and_then(result),
-        }))
+        Ok(Steps {
+            number: 0,
+            step: first,
+            steps: self.step - first,
+            n_moments: moments.len(),
+            moments: STANDARD.encode(encode_moments(&moments)),
+            decisions: STANDARD.encode(&decisions),
+            episode_return: self.battle.episode_return(),
+            length: self.battle.episode_length(),
+            result: self.newest.and_then(result),
+            is_over: false,
+        })
     }
 
     fn play(&mut self, actions: &[u16], mut see: impl FnMut(&Moment)) -> Result<(), SimulationError> {
@@ -99,11 +102,11 @@ fn actions_of(actions: &[u16], step: usize, n_agents: usize) -> &[u16] {
 }
 
 /// How an episode ended, if the step ended it.
-fn result(step: Step) -> Option<&'static str> {
+fn result(step: Step) -> Option<EpisodeResult> {
     match step {
-        Step { battle_won: true, .. } => Some("won"),
-        Step { terminated: true, .. } => Some("lost"),
-        Step { truncated: true, .. } => Some("truncated"),
+        Step { battle_won: true, .. } => Some(EpisodeResult::Won),
+        Step { terminated: true, .. } => Some(EpisodeResult::Lost),
+        Step { truncated: true, .. } => Some(EpisodeResult::Truncated),
         _ => None,
     }
 }

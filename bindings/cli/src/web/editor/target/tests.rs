@@ -20,7 +20,7 @@ fn folder() -> (TempDir, Start) {
 }
 
 fn opened(start: &Start) -> ScenarioFiles {
-    serde_json::from_value(start.open().unwrap()["files"].clone()).unwrap()
+    start.open().unwrap().files
 }
 
 fn unit(name: &str) -> UnitFile {
@@ -44,11 +44,14 @@ fn only_what_changed_is_written() {
     files.text += "\n";
     files.unit_files.push(unit("medic"));
     let text = files.text.clone();
-    let answer = start.save(Save { files, replace: false }).unwrap();
-    assert_eq!(answer["saved"].as_array().unwrap().len(), 2, "{answer}");
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Saved(files) if files.len() == 2), "{saved:?}");
     assert_eq!(names(&folder), ["medic.json", "s.json", "scout.json"]);
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), text);
-    assert_eq!(start.save(Save { files: opened(&start), replace: false }).unwrap(), json!({"saved": []}));
+    assert_eq!(
+        start.save(SaveFiles { files: opened(&start), replace: false }).unwrap(),
+        SavedFiles::Saved(Vec::new())
+    );
 }
 
 #[test]
@@ -58,7 +61,7 @@ fn an_invalid_file_is_opened_and_saved() {
     let mut files = opened(&start);
     assert_eq!((files.text.as_str(), files.unit_files.len()), ("{ \"groups\": [", 0));
     files.text += "]";
-    start.save(Save { files, replace: false }).unwrap();
+    start.save(SaveFiles { files, replace: false }).unwrap();
     fs::write(folder.path().join("scout.json"), "{").unwrap();
     fs::write(folder.path().join("s.json"), r#"{"groups": [3, {"units": {"scout": 1}}]}"#).unwrap();
     assert_eq!(opened(&start).unit_files[0].text, "{");
@@ -74,21 +77,21 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     };
     let files = edited();
     fs::write(folder.path().join("s.json"), "{}").unwrap();
-    let answer = start.save(Save { files, replace: false }).unwrap();
-    assert_eq!(answer["conflicts"].as_array().unwrap().len(), 1, "{answer}");
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files.len() == 1), "{saved:?}");
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), "{}");
     let mut files = opened(&start);
     files.text = "{ }".into();
     fs::write(folder.path().join("s.json"), "{  }").unwrap();
-    start.save(Save { files, replace: true }).unwrap();
+    start.save(SaveFiles { files, replace: true }).unwrap();
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), "{ }");
 
     // A file that exists but is not of this scenario.
     fs::write(folder.path().join("medic.json"), "mine").unwrap();
     let mut files = edited();
     files.unit_files.push(unit("medic"));
-    let answer = start.save(Save { files, replace: false }).unwrap();
-    assert!(answer["conflicts"][0].as_str().unwrap().ends_with("medic.json"), "{answer}");
+    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
+    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")), "{saved:?}");
 }
 
 #[test]
@@ -98,7 +101,7 @@ fn nothing_is_written_outside_the_folder() {
     let check = |change: &dyn Fn(&mut ScenarioFiles), expected: &str| {
         let mut files = opened(&start);
         change(&mut files);
-        let error = start.save(Save { files, replace: true }).unwrap_err().to_string();
+        let error = start.save(SaveFiles { files, replace: true }).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
         assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0);
     };
@@ -126,7 +129,7 @@ fn nothing_is_written_outside_the_folder() {
 
     let mut files = opened(&start);
     custom("units/mine".into())(&mut files);
-    start.save(Save { files, replace: false }).unwrap();
+    start.save(SaveFiles { files, replace: false }).unwrap();
     assert_eq!(fs::read_to_string(folder.path().join("units/mine/medic.json")).unwrap(), SCOUT);
 }
 
@@ -137,17 +140,17 @@ fn what_is_edited_is_a_file_or_a_standard_scenario() {
     assert!(error("/nowhere/s.json").starts_with("/nowhere: "), "{}", error("/nowhere/s.json"));
     assert!(error("/proc").contains("it is not a regular file"), "{}", error("/proc"));
     let standard = Start::of("2s3z").unwrap();
-    assert_eq!(standard.open().unwrap()["files"]["source"], "2s3z.json");
-    let error = standard.save(Save { files: opened(&standard), replace: true }).unwrap_err();
+    assert_eq!(standard.open().unwrap().files.source, "2s3z.json");
+    let error = standard.save(SaveFiles { files: opened(&standard), replace: true }).unwrap_err();
     assert!(error.to_string().contains("download"), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new.json");
     let start = Start::of(path.to_str().unwrap()).unwrap();
     let opened = start.open().unwrap();
-    assert_eq!(opened["exists"], false);
-    let text = opened["files"]["text"].as_str().unwrap();
+    assert!(!opened.exists);
+    let text = &opened.files.text;
     assert_eq!(Scenario::from_json(text, "new.json", "".as_ref()).unwrap().name, "new");
     let files = ScenarioFiles { source: "new.json".into(), text: "{}".into(), unit_files: Vec::new() };
-    start.save(Save { files, replace: false }).unwrap();
+    start.save(SaveFiles { files, replace: false }).unwrap();
     assert_eq!(fs::read_to_string(path).unwrap(), "{}");
 }

@@ -1,7 +1,24 @@
+// @ts-check
 // Fields of the forms: each shows one value of a file, and writes it when it is edited.
 
+import { titleCase } from "#view/battle.js";
+import { make } from "#view/dom.js";
+
 /** A form that is rebuilt when its signature changes, and otherwise only refreshed. */
-class Panel {
+export class Panel {
+  /** A text that changes when the form must be rebuilt. */
+  signature() {
+    return "";
+  }
+
+  /**
+   * The elements of the form.
+   * @returns {Node[]}
+   */
+  build() {
+    return [];
+  }
+
   constructor(element) {
     this.element = element;
     this.fields = [];
@@ -15,8 +32,8 @@ class Panel {
   }
 
   rebuild(signature) {
-    const { activeElement } = document;
-    const focused = this.element.contains(activeElement) ? activeElement.dataset.key : null;
+    const active = /** @type {HTMLElement | null} */ (document.activeElement);
+    const focused = this.element.contains(active) ? active?.dataset.key : null;
     this.shown = signature;
     this.fields = [];
     this.element.replaceChildren(...this.build());
@@ -35,7 +52,7 @@ class Panel {
   }
 }
 
-function button(label, title, click, properties = {}) {
+export function button(label, title, click, properties = {}) {
   const element = make("button", { type: "button", title, ...properties }, label);
   element.addEventListener("click", click);
   return element;
@@ -49,7 +66,7 @@ const ICONS = {
   copy: "M7 7h9v9H7zM4 13V4h9",
 };
 
-function icon(name) {
+export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"),
     path = document.createElementNS("http://www.w3.org/2000/svg", "path");
   svg.setAttribute("viewBox", "0 0 20 20");
@@ -58,16 +75,37 @@ function icon(name) {
   return svg;
 }
 
-function iconButton(name, title, click) {
+export function iconButton(name, title, click) {
   return button(icon(name), title, click, { className: "mini", "aria-label": title });
 }
 
 /** The key by which fields, problems and the focus find each other. */
-const fieldKey = (unit, path) => `${unit}:${JSON.stringify(path)}`;
+export const fieldKey = (unit, path) => `${unit}:${JSON.stringify(path)}`;
 
 class Field {
+  /**
+   * The input of the value.
+   * @returns {any}
+   */
+  makeControl(_options) {
+    return null;
+  }
+
+  /**
+   * The value that the input has.
+   * @returns {any}
+   */
+  value() {
+    return undefined;
+  }
+
+  /** Makes the input show a value. */
+  show(_value) {}
+
   constructor({ label, unit = -1, path, read, write, hint = "", readonly = false, wide = false }) {
-    Object.assign(this, { read, write, readonly });
+    this.read = read;
+    this.write = write;
+    this.readonly = readonly;
     this.control = this.makeControl(arguments[0]);
     this.control.dataset.key = fieldKey(unit, path);
     if (hint) this.control.title = hint;

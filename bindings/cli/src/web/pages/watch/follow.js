@@ -1,4 +1,17 @@
+// @ts-check
 // FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
+
+import { titleCase } from "#view/battle.js";
+import { byId, make } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { BattlePlayer, RESULTS } from "#view/player.js";
+import { Track, bytesOf } from "#view/track.js";
+import { TICKS_PER_STEP } from "#view/transport.js";
+import { ConnectionLost } from "../connection.js";
+
+/** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { EpisodeInfo, Features, Steps } from "../protocol.d.ts" */
+/** @typedef {import("../connection.js").Connection["request"]} Request */
 
 /** Ticks that are fetched ahead of the clock. */
 const AHEAD = 1024;
@@ -11,24 +24,32 @@ const WAIT_FOR_START = 1500;
 /** An episode that is shown no later than this many seconds is live. */
 const LIVE_WITHIN = 2;
 
-class FollowPlayer extends BattlePlayer {
-  constructor(info, ask) {
+export class FollowPlayer extends BattlePlayer {
+  /**
+   * @param {ScenarioInfo} info
+   * @param {Request} request
+   */
+  constructor(info, request) {
     super(info);
-    this.ask = ask;
+    this.request = request;
+    /** The names of the features of an observation. */
+    this.features = /** @type {Features[]} */ ([]);
     this.clock.isOpen = true;
-    this.observation = new ObservationCard(byId("obs"), ask);
+    this.isFetching = false;
+    this.observation = new ObservationCard(byId("obs"), request);
     this.stop();
   }
 
   /** Forgets the environment. */
   stop() {
     this.env = -1;
-    this.listed = [];
+    this.listed = /** @type {EpisodeInfo[]} */ ([]);
     this.received = 0;
     this.tracks = new Map();
     this.rows = null;
     this.number = -1;
-    this.isFetching = false;
+    /** Whether the last request of steps brought none; the next list of episodes allows another one. */
+    this.isStalled = false;
     this.endedAt = 0;
     this.clock.playing = false;
   }
@@ -46,10 +67,14 @@ class FollowPlayer extends BattlePlayer {
     byId("message").hidden = true;
   }
 
-  /** Takes the list of episodes, the newest first. */
-  hear(episodes) {
+  /**
+   * Takes the list of episodes, the newest first.
+   * @param {EpisodeInfo[]} episodes
+   */
+  list(episodes) {
     this.listed = episodes;
     this.received = performance.now();
+    this.isStalled = false;
     const isWhole = episodes[0]?.first_step === 0,
       waits = performance.now() - this.began < WAIT_FOR_START;
     if (this.number < 0 && episodes.length && (isWhole || !waits)) this.newest();
@@ -78,6 +103,7 @@ class FollowPlayer extends BattlePlayer {
     if (number === this.number) return;
     this.number = number;
     this.endedAt = 0;
+    this.isStalled = false;
     if (!this.tracks.has(number)) {
       const track = new Track(this.info);
       track.serial = number;
@@ -95,40 +121,61 @@ class FollowPlayer extends BattlePlayer {
     if (next) this.open(next.number);
   }
 
-  /** Fetches steps until enough are there. */
-  async fetch() {
-    const { number } = this,
-      entry = this.tracks.get(number),
-      known = this.known;
-    if (this.isFetching || !entry || !known) return;
-    if (entry.isOver || (entry.track.length && entry.steps >= known.steps)) return;
-    if (entry.track.length && entry.track.last > this.clock.time + AHEAD) return;
-    this.isFetching = true;
-    try {
-      this.append(entry, await this.ask("steps", { number, step: entry.steps }));
-    } catch (error) {
-      // An episode that the program has forgotten; the list says which ones there are.
-      if (number === this.number && !this.isNewest) this.newest();
-      else console.warn(error.message);
-    } finally {
-      this.isFetching = false;
-    }
-    this.fetch();
+  /** What is known of the shown episode. */
+  get entry() {
+    return this.tracks.get(this.number);
   }
 
-  append(entry, answer) {
+  /** Fetches steps of the shown episode until enough are there. One request at a time. */
+  async fetch() {
+    if (this.isFetching) return;
+    this.isFetching = true;
+    while (this.needsMore()) {
+      const { entry, number } = this;
+      try {
+        this.append(entry, await this.request({ type: "get_steps", number, step: entry.steps }));
+      } catch (error) {
+        if (entry === this.entry) this.failed(error);
+      }
+    }
+    this.isFetching = false;
+  }
+
+  needsMore() {
+    const { entry, known, clock } = this;
+    if (this.isStalled || !entry || !known || entry.isOver) return false;
+    return !entry.track.length || (entry.steps < known.steps && entry.track.last <= clock.time + AHEAD);
+  }
+
+  /** Without this a request that fails at once would be repeated without end, and block the page. */
+  failed(error) {
+    this.isStalled = true;
+    if (error instanceof ConnectionLost) return; // the page says so
+    // An episode that the program has forgotten; the list says which ones there are.
+    if (!this.isNewest) return this.newest();
+    byId("message").hidden = false;
+    byId("message").textContent = `Steps of this episode cannot be read: ${error.message}`;
+  }
+
+  /**
+   * @param {any} entry
+   * @param {Steps} response
+   */
+  append(entry, response) {
     const { track } = entry;
-    if (answer.step !== entry.steps || this.tracks.get(answer.number) !== entry) return;
-    if (answer.n_moments) track.append(bytesOf(answer.moments), answer.n_moments);
-    track.appendDecisions(bytesOf(answer.decisions));
-    entry.steps += answer.steps;
+    byId("message").hidden = true;
+    this.isStalled = response.steps === 0 && response.n_moments === 0;
+    if (response.step !== entry.steps || this.tracks.get(response.number) !== entry) return;
+    if (response.n_moments) track.append(bytesOf(response.moments), response.n_moments);
+    track.appendDecisions(bytesOf(response.decisions));
+    entry.steps += response.steps;
     Object.assign(entry, {
-      isOver: answer.is_over,
-      result: answer.result,
-      episodeReturn: answer.return,
-      length: answer.length,
+      isOver: response.is_over,
+      result: response.result,
+      episodeReturn: response.return,
+      length: response.length,
     });
-    if (answer.number !== this.number) return;
+    if (response.number !== this.number) return;
     this.clock.end = track.last;
     // A view that the mouse has not changed follows the units.
     if (this.view.isFitted) this.view.camera = null;
@@ -222,7 +269,7 @@ class FollowPlayer extends BattlePlayer {
 
   markEpisode() {
     for (const [number, item] of this.rows)
-      item.firstChild.setAttribute("aria-current", String(number === this.number));
+      item.firstElementChild?.setAttribute("aria-current", String(number === this.number));
   }
 
   command(key, ticks) {
@@ -236,16 +283,20 @@ class FollowPlayer extends BattlePlayer {
   }
 }
 
-const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
+export const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
 
 /** Milliseconds between two requests for observations. */
 const OBSERVE_EVERY = 250;
 
 /** The observation of the selected agent before the shown step, with the name of every feature. */
 class ObservationCard {
-  constructor(element, ask) {
+  /**
+   * @param {HTMLElement} element
+   * @param {Request} request
+   */
+  constructor(element, request) {
     this.element = element;
-    this.ask = ask;
+    this.request = request;
     this.shown = "";
     this.asked = -OBSERVE_EVERY;
   }
@@ -264,7 +315,7 @@ class ObservationCard {
     const now = performance.now();
     if (!entry || key === this.shown || now - this.asked < OBSERVE_EVERY || step > entry.steps) return;
     [this.shown, this.asked] = [key, now];
-    this.ask("observe", { number: player.number, step, agent: unit.id })
+    this.request({ type: "get_observation", number: player.number, step, agent: unit.id })
       .then(({ obs }) => this.shown === key && this.draw(player.features, step, obs))
       .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
   }
@@ -282,7 +333,11 @@ class ObservationCard {
     const width = features.length;
     if (!width || rows === 0) return null;
     const cell = (index) =>
-      make("td", { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" }, short(obs[index]));
+      make(
+        "td",
+        { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" },
+        short(obs[index]),
+      );
     const lines = Array.from({ length: rows ?? 1 }, (_, row) => {
       const values = features.map((_, at) => cell(start + row * width + at));
       return make("tr", {}, [make("th", {}, rows === null ? "" : String(row)), ...values]);
@@ -291,7 +346,11 @@ class ObservationCard {
       make("th", {}, name),
       ...features.map((feature) => make("th", {}, feature)),
     ]);
-    return make("div", { className: "obs" }, make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]));
+    return make(
+      "div",
+      { className: "obs" },
+      make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]),
+    );
   }
 }
 

@@ -1,46 +1,46 @@
+// @ts-check
 // TypesPanel: the unit types. Standard ones are shown; those of unit files have a form for every key.
 
-const PLANES = ["GROUND", "AIR", "COLOSSUS"];
-const ATTRIBUTES = [
-  "LIGHT",
-  "ARMORED",
-  "MASSIVE",
-  "BIOLOGICAL",
-  "MECHANICAL",
-  "PSIONIC",
-  "STRUCTURE",
-  "HEROIC",
-];
-/** The parameters of each targeter, with what a new one begins with. */
-const TARGETERS = {
-  STANDARD: {},
-  KAMIKAZE: { radius: 2.2 },
-  LASER_BEAM: { width: 2.8, height: 0.3 },
-  HEAL: {},
+import { titleCase } from "#view/battle.js";
+import { make } from "#view/dom.js";
+import { Panel, button, fieldKey, icon } from "./fields.js";
+import { typeTitle } from "./groups.js";
+
+/** What the targeters hit, in the words of the form. */
+const TARGETS = {
+  STANDARD: "Its target",
+  KAMIKAZE: "All around it, and dies",
+  LASER_BEAM: "All in a beam",
+  HEAL: "Heals its target",
 };
 
-/** Numbers of a unit file: key, label, step, default (undefined: required), explanation. */
+/** Numbers of a unit file: key, label, step. */
 const BODY = [
-  ["hp", "Health", 5, undefined, "Points, above 0"],
-  ["shield", "Shield", 5, 0, "Points"],
-  ["hp_regen", "Regeneration", 0.1, 0, "Health points per second"],
-  ["armor", "Armor", 1, undefined, "Points that each hit loses"],
-  ["energy", "Energy", 10, 0, "The most energy, in points; healers spend it"],
-  ["initial_energy", "Energy at start", 10, 0, "Points, at most `energy`"],
-  ["size", "Size", 0.125, undefined, "Diameter in squares, above 0"],
-  ["speed", "Speed", 0.1, undefined, "Squares per second"],
+  ["hp", "Health", 5],
+  ["shield", "Shield", 5],
+  ["hp_regen", "Regeneration", 0.1],
+  ["armor", "Armor", 1],
+  ["energy", "Energy", 10],
+  ["initial_energy", "Energy at start", 10],
+  ["size", "Size", 0.125],
+  ["speed", "Speed", 0.1],
 ];
 const ATTACK = [
-  ["damage", "Damage", 1, undefined, "Points per hit"],
-  ["attacks", "Hits per attack", 1, 1, "A whole number from 1"],
-  ["cooldown", "Cooldown", 0.1, undefined, "Seconds between attacks"],
-  ["minimum_scan_range", "Scan range", 0.5, 5, "Squares within which it looks for targets by itself"],
+  ["damage", "Damage", 1],
+  ["attacks", "Hits per attack", 1],
+  ["cooldown", "Cooldown", 0.1],
+  ["minimum_scan_range", "Scan range", 0.5],
 ];
 
-class TypesPanel extends Panel {
+const titled = (names) => names.map((name) => [name, titleCase(name)]);
+
+export class TypesPanel extends Panel {
   constructor(element, page) {
     super(element);
     this.page = page;
+    /** The text of the standard type that was shown last, and its file. */
+    this.standardText = "";
+    this.standardFile = null;
     /** The name of the type that is shown. */
     this.name = null;
   }
@@ -53,18 +53,18 @@ class TypesPanel extends Panel {
   get file() {
     const { doc } = this.page;
     if (this.index >= 0) return doc.units[this.index].file;
-    const text = doc.standard.units.find((unit) => unit.name === this.name)?.text ?? "{}";
-    if (this.standardText !== text) [this.standardText, this.standardFile] = [text, new JsonText(text)];
+    const text = doc.builtins.units.find((unit) => unit.name === this.name)?.text ?? "{}";
+    if (this.standardText !== text) [this.standardText, this.standardFile] = [text, doc.unitText(text)];
     return this.standardFile;
   }
 
   signature() {
     const { doc } = this.page;
-    const names = [...doc.units, ...doc.standard.units].map((unit) => unit.name);
+    const names = [...doc.units, ...doc.builtins.units].map((unit) => unit.name);
     if (!names.includes(this.name)) this.name = names[0];
     const { file } = this;
     const bonuses = file.value(["bonuses"]);
-    const shape = [file.value(["targeter"]) ?? "STANDARD", bonuses instanceof Map ? [...bonuses.keys()] : []];
+    const shape = [this.keyword("targeter"), bonuses instanceof Map ? [...bonuses.keys()] : []];
     return JSON.stringify([names, this.name, this.index, shape, file.isObject]);
   }
 
@@ -87,11 +87,11 @@ class TypesPanel extends Panel {
         },
       );
     const own = doc.units.map((unit) => chip(unit.name, true));
-    const standard = doc.standard.units
+    const standard = doc.builtins.units
       .filter(({ name }) => !doc.units.some((unit) => unit.name === name))
       .map(({ name }) => chip(name, false));
     const create = button([icon("add"), "New type"], "Add a unit type", () =>
-      this.page.addType(doc.freeName("unit"), doc.standard.units.find(({ name }) => name === "MARINE").text),
+      this.page.addType(doc.freeName("unit"), doc.builtins.units.find(({ name }) => name === "MARINE").text),
     );
     const copy = button([icon("copy"), "Copy as new"], "Add a unit type that begins as this one", () =>
       this.page.addType(
@@ -113,6 +113,15 @@ class TypesPanel extends Panel {
     ];
   }
 
+  get keys() {
+    return this.page.doc.formats.unit;
+  }
+
+  /** A keyword of the file, or what it is if the file has none. */
+  keyword(key) {
+    return this.file.value([key]) ?? this.keys.schema(key).default;
+  }
+
   /** A field of one key of the unit file. */
   key(kind, label, path, options = {}) {
     const { index } = this,
@@ -124,6 +133,7 @@ class TypesPanel extends Panel {
       readonly: index < 0,
       read: () => this.file.value(path),
       write: (value, merge) => doc.setUnit(index, (file) => this.with(file, path, value), merge),
+      ...this.keys.field(path[0]),
       ...options,
     });
   }
@@ -133,10 +143,10 @@ class TypesPanel extends Panel {
   }
 
   numbers(rows) {
-    const fields = rows.map(([key, label, step, placeholder, hint]) => {
+    const fields = rows.map(([key, label, step]) => {
       // Files may write `initial_energy` as `starting_energy`.
       const alias = key === "initial_energy" && this.file.node(["starting_energy"]) ? "starting_energy" : key;
-      return this.key("number", label, [alias], { step, min: 0, placeholder: placeholder ?? "", hint });
+      return this.key("number", label, [alias], { step, ...this.keys.field(key) });
     });
     return make("div", { className: "columns" }, fields);
   }
@@ -150,24 +160,22 @@ class TypesPanel extends Panel {
       make("small", {}, index < 0 ? "standard, read-only" : `${name}.json`),
     ]);
     const own = index < 0 ? [] : [this.nameRow()];
-    const planes = PLANES.map((plane) => [plane, titleCase(plane)]);
     return [
       make("section", { className: index < 0 ? "readonly" : "" }, [
         head,
         ...own,
         this.numbers(BODY),
         this.key("select", "Plane", ["plane"], {
-          options: planes,
-          read: () => this.file.value(["plane"]) ?? "GROUND",
-          hint: "Units avoid only units of their plane; every unit can attack COLOSSUS",
+          options: titled(this.keys.keywords("plane")),
+          read: () => this.keyword("plane"),
         }),
-        this.key("flags", "Attributes", ["attributes"], { options: ATTRIBUTES }),
+        this.key("flags", "Attributes", ["attributes"], { options: this.keys.keywords("attributes") }),
       ]),
       make("section", { className: index < 0 ? "readonly" : "" }, [
         make("h3", {}, "Attack"),
         this.numbers(ATTACK),
         this.rangeRow(),
-        this.key("flags", "Can attack", ["valid_targets"], { options: PLANES, hint: "valid_targets" }),
+        this.key("flags", "Can attack", ["valid_targets"], { options: this.keys.keywords("valid_targets") }),
         ...this.targeterFields(),
         this.bonusFields(),
       ]),
@@ -208,7 +216,6 @@ class TypesPanel extends Panel {
     const range = this.key("number", "Range", ["attack_range"], {
       step: 0.5,
       min: 0,
-      hint: "Squares between the edges of two units, or MELEE, which is 0.1",
     });
     const melee = this.key("check", "Melee", ["attack_range", "melee"], {
       read: isMelee,
@@ -221,55 +228,59 @@ class TypesPanel extends Panel {
   targeterFields() {
     const { doc } = this.page,
       { index } = this;
-    const kind = this.file.value(["targeter"]) ?? "STANDARD";
     const targeter = this.key("select", "Hits", ["targeter"], {
-      options: [
-        ["STANDARD", "Its target"],
-        ["KAMIKAZE", "All around it, and dies"],
-        ["LASER_BEAM", "All in a beam"],
-        ["HEAL", "Heals its target"],
-      ],
-      read: () => this.file.value(["targeter"]) ?? "STANDARD",
+      options: this.keys.keywords("targeter").map((name) => [name, TARGETS[name] ?? titleCase(name)]),
+      read: () => this.keyword("targeter"),
       write: (value) => doc.setUnit(index, (file) => this.withTargeter(file, value)),
-      hint: "targeter; a healer also has combat_type HEALING",
     });
-    const parameters = Object.keys(TARGETERS[kind] ?? {}).map((key) =>
-      this.key("number", titleCase(key), ["targeter_kwargs", key], {
-        step: 0.1,
-        min: 0,
-        write: (value, merge) =>
-          doc.setUnit(
-            index,
-            (file) => {
-              if (value !== undefined && !file.node(["targeter_kwargs"]))
-                return file.set(["targeter_kwargs"], { [key]: value });
-              return this.with(file, ["targeter_kwargs", key], value);
-            },
-            merge,
-          ),
-      }),
-    );
     const combat = this.key("select", "Combat type", ["combat_type"], {
-      options: [
-        ["DAMAGE", "Damage"],
-        ["HEALING", "Healing"],
-      ],
-      read: () => this.file.value(["combat_type"]) ?? "DAMAGE",
+      options: titled(this.keys.keywords("combat_type")),
+      read: () => this.keyword("combat_type"),
     });
+    const parameters = this.parameters(this.keyword("targeter"));
     return [
       make("div", { className: "columns" }, [targeter, combat]),
       ...(parameters.length ? [make("div", { className: "columns" }, parameters)] : []),
     ];
   }
 
+  /** Fields of the parameters of a targeter. */
+  parameters(targeter) {
+    const { doc } = this.page,
+      keys = doc.formats.targeters.get(targeter);
+    const write = (key) => (value, merge) =>
+      doc.setUnit(this.index, (file) => this.withParameter(file, key, value), merge);
+    return (keys?.order ?? []).map((key) =>
+      this.key("number", titleCase(key), ["targeter_kwargs", key], {
+        ...keys.field(key),
+        step: 0.1,
+        write: write(key),
+      }),
+    );
+  }
+
+  withParameter(file, key, value) {
+    if (value !== undefined && !file.node(["targeter_kwargs"]))
+      return file.set(["targeter_kwargs"], { [key]: value });
+    return this.with(file, ["targeter_kwargs", key], value);
+  }
+
   /** Sets a targeter, and what must agree with it. */
   withTargeter(file, kind) {
-    const kwargs = TARGETERS[kind];
-    let next = kind === "STANDARD" ? file.remove(["targeter"]) : file.set(["targeter"], kind);
-    next = Object.keys(kwargs).length
-      ? next.set(["targeter_kwargs"], kwargs)
-      : next.remove(["targeter_kwargs"]);
+    const isDefault = kind === this.keys.schema("targeter").default;
+    let next = isDefault ? file.remove(["targeter"]) : file.set(["targeter"], kind);
+    const kwargs = this.usualParameters(kind);
+    next = kwargs ? next.set(["targeter_kwargs"], kwargs) : next.remove(["targeter_kwargs"]);
     return kind === "HEAL" ? next.set(["combat_type"], "HEALING") : next.remove(["combat_type"]);
+  }
+
+  /** The parameters of a targeter as the first standard type has them that has it. */
+  usualParameters(kind) {
+    const { doc } = this.page;
+    if (!doc.formats.targeters.get(kind)?.order.length) return null;
+    const files = doc.builtins.units.map(({ text }) => doc.unitText(text));
+    const kwargs = files.find((file) => file.value(["targeter"]) === kind)?.value(["targeter_kwargs"]);
+    return Object.fromEntries(kwargs ?? []);
   }
 
   bonusFields() {
@@ -282,9 +293,9 @@ class TypesPanel extends Panel {
     );
     const more = make("select", { "aria-label": "Add a bonus", className: "more", disabled: index < 0 }, [
       make("option", { value: "" }, "Add a bonus against\u2026"),
-      ...ATTRIBUTES.filter((name) => !names.includes(name)).map((name) =>
-        make("option", { value: name }, titleCase(name)),
-      ),
+      ...(this.keys.schema("bonuses").propertyNames?.enum ?? [])
+        .filter((name) => !names.includes(name))
+        .map((name) => make("option", { value: name }, titleCase(name))),
     ]);
     more.addEventListener("change", () =>
       doc.setUnit(index, (old) =>

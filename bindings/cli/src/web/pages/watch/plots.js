@@ -1,12 +1,19 @@
+// @ts-check
 // LanePanel: what a lane does, as numbers and as curves over the last minutes.
+
+import { make } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { fitCanvas, theme } from "#view/theme.js";
+
+/** @import { Point } from "../protocol.d.ts" */
 
 /** Seconds of the window of rates and means. */
 const WINDOW = 15;
 /** Seconds that the curves show, and the fewest. */
-const LONGEST_PLOT = 600,
-  SHORTEST_PLOT = 30;
+const LONGEST_PLOT = 600;
+const SHORTEST_PLOT = 30;
 
-const compact = (value) =>
+export const compact = (value) =>
   value >= 1e6
     ? `${(value / 1e6).toFixed(2)} M`
     : value >= 1e4
@@ -15,35 +22,52 @@ const compact = (value) =>
         ? `${(value / 1e3).toFixed(1)} k`
         : value.toFixed(0);
 
-/** The curves: each a function of the points of a window, from the oldest to the newest; null is a gap. */
+/**
+ * @typedef {{ id: string, title: string, from?: number, to?: number, text: (value: number) => string,
+ *   value: (points: Point[]) => number | null }} Plot
+ */
+
+/**
+ * The curves: each a function of the points of a window, from the oldest to the newest; null is a gap.
+ * @type {Plot[]}
+ */
 const PLOTS = [
-  { id: "steps", title: "Steps per second", from: 0, text: compact, value: (points) => points.at(-1).stepsPerS },
+  {
+    id: "steps",
+    title: "Steps per second",
+    from: 0,
+    text: compact,
+    value: (points) => points.at(-1).steps_per_s,
+  },
   {
     id: "wins",
     title: "Win rate",
     from: 0,
     to: 1,
     text: (value) => `${(value * 100).toFixed(value > 0 && value < 0.1 ? 1 : 0)}%`,
-    value: ([first, ...rest]) => ratio(rest.at(-1)?.wins - first.wins, rest.at(-1)?.episodes - first.episodes),
+    value: ([first, ...rest]) =>
+      ratio(rest.at(-1)?.wins - first.wins, rest.at(-1)?.episodes - first.episodes),
   },
   {
     id: "returns",
     title: "Return",
     text: (value) => value.toFixed(2),
-    value: ([first, ...rest]) => ratio(rest.at(-1)?.returns - first.returns, rest.at(-1)?.episodes - first.episodes),
+    value: ([first, ...rest]) =>
+      ratio(rest.at(-1)?.returns - first.returns, rest.at(-1)?.episodes - first.episodes),
   },
   {
     id: "lengths",
     title: "Episode length",
     from: 0,
     text: (value) => value.toFixed(0),
-    value: ([first, ...rest]) => ratio(rest.at(-1)?.steps - first.steps, rest.at(-1)?.episodes - first.episodes),
+    value: ([first, ...rest]) =>
+      ratio(rest.at(-1)?.steps - first.steps, rest.at(-1)?.episodes - first.episodes),
   },
 ];
 
 const ratio = (part, all) => (all > 0 ? part / all : null);
 
-class LanePanel {
+export class LanePanel {
   constructor(element) {
     this.points = [];
     this.plots = PLOTS.map((plot) => {
@@ -69,10 +93,10 @@ class LanePanel {
     this.isDrawn = false;
   }
 
-  /** Takes points of the history: rows in the order of the server. */
-  take(rows) {
-    for (const [time, pid, stepsPerS, steps, episodes, wins, returns] of rows) {
-      const point = { time, pid, stepsPerS, steps, episodes, wins, returns };
+  /** Takes points of the history. */
+  take(points) {
+    for (const point of points) {
+      const { time, pid } = point;
       this.points.push(point);
       // Counts of another pool begin again.
       const window = this.points.filter((other) => other.pid === pid && other.time >= time - WINDOW);
@@ -96,6 +120,7 @@ class LanePanel {
     for (const plot of this.plots) this.drawPlot(plot);
   }
 
+  /** @param {Plot & { canvas: HTMLCanvasElement, values: { time: number, value: number | null }[] }} plot */
   drawPlot({ canvas, values, from, to, text }) {
     const { context, width, height } = fitCanvas(canvas),
       { colours } = theme;
@@ -111,7 +136,16 @@ class LanePanel {
     const [left, right, top, bottom] = [38, width - 4, 8, height - 16];
     const x = (time) => right - ((newest - time) / span) * (right - left);
     const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
-    this.drawAxes(context, { left, right, bottom, height, span, top: y(high), high: text(high), low: text(low) });
+    this.drawAxes(context, {
+      left,
+      right,
+      bottom,
+      height,
+      span,
+      top: y(high),
+      high: text(high),
+      low: text(low),
+    });
     context.beginPath();
     let isGap = true;
     for (const { time, value } of values) {
@@ -148,7 +182,11 @@ class LanePanel {
     context.fillText(low, left - 5, bottom);
     context.textBaseline = "alphabetic";
     context.textAlign = "left";
-    context.fillText(`\u2212${span >= 90 ? `${Math.round(span / 60)} min` : `${Math.round(span)} s`}`, left, height - 3);
+    context.fillText(
+      `\u2212${span >= 90 ? `${Math.round(span / 60)} min` : `${Math.round(span)} s`}`,
+      left,
+      height - 3,
+    );
     context.textAlign = "right";
     context.fillText("now", right, height - 3);
   }

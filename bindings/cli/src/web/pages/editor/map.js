@@ -1,34 +1,28 @@
+// @ts-check
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
+import { BattleView } from "#view/battle.js";
+import { clamp } from "#view/numbers.js";
+import { theme } from "#view/theme.js";
+import { Brush, LARGEST_BRUSH } from "./brush.js";
+import { isNumber, rectanglesOf } from "./document.js";
+import { StartTrack, infoOf } from "./start.js";
+
+/** @import { EditorPage } from "./editor.js" */
+
 /** Points snap to multiples of this, in squares, unless Alt is held. */
-const SNAP = 0.5;
+export const SNAP = 0.5;
 /** How far from the attack point a click still means it, in squares. */
 const GOAL_REACH = 0.6;
 
-/** The moment before a battle: every unit at its start. */
-class StartTrack {
-  constructor(info, places) {
-    this.info = info;
-    this.places = places;
-    this.units = info.units.length;
-    this.length = this.units ? 1 : 0;
-    this.last = 0;
-    this.attacks = [[]];
-    this.deaths = [];
-  }
-
-  unitAt(unit) {
-    const { type, faction } = this.info.units[unit],
-      { hp, shield, energy, initial_energy: initial } = this.info.types[type],
-      [x, y] = this.places[unit];
-    const state = { unit, x, y, hp, shield, cooldown: 0, target: -1, alive: true };
-    return { ...state, energy: energy ? initial : 0, facing: faction ? Math.PI : 0 };
-  }
-}
-
-class MapEditor extends BattleView {
+export class MapEditor extends BattleView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {EditorPage} page
+   */
   constructor(canvas, page) {
-    super(canvas, { width: 1, height: 1, obstacles: [], attack_point: [NaN, NaN], types: [], units: [] });
+    const empty = { width: 1, height: 1, obstacles: [], types: [], units: [] };
+    super(canvas, infoOf({ ...empty, attack_point: [NaN, NaN] }));
     this.page = page;
     this.wholeMap = true;
     this.brush = new Brush();
@@ -56,22 +50,22 @@ class MapEditor extends BattleView {
       const known = layout?.find(group, index);
       if (!known) return this.unplaced.push(index);
       for (const [type, x, y] of known.units) {
-        units.push({ type, faction: FACTIONS.indexOf(group.faction), id: 0 });
+        units.push({ type, faction: doc.formats.factions.indexOf(group.faction), id: 0 });
         places.push([x + group.x - known.x, y + group.y - known.y]);
         this.groupOf.push(index);
       }
     });
     const counts = [0, 0];
     for (const unit of units) unit.id = counts[unit.faction]++;
-    this.info = {
+    this.info = infoOf({
       width: map.width,
       height: map.height,
       obstacles: rectanglesOf(map),
-      attack_point: isPoint ? goal : [NaN, NaN],
+      attack_point: isPoint ? /** @type {[number, number]} */ (goal) : [NaN, NaN],
       types: layout?.types ?? [],
       units,
       sight_range: layout?.sight ?? 9,
-    };
+    });
     this.track = new StartTrack(this.info, places);
     this.hovered = this.selected = -1;
     this.terrain.key = "";
@@ -382,7 +376,7 @@ class MapEditor extends BattleView {
     const { width, height } = this.info;
     const [x, y] = this.square ?? [Math.floor(width / 2), Math.floor(height / 2)];
     this.square = [clamp(x + dx * by, 0, width - 1), clamp(y + dy * by, 0, height - 1)];
-    this.page.showPointer({ x: this.square[0], y: this.square[1], square: this.square });
+    this.page.showPointer({ square: this.square });
     this.page.redraw();
   }
 

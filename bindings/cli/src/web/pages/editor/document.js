@@ -1,26 +1,29 @@
+// @ts-check
 // ScenarioDocument: a scenario as the texts of its files, with undo, and what the editor does to them.
 
-const FACTIONS = ["ALLY", "ENEMY"];
-const DEFAULT_SIDE = 32,
-  LARGEST_SIDE = 1024;
-/** Limits of the history: states, and characters of text in them. */
-const MOST_STATES = 400,
-  MOST_CHARACTERS = 60e6;
+import { Formats } from "./formats.js";
+import { JsonText, Raw, linesOf } from "./json.js";
 
-const isNumber = (value) => typeof value === "number";
-const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
+/** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
+
+/** Limits of the history: states, and characters of text in them. */
+const MOST_STATES = 400;
+const MOST_CHARACTERS = 60e6;
+
+export const isNumber = (value) => typeof value === "number";
+export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 
 /** The map of a scenario file, as far as it can be read: { width, height, preset, blocked }. */
-function readMap(file, presets) {
+function readMap(file, presets, { missing, longest }) {
   const side = (key) => {
     const value = file.value([key]);
-    return Number.isInteger(value) && value >= 1 && value <= LARGEST_SIDE ? value : DEFAULT_SIDE;
+    return Number.isInteger(value) && value >= 1 && value <= longest ? value : missing;
   };
   const preset = file.value(["terrain"]) === undefined ? file.value(["terrain_preset"]) : undefined;
   const known = presets.find(({ name }) => name === preset);
   const rows = known ? known.rows : file.value(["terrain"]);
-  const width = known ? DEFAULT_SIDE : side("width"),
-    height = known ? DEFAULT_SIDE : side("height");
+  const width = known ? missing : side("width"),
+    height = known ? missing : side("height");
   const blocked = new Uint8Array(width * height);
   if (Array.isArray(rows))
     rows.slice(0, height).forEach((row, y) => {
@@ -34,7 +37,7 @@ const rowText = (map, y) =>
   Array.from(map.blocked.subarray(y * map.width, (y + 1) * map.width), (square) => "_X"[square]).join("");
 
 /** The blocked squares as rectangles, which cover them without overlapping. */
-function rectanglesOf({ width, height, blocked }) {
+export function rectanglesOf({ width, height, blocked }) {
   const rectangles = [];
   let open = new Map();
   for (let y = 0; y < height; y++) {
@@ -43,7 +46,7 @@ function rectanglesOf({ width, height, blocked }) {
       if (!blocked[y * width + x]) continue;
       const from = x;
       while (x < width && blocked[y * width + x]) x++;
-      const key = from * (LARGEST_SIDE + 1) + x;
+      const key = from * (width + 1) + x;
       const rectangle = open.get(key) ?? [from, y, x, y];
       if (!open.has(key)) rectangles.push(rectangle);
       rectangle[3] = y + 1;
@@ -54,10 +57,19 @@ function rectanglesOf({ width, height, blocked }) {
   return rectangles;
 }
 
-class ScenarioDocument {
-  constructor(standard, files) {
-    this.standard = standard;
+export class ScenarioDocument {
+  /**
+   * @param {Builtins} builtins
+   * @param {ScenarioFiles} files
+   */
+  constructor(builtins, files) {
+    this.builtins = builtins;
+    this.formats = new Formats(builtins);
     this.listeners = [];
+    /** Files that were read last, and what was read. */
+    this.groupsOf = this.mapOf = null;
+    this.groupsRead = [];
+    this.mapRead = null;
     this.load(files);
   }
 
@@ -65,8 +77,8 @@ class ScenarioDocument {
   load({ source, text, unit_files: units }) {
     this.state = {
       source,
-      scenario: new JsonText(text),
-      units: units.map(({ name, keys, text: unitText }) => ({ name, keys, file: new JsonText(unitText) })),
+      scenario: this.scenarioText(text),
+      units: units.map(({ name, keys, text: unitText }) => ({ name, keys, file: this.unitText(unitText) })),
     };
     this.past = [];
     this.future = [];
@@ -159,12 +171,21 @@ class ScenarioDocument {
   /** The index of the unit file that a key of the scenario names, or -1. */
   unitOf(key) {
     const owner = this.units.findIndex((unit) => unit.keys.includes(key));
-    if (this.isStandard(key) && key !== "HYDRALISK") return -1;
+    if (this.standard(key) && !this.standard(key).is_replaceable) return -1;
     return owner >= 0 ? owner : this.units.findIndex((unit) => unit.name === stemOf(key));
   }
 
-  isStandard(key) {
-    return this.standard.units.some(({ name }) => name === key);
+  /** The standard type of a name. */
+  standard(key) {
+    return this.builtins.units.find(({ name }) => name === key);
+  }
+
+  scenarioText(text) {
+    return new JsonText(text, this.formats.scenario.order);
+  }
+
+  unitText(text) {
+    return new JsonText(text, this.formats.unit.order);
   }
 
   /** Sets a key of the scenario file; undefined removes it. */
@@ -174,8 +195,8 @@ class ScenarioDocument {
 
   /** Replaces the text of a file: unit file `unit`, or the scenario file if that is -1. */
   setText(unit, text, merge) {
-    if (unit < 0) this.change({ scenario: new JsonText(text) }, merge);
-    else this.setUnit(unit, () => new JsonText(text), merge);
+    if (unit < 0) this.change({ scenario: this.scenarioText(text) }, merge);
+    else this.setUnit(unit, () => this.unitText(text), merge);
   }
 
   // Groups
@@ -278,7 +299,7 @@ class ScenarioDocument {
   map() {
     const { scenario } = this.state;
     if (this.mapOf !== scenario)
-      [this.mapOf, this.mapRead] = [scenario, readMap(scenario, this.standard.presets)];
+      [this.mapOf, this.mapRead] = [scenario, readMap(scenario, this.builtins.presets, this.formats.side)];
     return this.mapRead;
   }
 
@@ -292,7 +313,7 @@ class ScenarioDocument {
         );
       let next = file;
       for (const key of ["width", "height"]) {
-        const isDefault = map[key] === DEFAULT_SIDE && next.node([key]) === null;
+        const isDefault = map[key] === this.formats.side.missing && next.node([key]) === null;
         if (!isDefault && next.value([key]) !== map[key]) next = next.set([key], map[key]);
       }
       const list = next.node(["terrain"]);
@@ -312,10 +333,11 @@ class ScenarioDocument {
   /** Chooses a preset, or turns it into rows that can be drawn on. */
   setPreset(name) {
     if (!name) return this.setMap(this.map());
+    const { missing } = this.formats.side;
     this.edit((file) => {
       let next = file;
       for (const key of ["width", "height"])
-        if (next.node([key]) && next.value([key]) !== DEFAULT_SIDE) next = next.set([key], DEFAULT_SIDE);
+        if (next.node([key]) && next.value([key]) !== missing) next = next.set([key], missing);
       if (!next.node(["terrain"])) return next.set(["terrain_preset"], name);
       if (next.node(["terrain_preset"])) return next.remove(["terrain"]).set(["terrain_preset"], name);
       return next.rename(["terrain"], "terrain_preset", name);
@@ -330,7 +352,7 @@ class ScenarioDocument {
   }
 
   addUnit(name, text) {
-    this.change({ units: [...this.units, { name, keys: [], file: new JsonText(text) }] });
+    this.change({ units: [...this.units, { name, keys: [], file: this.unitText(text) }] });
   }
 
   removeUnit(index) {
@@ -351,7 +373,7 @@ class ScenarioDocument {
 
   /** A name that no unit type has yet. */
   freeName(wish) {
-    const names = new Set([...this.units, ...this.standard.units].map((unit) => unit.name));
+    const names = new Set([...this.units, ...this.builtins.units].map((unit) => unit.name));
     for (let i = 1; ; i++) {
       const name = i === 1 ? wish : `${wish}_${i}`;
       if (!names.has(name)) return name;

@@ -1,11 +1,11 @@
-//! What one page asks for, and what it is sent while it is visible: cells of the grid, the status of the
+//! What one page requests, and what it is sent while it is visible: cells of the grid, the status of the
 //! pool, and the list of a followed environment's episodes.
 
 use super::follow::Follow;
 use super::lane::WatchedLane;
 use super::pool::{STATUS_INTERVAL, WatchedPool, lock};
-use crate::web::{Closed, Page, Request};
-use serde_json::{Value, json};
+use crate::web::protocol::{PageEvent, PageRequest, PageResponse, RequestMessage};
+use crate::web::{Closed, Page};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// The most cells that a page is sent.
 const MAX_CELLS: usize = 256;
 
-pub(super) struct Conversation<'a> {
+pub(super) struct Session<'a> {
     pool: &'a WatchedPool,
     page: &'a Page,
     /// The name of the lane that the page shows.
@@ -47,10 +47,10 @@ struct Deadlines {
     connect: Instant,
 }
 
-impl<'a> Conversation<'a> {
-    pub(super) fn new(pool: &'a WatchedPool, page: &'a Page) -> Conversation<'a> {
+impl<'a> Session<'a> {
+    pub(super) fn new(pool: &'a WatchedPool, page: &'a Page) -> Session<'a> {
         let now = Instant::now();
-        Conversation {
+        Session {
             pool,
             page,
             lane: None,
@@ -64,11 +64,11 @@ impl<'a> Conversation<'a> {
         }
     }
 
-    /// Talks until the page is closed.
+    /// Serves the page until it is closed.
     pub(super) fn run(mut self) -> Closed {
         loop {
             let done = self.page.receive(self.deadline()).and_then(|request| match request {
-                Some(request) => self.reply(&request),
+                Some(message) => self.respond(message),
                 None => self.send_due(),
             });
             if let Err(closed) = done {
@@ -94,70 +94,61 @@ impl<'a> Conversation<'a> {
         Some(deadline)
     }
 
-    fn reply(&mut self, request: &Request) -> Result<(), Closed> {
-        let answer = match request.action.as_str() {
-            "lane" => self.choose_lane(request),
-            "look" => self.look(request),
-            "follow" => self.begin_follow(request),
-            "unfollow" => {
+    fn respond(&mut self, RequestMessage { id, request }: RequestMessage) -> Result<(), Closed> {
+        let response = match request {
+            PageRequest::SelectLane { name } => Ok(self.select_lane(name)),
+            PageRequest::SetView { first, count, visible } => Ok(self.set_view(first, count, visible)),
+            PageRequest::Follow { env } => self.begin_follow(env),
+            PageRequest::Unfollow {} => {
                 self.follow = None;
-                Ok(json!({}))
+                Ok(PageResponse::Unfollow {})
             }
-            "steps" => self.steps(request),
-            "observe" => self.observe(request),
-            other => Err(format!("there is no request `{other}`")),
+            PageRequest::GetSteps { number, step } => self.steps(number, step),
+            PageRequest::GetObservation { number, step, agent } => self.observation(number, step, agent),
+            _ => Err("this request is one of the editor".to_owned()),
         };
-        match answer {
-            Ok(answer) => self.page.answer(request, answer),
-            Err(why) => self.page.refuse(request, why),
-        }
+        self.page.respond(id, response)
     }
 
-    fn choose_lane(&mut self, request: &Request) -> Result<Value, String> {
-        let name = request.text("name")?;
-        (self.lane, self.watched, self.follow) = (Some(name.to_owned()), None, None);
+    fn select_lane(&mut self, name: String) -> PageResponse {
+        (self.lane, self.watched, self.follow) = (Some(name), None, None);
         (self.sequence, self.time) = (0, -1.0);
         let now = Instant::now();
         self.next = Deadlines { grid: now, status: now, follow: now, connect: now };
-        Ok(json!({}))
+        PageResponse::SelectLane {}
     }
 
     /// What the page shows: whether it is visible, and which cells.
-    fn look(&mut self, request: &Request) -> Result<Value, String> {
-        let first = request.number("first")?;
-        let count = request.number("count")?.min(MAX_CELLS);
-        let grid = first..first.saturating_add(count);
+    fn set_view(&mut self, first: usize, count: usize, visible: bool) -> PageResponse {
+        let grid = first..first.saturating_add(count.min(MAX_CELLS));
         if grid != self.grid {
             // Cells that were not shown have changed since the frames that they were sent for.
             (self.grid, self.sequence) = (grid, 0);
         }
-        self.is_visible = request.arguments.get("visible").and_then(Value::as_bool).unwrap_or(true);
-        Ok(json!({}))
+        self.is_visible = visible;
+        PageResponse::SetView {}
     }
 
-    fn begin_follow(&mut self, request: &Request) -> Result<Value, String> {
-        let env = request.number("env")?;
+    fn begin_follow(&mut self, env: usize) -> Result<PageResponse, String> {
         self.follow = None; // the old one ends before the new one begins, so that both fit the pool's limit
-        let lane = self.lane.as_deref().ok_or("choose a lane first")?;
+        let lane = self.lane.as_deref().ok_or("select a lane first")?;
         let watched = self.watched.as_ref().ok_or_else(|| format!("lane `{lane}` is not connected"))?;
         let battles = Arc::clone(lock(watched).battles());
         let (runtime_dir, pool) = (self.pool.runtime_dir(), self.pool.name());
         self.follow = Some(Follow::connect(runtime_dir, pool, lane, env, battles)?);
         self.next.follow = Instant::now();
-        Ok(json!({}))
+        Ok(PageResponse::Follow {})
     }
 
-    fn steps(&mut self, request: &Request) -> Result<Value, String> {
-        let (number, step) = (request.number("number")?, request.number("step")?);
+    fn steps(&mut self, number: u64, step: usize) -> Result<PageResponse, String> {
         let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
-        follow.steps(number as u64, step).map_err(|error| error.to_string())
+        follow.steps(number, step).map(PageResponse::GetSteps).map_err(|error| error.to_string())
     }
 
-    fn observe(&mut self, request: &Request) -> Result<Value, String> {
-        let (number, step) = (request.number("number")?, request.number("step")?);
+    fn observation(&mut self, number: u64, step: usize, agent: usize) -> Result<PageResponse, String> {
         let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
-        let obs = follow.observation(number as u64, step, request.number("agent")?);
-        Ok(json!({"obs": obs.map_err(|error| error.to_string())?}))
+        let obs = follow.observation(number, step, agent).map_err(|error| error.to_string())?;
+        Ok(PageResponse::GetObservation { obs })
     }
 
     fn send_due(&mut self) -> Result<(), Closed> {
@@ -186,7 +177,7 @@ impl<'a> Conversation<'a> {
         if self.watched.as_ref().is_some_and(|lane| news.pid.is_some_and(|pid| lock(lane).pid() != pid)) {
             (self.watched, self.follow) = (None, None); // the pool was started again
         }
-        self.page.push("status", news.event)
+        self.page.push(PageEvent::Status(news.state))
     }
 
     /// Begins to watch the lane.
@@ -196,9 +187,9 @@ impl<'a> Conversation<'a> {
             Ok(lane) => {
                 let info = lock(&lane).info();
                 (self.watched, self.sequence) = (Some(lane), 0);
-                self.page.push("lane", info)
+                self.page.push(PageEvent::Lane(Box::new(info)))
             }
-            Err(error) => self.page.push("lost", json!({"error": error.to_string()})),
+            Err(error) => self.page.push(PageEvent::Lost { error: error.to_string() }),
         }
     }
 
@@ -211,11 +202,11 @@ impl<'a> Conversation<'a> {
         match news {
             Ok((cells, sequence)) => {
                 self.sequence = sequence;
-                if cells.is_empty() { Ok(()) } else { self.page.push("grid", json!({"cells": cells})) }
+                if cells.is_empty() { Ok(()) } else { self.page.push(PageEvent::Grid { cells }) }
             }
             Err(error) => {
                 self.watched = None;
-                self.page.push("lost", json!({"error": error}))
+                self.page.push(PageEvent::Lost { error })
             }
         }
     }
@@ -223,10 +214,10 @@ impl<'a> Conversation<'a> {
     fn send_episodes(&mut self) -> Result<(), Closed> {
         let Some(follow) = &mut self.follow else { return Ok(()) };
         match follow.read() {
-            Ok(_) => self.page.push("episodes", follow.list()),
+            Ok(_) => self.page.push(PageEvent::Episodes { episodes: follow.list() }),
             Err(error) => {
                 (self.follow, self.watched) = (None, None);
-                self.page.push("lost", json!({"error": error}))
+                self.page.push(PageEvent::Lost { error })
             }
         }
     }

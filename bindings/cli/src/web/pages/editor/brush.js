@@ -1,8 +1,33 @@
+// @ts-check
 // Brush: the squares that a drawing tool covers, and maps that are drawn on.
+
+/** The keys that choose tools, and what the page says about them. */
+export const TOOL_KEYS = {
+  v: "select",
+  b: "brush",
+  e: "erase",
+  r: "rectangle",
+  l: "line",
+  f: "fill",
+  a: "goal",
+  g: "ally",
+  h: "enemy",
+};
+export const TOOL_HINTS = {
+  select: "Click a group to edit it, drag it to move it; drag the map to move the view",
+  brush: "Drag to draw; the right button draws the opposite",
+  erase: "Drag to make squares walkable",
+  rectangle: "Drag from corner to corner",
+  line: "Drag from end to end",
+  fill: "Click an area to fill it",
+  goal: "Click or drag to where the enemies march",
+  ally: "Click where the new group starts",
+  enemy: "Click where the new group starts",
+};
 
 /** Tools that draw on the map. */
 const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
-const LARGEST_BRUSH = 15;
+export const LARGEST_BRUSH = 15;
 
 /** The squares on a line between two squares. */
 function squaresBetween([x0, y0], [x1, y1]) {
@@ -13,7 +38,7 @@ function squaresBetween([x0, y0], [x1, y1]) {
   ]);
 }
 
-class Brush {
+export class Brush {
   constructor() {
     this.tool = "select";
     this.paintsBlocked = true;

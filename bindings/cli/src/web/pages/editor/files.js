@@ -1,6 +1,17 @@
+// @ts-check
 // FileStore: opens files of the browser's user, and saves: in place through the program, or by download.
 
-class FileStore {
+import { make } from "#view/dom.js";
+import { stemOf } from "./document.js";
+import { JsonText } from "./json.js";
+
+/** @import { EditorPage } from "./editor.js" */
+
+export class FileStore {
+  /**
+   * @param {EditorPage} page
+   * @param {{ target: string | null, exists: boolean }} opened
+   */
   constructor(page, { target, exists }) {
     this.page = page;
     /** The file that the program writes, or null. */
@@ -30,7 +41,7 @@ class FileStore {
     const names = new Set(units.map(({ name }) => name));
     const kept = this.page.doc.units.filter(({ name }) => !names.has(name));
     this.page.doc.change({
-      units: [...kept, ...units.map((unit) => ({ ...unit, file: new JsonText(unit.text) }))],
+      units: [...kept, ...units.map((unit) => ({ ...unit, file: this.page.doc.unitText(unit.text) }))],
     });
     this.page.panels.types.name = units[0].name;
     this.page.showTab("types");
@@ -48,19 +59,20 @@ class FileStore {
       return;
     const { state } = this.page.doc;
     try {
-      const answer = await this.page.connection.ask("save", {
+      const response = await this.page.connection.request({
+        type: "save_files",
         files: this.page.doc.files(),
         replace: replace || (!this.isTargets && this.exists),
       });
-      if (answer.conflicts) {
-        const files = answer.conflicts.join(", ");
+      if ("conflicts" in response) {
+        const files = response.conflicts.join(", ");
         if (confirm(`Changed by another program, or not of this scenario: ${files}. Replace?`))
           await this.save(true);
         return;
       }
       this.isTargets = this.exists = true;
       this.page.doc.saved = state;
-      const saved = answer.saved.map((file) => `${stemOf(file)}.json`);
+      const saved = response.saved.map((file) => `${stemOf(file)}.json`);
       this.page.tell(
         saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.",
       );

@@ -1,12 +1,22 @@
+// @ts-check
 // Grid: many battles of a lane, each from the newest frame that showed it, and moving between two frames.
+
+import { BattleView } from "#view/battle.js";
+import { make } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { RESULTS } from "#view/player.js";
+import { theme } from "#view/theme.js";
+import { COLUMNS, Track, bytesOf } from "#view/track.js";
+
+/** @import { GridCell } from "../protocol.d.ts" */
 
 /** Milliseconds per picture that the grid may draw; cells that do not fit wait for the next picture. */
 const GRID_BUDGET = 8;
 /** The shortest and the longest time in which a cell moves from one frame to the next, in milliseconds. */
-const SHORTEST_MOVE = 60,
-  LONGEST_MOVE = 600;
+const SHORTEST_MOVE = 60;
+const LONGEST_MOVE = 600;
 /** Cells of one page. */
-const MOST_CELLS = 64;
+export const MOST_CELLS = 64;
 
 /** The last two moments of an environment. */
 class CellTrack extends Track {
@@ -42,7 +52,7 @@ class Cell {
     ]);
     this.button.addEventListener("click", () => follow(env));
     this.view = new BattleView(this.canvas, info);
-    this.view.track = new CellTrack(info);
+    this.view.track = this.track = new CellTrack(info);
     this.length = -1;
     this.arrived = 0;
     this.move = SHORTEST_MOVE;
@@ -50,7 +60,11 @@ class Cell {
     this.isDrawn = false;
   }
 
-  /** Takes the environment's row of a frame. */
+  /**
+   * Takes the environment's row of a frame.
+   * @param {GridCell} row
+   * @param {number} now
+   */
   take(row, now) {
     const jumps = row.length === null || row.length < this.length || this.outcome;
     this.length = row.length ?? 0;
@@ -58,7 +72,7 @@ class Cell {
     if (row.moment) {
       this.move = clamp(now - this.arrived, SHORTEST_MOVE, LONGEST_MOVE);
       this.arrived = now;
-      this.view.track.push(bytesOf(row.moment), jumps);
+      this.track.push(bytesOf(row.moment), jumps);
       this.isDrawn = false;
     }
     this.label.textContent = row.length === null ? "" : `step ${row.length}`;
@@ -83,12 +97,12 @@ class Cell {
   }
 }
 
-class Grid {
-  /** `look` is called with the first environment that is visible and the number of them. */
-  constructor(element, follow, look) {
+export class Grid {
+  /** `setView` is called with the first environment that is visible and the number of them. */
+  constructor(element, follow, setView) {
     this.element = element;
     this.follow = follow;
-    this.look = look;
+    this.setView = setView;
     this.cells = [];
     this.first = 0;
     this.cursor = 0;
@@ -117,9 +131,9 @@ class Grid {
       if (cell) cell.isVisible = isIntersecting;
     }
     const visible = this.cells.filter((cell) => cell.isVisible);
-    if (!visible.length) return this.look(0, 0);
+    if (!visible.length) return this.setView(0, 0);
     const [from, to] = [visible[0].env, visible.at(-1).env];
-    this.look(from, to - from + 1);
+    this.setView(from, to - from + 1);
   }
 
   redraw() {

@@ -1,40 +1,34 @@
+// @ts-check
 // EditorPage: connects the document, the map, the forms and the program that serves the page.
 
-const TABS = ["groups", "scenario", "types", "json"];
-const TOOL_KEYS = {
-  v: "select",
-  b: "brush",
-  e: "erase",
-  r: "rectangle",
-  l: "line",
-  f: "fill",
-  a: "goal",
-  g: "ally",
-  h: "enemy",
-};
-const TOOL_HINTS = {
-  select: "Click a group to edit it, drag it to move it; drag the map to move the view",
-  brush: "Drag to draw; the right button draws the opposite",
-  erase: "Drag to make squares walkable",
-  rectangle: "Drag from corner to corner",
-  line: "Drag from end to end",
-  fill: "Click an area to fill it",
-  goal: "Click or drag to where the enemies march",
-  ally: "Click where the new group starts",
-  enemy: "Click where the new group starts",
-};
+import { TOOL_HINTS, TOOL_KEYS } from "./brush.js";
+import { all, byId, make } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { theme } from "#view/theme.js";
+import { Connection } from "../connection.js";
+import { Arena } from "./arena.js";
+import { ScenarioDocument, isNumber, stemOf } from "./document.js";
+import { button } from "./fields.js";
+import { FileStore } from "./files.js";
+import { GroupsPanel, ScenarioPanel } from "./groups.js";
+import { MapEditor } from "./map.js";
+import { Checker, TABS } from "./problems.js";
+import { TextPanel } from "./text.js";
+import { TypesPanel } from "./types.js";
 
-class EditorPage {
+export class EditorPage {
   constructor() {
     this.group = -1;
     this.goalSelected = false;
     this.layout = null;
     this.checker = new Checker(this);
     this.arena = new Arena(this);
+    /** @type {{ [type: string]: number }} */
     this.lastUnits = { MARINE: 1 };
     this.connection = new Connection({
       open: () => this.connected(),
-      lost: () => this.say("The connection to smaclite-pool is lost; edits stay here. Trying again\u2026"),
+      close: () => this.say("The connection to smaclite-pool is lost; edits stay here. Trying again\u2026"),
+      refuse: (error) => this.say(error),
     });
   }
 
@@ -42,15 +36,15 @@ class EditorPage {
     this.say("");
     if (this.doc) return this.checker.check();
     try {
-      this.standard = await this.connection.ask("standard");
-      this.start(await this.connection.ask("open"));
+      this.builtins = await this.connection.request({ type: "get_builtins" });
+      this.start(await this.connection.request({ type: "open_files" }));
     } catch (error) {
       this.say(`The files cannot be opened: ${error.message}`);
     }
   }
 
   start({ files, target, exists }) {
-    this.doc = new ScenarioDocument(this.standard, files);
+    this.doc = new ScenarioDocument(this.builtins, files);
     this.store = new FileStore(this, { target, exists });
     this.map = new MapEditor(byId("map"), this);
     this.panels = {
@@ -80,10 +74,10 @@ class EditorPage {
 
   fillChoices() {
     const option = (name) => make("option", { value: name }, name.replaceAll("_", " "));
-    byId("policy").replaceChildren(...this.standard.policies.map(option));
+    byId("policy").replaceChildren(...this.builtins.policies.map(option));
     byId("policy").value = "nearest";
     byId("rules").replaceChildren(
-      ...this.standard.rules.map((name) => make("option", { value: name }, `${name} rules`)),
+      ...this.builtins.rules.map((name) => make("option", { value: name }, `${name} rules`)),
     );
     const choose = (name, text) =>
       button(name, `Begin with ${name}`, () => {
@@ -91,8 +85,8 @@ class EditorPage {
         this.load({ source: `${name.replaceAll(" ", "_")}.json`, text, unit_files: [] });
       });
     byId("choices").replaceChildren(
-      choose("new scenario", this.standard.new),
-      ...this.standard.scenarios.map(({ name, text }) => choose(name, text)),
+      choose("new scenario", this.builtins.new),
+      ...this.builtins.scenarios.map(({ name, text }) => choose(name, text)),
     );
   }
 
@@ -129,7 +123,7 @@ class EditorPage {
     byId("save").title = this.store.target
       ? `Save to ${this.store.target} (Ctrl+S)`
       : "Download the files (Ctrl+S)";
-    document.querySelectorAll("[data-tool]").forEach((element) => {
+    all("[data-tool]").forEach((element) => {
       element.setAttribute("aria-pressed", String(element.dataset.tool === this.map.brush.tool));
     });
     byId("paint").setAttribute("aria-pressed", String(this.map.brush.paintsBlocked));
@@ -142,6 +136,7 @@ class EditorPage {
     if (doc.state !== this.checker.checked) this.checker.soon();
   }
 
+  /** @param {{ square: number[] }} point */
   showPointer({ square: [x, y] }) {
     const { width, height, blocked } = this.doc.map();
     const isInside = x >= 0 && y >= 0 && x < width && y < height;
@@ -168,7 +163,7 @@ class EditorPage {
     if (this.map) this.redraw();
     for (const name of TABS) {
       byId(name).hidden = name !== tab;
-      const button = document.querySelector(`[data-tab="${name}"]`);
+      const [button] = all(`[data-tab="${name}"]`);
       button.setAttribute("aria-selected", String(name === tab));
       button.tabIndex = name === tab ? 0 : -1;
     }
@@ -274,13 +269,13 @@ class EditorPage {
       copy: () => this.copyText(),
     };
     for (const [id, click] of Object.entries(clicks)) byId(id).addEventListener("click", click);
-    document.querySelectorAll("[data-tool]").forEach((element) => {
+    all("[data-tool]").forEach((element) => {
       element.addEventListener("click", () => this.map.choose(element.dataset.tool));
     });
-    document.querySelectorAll("[data-size]").forEach((element) => {
+    all("[data-size]").forEach((element) => {
       element.addEventListener("click", () => this.map.resizeBrush(Number(element.dataset.size)));
     });
-    document.querySelectorAll("[data-tab]").forEach((element) => {
+    all("[data-tab]").forEach((element) => {
       element.addEventListener("click", () => this.showTab(element.dataset.tab));
       element.addEventListener("keydown", (event) => this.tabKey(event));
     });
@@ -336,7 +331,7 @@ class EditorPage {
     if (!by) return;
     const next = TABS[(TABS.indexOf(this.tab) + by + TABS.length) % TABS.length];
     this.showTab(next);
-    document.querySelector(`[data-tab="${next}"]`).focus();
+    all(`[data-tab="${next}"]`)[0].focus();
   }
 
   key(event) {
@@ -390,4 +385,4 @@ class EditorPage {
 }
 
 theme.start();
-const page = new EditorPage();
+new EditorPage();

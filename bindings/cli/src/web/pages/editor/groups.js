@@ -1,19 +1,26 @@
+// @ts-check
 // GroupsPanel: the groups of the scenario and the form of the selected one. ScenarioPanel: everything else in
 // the scenario file.
+
+import { titleCase } from "#view/battle.js";
+import { make } from "#view/dom.js";
+import { isNumber, stemOf } from "./document.js";
+import { Panel, button, fieldKey, icon, iconButton } from "./fields.js";
+import { SNAP } from "./map.js";
 
 const FACTION_NAMES = { ALLY: "Allies", ENEMY: "Enemies" };
 
 const shown = (value) => (isNumber(value) ? String(Math.round(value * 1000) / 1000) : "?");
 
 /** A unit type as the editor calls it: "Stalker", or the name of its file. */
-const typeTitle = (key, doc) => (doc.isStandard(key) ? titleCase(key) : stemOf(key));
+export const typeTitle = (key, doc) => (doc.standard(key) ? titleCase(key) : stemOf(key));
 
 /** The units of a group as text, such as "2 Stalker, 3 Zealot". */
 function armyText({ units }, doc) {
   return units.map(([key, count]) => `${isNumber(count) ? count : "?"} ${typeTitle(key, doc)}`).join(", ");
 }
 
-class GroupsPanel extends Panel {
+export class GroupsPanel extends Panel {
   constructor(element, page) {
     super(element);
     this.page = page;
@@ -28,7 +35,7 @@ class GroupsPanel extends Panel {
   /** Every unit type that can be chosen. */
   typeNames() {
     const { doc } = this.page;
-    const standard = doc.standard.units.map((unit) => unit.name);
+    const standard = doc.builtins.units.map((unit) => unit.name);
     return [...new Set([...doc.units.map((unit) => unit.name), ...standard])];
   }
 
@@ -86,7 +93,7 @@ class GroupsPanel extends Panel {
     const faction = this.field("select", {
       label: "Faction",
       path: ["groups", index, "faction"],
-      options: FACTIONS.map((name) => [name, FACTION_NAMES[name]]),
+      options: doc.formats.factions.map((name) => [name, FACTION_NAMES[name]]),
       read: () => doc.groups()[index].faction,
       write: (value) => doc.editGroups((file) => file.set(["groups", index, "faction"], value)),
     });
@@ -149,7 +156,10 @@ class GroupsPanel extends Panel {
   }
 }
 
-class ScenarioPanel extends Panel {
+const section = (title, ...children) => make("section", {}, [make("h3", {}, title), ...children]);
+const columns = (...children) => make("div", { className: "columns" }, children);
+
+export class ScenarioPanel extends Panel {
   constructor(element, page) {
     super(element);
     this.page = page;
@@ -173,55 +183,22 @@ class ScenarioPanel extends Panel {
       path,
       read: () => doc.scenario.value(path),
       write: (value, merge) => doc.setKey(path, value, kind === "check" ? null : merge),
+      ...doc.formats.scenario.field(path[0]),
       ...options,
     });
   }
 
   build() {
-    const { doc } = this.page;
-    const section = (title, ...children) => make("section", {}, [make("h3", {}, title), ...children]);
-    const columns = (...children) => make("div", { className: "columns" }, children);
-    const presets = doc.standard.presets.map(({ name }) => [name, titleCase(name)]);
-    const preset = this.field("select", {
-      label: "Terrain",
-      path: ["terrain_preset"],
-      options: [["", "Custom map"], ...presets],
-      read: () => doc.map().preset ?? doc.scenario.value(["terrain_preset"]) ?? "",
-      write: (value) => doc.setPreset(value),
-      hint: "A map of the standard scenarios, or one that is drawn",
-    });
-    const side = (label, key) => {
-      const read = () => doc.scenario.value([key]);
-      const write = (value, merge) => this.resize(key, value, merge);
-      const hint = "Squares, 1 to 1024; other squares keep their place from the south-west";
-      return this.key("number", label, [key], {
-        read,
-        write,
-        step: 1,
-        min: 1,
-        placeholder: DEFAULT_SIDE,
-        hint,
-      });
-    };
-    const limit = "Steps after which an episode ends; empty for no limit";
     return [
       section(
         "Scenario",
         this.key("text", "Name", ["name"], { wide: true }),
         columns(
-          this.key("number", "Episode limit", ["episode_limit"], {
-            step: 10,
-            min: 1,
-            hint: limit,
-            placeholder: "none",
-          }),
-          this.key("text", "Unit folder", ["custom_unit_path"], {
-            hint: "custom_unit_path: the folder of unit files, relative to the scenario file",
-            placeholder: "beside it",
-          }),
+          this.key("number", "Episode limit", ["episode_limit"], { step: 10, placeholder: "none" }),
+          this.key("text", "Unit folder", ["custom_unit_path"], { placeholder: "beside it" }),
         ),
       ),
-      section("Map", preset, columns(side("Width", "width"), side("Height", "height"))),
+      section("Map", this.preset(), columns(this.side("Width", "width"), this.side("Height", "height"))),
       section(
         "Attack point",
         columns(...["x", "y"].map((axis, i) => this.point(axis, i))),
@@ -229,19 +206,35 @@ class ScenarioPanel extends Panel {
       ),
       section(
         "Observations",
-        this.key("check", "Shields of allies", ["ally_has_shields"], { hint: "ally_has_shields" }),
-        this.key("check", "Shields of enemies", ["enemy_has_shields"], { hint: "enemy_has_shields" }),
+        this.key("check", "Shields of allies", ["ally_has_shields"]),
+        this.key("check", "Shields of enemies", ["enemy_has_shields"]),
         this.typeSection(),
       ),
       section(
         "Numbers of units",
         columns(
-          this.key("number", "Allies", ["num_allied_units"], { step: 1, hint: "num_allied_units" }),
-          this.key("number", "Enemies", ["num_enemy_units"], { step: 1, hint: "num_enemy_units" }),
+          this.key("number", "Allies", ["num_allied_units"], { step: 1 }),
+          this.key("number", "Enemies", ["num_enemy_units"], { step: 1 }),
         ),
         make("p", { className: "hint" }, "They follow the groups when you edit those."),
       ),
     ];
+  }
+
+  preset() {
+    const { doc } = this.page;
+    const presets = doc.builtins.presets.map(({ name }) => [name, titleCase(name)]);
+    return this.key("select", "Terrain", ["terrain_preset"], {
+      options: [["", "Custom map"], ...presets],
+      read: () => doc.map().preset ?? doc.scenario.value(["terrain_preset"]) ?? "",
+      write: (value) => doc.setPreset(value),
+    });
+  }
+
+  /** Width or height; squares that stay keep their place from the south-west. */
+  side(label, key) {
+    const write = (value, merge) => this.resize(key, value, merge);
+    return this.key("number", label, [key], { write, step: 1 });
   }
 
   point(axis, i) {
@@ -264,9 +257,7 @@ class ScenarioPanel extends Panel {
     const { doc } = this.page;
     const count = this.key("number", "Length of the one-hot of unit types", ["num_unit_types"], {
       step: 1,
-      min: 0,
       wide: true,
-      hint: "num_unit_types: 0, or the number of types that observations tell apart",
     });
     const ids = this.typeIds().map(([key]) =>
       this.key("number", typeTitle(key, doc), ["unit_type_ids", key], {
@@ -294,7 +285,7 @@ class ScenarioPanel extends Panel {
   resize(key, value, merge) {
     const { doc } = this.page,
       map = doc.map();
-    const isSide = Number.isInteger(value) && value >= 1 && value <= LARGEST_SIDE;
+    const isSide = Number.isInteger(value) && value >= 1 && value <= doc.formats.side.longest;
     if (!isSide) return doc.setKey([key], value, merge);
     if (map[key] === value) return doc.setKey([key], value, merge);
     // Typing "64" passes "6": the squares beyond come back from the map before the typing.

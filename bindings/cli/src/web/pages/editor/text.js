@@ -1,9 +1,17 @@
+// @ts-check
 // TextPanel: the JSON texts of the files, which are edited here too.
+
+import { byId, make } from "#view/dom.js";
+import { stemOf } from "./document.js";
+import { INDENT } from "./json.js";
+
+/** @import { EditorPage } from "./editor.js" */
 
 /** Milliseconds without typing that separate two changes. */
 const PAUSE = 1000;
 
-class TextPanel {
+export class TextPanel {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
     this.choice = byId("file");

@@ -1,18 +1,28 @@
-// Checker: asks the program what is wrong with the files, and shows it in the list, the fields and the tabs.
+// @ts-check
+// Checker: requests what is wrong with the files, and shows it in the list, the fields and the tabs.
 
+import { all, byId, make } from "#view/dom.js";
+import { isNumber, stemOf } from "./document.js";
+import { button, fieldKey } from "./fields.js";
+
+/** @import { EditorPage } from "./editor.js" */
+/** @import { CheckedFiles, Problem } from "../protocol.d.ts" */
+
+/** The forms, and the text. */
+export const TABS = ["groups", "scenario", "types", "json"];
 /** Milliseconds without a change after which the files are checked. */
 const CHECK_AFTER = 120;
 
-/** The program's answer about the units of groups. */
+/** The program's response about the units of groups. */
 class Layout {
-  constructor(groups, answer) {
-    this.types = answer.types;
-    this.sight = answer.sight;
+  /** @param {CheckedFiles} checked */ constructor(groups, checked) {
+    this.types = checked.types;
+    this.sight = checked.sight;
     this.entries = groups.map((group, i) => ({
       key: Layout.key(group),
       x: group.x,
       y: group.y,
-      units: answer.groups[i],
+      units: checked.groups[i],
     }));
   }
 
@@ -29,10 +39,11 @@ class Layout {
   }
 }
 
-class Checker {
+export class Checker {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
-    /** What is wrong with the files, as far as the program has answered. */
+    /** What is wrong with the files, as far as the program has responded. */
     this.problems = [];
     /** The state of the document that it is about. */
     this.checked = null;
@@ -54,24 +65,27 @@ class Checker {
       typeof faction === "string" &&
       units.every(([, n]) => Number.isInteger(n) && n >= 0 && n < 2 ** 32);
     const unknown = { x: 0, y: 0, faction: "", units: [] };
-    const asked = groups.map((group) => (isReadable(group) ? group : unknown));
+    const readable = groups.map((group) => (isReadable(group) ? group : unknown));
     try {
-      const answer = await this.page.connection.ask("check", { files: this.page.doc.files(), groups: asked });
+      const files = this.page.doc.files();
+      const checked = await this.page.connection.request({ type: "check_files", files, groups: readable });
       if (state !== this.page.doc.state) return;
       this.checked = state;
-      this.page.layout = new Layout(groups, answer);
-      this.problems = answer.problems.map((problem) => this.placed(problem));
-      this.summary = answer.summary;
+      this.page.layout = new Layout(groups, checked);
+      this.problems = checked.problems.map((problem) => this.placed(problem));
+      this.summary = checked.summary;
     } catch (error) {
-      if (this.page.connection.socket.readyState === WebSocket.OPEN)
-        this.page.tell(`The files cannot be checked: ${error.message}`, true);
+      if (this.page.connection.isOpen) this.page.tell(`The files cannot be checked: ${error.message}`, true);
       return;
     }
     this.show();
     this.page.showMap();
   }
 
-  /** A problem with the file, path and offsets that it is about. `unit` is null for the scenario file. */
+  /**
+   * A problem with the file, path and offsets that it is about. `unit` is null for the scenario file.
+   * @param {Problem} problem
+   */
   placed(problem) {
     const unit = this.page.doc.units.find(({ name }) => problem.file === `${name}.json`);
     const isScenario = problem.file === this.page.doc.state.source || !unit;
@@ -125,9 +139,9 @@ class Checker {
         ? `${summary.n_agents} agents, ${summary.n_enemies} enemies, ${summary.n_actions} actions, ` +
           `obs ${summary.obs_size}, state ${summary.state_size}`
         : "";
+    /** @type {Set<string>} */
     const tabs = new Set(problems.map((problem) => this.tabOf(problem)));
-    for (const tab of TABS)
-      document.querySelector(`[data-tab="${tab}"]`).classList.toggle("wrong", tabs.has(tab));
+    for (const tab of TABS) all(`[data-tab="${tab}"]`)[0].classList.toggle("wrong", tabs.has(tab));
     this.markFields();
     this.page.panels.json.mark(problems);
   }
@@ -172,7 +186,7 @@ class Checker {
   /** Selects what a problem is about. */
   goTo(problem) {
     const { unit, steps } = problem;
-    let tab = this.page.tab === "json" ? "json" : this.tabOf(problem);
+    const tab = this.page.tab === "json" ? "json" : this.tabOf(problem);
     if (tab === "groups" && isNumber(steps[1])) this.page.selectGroup(steps[1]);
     if (tab === "types") this.page.panels.types.name = unit;
     if (tab !== "json") {
@@ -183,9 +197,8 @@ class Checker {
         element.scrollIntoView({ block: "center" });
         return;
       }
-      // A key without a field.
-      tab = "json";
     }
+    // The text, also of a key without a field.
     this.page.panels.json.name = unit;
     this.page.showTab("json");
     this.page.panels.json.select(problem.start, problem.end);

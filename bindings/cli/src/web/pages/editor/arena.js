@@ -1,6 +1,13 @@
+// @ts-check
 // Arena: plays the scenario, in a frame with the page of a replay.
 
-class Arena {
+import { byId, make } from "#view/dom.js";
+
+/** @import { EditorPage } from "./editor.js" */
+/** @import { PlayedBattle } from "../protocol.d.ts" */
+
+export class Arena {
+  /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
   }
@@ -11,8 +18,8 @@ class Arena {
     const seed = byId("seed").value.trim() || "0";
     const choice = { policy: byId("policy").value, rules: byId("rules").value, seed };
     try {
-      const answer = await this.page.connection.ask("play", { files: this.page.doc.files(), ...choice });
-      this.enter(answer);
+      const files = this.page.doc.files();
+      this.enter(await this.page.connection.request({ type: "play_battle", files, ...choice }));
     } catch (error) {
       this.page.tell(`Not played: ${error.message}`, true);
     } finally {
@@ -21,7 +28,7 @@ class Arena {
   }
 
   /** Shows the page of a replay, and starts it. */
-  enter({ page, cut_at: cutAt }) {
+  enter(/** @type {PlayedBattle} */ { page, cut_at: cutAt }) {
     const frame = make("iframe", { title: "Battle", srcdoc: page });
     byId("cut").hidden = !cutAt;
     byId("cut").textContent = `The editor shows the first ${cutAt} steps.`;

@@ -1,4 +1,14 @@
+// @ts-check
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
+
+import { byId, make } from "#view/dom.js";
+import { theme } from "#view/theme.js";
+import { Connection, ConnectionLost, messageOf } from "../connection.js";
+import { FollowPlayer, seconds } from "./follow.js";
+import { Grid, MOST_CELLS } from "./grid.js";
+import { LanePanel, compact } from "./plots.js";
+
+/** @import { LaneInfo, PageRequest, PoolState } from "../protocol.d.ts" */
 
 class WatchPage {
   constructor(data) {
@@ -11,18 +21,20 @@ class WatchPage {
     this.grid = new Grid(
       byId("grid"),
       (env) => this.follow(env),
-      (first, count) => this.look(first, count),
+      (first, count) => this.setView(first, count),
     );
     this.pool = byId("name").textContent = data.pool;
     byId("edit").href = `edit/${location.search}`; // with the token
     this.listen();
     this.connection = new Connection({
       open: () => this.open(),
-      lost: (event) => this.lost(event?.error),
+      close: () => this.lost(),
+      refuse: (error) => this.lost(error),
+      lost: (event) => this.lost(event.error),
       lane: (event) => this.showLane(event),
       grid: (event) => this.grid.take(event.cells, performance.now()),
       status: (event) => this.showStatus(event),
-      episodes: (event) => this.player?.env >= 0 && this.player.hear(event.episodes),
+      episodes: (event) => this.player?.env >= 0 && this.player.list(event.episodes),
     });
   }
 
@@ -39,15 +51,23 @@ class WatchPage {
     requestAnimationFrame(frame);
   }
 
-  /** Sends a request whose answer says nothing. */
-  tell(what, more) {
-    this.connection.ask(what, more).catch((error) => console.warn(error.message));
+  /**
+   * Sends a request whose response says nothing.
+   * @param {PageRequest} request
+   */
+  send(request) {
+    this.connection.request(request).catch((error) => this.failed(error));
+  }
+
+  /** A request was refused; if the connection is lost, the page already says so. */
+  failed(error) {
+    if (!(error instanceof ConnectionLost)) console.warn(messageOf(error));
   }
 
   open() {
     this.panel.clear();
-    this.tell("lane", { name: this.lane });
-    this.sendLook();
+    this.send({ type: "select_lane", name: this.lane });
+    this.sendView();
   }
 
   /** The pool is gone, or with no error the program that serves this page. */
@@ -73,21 +93,29 @@ class WatchPage {
     this.overview();
     this.panel.clear();
     this.grid.show(null, 0);
-    this.tell("lane", { name });
+    this.send({ type: "select_lane", name });
     this.remember();
   }
 
-  /** The lane is connected, at first or again. */
+  /**
+   * The lane is connected, at first or again.
+   * @param {LaneInfo} event
+   */
   showLane(event) {
     this.info = event;
     if (this.player) this.player.use(event.scenario);
     else {
-      this.player = new FollowPlayer(event.scenario, (what, more) => this.connection.ask(what, more));
+      this.player = new FollowPlayer(event.scenario, (request) => this.connection.request(request));
       this.player.listen();
     }
     this.player.features = event.features;
-    byId("lane-facts").textContent = `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
-    this.gridNotice = event.no_grid ?? (event.has_state ? "" : "The frames of this lane have no states: the \
+    byId("lane-facts").textContent =
+      `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
+    this.gridNotice =
+      event.no_grid ??
+      (event.has_state
+        ? ""
+        : "The frames of this lane have no states: the \
 field `state` is left out. Click a battle to follow it.");
     byId("grid-notice").textContent = this.gridNotice;
     byId("grid-notice").hidden = !this.gridNotice;
@@ -121,24 +149,24 @@ field `state` is left out. Click a battle to follow it.");
     byId("name").textContent = `Battle ${env}`;
     this.player.begin(env);
     this.player.view.area = this.grid.area;
-    this.connection.ask("follow", { env }).catch((error) => {
+    this.connection.request({ type: "follow", env }).catch((error) => {
       byId("message").hidden = false;
       byId("message").textContent = `Battle ${env} cannot be followed: ${error.message}`;
     });
-    this.sendLook();
+    this.sendView();
     this.remember();
   }
 
   /** Back to the grid. */
   overview() {
-    if (this.env >= 0) this.tell("unfollow");
+    if (this.env >= 0) this.send({ type: "unfollow" });
     const cell = this.grid.cells[this.env - this.grid.first];
     this.env = -1;
     this.player?.stop();
     document.body.dataset.mode = "grid";
     document.body.classList.remove("playing");
     byId("name").textContent = this.pool;
-    this.sendLook();
+    this.sendView();
     this.remember();
     this.grid.redraw();
     this.panel.isDrawn = false;
@@ -146,33 +174,35 @@ field `state` is left out. Click a battle to follow it.");
   }
 
   remember() {
-    const hash = new URLSearchParams({ lane: this.lane, ...(this.env >= 0 ? { env: this.env } : {}) });
+    const hash = new URLSearchParams({ lane: this.lane });
+    if (this.env >= 0) hash.set("env", String(this.env));
     history.replaceState(null, "", `#${hash}`);
   }
 
-  look(first, count) {
+  setView(first, count) {
     this.visible = [first, count];
-    this.sendLook();
+    this.sendView();
   }
 
   /** Says what is visible; the program sends nothing else. */
-  sendLook() {
-    if (this.connection?.socket.readyState !== WebSocket.OPEN) return;
+  sendView() {
+    if (!this.connection?.isOpen) return;
     const [first, count] = this.env < 0 ? this.visible : [0, 0];
-    this.tell("look", { first, count, visible: !document.hidden });
+    this.send({ type: "set_view", first, count, visible: !document.hidden });
   }
 
+  /** @param {PoolState} event */
   showStatus(event) {
     this.panel.take(event.points);
-    if (event.error) return this.lost(event.error);
-    this.listLanes(event.lanes);
-    const { lane, pid } = event;
+    if ("error" in event) return this.lost(event.error);
+    const { lane, lanes, pid, threads, uptime_s } = event.pool;
+    this.listLanes(lanes);
     if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
     const learner = lane.learner_pid ? `process ${lane.learner_pid}` : "none";
     const facts = {
       learner,
-      supervisor: `process ${pid}, ${event.threads} thread${event.threads === 1 ? "" : "s"}`,
-      "running for": seconds(event.uptime_s),
+      supervisor: `process ${pid}, ${threads} thread${threads === 1 ? "" : "s"}`,
+      "running for": seconds(uptime_s),
       steps: compact(lane.stats.steps),
       episodes: compact(lane.stats.episodes),
       spectators: lane.spectators,
@@ -180,12 +210,19 @@ field `state` is left out. Click a battle to follow it.");
       "queue wait": `${lane.queue_wait_us.toFixed(0)} \u00b5s`,
     };
     byId("lane-status").replaceChildren(
-      ...Object.entries(facts).flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]),
+      ...Object.entries(facts).flatMap(([name, value]) => [
+        make("dt", {}, name),
+        make("dd", {}, String(value)),
+      ]),
     );
     if (lane.failure) this.state("Failed", "lost", `The lane failed: ${lane.failure}`);
     else if (!lane.learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
     else if (lane.steps_per_s === 0)
-      this.state("Idle", "idle", `The learner, process ${lane.learner_pid}, has made no step in the last second.`);
+      this.state(
+        "Idle",
+        "idle",
+        `The learner, process ${lane.learner_pid}, has made no step in the last second.`,
+      );
     else this.state("Live", "won");
   }
 
@@ -203,7 +240,7 @@ field `state` is left out. Click a battle to follow it.");
     byId("previous").addEventListener("click", () => this.turn(-1));
     byId("next").addEventListener("click", () => this.turn(1));
     byId("lane").addEventListener("change", (event) => this.chooseLane(event.target.value));
-    document.addEventListener("visibilitychange", () => this.sendLook());
+    document.addEventListener("visibilitychange", () => this.sendView());
     addEventListener("keydown", (event) => this.key(event), { capture: true });
   }
 

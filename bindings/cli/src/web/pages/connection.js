@@ -1,0 +1,106 @@
+// @ts-check
+// Connection: requests to the program that serves this page, and the events that it sends. Rust declares the
+// messages (`web/protocol`) and writes their types to protocol.d.ts.
+
+/** @import { EventMessage, PageEvent, PageRequest, PageResponse, ResponseMessage, Version } from "./protocol.d.ts" */
+
+/**
+ * The version of the messages that this page was written for.
+ * @type {Version}
+ */
+const VERSION = 1;
+
+/** Milliseconds until a lost connection is tried again. */
+const RETRY_AFTER = 1000;
+
+/** Bytes of the longest message that the program reads. */
+const LARGEST_MESSAGE = 2 ** 22;
+
+/** There is no connection to the program, or it ended before the response. */
+export class ConnectionLost extends Error {}
+
+/**
+ * A function per event, and what to do when there is a connection, when it is lost, and when the program has
+ * another version.
+ * @typedef {{ [T in PageEvent["type"]]?: (event: Extract<PageEvent, { type: T }>) => void }
+ *   & { open: () => void, close: () => void, refuse: (error: string) => void }} Handlers
+ */
+
+export class Connection {
+  /** @param {Handlers} handlers */
+  constructor(handlers) {
+    this.handlers = handlers;
+    /** @type {Map<number, { resolve: (response: any) => void, reject: (error: Error) => void }>} */
+    this.waiting = new Map();
+    this.next = 1;
+    /** @type {WebSocket} */
+    this.socket = this.connect();
+  }
+
+  get isOpen() {
+    return this.socket.readyState === WebSocket.OPEN;
+  }
+
+  /** @returns {WebSocket} */
+  connect() {
+    const token = new URLSearchParams(location.search).get("token") ?? "";
+    const path = location.pathname.replace(/[^/]*$/, "ws");
+    this.socket = new WebSocket(`ws://${location.host}${path}?token=${encodeURIComponent(token)}`);
+    this.socket.onopen = () => this.greet();
+    this.socket.onmessage = (message) => this.receive(JSON.parse(message.data));
+    this.socket.onclose = () => {
+      for (const { reject } of this.waiting.values()) reject(new ConnectionLost("the connection is lost"));
+      this.waiting.clear();
+      this.handlers.close();
+      setTimeout(() => this.connect(), RETRY_AFTER);
+    };
+    return this.socket;
+  }
+
+  async greet() {
+    try {
+      await this.request({ type: "hello", version: VERSION });
+      this.handlers.open();
+    } catch (error) {
+      if (!(error instanceof ConnectionLost)) this.handlers.refuse(messageOf(error));
+    }
+  }
+
+  /** @param {ResponseMessage | EventMessage} message */
+  receive(message) {
+    if ("event" in message) {
+      const handler = /** @type {((event: PageEvent) => void) | undefined} */ (
+        this.handlers[message.event.type]
+      );
+      return handler?.(message.event);
+    }
+    const { resolve, reject } = this.waiting.get(message.id ?? 0) ?? {};
+    this.waiting.delete(message.id ?? 0);
+    if ("error" in message) reject?.(new Error(message.error));
+    else resolve?.(message.response);
+  }
+
+  /**
+   * The response to a request; an error if it was refused or the connection is lost.
+   * @template {PageRequest["type"]} T
+   * @param {Extract<PageRequest, { type: T }>} request
+   * @returns {Promise<Extract<PageResponse, { type: T }>>}
+   */
+  request(request) {
+    return new Promise((resolve, reject) => {
+      if (!this.isOpen) return reject(new ConnectionLost("not connected"));
+      const id = this.next++;
+      const message = JSON.stringify({ id, request });
+      const { length } = new TextEncoder().encode(message);
+      if (length > LARGEST_MESSAGE) return reject(new Error("the message is larger than 4 MiB"));
+      this.waiting.set(id, { resolve, reject });
+      this.socket.send(message);
+    });
+  }
+}
+
+/**
+ * What a caught value says.
+ * @param {unknown} error
+ */
+export const messageOf = (error) => (error instanceof Error ? error.message : String(error));

@@ -1,0 +1,200 @@
+// Written by a test of protocol/mod.rs, from the types there:
+// SMACLITE_WRITE=1 cargo test protocol
+import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
+
+export type Version = 1;
+type UnitFile = { name: string; keys: string[]; text: string };
+export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
+export type LaneStats = Record<
+  "steps" | "episodes" | "wins" | "returns" | "frames"
+  | "rejected" | "accepted" | "waited_ns",
+  number
+>;
+export type JsonSchema = {
+  type?: string;
+  minimum?: number;
+  exclusiveMinimum?: number;
+  maximum?: number;
+  enum?: string[];
+  items?: JsonSchema;
+  properties?: { [key in string]?: JsonSchema };
+  default?: unknown;
+  description?: string;
+  propertyNames?: JsonSchema;
+};
+export type RequestMessage = { id: number, request: PageRequest, };
+export type ResponseMessage = { 
+/**
+ * None if the message was not understood.
+ */
+id?: number, } & ({ "response": PageResponse } | { "error": string });
+export type Outcome = { "response": PageResponse } | { "error": string };
+export type EventMessage = { event: PageEvent, };
+export type PageRequest = { "type": "hello", version: number, } | { "type": "select_lane", name: string, } | { "type": "set_view", 
+/**
+ * The first environment whose cell is visible.
+ */
+first: number, 
+/**
+ * How many cells are.
+ */
+count: number, 
+/**
+ * Whether the page is.
+ */
+visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles;
+export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles;
+export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
+export type Group = { x: number, y: number, faction: string, 
+/**
+ * Types and their counts.
+ */
+units: Array<[string, number]>, };
+export type PlayBattle = { files: ScenarioFiles, policy: string, 
+/**
+ * A whole number; as a text, because JavaScript has no 64-bit integers.
+ */
+seed: string, rules: string, };
+export type SaveFiles = { files: ScenarioFiles, 
+/**
+ * Whether files are written that were changed by another program since they were read.
+ */
+replace: boolean, };
+export type Steps = { number: number, 
+/**
+ * The first of them, and how many there are.
+ */
+step: number, steps: number, n_moments: number, 
+/**
+ * In base64.
+ */
+moments: string, 
+/**
+ * In base64.
+ */
+decisions: string, 
+/**
+ * Return and length of the episode after them.
+ */
+return: number, length: number, 
+/**
+ * How the last of them ended the episode, if it did.
+ */
+result: EpisodeResult | null, 
+/**
+ * Whether the episode has no more steps.
+ */
+is_over: boolean, };
+export type EpisodeResult = "won" | "lost" | "truncated";
+export type Builtins = { 
+/**
+ * The text of a new scenario.
+ */
+new: string, scenarios: Array<NamedText>, presets: Array<Preset>, units: Array<StandardUnit>, policies: Array<string>, rules: Array<string>, scenario_format: FileFormat, unit_format: FileFormat, 
+/**
+ * Keywords of `targeter`, with the parameters of each.
+ */
+targeters: Array<TargeterFormat>, };
+export type NamedText = { name: string, text: string, };
+export type Preset = { name: string, 
+/**
+ * As scenario files have them: the southernmost first.
+ */
+rows: Array<string>, };
+export type StandardUnit = { name: string, text: string, 
+/**
+ * Whether a unit file of this name has priority over it.
+ */
+is_replaceable: boolean, };
+export type FileFormat = { 
+/**
+ * In the order in which files have them.
+ */
+keys: Array<KeyFormat>, };
+export type KeyFormat = { name: string, is_required: boolean, 
+/**
+ * Of its value: type, range, keywords, default, description.
+ */
+schema: JsonSchema, };
+export type TargeterFormat = { name: string, parameters: Array<KeyFormat>, };
+export type OpenedFiles = { files: ScenarioFiles, 
+/**
+ * The file that is saved, if the command names one.
+ */
+target: string | null, 
+/**
+ * Whether it exists.
+ */
+exists: boolean, };
+export type CheckedFiles = { problems: Problem[], 
+/**
+ * Of a valid scenario.
+ */
+summary: Summary | null, types: TypeInfo[], 
+/**
+ * The units of each group: `[index in types, x, y]`; none if a type is unknown.
+ */
+groups: Array<Array<[number, number, number]> | null>, sight: number, };
+export type Summary = { n_agents: number, n_enemies: number, n_actions: number, obs_size: number, state_size: number, };
+export type PlayedBattle = { 
+/**
+ * The page of a replay.
+ */
+page: string, steps: number, 
+/**
+ * Steps after which a limit of the editor ended it, not the scenario's.
+ */
+cut_at: number | null, };
+export type SavedFiles = { "saved": Array<string> } | { "conflicts": Array<string> };
+export type LaneInfo = { scenario: ScenarioInfo, lane: string, pid: number, num_envs: number, rules: string, 
+/**
+ * Why there is no grid, if there is none.
+ */
+no_grid: string | null, has_state: boolean, features: Array<Features>, };
+export type Features = { name: string, start: number, rows: number | null, features: Array<string>, };
+export type GridCell = { env: number, length: number | null, return: number | null, 
+/**
+ * How the episode ended that the row shows the end of.
+ */
+outcome: EpisodeResult | null, 
+/**
+ * How the last episode ended whose end was seen.
+ */
+last: EpisodeResult | null, 
+/**
+ * One moment in base64.
+ */
+moment: string | null, };
+export type PoolState = { points: Array<Point>, } & ({ "pool": PoolInfo } | { "error": string });
+export type PoolResponse = { "pool": PoolInfo } | { "error": string };
+export type PoolInfo = { pid: number, threads: number, uptime_s: number, 
+/**
+ * The names of all lanes.
+ */
+lanes: Array<string>, 
+/**
+ * The one that the page shows.
+ */
+lane: LaneState | null, };
+export type LaneState = { learner_pid: number | null, spectators: number, steps_per_s: number, queue_wait_us: number, stats: LaneStats, failure: string | null, };
+export type Point = { 
+/**
+ * Seconds since this program started.
+ */
+time: number, 
+/**
+ * The supervisor's process: counts of another one begin at 0.
+ */
+pid: number, steps_per_s: number, steps: number, episodes: number, wins: number, returns: number, };
+export type EpisodeInfo = { number: number, steps: number, 
+/**
+ * The step of the battle with which the log of it begins.
+ */
+first_step: number, is_over: boolean, 
+/**
+ * Seconds since its first and its newest step.
+ */
+began_s: number, newest_s: number, };

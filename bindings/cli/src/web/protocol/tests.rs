@@ -1,0 +1,126 @@
+//! The description of the messages for the scripts.
+
+use super::*;
+use serde_json::{Value, json};
+use smaclite_pool::LaneStats;
+use smaclite_scenarios::UnitFile;
+use smaclite_units::file::Problem;
+use ts_rs::Config;
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/protocol.d.ts");
+
+/// Types of other crates. The test below compares their keys.
+const FOREIGN: &str = "\
+type UnitFile = { name: string; keys: string[]; text: string };
+export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
+export type LaneStats = Record<
+  \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\"
+  | \"rejected\" | \"accepted\" | \"waited_ns\",
+  number
+>;
+export type JsonSchema = {
+  type?: string;
+  minimum?: number;
+  exclusiveMinimum?: number;
+  maximum?: number;
+  enum?: string[];
+  items?: JsonSchema;
+  properties?: { [key in string]?: JsonSchema };
+  default?: unknown;
+  description?: string;
+  propertyNames?: JsonSchema;
+};
+";
+
+fn description() -> String {
+    let config = Config::default();
+    macro_rules! declarations {
+        ($($name:ident),+ $(,)?) => { [$(format!("export {}\n", $name::decl(&config))),+].concat() };
+    }
+    let declarations = declarations![
+        RequestMessage,
+        ResponseMessage,
+        Outcome,
+        EventMessage,
+        PageRequest,
+        PageResponse,
+        PageEvent,
+        Group,
+        PlayBattle,
+        SaveFiles,
+        Steps,
+        EpisodeResult,
+        Builtins,
+        NamedText,
+        Preset,
+        StandardUnit,
+        FileFormat,
+        KeyFormat,
+        TargeterFormat,
+        OpenedFiles,
+        CheckedFiles,
+        Summary,
+        PlayedBattle,
+        SavedFiles,
+        LaneInfo,
+        Features,
+        GridCell,
+        PoolState,
+        PoolResponse,
+        PoolInfo,
+        LaneState,
+        Point,
+        EpisodeInfo,
+    ];
+    format!(
+        "// Written by a test of protocol/mod.rs, from the types there:\n\
+         // SMACLITE_WRITE=1 cargo test protocol\n\
+         import type {{ ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
+         export type Version = {VERSION};\n{FOREIGN}{declarations}"
+    )
+}
+
+#[test]
+fn the_scripts_know_these_messages() {
+    if std::env::var_os("SMACLITE_WRITE").is_some() {
+        std::fs::write(FILE, description()).unwrap();
+    }
+    let written = std::fs::read_to_string(FILE).unwrap_or_default();
+    assert!(written == description(), "the messages have changed: SMACLITE_WRITE=1 cargo test protocol");
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[test]
+fn types_of_other_crates_are_as_the_scripts_know_them() {
+    let unit = UnitFile { name: String::new(), keys: Vec::new(), text: String::new() };
+    assert_eq!(keys(&json!(unit)), ["keys", "name", "text"]);
+    let files = ScenarioFiles { source: String::new(), text: String::new(), unit_files: vec![] };
+    assert_eq!(keys(&json!(files)), ["source", "text", "unit_files"]);
+    let problem = Problem {
+        file: String::new(),
+        line: None,
+        column: None,
+        path: String::new(),
+        message: String::new(),
+    };
+    assert_eq!(keys(&json!(problem)), ["column", "file", "line", "message", "path"]);
+    for key in keys(&json!(LaneStats::default())) {
+        assert!(FOREIGN.contains(&format!("\"{key}\"")), "{key}");
+    }
+}
+
+#[test]
+fn a_request_that_is_not_declared_is_an_error_that_names_those_that_are() {
+    let parse = |text: &str| serde_json::from_str::<RequestMessage>(text).unwrap_err().to_string();
+    assert!(
+        parse(r#"{"id": 1, "request": {"type": "delete"}}"#).contains("unknown variant `delete`, expected")
+    );
+    assert!(parse(r#"{"id": 1, "request": {"type": "follow"}}"#).contains("missing field `env`"));
+    assert!(parse(r#"{"request": {"type": "unfollow"}}"#).contains("missing field `id`"));
+}

@@ -1,0 +1,43 @@
+// Written by a test of src/page/data.rs: SMACLITE_WRITE=1 cargo test -p smaclite-view
+export type ScenarioInfo = { name: string, width: number, height: number, 
+/**
+ * Blocked rectangles: west, south, east and north side, in squares.
+ */
+obstacles: Array<[number, number, number, number]>, attack_point: [number, number], types: Array<TypeInfo>, units: Array<UnitInfo>, n_agents: number, n_actions: number, episode_limit: number | null, sight_range: number, units_per: UnitsPer, };
+export type TypeInfo = { name: string, label: string, radius: number, hp: number, shield: number, energy: number, initial_energy: number, cooldown: number, attack_range: number, speed: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
+/**
+ * Width and height of a beam, or the radius of an explosion.
+ */
+attack_size: [number, number], };
+export type UnitInfo = { 
+/**
+ * Index in `types`.
+ */
+type: number, 
+/**
+ * 0 for agents, 1 for enemies.
+ */
+faction: number, 
+/**
+ * The number in its faction.
+ */
+id: number, };
+export type UnitsPer = { position: number, points: number, seconds: number, turn: number, };
+export type ReplayData = { program: string, rules: string, scenario: ScenarioInfo, episodes: Array<EpisodeData>, };
+export type EpisodeData = { 
+/**
+ * A text, because JavaScript has no 64-bit integers.
+ */
+seed: string, draws: number, steps: number, episode_return: number, result: "won" | "lost" | "truncated" | "unfinished", 
+/**
+ * Allies and enemies that died.
+ */
+dead: [number, number], rewards: Array<number>, n_moments: number, 
+/**
+ * Compressed, in base64.
+ */
+moments: string, 
+/**
+ * Compressed, in base64.
+ */
+decisions: string, };

@@ -1,0 +1,40 @@
+// @ts-check
+// Elements of the document.
+
+/**
+ * The element of an id, which the page has. It is of the kind that the HTML of the page says.
+ * @param {string} id
+ * @returns {any}
+ */
+export const byId = (id) => document.getElementById(id);
+
+/**
+ * All elements of a selector, which the HTML of the page has.
+ * @param {string} selector
+ * @param {ParentNode} [root]
+ * @returns {HTMLElement[]}
+ */
+export const all = (selector, root = document) => [...root.querySelectorAll(selector)].map(asElement);
+
+/** @param {any} node */
+const asElement = (node) => /** @type {HTMLElement} */ (node);
+
+/** @typedef {Node | string} Child */
+
+/**
+ * Makes an element; properties that are no properties of elements become attributes.
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {{ [key: string]: unknown }} [properties]
+ * @param {Child | Child[]} [children]
+ * @returns {HTMLElementTagNameMap[K]}
+ */
+export function make(tag, properties = {}, children = []) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(properties)) {
+    if (key in element) Object.assign(element, { [key]: value });
+    else element.setAttribute(key, String(value));
+  }
+  element.append(...(Array.isArray(children) ? children : [children]));
+  return element;
+}
