@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from results import benchmarks, data, page, tables, train
+from results import benchmarks, data, page, tables, train, values
 from results.data import Row
 from results.runs import PAPER, RUNS, Runs
 
@@ -100,7 +101,7 @@ def test_a_cell_is_median_and_range() -> None:
 
 def test_shares_of_time_add_up() -> None:
     measured = {"scenario": "MMM2", "steps": "64000", "environment": "2", "inference": "1", "learning": "1"}
-    cells = tables.time_shares([measured]).splitlines()[-1].split("|")
+    cells = tables.time_shares([measured], 11.72).splitlines()[-1].split("|")
     assert [cell.strip() for cell in cells[1:-1]] == ["MMM2", "49.7", "0.3", "25.0", "25.0", "16,000"]
 
 
@@ -114,8 +115,59 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], []).items():
+    for name, table in tables.tables([], [], 8.0).items():
         tables.insert(PAGE.read_text(), name, table)
+
+
+def test_the_tables_of_the_page_are_those_of_the_files() -> None:
+    text = PAGE.read_text()
+    assert page.with_tables(text, data.FOLDER) == text, "run `just results`"
+
+
+def test_quoted_numbers_are_those_of_the_files() -> None:
+    for path in values.PAGES:
+        text = path.read_text()
+        assert values.filled(text, path) == text, "run `just values`"
+
+
+MEASURED = "policy,one,two,none\na,1200,1.5,\nb-1,10,4,\nb-2,30,5,\nb-3,20,0.125,1\n"
+
+
+@pytest.mark.parametrize(
+    ("key", "number"),
+    [
+        ("a; one", "1,200"),
+        ("a; two", "1.5"),
+        ("a; two; .2f", "1.50"),
+        ("b-*; one", "20"),
+        ("b-3; two; .1%", "12.5 %"),
+        ("a; one / two", "800"),
+        ("b-*; one / two; .1f", "5.0"),
+    ],
+)
+def test_a_quoted_number_is_replaced(tmp_path: Path, key: str, number: str) -> None:
+    (tmp_path / "measured.csv").write_text(MEASURED)
+    text = f"About <!-- value: measured.csv; {key} -->{{}}<!-- end --> steps."
+    assert values.filled(text.format("7"), Path("page.md"), tmp_path) == text.format(number)
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ("is <!-- value: no.csv; a; one -->7<!-- end -->", "there is no file docs/no.csv"),
+        ("is <!-- value: measured.csv; c; one -->7<!-- end -->", "no row 'c'"),
+        ("is <!-- value: measured.csv; a; three -->7<!-- end -->", "no column 'three'"),
+        ("is <!-- value: measured.csv; a; none -->7<!-- end -->", "no number in column 'none'"),
+        ("is <!-- value: measured.csv; a -->7<!-- end -->", "expected FILE; ROW; COLUMN"),
+        ("is <!-- value: measured.csv; a; one -->7 <b>", "no <!-- end -->"),
+        ("<!-- value: measured.csv; a; one -->7<!-- end -->", "begin of a line"),
+        ("  - <!-- value: measured.csv; a; one -->7<!-- end -->", "begin of a line"),
+    ],
+)
+def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) -> None:
+    (tmp_path / "measured.csv").write_text(MEASURED)
+    with pytest.raises(ValueError, match=rf"page\.md:2: .*{re.escape(message)}"):
+        values.filled(f"one\n{mark}\n", Path("page.md"), tmp_path)
 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
