@@ -1,6 +1,6 @@
 """Writes the numbers that the documentation quotes, from the CSV files below docs.
 
-A number stands in its page behind a mark, `<!-- value: FILE; ROW; COLUMN; FORMAT -->120<!-- end -->`, so that it
+A number stands in its page behind a mark, `<!-- value: FILE; ROW; COLUMN; FORMAT -->7<!-- end -->`, so that it
 can be read where marks are not replaced. FILE is a CSV file below docs, ROW what its first column has there,
 COLUMN a column of its header or, for a ratio, two of them (`COLUMN / COLUMN`), and FORMAT, which may be omitted, a
 format of Python. A ROW that ends in `*` stands for all rows that begin so, and the number for their median.
