@@ -295,6 +295,33 @@ def test_links_of_other_files_lead_to_pages() -> None:
             assert (ROOT / path).exists(), f"{name}: {path}"
 
 
+def test_what_the_architecture_names_is_there() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    paths = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:rs|py|pyi|md|csv))`", text))
+    assert not [path for path in paths if not (ROOT / path).exists()]
+    headings = {slug(heading) for heading in re.findall(r"^#+ (.*)$", text, re.M)}
+    assert set(re.findall(r"\]\(#([^)]*)\)", text)) <= headings
+
+
+def slug(heading: str) -> str:
+    """The anchor that GitHub makes of a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize(
+    "crate",
+    ["units", "scenarios", "pool/engine", "pool", "pool/view", "ipc", "bindings/learn", "bindings", "benches"],
+)
+def test_the_architecture_has_every_module(crate: str) -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    section = text.split(f"\n## `{crate}`:")[1].split("\n## ")[0]
+    named = set(re.findall(r"`(\w+)(?:\.rs|/)?`", section))
+    ignored = {"lib", "main", "tests"}
+    files = [*(ROOT / crate / "src").iterdir()]
+    modules = {file.stem for file in files if file.suffix in {"", ".rs"}} - ignored
+    assert not {module for module in modules if module not in named and not module.endswith("_tests")}
+
+
 def test_every_picture_exists_and_loads_fast() -> None:
     named = {path for page in [ROOT / "README.md", *PAGES] for path in pictures(page)}
     drawn = [*DOCS.glob("pictures/*"), *DOCS.glob("results/*.svg"), *DOCS.glob("benchmarks/*.svg")]
