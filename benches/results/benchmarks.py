@@ -1,7 +1,7 @@
 """Draws the charts of docs/benchmarks.md and writes its tables, from the CSV files in docs/benchmarks.
 
-The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. The files
-whose page shows a part of them have whole tables in benches/README.md, which names machine and commands.
+The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. Where
+the page shows a part of a file, benches/README.md has the whole table. It also names machine and commands.
 """
 
 from __future__ import annotations

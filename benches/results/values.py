@@ -1,9 +1,12 @@
 """Writes the numbers that the documentation quotes, from the CSV files below docs.
 
-A number stands in its page behind a mark, `<!-- value: FILE; ROW; COLUMN; FORMAT -->7<!-- end -->`, so that it
-can be read where marks are not replaced. FILE is a CSV file below docs, ROW what its first column has there,
-COLUMN a column of its header or, for a ratio, two of them (`COLUMN / COLUMN`), and FORMAT, which may be omitted, a
-format of Python. A ROW that ends in `*` stands for all rows that begin so, and the number for their median.
+A number stands in its page behind a mark, so that it can be read where marks are not replaced:
+
+    <!-- value: FILE; ROW; COLUMN; FORMAT -->7<!-- end -->
+
+FILE is a CSV file below docs and ROW what its first column has there; a ROW that ends in `*` stands for all
+rows that begin so, and the number for their median. COLUMN is a column of its header or, for a ratio, two
+of them (`COLUMN / COLUMN`). FORMAT, which may be omitted, is a format of Python, or -3 for thousands.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ BEGIN = re.compile(r"[\s>*+-]*(\d+[.)]\s*)?")
 
 
 def main(argv: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser("results.values", description=__doc__)
+    parser = argparse.ArgumentParser("results.values", description=(__doc__ or "").split("\n\n")[0])
     parser.parse_args(argv)
     for page in PAGES:
         page.write_text(filled(page.read_text(), page))
@@ -47,7 +50,7 @@ def filled(text: str, page: Path, folder: Path = data.REPOSITORY / "docs") -> st
         place = f"{page}:{text.count(chr(10), 0, found.start()) + 1}"
         line_start = text.rfind("\n", 0, found.start()) + 1
         if BEGIN.fullmatch(text[line_start : found.start()]):
-            raise ValueError(f"{place}: a mark at the begin of a line, where Markdown takes the line for HTML")
+            raise ValueError(f"{place}: a mark begins the line, which Markdown then takes for HTML")
         if not found["end"]:
             raise ValueError(f"{place}: no <!-- end --> after the number")
         try:
@@ -87,6 +90,8 @@ def matches(name: str, pattern: str) -> bool:
 
 def formatted(number: float, form: str = "") -> str:
     """By default whole numbers with commas, and all others as they are."""
+    if re.fullmatch(r"-\d", form):
+        return f"{round(number, int(form)):,.0f}"
     form = form or (",.0f" if number.is_integer() else "")
     return format(number, form).replace("%", " %")
 

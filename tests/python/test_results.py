@@ -139,6 +139,7 @@ MEASURED = "policy,one,two,none\na,1200,1.5,\nb-1,10,4,\nb-2,30,5,\nb-3,20,0.125
         ("a; one", "1,200"),
         ("a; two", "1.5"),
         ("a; two; .2f", "1.50"),
+        ("a; one; -3", "1,000"),
         ("b-*; one", "20"),
         ("b-3; two; .1%", "12.5 %"),
         ("a; one / two", "800"),
@@ -160,8 +161,8 @@ def test_a_quoted_number_is_replaced(tmp_path: Path, key: str, number: str) -> N
         ("is <!-- value: measured.csv; a; none -->7<!-- end -->", "no number in column 'none'"),
         ("is <!-- value: measured.csv; a -->7<!-- end -->", "expected FILE; ROW; COLUMN"),
         ("is <!-- value: measured.csv; a; one -->7 <b>", "no <!-- end -->"),
-        ("<!-- value: measured.csv; a; one -->7<!-- end -->", "begin of a line"),
-        ("  - <!-- value: measured.csv; a; one -->7<!-- end -->", "begin of a line"),
+        ("<!-- value: measured.csv; a; one -->7<!-- end -->", "begins the line"),
+        ("  - <!-- value: measured.csv; a; one -->7<!-- end -->", "begins the line"),
     ],
 )
 def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) -> None:
