@@ -381,6 +381,21 @@ def test_tables_of_benchmarks_are_those_of_the_files() -> None:
     assert benchmarks.whole_tables(details) == details, "run `just benchmark-plots`"
 
 
+def test_quoted_sizes_of_pools_are_those_that_serve_prints(session: Session) -> None:
+    page = (DOCS / "concepts/memory.md").read_text()
+    sizes = re.findall(r"(\w+) with (\d+) environments (?:needs )?([\d.]+) MB", " ".join(page.split()))
+    assert len(sizes) == 3
+    for scenario, num_envs, megabytes in sizes:
+        if float(megabytes) < 50:  # containers have 64
+            argv = ["smaclite-pool", "serve", f"{scenario}:{num_envs}", "--threads", "1", "--name", num_envs]
+            with subprocess.Popen(argv, env=session.environment, stdout=subprocess.PIPE, text=True) as pool:
+                assert pool.stdout is not None
+                try:
+                    assert f" {megabytes} MB of shared memory" in pool.stdout.readline()
+                finally:
+                    pool.terminate()
+
+
 def errors() -> dict[str, Callable[[], object]]:
     """What the FAQ is about, and code that gets there."""
     envs = sp.make("2s3z", num_envs=4, name=f"faq-{os.getpid()}")
