@@ -295,8 +295,11 @@ def test_links_of_other_files_lead_to_pages() -> None:
             assert (ROOT / path).exists(), f"{name}: {path}"
 
 
-def test_what_the_architecture_names_is_there() -> None:
-    text = (ROOT / "ARCHITECTURE.md").read_text()
+@pytest.mark.parametrize(
+    "name", ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "benches/README.md"]
+)
+def test_files_and_headings_that_are_named_are_there(name: str) -> None:
+    text = (ROOT / name).read_text()
     paths = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:rs|py|pyi|md|csv))`", text))
     assert not [path for path in paths if not (ROOT / path).exists()]
     headings = {slug(heading) for heading in re.findall(r"^#+ (.*)$", text, re.M)}
