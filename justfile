@@ -122,16 +122,20 @@ results-shares *args: _venv
     cargo build --release --quiet -p smaclite-cli
     {{ results }} {{ python }} -m results.shares {{ args }}
 
-# Draw curves and tables of docs/results.md from the CSV files in docs/results
-results: _venv
+# Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
+results: _venv && values
     {{ python }} -m pip install --quiet matplotlib
     {{ results }} {{ python }} -m results.page
+
+# Write the numbers that the documentation quotes from the CSV files in docs/benchmarks and docs/results
+values: _venv
+    {{ results }} {{ python }} -m results.values
 
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
 
-# Draw charts and tables of docs/benchmarks.md from the CSV files in docs/benchmarks
-benchmark-plots: _venv
+# Draw charts and tables of docs/benchmarks.md from the CSV files in docs/benchmarks, and write the quoted numbers
+benchmark-plots: _venv && values
     {{ python }} -m pip install --quiet matplotlib
     {{ results }} {{ python }} -m results.benchmarks
 

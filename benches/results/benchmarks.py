@@ -1,7 +1,7 @@
 """Draws the charts of docs/benchmarks.md and writes its tables, from the CSV files in docs/benchmarks.
 
-The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. The
-numbers are those of benches/README.md, which names machine and commands.
+The header of a CSV file is the header of its table: one column of names, then numbers, one bar each. Where
+the page shows a part of a file, benches/README.md has the whole table. It also names machine and commands.
 """
 
 from __future__ import annotations
@@ -18,6 +18,9 @@ from . import data, tables
 
 FOLDER = data.REPOSITORY / "docs" / "benchmarks"
 PAGE = data.REPOSITORY / "docs" / "benchmarks.md"
+DETAILS = data.REPOSITORY / "benches" / "README.md"
+DETAILED = ["engine", "pool"]
+"""The files with a table in benches/README.md."""
 COLOURS = ["#0060a8", "#e08214", "#208040", "#8a3fa0", "#888888"]
 """Of the bars of a group, by their order."""
 
@@ -32,11 +35,15 @@ class Benchmark:
     log: bool = False
     drawn: bool = True
     """Whether there is a chart."""
+    columns: tuple[str, ...] = ()
+    """The numbers that page and chart show; all if empty."""
+    bars: tuple[str, ...] = ()
+    """The rows that the chart shows; all if empty."""
 
 
 BENCHMARKS = [
-    Benchmark("peers", "environment steps per second", log=True),
-    Benchmark("pool", "environment steps per second"),
+    Benchmark("peers", "environment steps per second", log=True, bars=("3m", "2s3z", "3s5z", "27m_vs_30m")),
+    Benchmark("pool", "environment steps per second", columns=("engine alone", "1 thread", "2 threads")),
     Benchmark("paper", "microseconds per step", log=True),
     Benchmark("epymarl", "environment steps per second"),
     Benchmark("many", "", drawn=False),
@@ -49,15 +56,42 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("results.benchmarks", description=__doc__)
     parser.add_argument("--data", help="folder of the CSV files (docs/benchmarks)", type=Path, default=FOLDER)
     parser.add_argument("--page", help="the page (docs/benchmarks.md)", type=Path, default=PAGE)
+    details = "whole tables (benches/README.md)"
+    parser.add_argument("--details", help=details, type=Path, default=DETAILS)
     options = parser.parse_args(argv)
-    text = options.page.read_text()
+    options.page.write_text(page(options.page.read_text(), options.data))
+    options.details.write_text(whole_tables(options.details.read_text(), options.data))
     for benchmark in BENCHMARKS:
-        header, rows = read(options.data / f"{benchmark.name}.csv")
-        text = tables.insert(text, benchmark.name, tables.markdown(header, [cells(row) for row in rows]))
         if benchmark.drawn:
+            header, rows = shown(benchmark, options.data)
+            rows = [row for row in rows if not benchmark.bars or row[0] in benchmark.bars]
             draw(benchmark, header, rows, options.data / f"{benchmark.name}.svg")
-    options.page.write_text(text)
     return 0
+
+
+def page(text: str, folder: Path = FOLDER) -> str:
+    """docs/benchmarks.md with the tables of the files."""
+    for benchmark in BENCHMARKS:
+        text = insert(text, benchmark.name, *shown(benchmark, folder))
+    return text
+
+
+def whole_tables(text: str, folder: Path = FOLDER) -> str:
+    """benches/README.md with the tables of the files."""
+    for name in DETAILED:
+        text = insert(text, name, *read(folder / f"{name}.csv"))
+    return text
+
+
+def insert(text: str, name: str, header: list[str], rows: list[list[str]]) -> str:
+    return tables.insert(text, name, tables.markdown(header, [cells(row) for row in rows]))
+
+
+def shown(benchmark: Benchmark, folder: Path) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a file, with the columns that the page shows."""
+    header, rows = read(folder / f"{benchmark.name}.csv")
+    columns = [0, *map(header.index, benchmark.columns or header[1:])]
+    return [header[column] for column in columns], [[row[column] for column in columns] for row in rows]
 
 
 def read(path: Path) -> tuple[list[str], list[list[str]]]:

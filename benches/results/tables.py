@@ -9,9 +9,6 @@ from statistics import median
 from .data import Row
 from .runs import PAPER, RUNS, Runs, default
 
-TRANSPORT_SECONDS = 11.72e-6 / 64
-"""Per step: a round trip of 64 environments that do nothing (`just figures transport`, benches/README.md)."""
-
 SECTIONS = {
     "paper": "the scenarios of the paper",
     "default": "the default configuration",
@@ -22,14 +19,14 @@ SECTIONS = {
 Cells = list[str]
 
 
-def tables(rows: list[Row], shares: list[Row]) -> dict[str, str]:
-    """All tables by name, in Markdown."""
+def tables(rows: list[Row], shares: list[Row], round_trip: float) -> dict[str, str]:
+    """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds."""
     return {
         "paper": paper(rows),
         "default": budgets(rows, "default"),
         "others": budgets(rows, "others"),
         "rules": rules(rows),
-        "shares": time_shares(shares),
+        "shares": time_shares(shares, round_trip),
         "options": options(),
         "machines": machines(rows + shares),
     }
@@ -169,7 +166,7 @@ def rules(rows: list[Row]) -> str:
     return markdown(header, lines)
 
 
-def time_shares(shares: list[Row]) -> str:
+def time_shares(shares: list[Row], round_trip: float) -> str:
     header = [
         "scenario", "environment (%)", "transport (%)", "inference (%)", "learning (%)",
         "steps per CPU-second",
@@ -177,7 +174,7 @@ def time_shares(shares: list[Row]) -> str:
 
     def cells(row: Row) -> Cells:
         steps, pool = float(row["steps"]), float(row["environment"])
-        transport = TRANSPORT_SECONDS * steps
+        transport = round_trip / 1e6 * steps / 64
         parts = [pool - transport, transport, float(row["inference"]), float(row["learning"])]
         total = sum(parts)
         return [row["scenario"], *(percent(part / total) for part in parts), whole(steps / total)]

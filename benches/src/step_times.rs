@@ -2,7 +2,7 @@
 //! and in a battle that is played again and again, which the branch predictor learns.
 
 use crate::engine::{Plays, record};
-use smaclite_cli::bench::median;
+use smaclite_cli::bench::throughput::median;
 use smaclite_cli::bench::play::{AfterEpisode, Player, Recording};
 use smaclite_engine::Scratch;
 use std::error::Error;

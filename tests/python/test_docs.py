@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from results import benchmarks, tables
+from results import benchmarks
 
 import smaclite_pool as sp
 
@@ -295,6 +295,36 @@ def test_links_of_other_files_lead_to_pages() -> None:
             assert (ROOT / path).exists(), f"{name}: {path}"
 
 
+@pytest.mark.parametrize(
+    "name", ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "benches/README.md"]
+)
+def test_files_and_headings_that_are_named_are_there(name: str) -> None:
+    text = (ROOT / name).read_text()
+    paths = set(re.findall(r"`([\w./-]+/[\w.-]+\.(?:rs|py|pyi|md|csv))`", text))
+    assert not [path for path in paths if not (ROOT / path).exists()]
+    headings = {slug(heading) for heading in re.findall(r"^#+ (.*)$", text, re.M)}
+    assert set(re.findall(r"\]\(#([^)]*)\)", text)) <= headings
+
+
+def slug(heading: str) -> str:
+    """The anchor that GitHub makes of a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+RUST = "units scenarios pool/engine pool pool/view ipc bindings/learn bindings benches"
+
+
+@pytest.mark.parametrize("crate", RUST.split())
+def test_the_architecture_has_every_module(crate: str) -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    section = text.split(f"\n## `{crate}`:")[1].split("\n## ")[0]
+    named = set(re.findall(r"`(\w+)(?:\.rs|/)?`", section))
+    ignored = {"lib", "main", "tests"}
+    files = [*(ROOT / crate / "src").iterdir()]
+    modules = {file.stem for file in files if file.suffix in {"", ".rs"}} - ignored
+    assert not {module for module in modules if module not in named and not module.endswith("_tests")}
+
+
 def test_every_picture_exists_and_loads_fast() -> None:
     named = {path for page in [ROOT / "README.md", *PAGES] for path in pictures(page)}
     drawn = [*DOCS.glob("pictures/*"), *DOCS.glob("results/*.svg"), *DOCS.glob("benchmarks/*.svg")]
@@ -349,11 +379,24 @@ def test_pages_get_what_they_take_from_the_package() -> None:
 
 
 def test_tables_of_benchmarks_are_those_of_the_files() -> None:
-    text = benchmarks.PAGE.read_text()
-    for benchmark in benchmarks.BENCHMARKS:
-        header, rows = benchmarks.read(benchmarks.FOLDER / f"{benchmark.name}.csv")
-        table = tables.markdown(header, [benchmarks.cells(row) for row in rows])
-        assert tables.insert(text, benchmark.name, table) == text, "run `just benchmark-plots`"
+    page, details = benchmarks.PAGE.read_text(), benchmarks.DETAILS.read_text()
+    assert benchmarks.page(page) == page, "run `just benchmark-plots`"
+    assert benchmarks.whole_tables(details) == details, "run `just benchmark-plots`"
+
+
+def test_quoted_sizes_of_pools_are_those_that_serve_prints(session: Session) -> None:
+    page = (DOCS / "concepts/memory.md").read_text()
+    sizes = re.findall(r"(\w+) with (\d+) environments (?:needs )?([\d.]+) MB", " ".join(page.split()))
+    assert len(sizes) == 3
+    for scenario, num_envs, megabytes in sizes:
+        if float(megabytes) < 50:  # containers have 64
+            argv = ["smaclite-pool", "serve", f"{scenario}:{num_envs}", "--threads", "1", "--name", num_envs]
+            with subprocess.Popen(argv, env=session.environment, stdout=subprocess.PIPE, text=True) as pool:
+                assert pool.stdout is not None
+                try:
+                    assert f" {megabytes} MB of shared memory" in pool.stdout.readline()
+                finally:
+                    pool.terminate()
 
 
 def errors() -> dict[str, Callable[[], object]]:

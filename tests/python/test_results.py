@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from results import benchmarks, data, page, tables, train
+from results import benchmarks, data, page, tables, train, values
 from results.data import Row
 from results.runs import PAPER, RUNS, Runs
 
@@ -100,7 +101,7 @@ def test_a_cell_is_median_and_range() -> None:
 
 def test_shares_of_time_add_up() -> None:
     measured = {"scenario": "MMM2", "steps": "64000", "environment": "2", "inference": "1", "learning": "1"}
-    cells = tables.time_shares([measured]).splitlines()[-1].split("|")
+    cells = tables.time_shares([measured], 11.72).splitlines()[-1].split("|")
     assert [cell.strip() for cell in cells[1:-1]] == ["MMM2", "49.7", "0.3", "25.0", "25.0", "16,000"]
 
 
@@ -114,8 +115,60 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], []).items():
+    for name, table in tables.tables([], [], 8.0).items():
         tables.insert(PAGE.read_text(), name, table)
+
+
+def test_the_tables_of_the_page_are_those_of_the_files() -> None:
+    text = PAGE.read_text()
+    assert page.with_tables(text, data.FOLDER) == text, "run `just results`"
+
+
+def test_quoted_numbers_are_those_of_the_files() -> None:
+    for path in values.PAGES:
+        text = path.read_text()
+        assert values.filled(text, path) == text, "run `just values`"
+
+
+MEASURED = "policy,one,two,none\na,1200,1.5,\nb-1,10,4,\nb-2,30,5,\nb-3,20,0.125,1\n"
+
+
+@pytest.mark.parametrize(
+    ("key", "number"),
+    [
+        ("a; one", "1,200"),
+        ("a; two", "1.5"),
+        ("a; two; .2f", "1.50"),
+        ("a; one; -3", "1,000"),
+        ("b-*; one", "20"),
+        ("b-3; two; .1%", "12.5 %"),
+        ("a; one / two", "800"),
+        ("b-*; one / two; .1f", "5.0"),
+    ],
+)
+def test_a_quoted_number_is_replaced(tmp_path: Path, key: str, number: str) -> None:
+    (tmp_path / "measured.csv").write_text(MEASURED)
+    text = f"About <!-- value: measured.csv; {key} -->{{}}<!-- end --> steps."
+    assert values.filled(text.format("7"), Path("page.md"), tmp_path) == text.format(number)
+
+
+@pytest.mark.parametrize(
+    ("mark", "message"),
+    [
+        ("is <!-- value: no.csv; a; one -->7<!-- end -->", "there is no file docs/no.csv"),
+        ("is <!-- value: measured.csv; c; one -->7<!-- end -->", "no row 'c'"),
+        ("is <!-- value: measured.csv; a; three -->7<!-- end -->", "no column 'three'"),
+        ("is <!-- value: measured.csv; a; none -->7<!-- end -->", "no number in column 'none'"),
+        ("is <!-- value: measured.csv; a -->7<!-- end -->", "expected FILE; ROW; COLUMN"),
+        ("is <!-- value: measured.csv; a; one -->7 <b>", "no <!-- end -->"),
+        ("<!-- value: measured.csv; a; one -->7<!-- end -->", "begins the line"),
+        ("  - <!-- value: measured.csv; a; one -->7<!-- end -->", "begins the line"),
+    ],
+)
+def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) -> None:
+    (tmp_path / "measured.csv").write_text(MEASURED)
+    with pytest.raises(ValueError, match=rf"page\.md:2: .*{re.escape(message)}"):
+        values.filled(f"one\n{mark}\n", Path("page.md"), tmp_path)
 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
@@ -142,16 +195,19 @@ def test_equal_data_gives_equal_and_small_pictures(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 def test_charts_of_benchmarks_are_those_of_the_files(tmp_path: Path) -> None:
-    text = tmp_path / "page.md"
-    text.write_text(benchmarks.PAGE.read_text())
-    for file in benchmarks.FOLDER.glob("*.csv"):
+    for file in (benchmarks.PAGE, benchmarks.DETAILS, *benchmarks.FOLDER.glob("*.csv")):
         (tmp_path / file.name).write_text(file.read_text())
-    assert benchmarks.main(["--data", str(tmp_path), "--page", str(text)]) == 0
+    text, details = tmp_path / benchmarks.PAGE.name, tmp_path / benchmarks.DETAILS.name
+    argv = ["--data", str(tmp_path), "--page", str(text), "--details", str(details)]
+    assert benchmarks.main(argv) == 0
     assert text.read_text() == benchmarks.PAGE.read_text()
+    assert details.read_text() == benchmarks.DETAILS.read_text()
     drawn = {path.name for path in tmp_path.glob("*.svg")}
     assert drawn == {path.name for path in benchmarks.FOLDER.glob("*.svg")}
-    for file in tmp_path.glob("*.csv"):
-        header, rows = benchmarks.read(file)
-        if (chart := file.with_suffix(".svg")).exists():
-            numbers = [cell for row in rows for cell in benchmarks.cells(row)[1:]]
-            assert all(f">{word}<" in chart.read_text() for word in numbers + header[1:] if word), file
+    for benchmark in benchmarks.BENCHMARKS:
+        if benchmark.drawn:
+            chart = (benchmarks.FOLDER / f"{benchmark.name}.svg").read_text()
+            header, rows = benchmarks.shown(benchmark, benchmarks.FOLDER)
+            bars = [row for row in rows if not benchmark.bars or row[0] in benchmark.bars]
+            numbers = [cell for row in bars for cell in benchmarks.cells(row)[1:]]
+            assert all(f">{word}<" in chart for word in numbers + header[1:] if word), benchmark.name

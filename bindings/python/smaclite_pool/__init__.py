@@ -20,10 +20,6 @@ Other interfaces are modules of this package:
 
 None of them is imported with this package, and each docstring begins with an example:
 `help("smaclite_pool.marl.smac")`.
-
-Terms: an agent is a unit that the learner controls; a unit is any body in a battle. A step is one decision of
-the agents. A lane is a set of environments with one learner. A batch holds the results of M environments, one
-per slot.
 """
 
 from ._native import (
