@@ -2,8 +2,8 @@
 //! and in a battle that is played again and again, which the branch predictor learns.
 
 use crate::engine::{Plays, record};
-use smaclite_cli::bench::throughput::median;
 use smaclite_cli::bench::play::{AfterEpisode, Player, Recording};
+use smaclite_cli::bench::throughput::median;
 use smaclite_engine::Scratch;
 use std::error::Error;
 use std::sync::Arc;

@@ -56,21 +56,23 @@ pub struct Polling {
 }
 
 impl Polling {
-    /// Starts its time.
+    /// Its time starts when the clock is looked at for the first time, so that a thread that finds something at once
+    /// does not look.
     pub fn begin(self) -> Polls {
-        self.begin_at(Instant::now())
+        Polls { polling: self, end: None, count: 0 }
     }
 
     /// As if it had begun at `begin`.
     pub fn begin_at(self, begin: Instant) -> Polls {
-        Polls { end: self.time.map(|time| begin + time), per_yield: self.polls_per_yield, count: 0 }
+        Polls { polling: self, end: self.time.map(|time| begin + time), count: 0 }
     }
 }
 
 /// The polls of a thread that waits.
 pub struct Polls {
+    polling: Polling,
+    /// `None` before its time has started, and if that has no end.
     end: Option<Instant>,
-    per_yield: u32,
     count: u32,
 }
 
@@ -81,10 +83,10 @@ impl Polls {
     }
 
     /// Pauses if the next poll needs no yield; otherwise the caller looks at the clock and, unless it gives
-    /// up, goes on with [`pause_at`](Polls::pause_at).
+    /// up, continues with [`pause_at`](Polls::pause_at).
     pub fn pause_briefly(&mut self) -> bool {
         self.count += 1;
-        let is_brief = self.count < self.per_yield;
+        let is_brief = self.count < self.polling.polls_per_yield;
         if is_brief {
             spin_loop();
         }
@@ -94,11 +96,11 @@ impl Polls {
     /// Yields the core. `false` if the time is over at `now`, and the thread should block instead.
     pub fn pause_at(&mut self, now: Instant) -> bool {
         self.count = 0;
-        let goes_on = self.end.is_none_or(|end| now < end);
-        if goes_on {
+        let may_poll = self.polling.time.is_none_or(|time| now < *self.end.get_or_insert(now + time));
+        if may_poll {
             yield_now();
         }
-        goes_on
+        may_poll
     }
 }
 

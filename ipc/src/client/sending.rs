@@ -65,12 +65,12 @@ impl AttachedLane {
         }
         let count = self.count(env_ids);
         let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
-        let mut full_queue = FullQueue::new(wait);
+        let mut full_queue = None;
         loop {
             let ended = match self.try_send(&header, env_ids, &mut actions) {
                 Ok(true) => return Ok(()),
                 Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
-                Ok(false) => full_queue.wait(),
+                Ok(false) => full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait),
                 Err(error) => Err(error),
             };
             if ended.is_err() {
@@ -115,29 +115,28 @@ impl AttachedLane {
 }
 
 /// The wait for room in the supervisor's queue of requests.
-struct FullQueue<'a, 'w> {
-    wait: &'a mut WaitOptions<'w>,
+struct FullQueue {
     timeout: Duration,
     begin: Instant,
     next_check: Instant,
 }
 
-impl<'a, 'w> FullQueue<'a, 'w> {
-    fn new(wait: &'a mut WaitOptions<'w>) -> Self {
-        let timeout = wait.timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
+impl FullQueue {
+    fn new(timeout: Option<Duration>) -> Self {
+        let timeout = timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
         let begin = Instant::now();
-        FullQueue { wait, timeout, begin, next_check: begin + CHECK_INTERVAL }
+        FullQueue { timeout, begin, next_check: begin + CHECK_INTERVAL }
     }
 
     /// Sleeps until the next attempt, unless the time is over or the caller interrupts the wait.
-    fn wait(&mut self) -> Result<(), ClientError> {
+    fn wait(&mut self, wait: &mut WaitOptions<'_>) -> Result<(), ClientError> {
         let now = Instant::now();
         if now - self.begin > self.timeout {
             return Err(ClientError::NotAccepted { time: self.timeout });
         }
         if now >= self.next_check {
             self.next_check = now + CHECK_INTERVAL;
-            if (self.wait.interrupted)() {
+            if (wait.interrupted)() {
                 return Err(ClientError::Interrupted);
             }
         }
