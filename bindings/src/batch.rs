@@ -1,6 +1,6 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
-use crate::views;
+use crate::views::{self, Frame};
 use numpy::PyArray1;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
@@ -9,24 +9,6 @@ use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSpec};
 use std::ffi::CString;
 use std::sync::Arc;
-
-/// The shared memory of one batch, which is not reused while this object exists. It is the base of the arrays
-/// of a `Batch`.
-#[pyclass(frozen, module = "smaclite_pool")]
-pub struct Frame(pub Arc<smaclite_ipc::Batch>);
-
-#[pymethods]
-impl Frame {
-    /// Number of this batch among all that the lane has sent, from 1.
-    #[getter]
-    fn sequence(&self) -> u64 {
-        self.0.sequence()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<smaclite_pool.Frame {} of {} bytes>", self.sequence(), self.0.bytes().len())
-    }
-}
 
 /// The results of M environments, one per slot, as returned by `recv`, `step` and `reset`.
 ///

@@ -6,7 +6,7 @@ use crate::convert::{
     to_duration, to_unsigned,
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
-use crate::exit;
+use crate::exit::{self, CloseAtExit};
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, SheetStyle, render_batch};
@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::Duration;
 
 /// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
-pub struct SharedClient(Mutex<Option<Attached>>);
+struct SharedClient(Mutex<Option<Attached>>);
 
 /// Dropped in this order: the client detaches from the pool before an embedded pool stops.
 struct Attached {
@@ -33,10 +33,9 @@ struct Attached {
     _embedded: Option<Arc<Supervisor>>,
 }
 
-impl SharedClient {
-    /// Closes, unless another thread's call is using the client: then `None`. A recording is written; the
-    /// environments are closed also if that fails.
-    pub fn close_if_idle(&self) -> Option<PyResult<()>> {
+impl CloseAtExit for SharedClient {
+    /// A recording is written; the environments are closed also if that fails.
+    fn close_if_idle(&self) -> Option<PyResult<()>> {
         let attached = match self.0.try_lock() {
             Ok(mut attached) => attached.take(),
             Err(TryLockError::Poisoned(attached)) => attached.into_inner().take(),
@@ -44,7 +43,9 @@ impl SharedClient {
         };
         Some(attached.map_or(Ok(()), Attached::close))
     }
+}
 
+impl SharedClient {
     /// Locks the client for one call. Never blocks: a signal handler that runs during `recv` and calls a
     /// method would wait for its own thread.
     fn try_lock(&self) -> PyResult<ClientGuard<'_>> {
@@ -111,7 +112,8 @@ impl Envs {
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let attached = Attached { recording, client, _embedded: supervisor };
         let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
-        exit::close_at_exit(&shared);
+        let weak = Arc::downgrade(&shared);
+        exit::close_at_exit(weak);
         Envs { shared, description, layout, scenario }
     }
 

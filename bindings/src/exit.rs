@@ -4,11 +4,10 @@
 //! also be using or making environments at that time, and the exiting interpreter freezes it in the middle of
 //! that call.
 
-use crate::envs::SharedClient;
 use crate::errors::class;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -26,13 +25,19 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Clients to close at exit. Locked only while attached to the interpreter, so that a fork never copies a
 /// locked mutex.
-static OPEN_CLIENTS: Mutex<Vec<Weak<SharedClient>>> = Mutex::new(Vec::new());
+static OPEN_CLIENTS: Mutex<Vec<Weak<dyn CloseAtExit>>> = Mutex::new(Vec::new());
 
-/// Closes `client` at exit, unless it is closed or dropped before.
-pub fn close_at_exit(client: &Arc<SharedClient>) {
+/// What is closed when the interpreter exits.
+pub trait CloseAtExit: Send + Sync {
+    /// Closes, unless another thread's call is using it: then `None`.
+    fn close_if_idle(&self) -> Option<PyResult<()>>;
+}
+
+/// Closes `client` at exit, unless it is dropped before.
+pub fn close_at_exit(client: Weak<dyn CloseAtExit>) {
     let mut clients = OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner);
     clients.retain(|other| other.strong_count() > 0);
-    clients.push(Arc::downgrade(client));
+    clients.push(client);
 }
 
 /// Registers [`close_all`] with `atexit`.

@@ -30,7 +30,7 @@ mod _native {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use super::batch::{Batch, Frame};
+    use super::batch::Batch;
     #[pymodule_export]
     use super::envs::Envs;
     #[pymodule_export]
@@ -49,6 +49,8 @@ mod _native {
     use super::scenario::scenario;
     #[pymodule_export]
     use super::spectator::Spectator;
+    #[pymodule_export]
+    use super::views::Frame;
 
     // Numbers of the actions of an agent.
     #[pymodule_export]

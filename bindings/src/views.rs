@@ -1,10 +1,28 @@
 //! NumPy arrays over the shared memory of a frame: not copied, read-only, and each keeps the frame alive.
 
-use crate::batch::Frame;
 use numpy::ndarray::{ArrayView, IxDyn};
 use numpy::{Element, PyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_pool::fields::{Dtype, Field};
+use std::sync::Arc;
+
+/// The shared memory of one batch, which is not reused while this object exists. It is the base of the arrays
+/// of a `Batch`.
+#[pyclass(frozen, module = "smaclite_pool")]
+pub struct Frame(pub Arc<smaclite_ipc::Batch>);
+
+#[pymethods]
+impl Frame {
+    /// Number of this batch among all that the lane has sent, from 1.
+    #[getter]
+    fn sequence(&self) -> u64 {
+        self.0.sequence()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<smaclite_pool.Frame {} of {} bytes>", self.sequence(), self.0.bytes().len())
+    }
+}
 
 /// A field of a frame as an array whose base object is the frame; `None` if the lane does not include the
 /// field.
