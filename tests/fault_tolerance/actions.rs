@@ -99,8 +99,8 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
         learner.recv(TIMEOUT).expect("a batch");
     }
     assert!(learner.reference().is_over(0) && learner.reference().is_over(3));
-    let error =
-        step(learner.client(), &[1; 10], Some(&[1, 3])).expect_err("a finished environment").to_string();
+    learner.client().send(&[1; 10], Some(&[1, 3]), WaitOptions::forever()).expect("sent");
+    let error = learner.recv(TIMEOUT).err().expect("a finished environment").to_string();
     assert_contains(&error, &["environment 3", "finished", "reset"]);
     learner.send_reset(&[0, 3], Some(99)).expect("a reset of some");
     learner.recv(TIMEOUT).expect("a batch");

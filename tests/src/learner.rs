@@ -133,7 +133,11 @@ impl Learner {
     /// # Errors
     /// The client's, or a wrong frame.
     pub fn recv(&mut self, timeout: Duration) -> Result<Arc<Batch>, LearnerError> {
-        let batch = self.client.recv(WaitOptions { timeout: Some(timeout), interrupted: &mut || false })?;
+        let received = self.client.recv(WaitOptions { timeout: Some(timeout), interrupted: &mut || false });
+        if matches!(received, Err(ClientError::Rejected(_))) {
+            self.sequence += 1; // the refusal came in a frame
+        }
+        let batch = received?;
         self.reference.check(&batch).map_err(LearnerError::Frame)?;
         if self.sequence != 0 && batch.sequence() != self.sequence + 1 {
             let what = format!("frame {} came after frame {}", batch.sequence(), self.sequence);

@@ -299,7 +299,7 @@ fn messages_are_short_lines_whatever_a_file_holds() {
     let shown = "long?key".repeat(400_000)[..60].to_owned() + "...";
     let quoted = format!("\"{escaped}\"");
     let cases: [(&[(&str, &str)], String); 3] = [
-        (&[(&escaped, "45")], format!("unknown key `{shown}`; expected one of hp, ")),
+        (&[(&escaped, "45")], format!("unknown key `{shown}`; expected one of $schema, hp, ")),
         (&[("plane", &quoted)], format!("`plane` is \"{shown}\", but must be one of GROUND, ")),
         (&[(&escaped, "1"), (&escaped, "2"), (&escaped, "3")], format!("key `{shown}` is duplicate")),
     ];
