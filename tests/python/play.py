@@ -45,6 +45,7 @@ def first_legal(batch: sp.Batch) -> NDArray[np.int32]:
     last: NDArray[np.int32] = (mask.shape[2] - 1 - mask[:, :, ::-1].argmax(axis=2)).astype(np.int32)
     return last
 
+
 def duel(allies: int = 2, unit: str = "ZEALOT", enemy_x: float = 12, name: str = "duel") -> dict[str, Any]:
     """A custom scenario: some allies of one unit type, and one enemy of the same type beside them."""
     return {

@@ -103,8 +103,14 @@ def test_actions_of_any_integer_type_are_the_same_actions() -> None:
     with sp.make("2s3z", num_envs=2) as envs:
         legal = [[1] * 5] * 2
         seen = []
-        for actions in (legal, np.array(legal, np.int32), np.array(legal, np.uint8), np.array(legal, ">i4"),
-                        np.asfortranarray(np.array(legal, np.int32)), np.array(legal, np.uint64)):
+        for actions in (
+            legal,
+            np.array(legal, np.int32),
+            np.array(legal, np.uint8),
+            np.array(legal, ">i4"),
+            np.asfortranarray(np.array(legal, np.int32)),
+            np.array(legal, np.uint64),
+        ):
             envs.reset(seed=3)
             seen.append(envs.step(actions).obs.copy())
         assert all(np.array_equal(seen[0], obs) for obs in seen)

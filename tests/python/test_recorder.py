@@ -80,9 +80,10 @@ def test_the_command_records_a_running_pool(serve: Serve, tmp_path: Path) -> Non
     path = tmp_path / "train.smreplay"
     command = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--out", str(path)]
     options = ["--env", "0", "--env", "1", "--episodes", "3"]
-    with sp.connect("train") as envs, subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, text=True
-    ) as recording:
+    with (
+        sp.connect("train") as envs,
+        subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as recording,
+    ):
         envs.reset(seed=1)
         while recording.poll() is None:
             play(envs, 10)
