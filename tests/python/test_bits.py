@@ -15,7 +15,7 @@ STEPS = 150  # past the end of episodes
 def difference(expected: list[bytes], found: list[bytes]) -> str | None:
     """The first step that differs."""
     assert len(expected) == len(found)
-    steps = (step for step, (a, b) in enumerate(zip(expected, found)) if a != b)
+    steps = (step for step, (a, b) in enumerate(zip(expected, found, strict=True)) if a != b)
     return next((f"step {step} differs" for step in steps), None)
 
 

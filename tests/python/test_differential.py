@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from differential import scenarios
 from differential.__main__ import POLICIES
 from differential.battles import Frame, PoolBattle, PublishedFailure, difference

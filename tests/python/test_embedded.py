@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import Serve, run_script
 
 REPOSITORY = Path(__file__).resolve().parents[2]

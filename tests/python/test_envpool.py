@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve
 from smaclite_pool.integrations import envpool
+
+from conftest import Serve
 
 
 def first_legal(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:

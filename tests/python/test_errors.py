@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import run_script
 from numpy.typing import NDArray
+
+from conftest import run_script
 
 
 @pytest.fixture
@@ -216,12 +217,12 @@ def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> No
         with pytest.raises(AttributeError, match=f"no `{wrong}`; its fields are env_id, obs, .*, was_reset"):
             getattr(batch, wrong)
     with pytest.raises(AttributeError, match='exists only with autoreset="same_step"'):
-        batch.final_obs
+        batch.final_obs  # noqa: B018
     assert not hasattr(batch, "__array__") and len(np.asarray(batch.obs)) == 2
     with sp.make("3m", 1, fields=["obs"]) as few:
         batch = few.reset()
         with pytest.raises(AttributeError, match="its fields are env_id, obs, reward, terminated, truncated"):
-            batch.observation
+            batch.observation  # noqa: B018
         for absent in ("state", "was_reset"):
             with pytest.raises(AttributeError, match="do not include .*; add it to `fields`"):
                 getattr(batch, absent)

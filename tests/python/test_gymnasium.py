@@ -20,14 +20,15 @@ import smaclite_pool as sp
 pytest.importorskip("gymnasium")
 
 import gymnasium
-from conftest import Serve, run_script
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from play import duel
 from smaclite_pool._render import Window
 from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+
+from conftest import Serve, run_script
+from play import duel
 
 MODULE = "smaclite_pool.integrations.gymnasium"
 
@@ -177,7 +178,7 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
         seen, rewards, terminated, truncated, infos = ours.step(actions)
         expected, *rest, expected_infos = theirs.step(actions)
         ours_by_name = {"reward": rewards, "terminated": terminated, "truncated": truncated}
-        for (name, got), wanted in zip(ours_by_name.items(), rest):
+        for (name, got), wanted in zip(ours_by_name.items(), rest, strict=True):
             np.testing.assert_array_equal(got, wanted, err_msg=name)
         ended = terminated | truncated
         episodes += ended.sum()

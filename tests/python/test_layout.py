@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from play import duel
 from smaclite_pool import _native
 from smaclite_pool._layout import Floats, ScenarioLayout
 from smaclite_pool._units import UnitsView
+
+from play import duel
 
 SCENARIOS = ["2s3z", "MMM2", "bane_vs_bane", "3s_vs_5z"]
 

@@ -12,12 +12,14 @@ import tempfile
 import textwrap
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import left_over
 
 ray = pytest.importorskip("ray")
@@ -191,7 +193,7 @@ def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.M
     watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")
     watched._watch.join(60)
     assert not watched._watch.is_alive() and len(watched.starts) == 5
-    pauses = [later - sooner for sooner, later in zip(watched.starts, watched.starts[1:])]
+    pauses = [later - sooner for sooner, later in pairwise(watched.starts)]
     assert all(pause >= 0.05 * 2**i for i, pause in enumerate(pauses)), pauses
     with pytest.raises(sp.StartError, match=r"given up after 5 starts.*no luck") as caught:
         watched.running(timeout=1)

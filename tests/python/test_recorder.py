@@ -12,8 +12,9 @@ import gymnasium
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve, replayed
 from smaclite_pool.integrations.pettingzoo import parallel_env
+
+from conftest import Serve, replayed
 
 
 def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import Serve
 
 torch = pytest.importorskip("torch")

@@ -26,6 +26,7 @@ the agents. A lane is a set of environments with one learner. A batch holds the 
 per slot.
 """
 
+from ._evaluation import Evaluation, evaluate
 from ._native import (
     Batch,
     Envs,
@@ -42,7 +43,6 @@ from ._native import (
     scenarios,
     status,
 )
-from ._evaluation import Evaluation, evaluate
 from ._rollout import Rollout
 from ._wrapper import ChangedBatch, Wrapper
 from .errors import (

@@ -45,10 +45,10 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
-
 
 from .._native import Envs, connect, status
 from ..errors import ConnectError, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
@@ -243,10 +243,8 @@ def _get_each(results: dict[str, Any]) -> dict[str, Any]:
     """The results of nodes that have not left."""
     present = {}
     for node, result in results.items():
-        try:
+        with suppress(NODE_LEFT):
             present[node] = ray.get(result)
-        except NODE_LEFT:
-            pass
     return present
 
 
