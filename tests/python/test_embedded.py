@@ -31,7 +31,7 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
 
 def test_properties_and_description_agree() -> None:
     with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
-        described = envs.description
+        described = dict(envs.description)
         sizes = ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
         for name in sizes:
             assert getattr(envs, name) == described[name], name

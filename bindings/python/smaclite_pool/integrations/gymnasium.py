@@ -33,7 +33,7 @@ after a same-step reset; `episode_return` and `episode_length` in `infos` need n
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -300,7 +300,7 @@ class BattleEnv(gymnasium.Env[Any, Any]):
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}
     picture_size = (640, 640)
 
     def __init__(
