@@ -270,7 +270,7 @@ def test_samples_are_legal_and_seeded() -> None:
     with closing(make_vector("2s3z", 4)) as envs:
         played = []
         for _ in range(2):
-            observations, _ = envs.reset(seed=5)
+            envs.reset(seed=5)
             envs.action_space.seed(9)
             actions = []
             for _ in range(60):
