@@ -156,7 +156,7 @@ def test_spaces_are_those_learners_expect() -> None:
         assert list(envs.single_observation_space) == ["action_mask", "obs", "state"]
 
 
-def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
+def first_available(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
     """Available actions from a given generator."""
     actions: np.ndarray[Any, Any] = (rng.random(masks.shape) * masks).argmax(-1)
     return actions
@@ -174,7 +174,7 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
     episodes = 0
     for _ in range(130):
         np.testing.assert_equal(seen, expected)
-        actions = first_legal(seen["action_mask"], rng)
+        actions = first_available(seen["action_mask"], rng)
         seen, rewards, terminated, truncated, infos = ours.step(actions)
         expected, *rest, expected_infos = theirs.step(actions)
         ours_by_name = {"reward": rewards, "terminated": terminated, "truncated": truncated}
@@ -266,7 +266,7 @@ def test_arrays_are_copies_unless_copy_is_false() -> None:
         assert len(held) == 3
 
 
-def test_samples_are_legal_and_seeded() -> None:
+def test_samples_are_available_and_seeded() -> None:
     with closing(make_vector("2s3z", 4)) as envs:
         played = []
         for _ in range(2):

@@ -12,6 +12,8 @@ from ..._native import KILL_REWARD, REWARD_SCALE, WIN_REWARD
 from ...errors import InvalidRequest, PoolError
 from ...types import UnitStats
 
+__all__ = ["HealthTotals", "Reward", "RewardOptions", "Unavailable"]
+
 
 class Unavailable(PoolError, NotImplementedError):
     """An option of SMAC that has no meaning here or needs data that the pool does not have.
