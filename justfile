@@ -216,14 +216,21 @@ release-notes version:
     @awk '/^## / { here = $2 == "{{ version }}"; next } here { print; found = 1 } END { exit !found }' CHANGELOG.md || \
         { echo "error: CHANGELOG.md has no section {{ version }}" >&2; exit 1; }
 
-# Format all code, Rust and JavaScript
-fmt: _node
+# The rules of ruff's versions differ.
+_ruff: _venv
+    @{{ python }} -m pip install --quiet 'ruff>=0.17'
+
+# Format all code: Rust, Python, JavaScript
+fmt: _ruff _node
     cargo fmt --all
+    {{ python }} -m ruff format
     npm run --silent format
 
 # Check formatting, lints and the length of lines; warnings are errors
-lint: _venv lint-github lint-js
+lint: _ruff lint-github lint-js
     cargo fmt --all --check
+    {{ python }} -m ruff format --check
+    {{ python }} -m ruff check
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }

@@ -22,6 +22,7 @@ import json
 import time
 from collections import defaultdict, deque
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -427,8 +428,9 @@ def train(options: Options) -> Learner:
 
 def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
     with make(options, min(options.evaluate_episodes, 64)) as envs:
-        policy = lambda batch: learner.act(batch, greedy=options.greedy)
-        return sp.evaluate(envs, policy, options.evaluate_episodes, seed=0)
+        return sp.evaluate(
+            envs, partial(learner.act, greedy=options.greedy), options.evaluate_episodes, seed=0
+        )
 
 
 def parse_options() -> Options:

@@ -1,5 +1,7 @@
 """A random policy in an embedded pool: steps per second, returns and wins.
 
+Usage:
+
     python bindings/examples/random_policy.py 2s3z --num-envs 64 --seconds 5
 """
 

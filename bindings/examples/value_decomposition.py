@@ -28,6 +28,7 @@ import json
 import time
 from collections import deque
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -365,8 +366,7 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
     """Plays without random actions."""
     with make(options, min(options.evaluate_episodes, 64)) as envs:
         player = Player(envs, learner)
-        policy = lambda batch: player.act(batch, epsilon=0.0)
-        return sp.evaluate(envs, policy, options.evaluate_episodes, seed=0)
+        return sp.evaluate(envs, partial(player.act, epsilon=0.0), options.evaluate_episodes, seed=0)
 
 
 def parse_options() -> Options:

@@ -11,8 +11,46 @@ use smaclite_pool::layout::{Element, Layout};
 use std::ptr::NonNull;
 use std::sync::Arc;
 
-/// One batch: M slots of every field of the lane.
+/// One batch: M slots of every field of the lane, read in place.
 ///
+/// Row `i` of each field belongs to the environment `env_id()[i]`; in a synchronous lane, that is `i`. A
+/// batch keeps its memory: as long as it exists, nothing writes there, also if its client and the pool are
+/// gone. A lane has memory for few batches, so copy what is kept for long (a rollout) and drop the batch.
+///
+/// # Example
+///
+/// ```
+/// use smaclite_ipc::{Client, WaitOptions};
+/// use smaclite_pool::fields::Field;
+/// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_scenarios::ScenarioFiles;
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
+/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (name, options) = ("train".to_owned(), Default::default());
+/// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
+/// # let supervisor = Supervisor::start(config)?;
+///
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let sizes = client.description().sizes;
+/// let batch = client.reset(Some(1), None, WaitOptions::forever())?;
+/// assert_eq!(batch.env_id(), [0, 1]);
+/// for obs in batch.obs().chunks_exact(sizes.n_agents * sizes.obs_size) {
+///     assert!(obs.iter().all(|x| (-1.0..=1.0).contains(x)));
+/// }
+/// let available = batch.field::<u8>(Field::AvailActions).ok_or("the lane leaves it out")?;
+/// assert_eq!(available.len(), 2 * sizes.n_agents * sizes.n_actions);
+/// drop((client, supervisor));
+/// assert_eq!(batch.sequence(), 1); // it is still there
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// [`field`](Batch::field) is `None` for a field that the lane leaves out, and panics if the type is not the
+/// field's.
 /// In a forked child it is readable, but unchanged only while the parent holds it: the child's copy holds
 /// nothing, so after the parent drops it a later frame may be written there.
 pub struct Batch {

@@ -13,6 +13,44 @@ use smaclite_pool::EpisodePart;
 
 /// Follows environments: receives the states in which their episodes begin and their joint actions. The
 /// supervisor keeps what was not read, as much as fits its limit; then the oldest episodes are missing.
+///
+/// With the [`scenario`](Follower::scenario) that is all that is needed to play the battles again, to the
+/// bit and tick by tick: `smaclite_view::Recorder` does so, for replays and for the page of a running pool.
+/// To see only the newest observations, a [`Spectator`](crate::Spectator) is cheaper.
+///
+/// # Example
+///
+/// ```
+/// use smaclite_ipc::{Client, Follower, WaitOptions};
+/// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_scenarios::ScenarioFiles;
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
+/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (name, options) = ("train".to_owned(), Default::default());
+/// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
+/// # let supervisor = Supervisor::start(config)?;
+///
+/// let mut follower = Follower::connect(&runtime_dir, "train", None, &[1])?;
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// client.reset(Some(1), None, WaitOptions::forever())?;
+/// let mut actions = vec![0; 2 * 3];
+/// client.sample_actions(None, &mut actions)?;
+/// client.step(&actions, None, WaitOptions::forever())?;
+/// let parts = follower.read()?;
+/// assert!(parts.iter().all(|part| part.env_id == 1));
+/// # assert!(!parts.is_empty());
+/// # drop((client, follower));
+/// # drop(supervisor);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// The first part begins with the present state, which may be in the middle of an episode. Lanes of
+/// environments other than battles cannot be followed: [`connect`](Follower::connect) is an error.
 pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,

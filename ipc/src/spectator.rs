@@ -18,6 +18,40 @@ use std::sync::Arc;
 const MAX_HELD: usize = 2;
 
 /// A spectator of a lane. It holds the newest batch that it fetched and misses those that it did not fetch.
+///
+/// Use it to display or to log what a learner sees at this moment, from any process. It is not for data that
+/// must be complete: a [`Follower`](crate::Follower) misses no step. It never delays learner or workers.
+///
+/// # Example
+///
+/// ```
+/// use smaclite_ipc::{Client, Spectator, WaitOptions};
+/// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_scenarios::ScenarioFiles;
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
+/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (name, options) = ("train".to_owned(), Default::default());
+/// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
+/// # let supervisor = Supervisor::start(config)?;
+///
+/// let mut spectator = Spectator::connect(&runtime_dir, "train", None)?;
+/// assert!(spectator.latest()?.is_none()); // there was no batch yet
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// client.reset(Some(1), None, WaitOptions::forever())?;
+/// let batch = spectator.latest()?.ok_or("a batch")?;
+/// assert_eq!(batch.sequence(), 1);
+/// # drop((client, spectator));
+/// # drop(supervisor);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// It stays when the learner changes, and sees the batches of the next one. A lane has room for the number of
+/// spectators that it was started with; one more is refused. When the pool ends, calls are errors.
 pub struct Spectator {
     lane: ProcessOwned<WatchedLane>,
 }

@@ -25,6 +25,79 @@ impl<'a> JointAction<'a> {
 
 /// One environment of a lane: it can be reset, stepped and observed. Batches, autoreset and transport belong
 /// to the pool. Users run [`Battle`]s; tests and benches have other environments.
+///
+/// A lane hosts another implementation by `smaclite_ipc::LaneEnvs::Other`, which has its name, its sizes and
+/// a function that makes environment `i`. It has everything that battles have, except what needs a scenario:
+/// pictures, replays and followers.
+///
+/// # Example
+///
+/// One agent that may stop (0) or go on (1), and wins after three steps ahead:
+///
+/// ```
+/// use smaclite_engine::{Scratch, Sizes, Step};
+/// use smaclite_pool::environment::Environment;
+///
+/// #[derive(Default)]
+/// struct Walk {
+///     position: u32,
+///     length: u32,
+/// }
+///
+/// impl Environment for Walk {
+///     fn sizes(&self) -> Sizes {
+///         Sizes { n_agents: 1, n_enemies: 0, n_actions: 2, obs_size: 1, state_size: 1 }
+///     }
+///     fn reseed(&mut self, _seed: u64) {} // nothing is random
+///     fn reset(&mut self) {
+///         *self = Walk::default();
+///     }
+///     fn step_checked(&mut self, actions: &[i32], _: &mut Scratch) -> Step {
+///         self.position += actions[0] as u32;
+///         self.length += 1;
+///         let terminated = self.position == 3;
+///         Step { reward: f64::from(actions[0]), terminated, truncated: false, battle_won: terminated }
+///     }
+///     fn write_obs(&self, out: &mut [f32], _: &mut Scratch) {
+///         out.fill(0.0); // a row may be longer than obs_size
+///         out[0] = self.position as f32 / 3.0;
+///     }
+///     fn write_state(&self, out: &mut [f32]) {
+///         out[0] = self.position as f32 / 3.0;
+///     }
+///     fn write_avail_actions(&self, out: &mut [u8]) {
+///         out.fill(1);
+///     }
+///     fn write_available_bits(&self, out: &mut [u64]) {
+///         out[0] = 0b11;
+///     }
+///     fn write_alive(&self, out: &mut [u8]) {
+///         out[0] = 1;
+///     }
+///     fn dead_allies(&self) -> usize {
+///         0
+///     }
+///     fn dead_enemies(&self) -> usize {
+///         0
+///     }
+///     fn episode_return(&self) -> f64 {
+///         f64::from(self.position)
+///     }
+///     fn episode_length(&self) -> u32 {
+///         self.length
+///     }
+/// }
+///
+/// let mut walk = Walk::default();
+/// let steps = [0, 1, 1, 1].map(|action| walk.step_checked(&[action], &mut Scratch::new()));
+/// assert!(steps[3].terminated && walk.episode_return() == 3.0);
+/// ```
+///
+/// # At the edges
+///
+/// Equal seeds and actions must give equal results, and nothing else may influence them: no clock, no global
+/// generator. The pool calls an environment from any of its threads, from one at a time. A panic fails the
+/// lane: its learner gets an error, and the other lanes continue.
 pub trait Environment: Send {
     /// Sizes of everything written below.
     fn sizes(&self) -> Sizes;

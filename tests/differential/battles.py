@@ -66,7 +66,7 @@ class PoolBattle:
 
 def difference(published: Frame, ours: Frame) -> str | None:
     """The first field that is not equal to the bit, and where in it."""
-    for name, expected, found in zip(Frame._fields, published, ours):
+    for name, expected, found in zip(Frame._fields, published, ours, strict=True):
         if (expected.dtype, expected.shape) != (found.dtype, found.shape):
             return f"{name}: published {expected.dtype} {expected.shape}, ours {found.dtype} {found.shape}"
         bits = np.dtype(f"u{expected.itemsize}")

@@ -149,7 +149,7 @@ class Watch:
     def order(self) -> NDArray[np.uint8]:
         """The execution orders as (steps, ticks, units)."""
         order = np.full((len(self.orders.ids), len(self.units)), END_OF_ORDER, np.uint8)
-        for row, ids in zip(order, self.orders.ids):
+        for row, ids in zip(order, self.orders.ids, strict=True):
             row[: len(ids)] = ids
         return order.reshape(-1, TICKS_PER_STEP, len(self.units))
 

@@ -202,7 +202,7 @@ def first_difference(theirs: Played, ours: Played) -> tuple[int, str]:
     """After how many steps the episodes differ, and in what; that is empty if they are equal."""
     from .battles import difference
 
-    for step, frames in enumerate(zip(theirs.frames, ours.frames)):
+    for step, frames in enumerate(zip(theirs.frames, ours.frames, strict=False)):
         if what := difference(*frames):
             return step, what
         actions = theirs.actions[step : step + 1], ours.actions[step : step + 1]

@@ -18,10 +18,11 @@ import smaclite_pool as sp
 pytest.importorskip("gymnasium")
 
 import gymnasium
-from conftest import run_script
 from gymnasium.wrappers import TimeLimit
 from smaclite_pool import compat
 from smaclite_pool._render import Window
+
+from conftest import run_script
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "steps"
 

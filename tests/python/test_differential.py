@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from differential import scenarios
 from differential.__main__ import POLICIES
 from differential.battles import Frame, PoolBattle, PublishedFailure, difference
@@ -84,8 +85,8 @@ def test_a_seed_gives_one_scenario_and_a_valid_one(seed: int, tmp_path: Path) ->
     files = random_scenario(seed)
     assert files == random_scenario(seed)
     described = sp.scenario(files.write(tmp_path))
-    for side, faction in (("allies", "ALLY"), ("enemies", "ENEMY")):
-        assert [unit["unit_type"] for unit in described[side]] == files.roster(faction)
+    for units, faction in ((described["allies"], "ALLY"), (described["enemies"], "ENEMY")):
+        assert [unit["unit_type"] for unit in units] == files.roster(faction)
 
 
 def test_random_scenarios_have_everything_in_them() -> None:

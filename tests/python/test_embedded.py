@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import Serve, run_script
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -30,7 +31,7 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
 
 def test_properties_and_description_agree() -> None:
     with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
-        described = envs.description
+        described = dict(envs.description)
         sizes = ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
         for name in sizes:
             assert getattr(envs, name) == described[name], name
@@ -103,8 +104,14 @@ def test_actions_of_any_integer_type_are_the_same_actions() -> None:
     with sp.make("2s3z", num_envs=2) as envs:
         legal = [[1] * 5] * 2
         seen = []
-        for actions in (legal, np.array(legal, np.int32), np.array(legal, np.uint8), np.array(legal, ">i4"),
-                        np.asfortranarray(np.array(legal, np.int32)), np.array(legal, np.uint64)):
+        for actions in (
+            legal,
+            np.array(legal, np.int32),
+            np.array(legal, np.uint8),
+            np.array(legal, ">i4"),
+            np.asfortranarray(np.array(legal, np.int32)),
+            np.array(legal, np.uint64),
+        ):
             envs.reset(seed=3)
             seen.append(envs.step(actions).obs.copy())
         assert all(np.array_equal(seen[0], obs) for obs in seen)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve
 from smaclite_pool.integrations import envpool
 
+from conftest import Serve
 
-def first_legal(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:
+
+def first_available(obs: dict[str, Any]) -> np.ndarray[Any, np.dtype[np.int32]]:
     """The last available action of each agent: an attack, if there is one."""
     mask = obs["action_mask"]
     from_the_end = mask[..., ::-1].argmax(-1).astype(np.int32)
@@ -27,7 +28,7 @@ def test_synchronous_stepping_is_that_of_the_pool() -> None:
         assert not envs.is_async and len(envs) == envs.num_envs == 4
         assert info["env_id"].tolist() == envs.all_env_ids.tolist() == [0, 1, 2, 3]
         for _ in range(100):
-            actions = first_legal(obs)
+            actions = first_available(obs)
             obs, reward, terminated, truncated, info = envs.step(actions, info["env_id"])
             batch = plain.step(actions)
             np.testing.assert_array_equal(obs["obs"], batch.obs)
@@ -50,14 +51,14 @@ def test_asynchronous_stepping_serves_all_environments() -> None:
             obs, reward, _, _, info = envs.recv(timeout=60)
             assert obs["obs"].shape == (2, 5, 80) and reward.shape == (2,)
             steps[info["env_id"]] += 1
-            envs.send(first_legal(obs), info["env_id"])
+            envs.send(first_available(obs), info["env_id"])
 
 
 def test_a_reset_of_some_returns_those_in_their_order() -> None:
     with envpool.make("2s3z", num_envs=4, autoreset="disabled") as envs:
         obs, _ = envs.reset(seed=1)
         for _ in range(5):
-            obs, *_ = envs.step(first_legal(obs))
+            obs, *_ = envs.step(first_available(obs))
         some, info = envs.reset(np.array([2, 0]), seed=7)
         assert info["env_id"].tolist() == [2, 0] and some["obs"].shape == (2, 5, 80)
         assert info["elapsed_step"].tolist() == [0, 0]
@@ -77,7 +78,7 @@ def test_arrays_are_copies_unless_copy_is_false() -> None:
     for copy in (True, False):
         with envpool.make("2s3z", num_envs=2, copy=copy) as envs:
             obs, info = envs.reset()
-            _, reward, *_ = envs.step(first_legal(obs))
+            _, reward, *_ = envs.step(first_available(obs))
             every = [*obs.values(), *info.values(), reward]
             assert {array.flags.writeable for array in every} == {copy}
 
@@ -90,14 +91,14 @@ def test_spec_and_config_say_what_is_served() -> None:
         obs, info = envs.reset()
         sent = {f"obs:{name}": array for name, array in obs.items()}
         sent |= {f"info:{name}": array for name, array in info.items()}
-        _, sent["reward"], sent["terminated"], sent["trunc"], _ = envs.step(first_legal(obs))
+        _, sent["reward"], sent["terminated"], sent["trunc"], _ = envs.step(first_available(obs))
         described = {
             name: (spec.dtype, (3, *spec.shape)) for name, spec in envs.spec.state_array_spec.items()
         }
         assert described == {name: (array.dtype, array.shape) for name, array in sent.items()}
         assert envs.spec.action_array_spec["action"].shape == (10,)
         for _ in range(19):
-            obs, _, _, truncated, _ = envs.step(first_legal(obs))
+            obs, _, _, truncated, _ = envs.step(first_available(obs))
         assert truncated.any()
 
 

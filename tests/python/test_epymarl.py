@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -16,9 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve, replayed
 from smaclite_pool.marl.epymarl import PoolRunner
 from smaclite_pool.marl.smac import MultiAgentEnv
+
+from conftest import Serve, replayed
 
 torch = pytest.importorskip("torch")
 
@@ -91,12 +91,11 @@ class Log:
 
 
 @pytest.fixture
-def test_double(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def test_double(monkeypatch: pytest.MonkeyPatch) -> None:
     components, buffer = ModuleType("components"), ModuleType("components.episode_buffer")
     buffer.__dict__["EpisodeBatch"] = EpisodeBatch
     monkeypatch.setitem(sys.modules, "components", components)
     monkeypatch.setitem(sys.modules, "components.episode_buffer", buffer)
-    yield
 
 
 def args_of(num_envs: int, **env_args: Any) -> SimpleNamespace:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import run_script
 from numpy.typing import NDArray
+
+from conftest import run_script
 
 
 @pytest.fixture
@@ -53,62 +54,110 @@ def read_only() -> NDArray[np.int32]:
 @pytest.mark.parametrize(
     ("call", "error", "match"),
     [
-        (lambda e: e.step(np.ones((2, 4), int)), sp.InvalidRequest,
-         r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
+        (
+            lambda e: e.step(np.ones((2, 4), int)),
+            sp.InvalidRequest,
+            r"actions must be .* shape \(2, 5\), got \(2, 4\)",
+        ),
         (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
         (lambda e: e.step([]), sp.InvalidRequest, r"got \(0,\)"),
-        (lambda e: e.step([[1, 2], [3]]), sp.InvalidRequest,
-         "actions must be an array or nested lists: .*inhomogeneous"),
+        (
+            lambda e: e.step([[1, 2], [3]]),
+            sp.InvalidRequest,
+            "actions must be an array or nested lists: .*inhomogeneous",
+        ),
         (lambda e: e.step(None), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got NoneType"),
         (lambda e: e.step({}), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
-        (lambda e: e.step([[1] * 5], env_id=3), sp.InvalidRequest,
-         r"env_id must be .* shape \(K,\), got \(\)"),
+        (
+            lambda e: e.step([[1] * 5], env_id=3),
+            sp.InvalidRequest,
+            r"env_id must be .* shape \(K,\), got \(\)",
+        ),
         (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id must select at least one environment"),
         (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
         (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
         (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
-        (lambda e: e.step(np.full((2, 5), 2**40)), sp.InvalidRequest,
-         r"fit into int32, got 1099511627776 at index \[0, 0\]"),
-        (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), sp.InvalidRequest,
-         "9223372036854775808 at index"),
+        (
+            lambda e: e.step(np.full((2, 5), 2**40)),
+            sp.InvalidRequest,
+            r"fit into int32, got 1099511627776 at index \[0, 0\]",
+        ),
+        (
+            lambda e: e.step(np.full((2, 5), 2**63, np.uint64)),
+            sp.InvalidRequest,
+            "9223372036854775808 at index",
+        ),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), sp.InvalidRequest, "environment 2 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), sp.InvalidRequest, "environment -1 does not exist"),
         (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), sp.InvalidRequest, "environment 1 appears twice"),
         (lambda e: e.step([[1] * 5], env_id=[1]), sp.InvalidRequest, "steps all 2 environments at once"),
         (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id must be .*, got \(1, 1\)"),
-        (lambda e: e.step([[1] * 5], env_id=[0.5]), TypeError,
-         "env_id must be an integer array, got float64"),
+        (
+            lambda e: e.step([[1] * 5], env_id=[0.5]),
+            TypeError,
+            "env_id must be an integer array, got float64",
+        ),
         (lambda e: e.recv(), sp.InvalidRequest, "send actions first"),
-        (lambda e: e.recv(timeout=-1), sp.InvalidRequest,
-         "timeout must be at least 0 seconds, or None, got -1.0"),
+        (
+            lambda e: e.recv(timeout=-1),
+            sp.InvalidRequest,
+            "timeout must be at least 0 seconds, or None, got -1.0",
+        ),
         (lambda e: e.recv(timeout=-(10**400)), sp.InvalidRequest, "timeout must be .*, got -inf"),
         (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
         (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout must be .*, got NaN"),
         (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed must not be negative, got -1"),
-        (lambda e: e.reset(seed=2**64), sp.InvalidRequest,
-         "seed must be at most 18446744073709551615, got 184467"),
-        (lambda e: e.reset(seed=2**200), sp.InvalidRequest,
-         "seed must be at most .*, got an integer of more than 127"),
+        (
+            lambda e: e.reset(seed=2**64),
+            sp.InvalidRequest,
+            "seed must be at most 18446744073709551615, got 184467",
+        ),
+        (
+            lambda e: e.reset(seed=2**200),
+            sp.InvalidRequest,
+            "seed must be at most .*, got an integer of more than 127",
+        ),
         (lambda e: e.reset(seed=-(2**200)), sp.InvalidRequest, "seed must not be negative"),
         (lambda e: e.reset(seed=1.5), TypeError, "seed must be an integer, got float"),
         (lambda e: e.seed_sampler(10**300), sp.InvalidRequest, "seed must be at most"),
-        (lambda e: e.reset(mask=[True]), sp.InvalidRequest,
-         r"mask must be a bool array of shape \(2,\), got shape \(1,\)"),
+        (
+            lambda e: e.reset(mask=[True]),
+            sp.InvalidRequest,
+            r"mask must be a bool array of shape \(2,\), got shape \(1,\)",
+        ),
         (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
-        (lambda e: e.reset(mask=[True, False], env_id=[0]), sp.InvalidRequest,
-         "mask and env_id cannot be combined"),
+        (
+            lambda e: e.reset(mask=[True, False], env_id=[0]),
+            sp.InvalidRequest,
+            "mask and env_id cannot be combined",
+        ),
         (lambda e: e.reset(env_id=[5]), sp.InvalidRequest, "environment 5 does not exist"),
-        (lambda e: e.reset(env_id=[], timeout=10), sp.InvalidRequest,
-         "env_id must select at least one environment"),
-        (lambda e: e.reset(mask=[False, False], timeout=10), sp.InvalidRequest,
-         "mask must select at least one environment"),
-        (lambda e: e.sample_actions(out=np.zeros((2, 5))), TypeError,
-         r"int32 array .*, got float64 of shape \(2, 5\)"),
+        (
+            lambda e: e.reset(env_id=[], timeout=10),
+            sp.InvalidRequest,
+            "env_id must select at least one environment",
+        ),
+        (
+            lambda e: e.reset(mask=[False, False], timeout=10),
+            sp.InvalidRequest,
+            "mask must select at least one environment",
+        ),
+        (
+            lambda e: e.sample_actions(out=np.zeros((2, 5))),
+            TypeError,
+            r"int32 array .*, got float64 of shape \(2, 5\)",
+        ),
         (lambda e: e.sample_actions(out=[[0] * 5] * 2), TypeError, r"out must be .*, got list"),
-        (lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)), sp.InvalidRequest,
-         r"out must be .* shape \(2, 5\), got int32 of shape \(1, 5\)"),
-        (lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T), sp.InvalidRequest,
-         "got one that is not C-contiguous"),
+        (
+            lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)),
+            sp.InvalidRequest,
+            r"out must be .* shape \(2, 5\), got int32 of shape \(1, 5\)",
+        ),
+        (
+            lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T),
+            sp.InvalidRequest,
+            "got one that is not C-contiguous",
+        ),
         (lambda e: e.sample_actions(out=read_only()), sp.InvalidRequest, "got one that is not writeable"),
         (lambda e: e.sample_actions(env_id=[7]), sp.InvalidRequest, "environment 7 does not exist"),
     ],
@@ -148,8 +197,11 @@ def test_a_wrong_request_says_what_is_accepted(
         ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
         ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
         ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
-        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, sp.TooLittleMemory,
-         "bytes"),
+        (
+            {"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000},
+            sp.TooLittleMemory,
+            "bytes",
+        ),
     ],
 )
 def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Exception], match: str) -> None:
@@ -165,12 +217,12 @@ def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> No
         with pytest.raises(AttributeError, match=f"no `{wrong}`; its fields are env_id, obs, .*, was_reset"):
             getattr(batch, wrong)
     with pytest.raises(AttributeError, match='exists only with autoreset="same_step"'):
-        batch.final_obs
+        batch.final_obs  # noqa: B018
     assert not hasattr(batch, "__array__") and len(np.asarray(batch.obs)) == 2
     with sp.make("3m", 1, fields=["obs"]) as few:
         batch = few.reset()
         with pytest.raises(AttributeError, match="its fields are env_id, obs, reward, terminated, truncated"):
-            batch.observation
+            batch.observation  # noqa: B018
         for absent in ("state", "was_reset"):
             with pytest.raises(AttributeError, match="do not include .*; add it to `fields`"):
                 getattr(batch, absent)

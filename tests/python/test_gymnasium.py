@@ -20,14 +20,15 @@ import smaclite_pool as sp
 pytest.importorskip("gymnasium")
 
 import gymnasium
-from conftest import Serve, run_script
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from play import duel
 from smaclite_pool._render import Window
 from smaclite_pool.integrations.gymnasium import BattleEnv, BattleVectorEnv, make_vector
+
+from conftest import Serve, run_script
+from play import duel
 
 MODULE = "smaclite_pool.integrations.gymnasium"
 
@@ -155,7 +156,7 @@ def test_spaces_are_those_learners_expect() -> None:
         assert list(envs.single_observation_space) == ["action_mask", "obs", "state"]
 
 
-def first_legal(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
+def first_available(masks: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
     """Available actions from a given generator."""
     actions: np.ndarray[Any, Any] = (rng.random(masks.shape) * masks).argmax(-1)
     return actions
@@ -173,11 +174,11 @@ def test_it_plays_as_gymnasiums_own_vector_does(mode: AutoresetMode) -> None:
     episodes = 0
     for _ in range(130):
         np.testing.assert_equal(seen, expected)
-        actions = first_legal(seen["action_mask"], rng)
+        actions = first_available(seen["action_mask"], rng)
         seen, rewards, terminated, truncated, infos = ours.step(actions)
         expected, *rest, expected_infos = theirs.step(actions)
         ours_by_name = {"reward": rewards, "terminated": terminated, "truncated": truncated}
-        for (name, got), wanted in zip(ours_by_name.items(), rest):
+        for (name, got), wanted in zip(ours_by_name.items(), rest, strict=True):
             np.testing.assert_array_equal(got, wanted, err_msg=name)
         ended = terminated | truncated
         episodes += ended.sum()
@@ -265,11 +266,11 @@ def test_arrays_are_copies_unless_copy_is_false() -> None:
         assert len(held) == 3
 
 
-def test_samples_are_legal_and_seeded() -> None:
+def test_samples_are_available_and_seeded() -> None:
     with closing(make_vector("2s3z", 4)) as envs:
         played = []
         for _ in range(2):
-            observations, _ = envs.reset(seed=5)
+            envs.reset(seed=5)
             envs.action_space.seed(9)
             actions = []
             for _ in range(60):

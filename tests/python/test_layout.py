@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from play import duel
 from smaclite_pool import _native
 from smaclite_pool._layout import Floats, ScenarioLayout
 from smaclite_pool._units import UnitsView
+
+from play import duel
 
 SCENARIOS = ["2s3z", "MMM2", "bane_vs_bane", "3s_vs_5z"]
 
@@ -32,14 +33,14 @@ def played(scenario: str) -> list[dict[str, Any]]:
 def test_the_blocks_cover_observations_and_state(scenario: str) -> None:
     info = sp.scenario(scenario)
     with sp.make(scenario, 1) as envs:
-        sizes = {"obs_layout": envs.obs_size, "state_layout": envs.state_size}
+        obs_size, state_size = envs.obs_size, envs.state_size
         n_actions = envs.n_actions
-    for name, size in sizes.items():
+    for blocks, size in ((info["obs_layout"], obs_size), (info["state_layout"], state_size)):
         end = 0
-        for block in info[name]:
+        for block in blocks:
             assert block["start"] == end and block["shape"][-1] == len(block["features"]), block["name"]
             end += int(np.prod(block["shape"]))
-        assert end == size, name
+        assert end == size
     assert len(info["state_layout"][-1]["features"]) == n_actions
     assert info["state_layout"][-1]["features"][_native.FIRST_TARGET] == "target_0"
 

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import replayed
 from numpy.typing import ArrayLike, NDArray
-from play import duel
 from smaclite_pool._native import FIRST_TARGET, NO_OP, NORTH, STOP
+
+from conftest import replayed
+from play import duel
 
 
 def test_was_reset_marks_the_steps_whose_actions_are_ignored() -> None:
@@ -60,7 +61,9 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
         with pytest.raises(sp.InvalidRequest, match="steps must be at least 1, got 0"):
             sp.Rollout(envs, 0)
     with sp.make("3m", 4, batch_size=2) as envs:
-        with pytest.raises(sp.InvalidRequest, match="batches of all 4 environments, but batch_size is 2"):
+        with pytest.raises(
+            sp.InvalidRequest, match="batch_size must be num_envs=4, got 2"
+        ):
             sp.Rollout(envs, 5)
 
 
@@ -102,9 +105,8 @@ def test_errors_of_an_evaluation() -> None:
             sp.evaluate(envs, policy, 0)
         with pytest.raises(sp.InvalidRequest, match='needs autoreset="next_step" or "same_step"'):
             sp.evaluate(envs, policy, 1)
-    with sp.make("3m", 2) as envs:
-        with pytest.raises(sp.IllegalAction, match="agent 0: action 0"):
-            sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
+    with sp.make("3m", 2) as envs, pytest.raises(sp.IllegalAction, match="agent 0: action 0"):
+        sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
 
 
 class Doubled(sp.Wrapper):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve
 from numpy.typing import NDArray
 from smaclite_pool.marl.on_policy import ShareVecEnv
+
+from conftest import Serve
 
 
 def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[int]]:

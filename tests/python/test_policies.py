@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from smaclite_pool._native import FIRST_TARGET, STOP
+
 from conftest import Serve
 from play import duel
-from smaclite_pool._native import FIRST_TARGET, STOP
 
 Name = Literal["random", "nearest", "focus_fire", "kite", "hold"]
 NAMES: tuple[Name, ...] = ("random", "nearest", "focus_fire", "kite", "hold")

@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
 import smaclite_pool as sp
 
 from conftest import Serve

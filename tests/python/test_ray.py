@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import left_over
 
 ray = pytest.importorskip("ray")
 
 import smaclite_pool.integrations.ray
 from ray.cluster_utils import Cluster
-from smaclite_pool.integrations.ray import Fleet, Supervisor, actor_name, attach, start
+from smaclite_pool.integrations.ray import MAX_BACKOFF, Fleet, Supervisor, actor_name, attach, back_off, start
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
 
@@ -121,7 +122,7 @@ def test_each_node_plays_in_its_own_pool(fleet: Fleet) -> None:
         "all environments have different seeds"
     )
     learners = [lane["learner_pid"] for node in fleet.status().values() for lane in node["lanes"]]
-    assert sorted(learners) == sorted(where["process"] for where in seen), (
+    assert sorted(filter(None, learners)) == sorted(where["process"] for where in seen), (
         "attached themselves, not through an actor"
     )
     played = ray.get([player.play.remote(5) for player in players])
@@ -144,7 +145,8 @@ def test_players_attach_again_when_a_pool_was_killed(fleet: Fleet) -> None:
     seen = ray.get([player.where.remote() for player in players])
     hit = seen[0]["node"]
     playing = [player.play_on.remote(20_000) for player in players if player is players[0]]
-    time.sleep(0.3)
+    while fleet.status()[hit]["lanes"][0]["stats"]["steps"] == 0:
+        time.sleep(0.01)
     os.kill(fleet.running()[hit].pid, signal.SIGKILL)
     assert ray.get(playing) == [(True, 2)]
     after = ray.get([player.where.remote() for player in players])
@@ -176,12 +178,12 @@ class Watched(Supervisor):
     """A supervisor outside an actor, whose pool is the given program."""
 
     def __init__(self, program: str) -> None:
-        self.starts: list[float] = []
+        self.starts = 0
         self._pool, self._seeds, self._command = "watched", {}, [sys.executable, "-c", program]
         self._begin()
 
     def _run_once(self) -> str:
-        self.starts.append(time.monotonic())
+        self.starts += 1
         return super()._run_once()
 
 
@@ -190,23 +192,28 @@ def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.M
     monkeypatch.setattr("smaclite_pool.integrations.ray.MAX_FAILURES", 5)
     watched = Watched("import sys; sys.exit('x' * 100_000 + ' no luck')")
     watched._watch.join(60)
-    assert not watched._watch.is_alive() and len(watched.starts) == 5
-    pauses = [later - sooner for sooner, later in zip(watched.starts, watched.starts[1:])]
-    assert all(pause >= 0.05 * 2**i for i, pause in enumerate(pauses)), pauses
+    assert not watched._watch.is_alive() and watched.starts == 5
+    pauses = [back_off(failures) for failures in (1, 2, 3, 4, 100)]
+    assert pauses == [0.05, 0.1, 0.2, 0.4, MAX_BACKOFF]
     with pytest.raises(sp.StartError, match=r"given up after 5 starts.*no luck") as caught:
         watched.running(timeout=1)
     assert len(str(caught.value)) < 5000
     watched.stop()
 
 
-def test_a_pool_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pool_that_ignores_its_end_is_killed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("smaclite_pool.integrations.ray.STOP_TIMEOUT", 0.5)
-    watched = Watched("import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(100)")
-    while watched._child is None:
+    ignores = tmp_path / "ignores"
+    watched = Watched(f"""
+import pathlib, signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+pathlib.Path({str(ignores)!r}).touch()
+time.sleep(100)
+""")
+    while not ignores.exists():
         time.sleep(0.01)
-    time.sleep(0.5)
     watched.stop()
-    assert watched._child.returncode is not None
+    assert watched._child is not None and watched._child.returncode is not None
 
 
 def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:

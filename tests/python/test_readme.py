@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 import smaclite_pool
 
 ROOT = Path(__file__).resolve().parents[2]

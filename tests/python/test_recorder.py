@@ -12,8 +12,9 @@ import gymnasium
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve, replayed
 from smaclite_pool.integrations.pettingzoo import parallel_env
+
+from conftest import Serve, replayed
 
 
 def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:
@@ -80,9 +81,10 @@ def test_the_command_records_a_running_pool(serve: Serve, tmp_path: Path) -> Non
     path = tmp_path / "train.smreplay"
     command = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--out", str(path)]
     options = ["--env", "0", "--env", "1", "--episodes", "3"]
-    with sp.connect("train") as envs, subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, text=True
-    ) as recording:
+    with (
+        sp.connect("train") as envs,
+        subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as recording,
+    ):
         envs.reset(seed=1)
         while recording.poll() is None:
             play(envs, 10)

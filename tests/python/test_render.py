@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import Serve
 from numpy.typing import NDArray
-from play import duel
 from smaclite_pool._render import BattleViewer
+
+from conftest import Serve
+from play import duel
 
 Picture = NDArray[np.uint8]
 

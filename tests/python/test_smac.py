@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from conftest import replayed
 from numpy.typing import NDArray
 from smaclite_pool._layout import ScenarioLayout
 from smaclite_pool.marl.smac import MultiAgentEnv, Unavailable, get_map_params
 from smaclite_pool.marl.smac.rewards import HealthTotals, Reward, RewardOptions
 
+from conftest import replayed
 
 # All options of SMAC with their defaults.
 SMAC_DEFAULTS: dict[str, object] = {

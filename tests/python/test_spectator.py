@@ -11,6 +11,7 @@ from typing import IO
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import Serve
 
 HOLDER = """

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 import smaclite_pool as sp
 
 torch = pytest.importorskip("torch")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from conftest import Serve
 
 torch = pytest.importorskip("torch")
@@ -160,9 +161,7 @@ def moved_inside(env: PoolEnv) -> Any:
 @pytest.mark.parametrize("wrap", [bare, summed, masked, moved, moved_inside])
 @pytest.mark.parametrize("policy", ["rollout", "none", "lazy", "random", "rand_action"])
 @pytest.mark.parametrize("device", [None, "cpu", "cpu:0"])
-def test_random_actions_are_available_ones(
-    env: PoolEnv, wrap: Any, policy: str, device: str | None
-) -> None:
+def test_random_actions_are_available_ones(env: PoolEnv, wrap: Any, policy: str, device: str | None) -> None:
     """TorchRL copies the specification of the actions, and the copies once kept the mask of another step. A
     collector with a device first makes its policy and then moves the environment."""
     wrapped = wrap(env)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 from differential import scenarios, trained
 from differential.battles import Frame, PoolBattle, PublishedFailure
 from differential.examine import Published

@@ -47,7 +47,7 @@ def test_the_stub_declares_every_field_with_its_type() -> None:
         dtype, described = text.split(" ", 1)
         scalar = {"bool": "bool_"}.get(dtype, dtype)
         shape = described.split("]")[0]
-        assert f"def {name}(self) -> NDArray[np.{scalar}]:\n        \"\"\"{dtype} {shape}]: " in stub, text
+        assert f'def {name}(self) -> NDArray[np.{scalar}]:\n        """{dtype} {shape}]: ' in stub, text
 
 
 def test_everything_public_is_documented() -> None:

@@ -67,6 +67,43 @@ impl RunDescription {
 }
 
 /// A run that writes its logs and checkpoints to its folder.
+///
+/// This is `smaclite-pool train` as a library: PPO on processors, with a policy that all agents share. For
+/// another algorithm, network or a GPU, write a learner in Python (`bindings/examples/ppo.py` is one), or on
+/// `smaclite_ipc::Client`.
+///
+/// # Example
+///
+/// ```
+/// use smaclite_engine::Rules;
+/// use smaclite_ipc::RuntimeDir;
+/// use smaclite_learn::{Config, Lanes, Run, resolve_scenario};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().join("pools"))?;
+/// # let path = folder.path().join("run");
+/// let scenario = resolve_scenario("3m", Rules::Smaclite)?;
+/// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::default() };
+/// let config = Config { steps: 64, ..small };
+/// let lanes = Lanes::start(&scenario, config.num_envs, config.last_actions, 1, &runtime_dir)?;
+/// let mut run = Run::begin(&path, config, &scenario, lanes, 1)?;
+/// while let Some(record) = run.update(&mut || false)? {
+///     println!("{} steps, {:.0} % won", record.steps, 100.0 * record.win_rate);
+/// }
+/// run.checkpoint()?;
+/// assert!(path.join("weights.safetensors").exists());
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// - A folder holds one run, and one process writes to it: [`begin`](Run::begin) in a folder with a run and
+///   [`resume`](Run::resume) of a run that another process writes to are errors.
+/// - A resumed run has the same bits as one that was not interrupted, since its last checkpoint. Dropping a
+///   run writes nothing; call [`checkpoint`](Run::checkpoint) before.
+/// - Training that diverges is an error of [`update`](Run::update).
 pub struct Run {
     folder: PathBuf,
     training: Training,

@@ -22,6 +22,7 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
+from ._evaluation import Evaluation, evaluate
 from ._native import (
     Batch,
     Envs,
@@ -38,7 +39,6 @@ from ._native import (
     scenarios,
     status,
 )
-from ._evaluation import Evaluation, evaluate
 from ._rollout import Rollout
 from ._wrapper import ChangedBatch, Wrapper
 from .errors import (

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._native import scenario
+from .types import LayoutPart
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -74,9 +75,9 @@ class ScenarioLayout:
     """
 
     def __init__(self, name: str | PathLike[str]) -> None:
-        self.info: dict[str, Any] = scenario(name)
-        self.allies: list[dict[str, Any]] = self.info["allies"]
-        self.enemies: list[dict[str, Any]] = self.info["enemies"]
+        self.info = scenario(name)
+        self.allies = self.info["allies"]
+        self.enemies = self.info["enemies"]
         self.n_agents = len(self.allies)
         self.n_enemies = len(self.enemies)
         self.obs = ObservationBlocks(**_blocks(self.info["obs_layout"]))
@@ -109,7 +110,7 @@ class ScenarioLayout:
         return walkable
 
 
-def _blocks(layout: list[dict[str, Any]]) -> dict[str, FeatureBlock]:
+def _blocks(layout: list[LayoutPart]) -> dict[str, FeatureBlock]:
     return {part["name"]: _block(**part) for part in layout}
 
 

@@ -10,27 +10,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._wrapper import ChangedBatch
+from .types import LaneDescription, PoolStatus, Scenario
 
 __all__ = [
-    "Batch",
     "EAST",
-    "Envs",
     "FIRST_TARGET",
-    "Frame",
     "KILL_REWARD",
     "NORTH",
     "NO_OP",
     "REWARD_SCALE",
-    "Recorder",
-    "Renderer",
     "SIGHT_RANGE",
     "SOUTH",
-    "Spectator",
     "STOP",
-    "ScriptedPolicy",
     "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
+    "Batch",
+    "Envs",
+    "Frame",
+    "Recorder",
+    "Renderer",
+    "ScriptedPolicy",
+    "Spectator",
     "__version__",
     "connect",
     "make",
@@ -210,7 +211,7 @@ class Envs:
     @property
     def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
     @property
-    def description(self) -> dict[str, Any]: ...
+    def description(self) -> LaneDescription: ...
 
 @final
 class Recorder:
@@ -239,7 +240,7 @@ class Spectator:
     def latest(self) -> Batch | None:
         """The newest batch; None before the first. Never waits."""
     @property
-    def description(self) -> dict[str, Any]: ...
+    def description(self) -> LaneDescription: ...
     def close(self) -> None: ...
     def __enter__(self) -> Spectator: ...
     def __exit__(
@@ -341,8 +342,8 @@ def connect(
     wait: _Wait = "adaptive",
     record: str | PathLike[str] | None = None,
 ) -> Envs: ...
-def scenario(scenario: str | PathLike[str]) -> dict[str, Any]: ...
+def scenario(scenario: str | PathLike[str]) -> Scenario: ...
 def scenarios() -> list[str]: ...
-def status(pool: str, *, timeout: float | None = 10.0) -> dict[str, Any]: ...
+def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...
 def run_program(args: list[str]) -> int: ...

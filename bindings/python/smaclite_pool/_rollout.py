@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._requirements import require_synchronous
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -45,11 +46,7 @@ class Rollout:
     """
 
     def __init__(self, envs: Envs | Wrapper, steps: int, fields: Iterable[str] | None = None) -> None:
-        if envs.batch_size != envs.num_envs:
-            raise InvalidRequest(
-                f"a rollout needs batches of all {envs.num_envs} environments, "
-                f"but batch_size is {envs.batch_size}"
-            )
+        require_synchronous(envs, "a rollout")
         if steps < 1:
             raise InvalidRequest(f"steps must be at least 1, got {steps}")
         known = {**envs.fields}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,7 +79,7 @@ class UnitsView:
 
     def unit(self, index: int) -> Unit:
         """The unit with that index: allies first, then enemies."""
-        stats: dict[str, Any] = self._stats[index]
+        stats = self._stats[index]
         is_ally = index < self._layout.n_agents
         energy_or_cooldown = float(self._energy_or_cooldown[index]) if is_ally else 0.0
         return Unit(

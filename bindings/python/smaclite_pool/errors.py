@@ -8,6 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+__all__ = [
+    "Busy",
+    "Closed",
+    "ConnectError",
+    "Forked",
+    "IllegalAction",
+    "InvalidRequest",
+    "LaneFailed",
+    "LaneTaken",
+    "NoSuchPool",
+    "PoolDied",
+    "PoolError",
+    "ScenarioError",
+    "StartError",
+    "Timeout",
+    "TooLittleMemory",
+    "TooManyBatchesHeld",
+]
+
 
 class PoolError(Exception):
     """Base class of all exceptions of this package."""

@@ -29,7 +29,54 @@ use smaclite_pool::{Participant, Polling, Rejection};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A learner attached to a lane.
+/// A learner attached to a lane: it sends actions and receives batches.
+///
+/// A lane has one learner at a time; another one is refused until this one is dropped or its process ends.
+/// To read batches without sending actions, use a [`Spectator`](crate::Spectator), and to see whole episodes
+/// tick by tick a [`Follower`](crate::Follower). One battle in the own thread needs no pool: use
+/// `smaclite_engine::Battle`.
+///
+/// # Example
+///
+/// ```
+/// use smaclite_ipc::{Client, WaitOptions};
+/// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_scenarios::ScenarioFiles;
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
+/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (name, options) = ("train".to_owned(), Default::default());
+/// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
+/// # let supervisor = Supervisor::start(config)?;
+///
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let n_agents = client.description().sizes.n_agents;
+/// client.reset(Some(1), None, WaitOptions::forever())?;
+/// let mut actions = vec![0; 2 * n_agents];
+/// for _ in 0..10 {
+///     client.sample_actions(None, &mut actions)?; // instead of a policy
+///     let batch = client.step(&actions, None, WaitOptions::forever())?;
+///     assert_eq!(batch.reward().len(), 2);
+/// }
+/// # drop(client);
+/// # drop(supervisor);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// - **Before the first reset** every step is an error. A later reset of all environments begins a new epoch:
+///   results of earlier requests that were not received are dropped.
+/// - **An action that is not available**, or a request to an environment that is still busy, is an error that
+///   names it, and nothing of the request happens.
+/// - **A wait** ends with a batch, by its timeout, by `interrupted`, or when the pool dies. A timeout cancels
+///   nothing: the batch can be received later.
+/// - **Held batches** are limited (`max_held_batches` of the lane): with that many, `recv` is an error until
+///   one is dropped.
+/// - **A failed lane**, whose environment panicked, reports its failure in this call and all later ones.
+/// - **A forked child** has a copy that cannot be used: every call is an error, and its drop does nothing.
 pub struct Client {
     lane: ProcessOwned<AttachedLane>,
 }

@@ -15,7 +15,7 @@ from ..errors import Closed, InvalidRequest
 from ._common import OBSERVATION_KEYS
 
 
-class LegalDiscrete(spaces.Discrete):
+class AvailableDiscrete(spaces.Discrete):
     """Actions of one agent: `Discrete(n_actions)` whose `sample()` without arguments draws available ones."""
 
     def __init__(self, n_actions: int) -> None:
@@ -33,67 +33,75 @@ class LegalDiscrete(spaces.Discrete):
         return spaces.Discrete, (int(self.n),)  # a copy is not updated
 
 
-def update_masks(each: Mapping[str, LegalDiscrete], avail_actions: NDArray[np.bool_]) -> None:
+def update_masks(each: Mapping[str, AvailableDiscrete], avail_actions: NDArray[np.bool_]) -> None:
     """Set the masks of the agents' spaces, from bool [n_agents, n_actions]."""
     for space, mask in zip(each.values(), avail_actions.view(np.int8), strict=True):
         space.mask = mask
 
 
-class LegalTuple(spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
+class _SamplesAvailable:
+    """Mixed into the action spaces of environments: actions are drawn by the environments' own sampler."""
+
+    _envs: Envs
+
+    def _available_actions(self) -> NDArray[np.int32] | None:
+        """A random available action per agent, or None before the first reset and after the end.
+
+        Then there is no mask, so any action will do.
+        """
+        try:
+            return self._envs.sample_actions()
+        except (Closed, InvalidRequest):
+            return None
+
+    def seed(self, seed: Any = None) -> Any:  # Gymnasium's versions differ
+        """Seed the space and the sampler of available actions."""
+        if isinstance(seed, int):
+            self._envs.seed_sampler(seed)
+        return super().seed(seed)  # type: ignore[misc] # of the space that follows in the order of bases
+
+
+class AvailableTuple(_SamplesAvailable, spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
     """Joint actions of the published environment, a `Discrete` per agent; `sample()` draws available ones."""
 
     def __init__(self, envs: Envs, sizes: Sequence[int]) -> None:
         super().__init__([spaces.Discrete(size) for size in sizes])
         self._envs = envs
 
-    def seed(self, seed: int | Sequence[int] | None = None) -> Any:  # Gymnasium's versions differ
-        """Seed the space and the sampler of available actions."""
-        if isinstance(seed, int):
-            self._envs.seed_sampler(seed)
-        return super().seed(seed)
-
     def sample(
         self, mask: tuple[Any | None, ...] | None = None, probability: tuple[Any | None, ...] | None = None
     ) -> tuple[np.int64, ...]:
         """Random actions, by `mask`, int8 [n] per agent, or by `probability`, float64 [n] per agent."""
         if mask is None and probability is None:
-            try:
-                return tuple(self._envs.sample_actions()[0].astype(np.int64))
-            except (Closed, InvalidRequest):
-                pass  # before the first reset and after the end there is no mask, so any action will do
+            actions = self._available_actions()
+            if actions is not None:
+                return tuple(actions[0].astype(np.int64))
         return super().sample(mask, probability)
 
     def __reduce__(self) -> tuple[type[spaces.Space[Any]], tuple[Any]]:
         return spaces.Tuple, (self.spaces,)  # a copy has no environments to ask
 
 
-class LegalMultiDiscrete(spaces.MultiDiscrete):
+class AvailableMultiDiscrete(_SamplesAvailable, spaces.MultiDiscrete):
     """Joint actions of one battle, [n_agents]; `sample()` by default draws available ones."""
 
     def __init__(self, envs: Envs) -> None:
         super().__init__([envs.n_actions] * envs.n_agents)
         self._envs = envs
 
-    def seed(self, seed: int | Sequence[int] | None = None) -> Any:  # Gymnasium's versions differ
-        """Seed the space and the sampler of available actions."""
-        if isinstance(seed, int):
-            self._envs.seed_sampler(seed)
-        return super().seed(seed)  # type: ignore[arg-type]
-
     def sample(self, mask: Any = None, probability: Any = None) -> NDArray[Any]:
         """Random actions, by `mask` or by `probability` as in `MultiDiscrete`."""
         if mask is None and probability is None:
-            try:
-                return self._envs.sample_actions()[0].astype(self.dtype)
-            except (Closed, InvalidRequest):
-                pass  # before the first reset and after the end there is no mask, so any action will do
+            actions = self._available_actions()
+            if actions is not None:
+                return actions[0].astype(self.dtype)
         return super().sample(mask, probability)
 
     def __reduce__(self) -> tuple[type[spaces.MultiDiscrete], tuple[Any]]:
         return spaces.MultiDiscrete, (self.nvec,)  # a copy has no environments to ask
 
 
-class LegalBox(spaces.Box):
+class AvailableBox(_SamplesAvailable, spaces.Box):
     """Joint actions of all environments, [num_envs, n_agents]; `sample()` draws available ones."""
 
     def __init__(self, envs: Envs, batched: spaces.Box) -> None:
@@ -101,18 +109,10 @@ class LegalBox(spaces.Box):
         super().__init__(batched.low, batched.high, dtype=dtype.type)
         self._envs = envs
 
-    def seed(self, seed: int | None = None) -> int | Any:
-        """Seed the space and the sampler of available actions."""
-        if seed is not None:
-            self._envs.seed_sampler(seed)
-        return super().seed(seed)
-
     def sample(self, mask: None = None, probability: None = None) -> NDArray[Any]:
         """Random actions that are available after the last step or reset."""
-        try:
-            return self._envs.sample_actions().astype(self.dtype)
-        except (Closed, InvalidRequest):  # before the first reset and after the end
-            return super().sample(mask, probability)
+        actions = self._available_actions()
+        return super().sample(mask, probability) if actions is None else actions.astype(self.dtype)
 
     def __reduce__(self) -> tuple[type[spaces.Box], tuple[Any, ...]]:
         return spaces.Box, (self.low, self.high, self.shape, self.dtype)  # a copy has no environments to ask
@@ -148,8 +148,8 @@ def single_action_space(envs: Envs) -> spaces.MultiDiscrete:
     return spaces.MultiDiscrete([envs.n_actions] * envs.n_agents)
 
 
-def batched_action_space(envs: Envs) -> LegalBox:
+def batched_action_space(envs: Envs) -> AvailableBox:
     """The actions of all environments; equal to Gymnasium's `batch_space` of the single space."""
     batched = batch_space(single_action_space(envs), envs.num_envs)
     assert isinstance(batched, spaces.Box)
-    return LegalBox(envs, batched)
+    return AvailableBox(envs, batched)

@@ -110,9 +110,9 @@ class EnvPool:
         keys |= {f"info:{key}": field for key, field in INFO_KEYS.items()}
         keys |= {"reward": "reward", "terminated": "terminated", "trunc": "truncated"}
         received = {}
-        for key, field in keys.items():
-            if field in self._fields:
-                dtype, shape = self._fields[field]
+        for key, name in keys.items():
+            if name in self._fields:
+                dtype, shape = self._fields[name]
                 received[key] = ArraySpec(dtype, shape[1:])
         int32 = np.dtype(np.int32)
         sent = {"env_id": ArraySpec(int32, ()), "action": ArraySpec(int32, (self._envs.n_agents,))}

@@ -48,6 +48,7 @@ from .._render import (
     check_render_mode,
     check_render_speed,
 )
+from .._requirements import require_synchronous
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle, TimeStep
 from ._extra import extra
@@ -59,8 +60,8 @@ with extra("gymnasium"):
     from gymnasium.vector import AutoresetMode
 
     from ._spaces import (
-        LegalBox,
-        LegalMultiDiscrete,
+        AvailableBox,
+        AvailableMultiDiscrete,
         batched_action_space,
         batched_observation_space,
         single_action_space,
@@ -109,7 +110,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     """
 
     observation_space: spaces.Dict
-    action_space: LegalBox
+    action_space: AvailableBox
     single_observation_space: spaces.Dict
     single_action_space: spaces.MultiDiscrete
     autoreset_mode: AutoresetMode
@@ -126,11 +127,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         renderer: Renderer | None = None,
     ) -> None:
         self.closed = True  # if this fails, the caller still owns the lane
-        if envs.batch_size != envs.num_envs:
-            raise InvalidRequest(
-                f"a VectorEnv steps all environments at once, but the lane is asynchronous: batch_size is "
-                f"{envs.batch_size}, num_envs {envs.num_envs}; use smaclite_pool.integrations.envpool for it"
-            )
+        require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy
         self._stops = _stops(illegal_actions)
         self._last: Batch | None = None  # only with "stop"
@@ -325,7 +322,7 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
 
     def _spaces(self, scenario: Scenario, envs: Envs) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-        return single_observation_space(envs), LegalMultiDiscrete(envs)
+        return single_observation_space(envs), AvailableMultiDiscrete(envs)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

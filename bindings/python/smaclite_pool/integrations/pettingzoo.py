@@ -38,7 +38,7 @@ with extra("pettingzoo"):
     from pettingzoo import AECEnv, ParallelEnv
     from pettingzoo.utils import parallel_to_aec, wrappers
 
-    from ._spaces import LegalDiscrete, update_masks
+    from ._spaces import AvailableDiscrete, update_masks
 
 __all__ = ["env", "parallel_env", "raw_env"]
 
@@ -87,7 +87,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         self.possible_agents = self._battle.agents
         self.agents: list[str] = []
         self.observation_spaces = {agent: self._observation_space() for agent in self.possible_agents}
-        self.action_spaces = {agent: LegalDiscrete(envs.n_actions) for agent in self.possible_agents}
+        self.action_spaces = {agent: AvailableDiscrete(envs.n_actions) for agent in self.possible_agents}
         self.state_space = Box(-1.0, 1.0, (envs.state_size,), np.float32)
 
     def _observation_space(self) -> Dict:
@@ -99,7 +99,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         """The observation space of an agent; the same object every time."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> LegalDiscrete:
+    def action_space(self, agent: str) -> AvailableDiscrete:
         """The action space of an agent; the same object every time."""
         return self.action_spaces[agent]
 

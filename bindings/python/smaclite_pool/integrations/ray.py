@@ -45,13 +45,14 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
-
 from .._native import Envs, connect, status
 from ..errors import ConnectError, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
+from ..types import PoolStatus
 from ._extra import extra
 
 with extra("ray"):
@@ -103,6 +104,11 @@ def actor_name(fleet: str, node: str) -> str:
     return f"smaclite_pool.{fleet}.{node}"
 
 
+def back_off(failures: int) -> float:
+    """Seconds to wait before the next start, after so many failures in a row, at least 1."""
+    return min(POLL_INTERVAL * 2 ** (failures - 1), MAX_BACKOFF)
+
+
 @dataclass(frozen=True)
 class Running:
     """A pool that answers requests."""
@@ -146,7 +152,7 @@ class Supervisor:
             if time.monotonic() - begin >= HEALTHY:
                 self._failures = 0
             self._failures, self._last_output = self._failures + 1, output
-            self._stopped.wait(min(POLL_INTERVAL * 2 ** (self._failures - 1), MAX_BACKOFF))
+            self._stopped.wait(back_off(self._failures))
 
     def _run_once(self) -> str:
         """Start the pool, wait for its end, and return the end of its output."""
@@ -179,11 +185,11 @@ class Supervisor:
 
     def _answering(self, timeout: float) -> int | None:
         try:
-            return int(status(self._pool, timeout=timeout)["pid"])
+            return status(self._pool, timeout=timeout)["pid"]
         except PoolError:
             return None
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> PoolStatus:
         """The status of the node's pool, as `smaclite_pool.status` returns it."""
         return status(self._pool)
 
@@ -216,7 +222,7 @@ class Fleet:
         nodes = [node for node in self.supervisors for _ in range(self.lanes)]
         return [actor_class.options(scheduling_strategy=on(node)).remote(*args, **kwargs) for node in nodes]
 
-    def status(self) -> dict[str, dict[str, Any]]:
+    def status(self) -> dict[str, PoolStatus]:
         """The status of each node's pool as of `smaclite_pool.status`, except nodes that have left."""
         return _get_each({node: actor.status.remote() for node, actor in self.supervisors.items()})
 
@@ -243,10 +249,8 @@ def _get_each(results: dict[str, Any]) -> dict[str, Any]:
     """The results of nodes that have not left."""
     present = {}
     for node, result in results.items():
-        try:
+        with suppress(NODE_LEFT):
             present[node] = ray.get(result)
-        except NODE_LEFT:
-            pass
     return present
 
 

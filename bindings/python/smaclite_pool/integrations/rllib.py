@@ -47,7 +47,7 @@ with extra("rllib"):
     from gymnasium.spaces import Box, Dict
     from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
-    from ._spaces import LegalDiscrete, update_masks
+    from ._spaces import AvailableDiscrete, update_masks
 
 __all__ = ["BattleMultiAgentEnv", "log_team"]
 
@@ -86,10 +86,10 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self._viewer = BattleViewer(scenario, *self.picture_size, self.render_mode, speed)
         self._battle = SingleBattle(scenario, settings)
         agents, n_actions = self._battle.agents, self._battle.envs.n_actions
-        self._legal_actions = {agent: LegalDiscrete(n_actions) for agent in agents}
+        self._available_actions = {agent: AvailableDiscrete(n_actions) for agent in agents}
         self.possible_agents, self.agents = list(agents), list(agents)
         self.observation_spaces = {agent: self._observation_space() for agent in agents}
-        self.action_spaces = {agent: self._legal_actions[agent] for agent in agents}
+        self.action_spaces = {agent: self._available_actions[agent] for agent in agents}
         super().__init__()
 
     def _observation_space(self) -> Dict:
@@ -121,7 +121,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         return self._observe(now), rewards, terminateds, truncateds, infos
 
     def _observe(self, now: TimeStep) -> dict[str, dict[str, NDArray[np.float32]]]:
-        update_masks(self._legal_actions, now.avail_actions)  # RLlib begins with a random step as a check
+        update_masks(self._available_actions, now.avail_actions)  # RLlib begins with a random step as a check
         masks = now.avail_actions.astype(np.float32)
         return {
             agent: {"action_mask": mask, "observations": obs}

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
+from .._requirements import require_synchronous
 from ..errors import InvalidRequest
 from ._common import INFO_FIELDS
 from ._extra import extra
@@ -128,13 +129,7 @@ class PoolEnv(EnvBase):
     def _check(envs: Envs, settings: dict[str, Any]) -> None:
         if settings:
             raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
-        if envs.autoreset != "disabled":
-            raise InvalidRequest(f"autoreset must be 'disabled' for TorchRL, got {envs.autoreset!r}")
-        if envs.batch_size != envs.num_envs:
-            raise InvalidRequest(
-                f"batch_size must be num_envs={envs.num_envs} (TorchRL steps all environments at once), "
-                f"got {envs.batch_size}"
-            )
+        require_synchronous(envs, "TorchRL", "disabled")
 
     def _make_specs(self) -> None:
         count, agents, device = self.batch_size, self.envs.n_agents, self.device

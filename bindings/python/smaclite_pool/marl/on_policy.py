@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._native import Batch, Envs, connect, make
+from .._requirements import require_synchronous
 from ..errors import InvalidRequest
 
 __all__ = ["Discrete", "ShareVecEnv"]
@@ -123,13 +124,11 @@ class ShareVecEnv:
         ConnectError, and InvalidRequest for a pool with other settings.
         """
         envs = connect(pool, lane, timeout=timeout)
-        if envs.autoreset != "same_step" or envs.batch_size != envs.num_envs:
-            served = f"{envs.autoreset}, {envs.batch_size} and {envs.num_envs}"
+        try:
+            require_synchronous(envs, f"the learner of pool `{pool}`", "same_step")
+        except InvalidRequest:
             envs.close()
-            raise InvalidRequest(
-                f"autoreset, batch_size and num_envs of pool `{pool}` are {served}; serve it with "
-                "--autoreset same_step and without --batch-size"
-            )
+            raise
         self = cls.__new__(cls)
         self._serve(envs)
         return self

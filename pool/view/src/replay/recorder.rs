@@ -8,6 +8,39 @@ use super::{Episode, Outcome, Replay, ReplayError, this_program};
 
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
+/// It notes seeds and actions, not states: a replay has a few kilobytes per episode, and whoever reads it
+/// plays the battle again. Environments of a pool record themselves (`record` of a lane, or Python's
+/// `Recorder`).
+///
+/// # Example
+///
+/// ```
+/// use smaclite_engine::{Rules, policy};
+/// use smaclite_scenarios::ScenarioFiles;
+/// use smaclite_view::{Recorder, Setup};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let (scenario, files) = ScenarioFiles::resolve("3m")?;
+/// let setup = Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit };
+/// let mut recorder = Recorder::new(setup, 1)?;
+/// let mut actions = vec![0; scenario.n_agents()];
+/// while !recorder.battle().is_over() {
+///     policy::nearest(recorder.battle(), &mut actions);
+///     recorder.step(&actions)?;
+/// }
+/// let replay = recorder.finish();
+/// assert_eq!(replay.episodes().len(), 1);
+/// replay.verify()?; // plays it again, and compares every tick
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # At the edges
+///
+/// A step with an action that is not available is an error and records nothing. Episodes without a step are
+/// left out, and [`finish`](Self::finish) includes an episode that has not ended. A replay of another
+/// release is played by the present rules; [`Replay::verify`] finds the first step that differs.
+///
 /// To record a battle that runs elsewhere, step the recorder with the same actions; what it
 /// [plays](Self::battle) is the same to the bit if it began at the same [`StreamPosition`].
 pub struct Recorder {

@@ -38,17 +38,22 @@ fn sizes_beyond_the_limits_are_errors() {
 fn check_drawable(scenario: &Scenario) {
     let moment = start(scenario);
     let views = [View::Battlefield, View::Map, View::around([&moment], 0.0)];
-    for (view, theme) in views.into_iter().zip([Theme::Dark, Theme::Light, Theme::Dark]) {
-        let options = Options {
+    let themes = [Theme::Dark, Theme::Light];
+    for (view, theme) in views.into_iter().flat_map(|view| themes.map(|theme| (view, theme))) {
+        let plain = Options { view, theme, ..size(300, 200) };
+        let marked = Options {
             view,
             theme,
             show_sight: true,
             show_range: true,
             show_targets: true,
             show_ids: true,
-            ..size(300, 200)
+            ..plain
         };
-        assert_ne!(render(scenario, options, std::slice::from_ref(&moment)), render(scenario, options, &[]));
+        let picture = |options, moments: &[Moment]| render(scenario, options, moments);
+        let moments = std::slice::from_ref(&moment);
+        assert_ne!(picture(plain, moments), picture(plain, &[]), "{view:?}, {theme:?}: no units");
+        assert_ne!(picture(marked, moments), picture(marked, &[]), "{view:?}, {theme:?}: no units");
     }
 }
 
@@ -115,9 +120,13 @@ fn moments_that_no_battle_has() {
     let scenario = standard("2s3z");
     let whole = start(&scenario);
     let renderer = Renderer::new(&scenario, Options { show_range: true, ..size(64, 64) }).unwrap();
-    renderer.render(&Moment::default());
     let attacks = |kind| vec![Attack { by: 0, on: 99, kind }, Attack { by: u32::MAX, on: 0, kind }];
-    renderer.render(&Moment { attacks: attacks(AttackKind::Shot), ..whole.clone() });
+    assert_eq!(renderer.render(&Moment::default()), renderer.render_recent(&[]), "a moment without units");
+    let unknown = renderer.render(&Moment { attacks: attacks(AttackKind::Shot), ..whole.clone() });
+    assert_eq!(unknown, renderer.render(&whole), "attacks by and on units that do not exist");
+    let enemy = whole.units.len() - 1;
+    let enemy_at = renderer.pixel_of(whole.units[enemy].pos);
+    assert_eq!(faction_at(&renderer.render(&whole), enemy_at), Some(Faction::Enemy));
     for value in [f32::NAN, f32::INFINITY, -1e30, 0.0] {
         let kinds = [
             AttackKind::Shot,
@@ -126,11 +135,16 @@ fn moments_that_no_battle_has() {
             AttackKind::Explosion { radius: value },
         ];
         let mut moment = whole.clone();
-        moment.attacks = kinds.map(|kind| Attack { by: 0, on: 1, kind }).into();
-        renderer.render(&moment);
         let unit = &mut moment.units[0];
         (unit.pos, unit.facing, unit.target) = (Vec2::splat(value), value, Some(77));
         (unit.hp, unit.shield, unit.energy, unit.cooldown) = (value, value, value, value);
+        let picture = renderer.render(&moment);
+        assert_eq!(
+            faction_at(&picture, enemy_at),
+            Some(Faction::Enemy),
+            "another unit, beside one at {value}"
+        );
+        moment.attacks = kinds.map(|kind| Attack { by: 0, on: 1, kind }).into();
         renderer.render(&moment);
         let view = View::Squares { min: Vec2::splat(value), max: Vec2::splat(-value) };
         render(&scenario, Options { view, ..size(64, 64) }, &[moment]);

@@ -16,7 +16,7 @@ from ..._native import FIRST_TARGET, Envs, scenarios
 from ..._units import Unit, UnitsView
 from ...errors import InvalidRequest
 from ...integrations._common import TimeStep
-from ...integrations._spaces import LegalTuple
+from ...integrations._spaces import AvailableTuple
 from ...integrations.gymnasium import BattleEnv
 from .. import EPISODE_LIMIT_VARIABLE
 
@@ -87,7 +87,7 @@ class SMACliteEnv(BattleEnv):
         allies = self._layout.allies
         n_targets = [envs.n_agents - 1 if unit["healer"] else envs.n_enemies for unit in allies]
         boxes = [spaces.Box(-1.0, 1.0, (envs.obs_size,), np.float32) for _ in allies]
-        return spaces.Tuple(boxes), LegalTuple(envs, [FIRST_TARGET + n for n in n_targets])
+        return spaces.Tuple(boxes), AvailableTuple(envs, [FIRST_TARGET + n for n in n_targets])
 
     def _observation(self, now: TimeStep) -> tuple[NDArray[np.float32], ...]:
         return tuple(now.obs.copy())

@@ -34,6 +34,9 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
 }
 
 
+__all__ = ["MultiAgentEnv", "get_map_params"]
+
+
 class MultiAgentEnv(Queries):
     """One battle with SMAC's interface, with all options of SMAC under their names and defaults.
 

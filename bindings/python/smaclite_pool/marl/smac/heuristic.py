@@ -9,6 +9,8 @@ from ..._layout import ScenarioLayout
 from ..._native import EAST, FIRST_TARGET, NO_OP, NORTH, SOUTH, STOP, WEST
 from ..._units import UnitsView
 
+__all__ = ["Heuristic"]
+
 
 class Heuristic:
     """Attacks the nearest enemy, or heals the nearest injured ally; moves there if it is out of range.

@@ -10,6 +10,8 @@ from ..._native import FIRST_TARGET, NORTH, SIGHT_RANGE, TARGETING_RANGE
 from ..._units import Unit
 from .views import N_HEIGHT, N_PATHING, Views
 
+__all__ = ["Queries"]
+
 
 class Queries:
     """The part of `MultiAgentEnv` that changes nothing. Arrays are copies that you can keep and change."""

@@ -10,6 +10,9 @@ import numpy as np
 from ..._layout import Floats, ScenarioLayout
 from ..._native import KILL_REWARD, REWARD_SCALE, WIN_REWARD
 from ...errors import InvalidRequest, PoolError
+from ...types import UnitStats
+
+__all__ = ["HealthTotals", "Reward", "RewardOptions", "Unavailable"]
 
 
 class Unavailable(PoolError, NotImplementedError):
@@ -129,6 +132,6 @@ class Reward:
         return max(killed, float(np.floor(excess / KILL_REWARD + 0.01)))  # 0.01: the features are rounded
 
 
-def _hides_shields(side: list[dict[str, object]], shield_bits: int) -> bool:
+def _hides_shields(side: list[UnitStats], shield_bits: int) -> bool:
     """Whether a side has shields that observations and state do not contain."""
     return not shield_bits and any(unit["shield"] for unit in side)

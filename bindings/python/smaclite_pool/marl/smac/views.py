@@ -14,6 +14,8 @@ from ...errors import InvalidRequest
 
 # The squares of `obs_pathing_grid` and `obs_terrain_height`, relative to the unit and in SMAC's order: two
 # moves to the north, south, east, west, then one move along each diagonal. Heights also include the unit's.
+__all__ = ["ViewOptions", "Views"]
+
 AROUND = np.array([(0, 4), (0, -4), (4, 0), (-4, 0), (2, 2), (-2, -2), (2, -2), (-2, 2), (0, 0)])
 N_PATHING, N_HEIGHT = 8, 9
 

@@ -1,0 +1,186 @@
+"""Types of the dicts that `scenario`, `status` and `description` return, for type checkers and for reading.
+
+```python
+import smaclite_pool as sp
+from smaclite_pool.types import Scenario
+
+scenario: Scenario = sp.scenario("2s3z")
+print(sum(unit["hp"] for unit in scenario["allies"]))
+```
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+__all__ = [
+    "Capacity",
+    "LaneDescription",
+    "LaneStats",
+    "LaneStatus",
+    "LayoutPart",
+    "PoolStatus",
+    "Scenario",
+    "UnitStats",
+]
+
+
+class UnitStats(TypedDict):
+    """One unit of a scenario."""
+
+    unit_type: str
+    """Name of its type."""
+    type_id: int
+    """Index in the one-hot of the unit type."""
+    position: list[float]
+    """[x, y] at the start, in squares."""
+    radius: float
+    """In squares."""
+    hp: float
+    """Maximum of its health."""
+    shield: float
+    """Maximum of its shield, 0 for none."""
+    energy: float
+    """Maximum of its energy, 0 for none."""
+    cooldown: float
+    """Seconds between two attacks."""
+    healer: bool
+    """Whether it heals and does not attack."""
+    plane: Literal["GROUND", "AIR", "COLOSSUS"]
+    targets: list[Literal["GROUND", "AIR", "COLOSSUS"]]
+    """Planes whose units it can attack or heal."""
+    targeter: Literal["STANDARD", "KAMIKAZE", "LASER_BEAM", "HEAL"]
+
+
+class LayoutPart(TypedDict):
+    """A part of an observation or of the state."""
+
+    name: str
+    start: int
+    """Index of its first feature."""
+    shape: list[int]
+    """[features], or [units, features]."""
+    features: list[str]
+    """Names of the features."""
+
+
+class Scenario(TypedDict):
+    """What `smaclite_pool.scenario` returns."""
+
+    name: str
+    width: int
+    """In squares."""
+    height: int
+    """In squares."""
+    walkable: list[list[bool]]
+    """[height][width], the southern row first."""
+    attack_point: list[float]
+    """[x, y], where enemies without a target walk."""
+    num_unit_types: int
+    """Length of the one-hot of the unit type, 0 for none."""
+    ally_has_shields: bool
+    """Whether observations and state contain the shields of allies."""
+    enemy_has_shields: bool
+    """Whether observations and state contain the shields of enemies."""
+    episode_limit: int | None
+    """Steps, None for no limit."""
+    allies: list[UnitStats]
+    """By id."""
+    enemies: list[UnitStats]
+    """By id."""
+    obs_layout: list[LayoutPart]
+    state_layout: list[LayoutPart]
+
+
+class Capacity(TypedDict):
+    """How many frames and requests the memory of a lane has room for."""
+
+    max_held_batches: int
+    frames_waiting: int
+    frames_filling: int
+    spectators: int
+    requests_waiting: int
+
+
+class LaneDescription(TypedDict):
+    """What never changes about a lane: `Envs.description`."""
+
+    pool: str
+    pid: int
+    """Process id of the supervisor."""
+    instance: str
+    """First part of the names of the lane's iceoryx2 services."""
+    lane: str
+    scenario: str
+    n_agents: int
+    n_enemies: int
+    n_actions: int
+    obs_size: int
+    """Floats in the observation of one agent, with what the lane appends."""
+    state_size: int
+    """Floats in the state."""
+    num_envs: int
+    batch_size: int
+    seed: int
+    autoreset: Literal["next_step", "same_step", "disabled"]
+    fields: list[str]
+    obs_last_actions: int
+    obs_agent_id: bool
+    episode_limit: int | None
+    """Steps, None for no limit."""
+    rules: Literal["smaclite", "paper"]
+    layout_hash: int
+    """Equal if two programs agree on every offset of a batch."""
+    capacity: Capacity
+    threads: int
+    """Workers of the pool, which all lanes share."""
+
+
+class LaneStats(TypedDict):
+    """Counts since the pool started."""
+
+    steps: int
+    """Steps of single environments, without resets."""
+    episodes: int
+    wins: int
+    returns: float
+    """Sum of the returns of the episodes that ended."""
+    frames: int
+    """Published batches."""
+    rejected: int
+    """Refused requests."""
+    accepted: int
+    """Accepted requests."""
+    waited_ns: int
+    """Nanoseconds that accepted requests waited for a worker."""
+
+
+class LaneStatus(TypedDict):
+    """The present state of a lane."""
+
+    description: LaneDescription
+    learner_pid: int | None
+    """Process id of the attached learner."""
+    spectators: int
+    """How many are attached."""
+    stats: LaneStats
+    steps_per_s: float
+    """Average over the last second."""
+    queue_wait_us: float
+    """Average over the last second."""
+    failure: str | None
+    """Error text of a failed lane."""
+
+
+class PoolStatus(TypedDict):
+    """What `smaclite_pool.status` returns."""
+
+    pool: str
+    pid: int
+    """Process id of the supervisor."""
+    threads: int
+    """Number of workers."""
+    uptime_s: float
+    shared_memory: int
+    """Bytes reserved for batches."""
+    lanes: list[LaneStatus]

@@ -1,0 +1,55 @@
+"""The types of `smaclite_pool.types` have the keys and types of the dicts that the package returns."""
+
+from __future__ import annotations
+
+import types
+import typing
+from typing import Any
+
+import pytest
+import smaclite_pool as sp
+from smaclite_pool.types import LaneDescription, PoolStatus, Scenario
+
+
+def check(value: object, expected: Any, where: str) -> None:
+    """Fails if a value is not of a type, or a dict has other keys than its TypedDict, at any depth."""
+    origin, arguments = typing.get_origin(expected), typing.get_args(expected)
+    if typing.is_typeddict(expected):
+        assert isinstance(value, dict), f"{where}: {value!r}"
+        hints = typing.get_type_hints(expected)
+        assert set(value) == set(hints), f"{where}: {expected.__name__} has other keys"
+        for key, hint in hints.items():
+            check(value[key], hint, f"{where}.{key}")
+    elif origin is list:
+        assert isinstance(value, list), f"{where}: {value!r}"
+        for i, element in enumerate(value):
+            check(element, arguments[0], f"{where}[{i}]")
+    elif origin is typing.Literal:
+        assert value in arguments, f"{where}: {value!r} is none of {arguments}"
+    elif origin is types.UnionType:
+        assert type(value) in arguments, f"{where}: {value!r}"
+    else:
+        assert type(value) is expected, f"{where}: {value!r} is no {expected.__name__}"
+
+
+@pytest.mark.parametrize("name", sp.scenarios())
+def test_a_scenario_has_its_type(name: str) -> None:
+    check(sp.scenario(name), Scenario, name)
+
+
+@pytest.mark.parametrize("limit", [7, None])
+@pytest.mark.parametrize("autoreset", ["next_step", "same_step", "disabled"])
+def test_a_description_and_a_status_have_their_types(autoreset: Any, limit: int | None) -> None:
+    with sp.make("2s3z", 2, name="train", autoreset=autoreset, episode_limit=limit, rules="paper") as envs:
+        check(envs.description, LaneDescription, "description")
+        envs.reset()
+        status = sp.status("train")
+        check(status, PoolStatus, "status")
+        assert status["lanes"][0]["description"] == envs.description
+
+
+def test_a_dict_with_other_keys_or_types_is_found() -> None:
+    scenario: Any = sp.scenario("3m")
+    for wrong in ({**scenario, "extra": 1}, {**scenario, "width": 1.0}, {**scenario, "allies": [{}]}):
+        with pytest.raises(AssertionError):
+            check(wrong, Scenario, "3m")
