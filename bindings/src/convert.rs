@@ -168,7 +168,7 @@ pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -
 pub struct Actions<'py>(Bound<'py, PyArrayDyn<i32>>);
 
 impl smaclite_ipc::Actions for Actions<'_> {
-    fn len(&self) -> usize {
+    fn count(&self) -> usize {
         self.0.len()
     }
 

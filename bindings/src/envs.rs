@@ -180,7 +180,7 @@ fn begin_step(
     match client.begin_step(&mut actions, ids, no_wait) {
         Err(ClientError::NotAccepted { .. }) => {
             // The array must not be read while other Python code runs.
-            let mut copy = vec![0; actions.len()];
+            let mut copy = vec![0; actions.count()];
             actions.write_to(&mut copy);
             wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids, wait))
         }

@@ -17,6 +17,7 @@ use std::ops::Range;
 pub(crate) const CHUNK: usize = 16;
 
 /// What is to be done in a lane.
+#[allow(clippy::large_enum_variant, reason = "there is one per lane")]
 pub(crate) enum Work {
     Synchronous(Ranges),
     Asynchronous(ArrayQueue<u32>),

@@ -256,13 +256,13 @@ impl Client {
 /// A joint action for every environment of a request.
 pub trait Actions {
     /// How many numbers it has: `count * n_agents`.
-    fn len(&self) -> usize;
+    fn count(&self) -> usize;
     /// Writes them, in row-major order, to memory of that length.
     fn write_to(&mut self, out: &mut [i32]);
 }
 
 impl Actions for &[i32] {
-    fn len(&self) -> usize {
+    fn count(&self) -> usize {
         <[i32]>::len(self)
     }
 

@@ -24,7 +24,7 @@ impl AttachedLane {
         env_ids: Option<&[i32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.check_length(actions.len(), env_ids)?;
+        self.check_length(actions.count(), env_ids)?;
         self.outstanding.reserve_step(self.last_request.next(), env_ids)?;
         self.send(RequestKind::Step, env_ids, Some(actions), wait)
     }
