@@ -36,7 +36,8 @@ impl<'a> JointAction<'a> {
 ///
 /// ```
 /// use smaclite_engine::{Scratch, Sizes, Step};
-/// use smaclite_pool::environment::Environment;
+/// use smaclite_pool::environment::{Environment, JointAction};
+/// use std::sync::atomic::AtomicI32;
 ///
 /// #[derive(Default)]
 /// struct Walk {
@@ -52,11 +53,12 @@ impl<'a> JointAction<'a> {
 ///     fn reset(&mut self) {
 ///         *self = Walk::default();
 ///     }
-///     fn step_checked(&mut self, actions: &[i32], _: &mut Scratch) -> Step {
-///         self.position += actions[0] as u32;
+///     fn step_checked(&mut self, actions: JointAction<'_>, _: &mut Scratch) -> Step {
+///         let ahead: i32 = actions.iter().sum(); // of one agent
+///         self.position += ahead as u32;
 ///         self.length += 1;
 ///         let terminated = self.position == 3;
-///         Step { reward: f64::from(actions[0]), terminated, truncated: false, battle_won: terminated }
+///         Step { reward: f64::from(ahead), terminated, truncated: false, battle_won: terminated }
 ///     }
 ///     fn write_obs(&self, out: &mut [f32], _: &mut Scratch) {
 ///         out.fill(0.0); // a row may be longer than obs_size
@@ -89,7 +91,10 @@ impl<'a> JointAction<'a> {
 /// }
 ///
 /// let mut walk = Walk::default();
-/// let steps = [0, 1, 1, 1].map(|action| walk.step_checked(&[action], &mut Scratch::new()));
+/// let mut step = |action| {
+///     walk.step_checked(JointAction::new(&[AtomicI32::new(action)]), &mut Scratch::new())
+/// };
+/// let steps = [0, 1, 1, 1].map(&mut step);
 /// assert!(steps[3].terminated && walk.episode_return() == 3.0);
 /// ```
 ///

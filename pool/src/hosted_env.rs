@@ -14,8 +14,8 @@ use smaclite_engine::{Scratch, Sizes, Step};
 pub(crate) enum Task {
     /// Step with the accepted actions.
     Step,
-    /// Reset, after seeding if there is a seed.
-    Reset { seed: Option<u64> },
+    /// Begin a new episode.
+    Reset,
     /// Write the present observation again, in a batch in which only other environments are reset.
     Observe,
 }
@@ -72,10 +72,7 @@ impl HostedEnv {
                 }
                 Some(step)
             }
-            Task::Reset { seed } => {
-                if let Some(seed) = seed {
-                    self.env.reseed(seed);
-                }
+            Task::Reset => {
                 self.reset();
                 None
             }

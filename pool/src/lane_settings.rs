@@ -1,6 +1,7 @@
 //! The settings of a lane that its pool, its transport and its learner share.
 
 use crate::autoreset::Autoreset;
+use crate::environment::MakeEnvironment;
 use crate::fields::FieldSet;
 use crate::layout::Layout;
 use serde::{Deserialize, Serialize};
@@ -99,5 +100,24 @@ impl LaneSettings {
     /// The layout of the lane's frames, which have these [sizes](LaneSettings::frame_sizes).
     pub fn layout(&self, sizes: Sizes) -> Layout {
         Layout::new(sizes, self.batch_size, self.frame_fields())
+    }
+}
+
+/// How to build a lane.
+pub struct LaneSpec {
+    /// The name learners attach by.
+    pub name: String,
+    /// Sizes of every environment.
+    pub sizes: Sizes,
+    /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
+    pub settings: LaneSettings,
+    /// Makes environment `i`.
+    pub make: MakeEnvironment,
+}
+
+impl LaneSpec {
+    /// The layout of this lane's frames.
+    pub fn layout(&self) -> Layout {
+        self.settings.layout(self.settings.frame_sizes(self.sizes))
     }
 }

@@ -41,11 +41,13 @@ use std::time::Instant;
 /// ```
 /// use smaclite_ipc::{Client, WaitOptions};
 /// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_engine::BattleSetup;
 /// # use smaclite_scenarios::ScenarioFiles;
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let folder = tempfile::tempdir()?;
 /// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (_, files) = ScenarioFiles::resolve("3m")?;
+/// # let lanes = vec![LaneConfig::new("3m", BattleSetup::new(files), 2)];
 /// # let (name, options) = ("train".to_owned(), Default::default());
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
@@ -69,8 +71,8 @@ use std::time::Instant;
 ///
 /// - **Before the first reset** every step is an error. A later reset of all environments begins a new epoch:
 ///   results of earlier requests that were not received are dropped.
-/// - **An action that is not available**, or a request to an environment that is still busy, is an error that
-///   names it, and nothing of the request happens.
+/// - **An action that is not available** is an error of the `recv` after it, and a request to an environment that
+///   is still busy one of its `send`. Both name it, and nothing of the request happens.
 /// - **A wait** ends with a batch, by its timeout, by `interrupted`, or when the pool dies. A timeout cancels
 ///   nothing: the batch can be received later.
 /// - **Held batches** are limited (`max_held_batches` of the lane): with that many, `recv` is an error until

@@ -47,7 +47,7 @@ impl ControlServer {
         }
         let mut followed: Vec<(usize, LogCursor)> = Vec::new();
         for env_id in env_ids {
-            if !followed.iter().any(|(known, _)| *known == env_id) && self.pool.follow(index, env_id) {
+            if !followed.iter().any(|(known, _)| *known == env_id) && self.pool.lane(index).follow(env_id) {
                 followed.push((env_id, LogCursor::default()));
             }
         }
@@ -57,7 +57,7 @@ impl ControlServer {
     }
 
     pub(super) fn unfollow(&mut self, index: usize, followed: &[(usize, LogCursor)]) {
-        followed.iter().for_each(|(env_id, _)| self.pool.unfollow(index, *env_id));
+        followed.iter().for_each(|(env_id, _)| self.pool.lane(index).unfollow(*env_id));
         self.lanes[index].followers -= 1;
     }
 
@@ -70,7 +70,7 @@ impl ControlServer {
         };
         let mut parts = Vec::new();
         for (env_id, cursor) in followed {
-            let read = self.pool.read_log(*index, *env_id, cursor);
+            let read = self.pool.lane(*index).read_log(*env_id, cursor);
             parts.extend(read.into_iter().map(|part| message(*env_id, part)));
         }
         Ok(ControlResponse::Episodes { parts })

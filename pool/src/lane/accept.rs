@@ -8,7 +8,7 @@
 
 use super::Lane;
 use crate::autoreset::Autoreset;
-use crate::env_ids::{check_distinct, env_index};
+use crate::env_ids::env_index;
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
 use crate::sync::{Ordering, lock};
@@ -86,14 +86,14 @@ impl<T: Transport> Lane<T> {
             Err(rejection) => {
                 // A malformed request names no sender to answer. Our own client sends well-formed requests.
                 tracing::warn!(lane = self.name, %rejection, "request ignored");
-                self.counters.rejected();
+                lock(&self.stats).rejected += 1;
                 return Accepted::Refused;
             }
         };
         if intake.session() != Some(request.session) {
             let session = request.session.0;
             tracing::debug!(lane = self.name, session, "request of another session ignored");
-            self.counters.rejected();
+            lock(&self.stats).rejected += 1;
             return Accepted::Refused;
         }
         if self.must_wait(&request) {
@@ -108,7 +108,10 @@ impl<T: Transport> Lane<T> {
             self.reject(&request, &rejection);
             return Accepted::Refused;
         }
-        self.counters.accepted(message.waited());
+        let mut stats = lock(&self.stats);
+        stats.accepted += 1;
+        stats.waited_ns += message.waited().as_nanos() as u64;
+        drop(stats);
         match &self.work {
             Work::Synchronous(ranges) => {
                 self.outstanding.store(self.num_envs + 1, Ordering::SeqCst);
@@ -206,29 +209,26 @@ impl<T: Transport> Lane<T> {
         seed: Option<u64>,
     ) -> Result<(), Rejection> {
         let Some(epoch) = intake.epoch else { return Err(Rejection::NotReset) };
-        let ids = request.env_ids.iter().map(|id| id.load(Relaxed));
+        let is_full = request.env_ids.len() == self.num_envs;
+        if epoch.reset.is_none() && !is_full {
+            return Err(Rejection::NotReset);
+        }
+        for id in request.env_ids {
+            self.check_env(intake, id.load(Relaxed))?;
+        }
         // Every session begins with the lane's own seed, so that it does not depend on earlier learners.
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
-        let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
-        if ids.len() == self.num_envs {
-            check_distinct(ids, self.num_envs)?;
-            for env in 0..self.num_envs {
-                self.check_env(intake, env as i32)?;
-                self.table.order(env, reset(env));
+        for &env in &intake.envs {
+            if let Some(seed) = seed {
+                lock(&self.envs[env as usize]).env.reseed(seed.wrapping_add(u64::from(env)));
             }
+            self.table.order(env as usize, Task::Reset);
+        }
+        if is_full {
             let epoch = Epoch { reset: Some(request.number), ..epoch };
             intake.epoch = Some(epoch);
             lock(&self.frames).begin_epoch(epoch);
-            return Ok(());
-        }
-        if epoch.reset.is_none() {
-            return Err(Rejection::NotReset);
-        }
-        for id in ids {
-            let env = self.check_env(intake, id)?;
-            self.table.order(env, reset(env));
-        }
-        if self.is_synchronous() {
+        } else if self.is_synchronous() {
             // A synchronous batch has every environment: the others are observed again.
             let others = (0..self.num_envs).filter(|env| !intake.named[*env]);
             others.for_each(|env| self.table.order(env, Task::Observe));

@@ -165,7 +165,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut input = Input(bytes);
     let index = input.u64(1) as usize % 2;
     bench.session += 1;
-    bench.pool.set_session(index, Some(SessionId(bench.session)));
+    bench.pool.lane(index).set_session(Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     for number in 1..=8 {
         if input.0.is_empty() {
@@ -176,7 +176,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     // A new learner attaches: what is still in the queue belongs to a session that is over.
     bench.session += 1;
-    bench.pool.set_session(index, Some(SessionId(bench.session)));
+    bench.pool.lane(index).set_session(Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     let header = RequestHeader::new(
         &lane.layout,
@@ -202,5 +202,5 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = lane.messages.send((header, words, len));
     bench.bell.ring();
     bench.batch(lane, 1);
-    assert_eq!(bench.pool.failure(index), None);
+    assert_eq!(bench.pool.lane(index).failure(), None);
 });
