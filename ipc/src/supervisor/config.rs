@@ -78,8 +78,8 @@ struct PoolInfo<'a> {
     name: &'a str,
     instance: &'a str,
     threads: usize,
-    /// Threads that may write frames at once: while a learner of this process takes a seat, the worker may
-    /// still end its run.
+    /// Threads that may write frames at once: while a learner of this process takes a worker's place, the worker
+    /// may still write its last chunk.
     writers: usize,
 }
 
