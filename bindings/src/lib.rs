@@ -16,6 +16,8 @@ mod query;
 mod recorder;
 mod render;
 mod scenario;
+mod scenario_arg;
+mod snapshot;
 mod spectator;
 #[allow(unsafe_code)]
 mod views;
@@ -47,6 +49,8 @@ mod _native {
     use super::render::Renderer;
     #[pymodule_export]
     use super::scenario::scenario;
+    #[pymodule_export]
+    use super::snapshot::{pack_snapshot, snapshot_columns};
     #[pymodule_export]
     use super::spectator::Spectator;
     #[pymodule_export]

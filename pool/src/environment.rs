@@ -2,9 +2,9 @@
 //! the pool steps environments by this trait alone, and knows nothing of units or rules.
 //!
 //! The trait speaks in types of the engine, because users run battles: every worker has one [`Scratch`] for
-//! all its environments, and a [`Snapshot`] is stored and passed on unread.
+//! all its environments, and an environment that is a [`Battle`] can be saved and restored.
 
-use smaclite_engine::{Battle, Scratch, Sizes, Snapshot, Step};
+use smaclite_engine::{Battle, Scratch, Sizes, Step};
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// A joint action, one number per agent, in the lane's memory. Nothing writes to it during the step.
@@ -132,8 +132,12 @@ pub trait Environment: Send {
     fn episode_return(&self) -> f64;
     /// Steps of this episode so far.
     fn episode_length(&self) -> u32;
-    /// The present state, if the environment is a battle. Only battles can be followed.
-    fn save(&self) -> Option<Snapshot> {
+    /// The battle that the environment is, if it is one. Only battles can be followed, saved and restored.
+    fn battle(&self) -> Option<&Battle> {
+        None
+    }
+    /// As [`battle`](Environment::battle), to restore a snapshot.
+    fn battle_mut(&mut self) -> Option<&mut Battle> {
         None
     }
 }
@@ -178,8 +182,11 @@ impl Environment for Battle {
     fn episode_length(&self) -> u32 {
         Battle::episode_length(self)
     }
-    fn save(&self) -> Option<Snapshot> {
-        Some(Battle::save(self))
+    fn battle(&self) -> Option<&Battle> {
+        Some(self)
+    }
+    fn battle_mut(&mut self) -> Option<&mut Battle> {
+        Some(self)
     }
 }
 

@@ -10,7 +10,6 @@
 pub mod env_ids;
 pub mod environment;
 pub mod fields;
-pub mod fnv;
 pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]

@@ -64,6 +64,16 @@ class Wrapper:
         """As `Envs.recv`."""
         return self.change_batch(self.envs.recv(timeout))
 
+    def restore(
+        self, snapshots: ArrayLike, env_id: ArrayLike | None = None, **options: Any
+    ) -> Batch | ChangedBatch:
+        """As `Envs.restore`."""
+        return self.change_batch(self.envs.restore(snapshots, env_id, **options))
+
+    def fork(self, env_id_from: ArrayLike, env_id_to: ArrayLike, **options: Any) -> Batch | ChangedBatch:
+        """As `Envs.fork`."""
+        return self.change_batch(self.envs.fork(env_id_from, env_id_to, **options))
+
     @property
     def unwrapped(self) -> Envs:
         """The environments below all wrappers."""

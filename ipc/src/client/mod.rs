@@ -130,7 +130,9 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.attached()?.send_reset(seed, env_ids, &mut wait)
+        let sent = self.attached()?.send_reset(seed, env_ids, &mut wait);
+        self.leave();
+        sent
     }
 
     /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns as
@@ -179,14 +181,7 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        let begin = Instant::now();
-        let lane = self.attached()?;
-        let received = match lane.send_reset(seed, env_ids, &mut wait) {
-            Ok(()) => lane.recv(begin, &mut wait),
-            Err(error) => Err(error),
-        };
-        self.leave();
-        received
+        self.request(|lane, wait| lane.send_reset(seed, env_ids, wait), &mut wait)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -196,12 +191,72 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_step(&mut actions, env_ids, wait), &mut wait)
+    }
+
+    /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`,
+    /// `[count, snapshot_size]`: rows of the field `snapshot`, which the lane must have. With a seed, environment
+    /// `i` draws execution orders from then on as after a reset with `seed + i`, otherwise those that it would
+    /// have drawn. Returns as [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
+    /// [`recv`](Client::recv) says which snapshot is wrong, and why, and no environment changed.
+    pub fn send_restore(
+        &mut self,
+        snapshots: &[u8],
+        env_ids: Option<&[i32]>,
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.attached()?.send_restore(snapshots, env_ids, seed, &mut wait);
+        self.leave();
+        sent
+    }
+
+    /// Requests that each environment of `to` takes the state of that of `from` in the same place; the states are
+    /// those before the request. An environment may be in `from` several times. Seeds and errors are as in
+    /// [`send_restore`](Client::send_restore).
+    pub fn send_fork(
+        &mut self,
+        from: &[i32],
+        to: &[i32],
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.attached()?.send_fork(from, to, seed, &mut wait);
+        self.leave();
+        sent
+    }
+
+    /// [`send_restore`](Client::send_restore) and [`recv`](Client::recv).
+    pub fn restore(
+        &mut self,
+        snapshots: &[u8],
+        env_ids: Option<&[i32]>,
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_restore(snapshots, env_ids, seed, wait), &mut wait)
+    }
+
+    /// [`send_fork`](Client::send_fork) and [`recv`](Client::recv).
+    pub fn fork(
+        &mut self,
+        from: &[i32],
+        to: &[i32],
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_fork(from, to, seed, wait), &mut wait)
+    }
+
+    /// Sends a request and waits for the next batch.
+    fn request(
+        &mut self,
+        send: impl FnOnce(&mut AttachedLane, &mut WaitOptions<'_>) -> Result<(), ClientError>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
         let lane = self.attached()?;
-        let received = match lane.send_step(&mut actions, env_ids, &mut wait) {
-            Ok(()) => lane.recv(begin, &mut wait),
-            Err(error) => Err(error),
-        };
+        let received = send(lane, wait).and_then(|()| lane.recv(begin, wait));
         self.leave();
         received
     }

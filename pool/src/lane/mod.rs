@@ -27,7 +27,7 @@ use env_table::EnvTable;
 use smaclite_engine::{Scratch, Step};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
@@ -67,15 +67,17 @@ impl<T: Transport> Lane<T> {
         threads: usize,
     ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
+        let record = spec.settings.record_layout(spec.sizes).map(Arc::new);
+        let hosted = |i| HostedEnv::new((spec.make)(i), &spec.settings, record.clone());
         Ok(Lane {
             name: spec.name.clone(),
             num_envs,
             seed,
             autoreset,
             layout: spec.layout(),
-            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
+            envs: (0..num_envs).map(|i| Mutex::new(hosted(i))).collect(),
             table: EnvTable::new(num_envs, spec.sizes),
-            intake: Mutex::new(Intake::new(inlet, num_envs)),
+            intake: Mutex::new(Intake::new(inlet, num_envs, spec.layout().snapshot_size())),
             frames: Mutex::new(Frames::new(outlet, batch_size)?),
             work: Work::new(num_envs, batch_size == num_envs, threads),
             outstanding: AtomicUsize::new(0),
