@@ -90,6 +90,7 @@ mod _native {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::views::load_numpy(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)
     }

@@ -7,8 +7,25 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_engine::{Arena, COLUMNS, Column, RecordLayout, RecordSizes, Rules, Snapshot, SnapshotError};
+use smaclite_engine::{
+    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, RecordLayout, RecordSizes, Rules, Snapshot, SnapshotError,
+};
 use smaclite_scenarios::Scenario;
+
+/// Name, type, shape and meaning of every column.
+pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
+    let axis = |axis: &ColumnAxis| match axis {
+        ColumnAxis::Unit => "n_units",
+        ColumnAxis::Agent => "n_agents",
+        ColumnAxis::Past => "n_past",
+        ColumnAxis::Xy => "2",
+    };
+    let row = |spec: &ColumnSpec| {
+        let shape: Vec<&str> = spec.axes.iter().map(axis).collect();
+        (spec.name, spec.dtype.name(), shape.join(", "), spec.meaning)
+    };
+    COLUMNS.iter().map(row).collect()
+}
 
 fn snapshot_error(error: SnapshotError) -> PyErr {
     invalid_request(error)

@@ -20,6 +20,7 @@ __all__ = [
     "NO_OP",
     "REWARD_SCALE",
     "SIGHT_RANGE",
+    "SNAPSHOT_COLUMNS",
     "SOUTH",
     "STOP",
     "TARGETING_RANGE",
@@ -35,10 +36,12 @@ __all__ = [
     "__version__",
     "connect",
     "make",
+    "pack_snapshot",
     "pools",
     "run_program",
     "scenario",
     "scenarios",
+    "snapshot_columns",
     "status",
 ]
 
@@ -54,6 +57,7 @@ WEST: Final[int]
 FIRST_TARGET: Final[int]
 
 # In squares.
+SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 

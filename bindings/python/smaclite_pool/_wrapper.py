@@ -5,7 +5,8 @@ from __future__ import annotations
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from . import Batch, Envs
@@ -65,7 +66,7 @@ class Wrapper:
         return self.change_batch(self.envs.recv(timeout))
 
     def restore(
-        self, snapshots: ArrayLike, env_id: ArrayLike | None = None, **options: Any
+        self, snapshots: NDArray[np.uint8], env_id: ArrayLike | None = None, **options: Any
     ) -> Batch | ChangedBatch:
         """As `Envs.restore`."""
         return self.change_batch(self.envs.restore(snapshots, env_id, **options))
