@@ -7,24 +7,39 @@ use smaclite_ipc::{
 };
 use smaclite_pool::Rejection;
 
-/// The exception classes, imported from Python when first raised.
-pub mod class {
-    pyo3::import_exception!(smaclite_pool.errors, PoolError);
-    pyo3::import_exception!(smaclite_pool.errors, InvalidRequest);
-    pyo3::import_exception!(smaclite_pool.errors, IllegalAction);
-    pyo3::import_exception!(smaclite_pool.errors, ScenarioError);
-    pyo3::import_exception!(smaclite_pool.errors, StartError);
-    pyo3::import_exception!(smaclite_pool.errors, TooLittleMemory);
-    pyo3::import_exception!(smaclite_pool.errors, ConnectError);
-    pyo3::import_exception!(smaclite_pool.errors, NoSuchPool);
-    pyo3::import_exception!(smaclite_pool.errors, LaneTaken);
-    pyo3::import_exception!(smaclite_pool.errors, PoolDied);
-    pyo3::import_exception!(smaclite_pool.errors, LaneFailed);
-    pyo3::import_exception!(smaclite_pool.errors, Timeout);
-    pyo3::import_exception!(smaclite_pool.errors, TooManyBatchesHeld);
-    pyo3::import_exception!(smaclite_pool.errors, Forked);
-    pyo3::import_exception!(smaclite_pool.errors, Busy);
-    pyo3::import_exception!(smaclite_pool.errors, Closed);
+/// Declares the exception classes, and a function that imports all of them.
+macro_rules! exception_classes {
+    ($($name:ident)*) => {
+        /// The exception classes.
+        pub mod class {
+            $(pyo3::import_exception!(smaclite_pool.errors, $name);)*
+        }
+
+        /// Imports every class. When the interpreter exits, destructors still call this module, and then nothing
+        /// can be imported any more.
+        pub fn load_classes(py: Python<'_>) {
+            $(py.get_type::<class::$name>();)*
+        }
+    };
+}
+
+exception_classes! {
+    PoolError
+    InvalidRequest
+    IllegalAction
+    ScenarioError
+    StartError
+    TooLittleMemory
+    ConnectError
+    NoSuchPool
+    LaneTaken
+    PoolDied
+    LaneFailed
+    Timeout
+    TooManyBatchesHeld
+    Forked
+    Busy
+    Closed
 }
 
 /// An invalid argument or request.

@@ -89,6 +89,7 @@ mod _native {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::views::load_numpy(module.py())?;
+        super::errors::load_classes(module.py());
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
         super::batch::add_field_properties(module.py())?;

@@ -97,6 +97,16 @@ def test_peers_are_measured_in_the_scenarios_that_they_have(peers: Path) -> None
     assert table.stdout.startswith("scenario  peer ") and "smaclite 1.0" in table.stdout
 
 
+def test_a_version_that_no_metadata_has_is_unknown(peers: Path) -> None:
+    """An addon that was built in place has none, and then nothing was measured."""
+    maps = {"env/__init__.py": "", "env/maps/__init__.py": "", "env/maps/map.py": MAPS}
+    package(peers, "smaclite", {"__init__.py": SMACLITE, **maps})
+    (peers / "rvo2.py").write_text("")
+    done = bench("3m", "--against=published", "--rounds", "1")
+    assert done.returncode == 0, done.stderr
+    assert "pyrvo2 unknown" in done.stdout, done.stdout
+
+
 def test_a_peer_that_is_not_installed_is_named_with_its_command(peers: Path) -> None:
     (peers / "jaxmarl.py").write_text("raise ImportError('No module named jaxmarl')")
     package(peers, "envpool", {"__init__.py": ENVPOOL})

@@ -228,6 +228,36 @@ time.sleep(0.3)
         assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("begin", "end", "error"),
+    [
+        ("", "self.envs.reset()", "Closed"),
+        ("", "self.envs.step(self.envs.sample_actions())", "Closed"),
+        ("", "self.envs.sample_actions()", "Closed"),
+        ("", "self.envs.step('wrong')", "Error"),
+        ("", "sp.make('3m', 2)", "Closed"),
+        ("", "sp.status(self.envs.name)", "NoSuchPool"),
+        ("self.spectator = sp.Spectator(self.envs.name)", "self.spectator.latest()", "PoolDied"),
+    ],
+)
+def test_a_call_in_a_destructor_at_the_exit_is_an_error(begin: str, end: str, error: str) -> None:
+    """The exception classes were imported when they were first raised. At the exit nothing can be imported any
+    more: a Rust panic in the destructor ended the process by SIGABRT."""
+    done = run_script(f"""
+import smaclite_pool as sp
+class Held:
+    def __init__(self):
+        self.envs = sp.make("3m", 2)
+        self.batch = self.envs.reset()
+        {begin or "pass"}
+    def __del__(self):
+        {end}
+held = Held()  # a global: freed when modules are gone
+""")
+    assert done.returncode == 0, done.stderr
+    assert f"{error}:" in done.stderr and "panic" not in done.stderr, done.stderr
+
+
 @pytest.mark.parametrize("batch_size", [6, 4])
 def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
     with sp.make("3m", 6, batch_size=batch_size, autoreset="same_step", threads=2) as envs:

@@ -55,6 +55,21 @@ pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
+/// As [`interrupt_flag`]; the second signal ends the program at once, with files of its pools left until the next
+/// start.
+///
+/// # Errors
+/// As [`interrupt_flag`].
+pub fn interrupt_flag_once() -> std::io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the first signal finds the flag clear.
+        signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&flag))?;
+        signal_hook::flag::register(signal, Arc::clone(&flag))?;
+    }
+    Ok(flag)
+}
+
 /// Blocks until SIGINT or SIGTERM arrives. For second processes.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
 use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
-use crate::process::interrupt_flag;
+use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, Rules};
@@ -23,7 +23,7 @@ Examples:
   smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
   smaclite-pool train --resume runs/2s3z --steps 1000000
 
-Ctrl-C writes a checkpoint; --resume continues with the same bits as an uninterrupted run.")]
+Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an uninterrupted run.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
@@ -136,7 +136,7 @@ impl Train {
         let threads = self.threads.unwrap_or(cores);
         check_range("--threads", THREADS, threads)?;
         let json = self.json;
-        let interrupted = interrupt_flag()?;
+        let interrupted = interrupt_flag_once()?;
         let (mut run, name) = self.open(threads)?;
         let mut display = Display::new(json, name, run.config().steps);
         loop {
@@ -149,7 +149,12 @@ impl Train {
                 }
                 Ok(None) => break,
                 Err(TrainError::Client(ClientError::Interrupted)) => break,
-                Err(error) => return Err(error.into()),
+                Err(error) => {
+                    if let TrainError::Client(_) = error {
+                        run.checkpoint()?; // the pool has ended, but not what was learnt
+                    }
+                    return Err(error.into());
+                }
             }
         }
         run.checkpoint()?;

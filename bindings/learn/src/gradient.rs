@@ -4,7 +4,7 @@
 use crate::loss::{PolicyLoss, PolicyRow, PolicyStats, ValueLoss};
 use crate::math::{add, vectorised};
 use crate::mlp::Workspace;
-use crate::parallel;
+use crate::parallel::{self, Interrupted};
 use crate::rollout::Rollout;
 use crate::team::{Network, Team};
 use faer::MatRef;
@@ -81,19 +81,20 @@ impl Gradients {
         data: &Data<'_>,
         minibatch: &Minibatch<'_>,
         threads: &mut [ThreadMemory],
-    ) {
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Interrupted> {
         let actor_jobs = split(minibatch.policy_rows).map(Job::Actor);
         let jobs: Vec<Job<'_>> = actor_jobs.chain(split(minibatch.value_rows).map(Job::Critic)).collect();
         self.jobs.resize(self.jobs.len().max(jobs.len()), JobResult::default());
         let results = &mut self.jobs[..jobs.len()];
-        parallel::run(jobs.iter().zip(&mut *results), threads, |(job, result), memory| {
+        parallel::run(jobs.iter().zip(&mut *results), threads, interrupted, |(job, result), memory| {
             let network = job.network(team);
             result.reset(network.params.len());
             match job {
                 Job::Actor(rows) => differentiate_policy(network, data, rows, minibatch, memory, result),
                 Job::Critic(rows) => differentiate_values(network, data, rows, minibatch, memory, result),
             }
-        });
+        })?;
         self.reset(team);
         for (job, result) in jobs.iter().zip(&self.jobs) {
             let sum = if let Job::Actor(_) = job { &mut self.actor } else { &mut self.critic };
@@ -101,6 +102,7 @@ impl Gradients {
             self.policy_stats.add(&result.policy_stats);
             self.value_loss += result.value_loss;
         }
+        Ok(())
     }
 
     fn reset(&mut self, team: &Team) {
@@ -217,17 +219,23 @@ pub(crate) fn values(
     size: usize,
     values_per_env: usize,
     threads: &mut [ThreadMemory],
-) -> Vec<f32> {
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<Vec<f32>, Interrupted> {
     let mut values = vec![0.0; inputs.len() / size];
     let jobs = values.chunks_mut(BLOCK).zip(inputs.chunks(BLOCK * size)).enumerate();
-    parallel::run(jobs, threads, |(job, (values, inputs)), ThreadMemory { workspace, ids, .. }| {
-        ids.clear();
-        ids.extend((0..values.len()).map(|row| ((job * BLOCK + row) % values_per_env) as u16));
-        network.forward(MatRef::from_row_major_slice(inputs, values.len(), size), ids, workspace);
-        let outputs = workspace.output().chunks_exact(network.mlp.padded_out());
-        values.iter_mut().zip(outputs).for_each(|(value, outputs)| *value = outputs[0]);
-    });
-    values
+    parallel::run(
+        jobs,
+        threads,
+        interrupted,
+        |(job, (values, inputs)), ThreadMemory { workspace, ids, .. }| {
+            ids.clear();
+            ids.extend((0..values.len()).map(|row| ((job * BLOCK + row) % values_per_env) as u16));
+            network.forward(MatRef::from_row_major_slice(inputs, values.len(), size), ids, workspace);
+            let outputs = workspace.output().chunks_exact(network.mlp.padded_out());
+            values.iter_mut().zip(outputs).for_each(|(value, outputs)| *value = outputs[0]);
+        },
+    )?;
+    Ok(values)
 }
 
 #[cfg(test)]

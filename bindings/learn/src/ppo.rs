@@ -6,6 +6,7 @@ use crate::gae::{Steps, advantages};
 use crate::gradient::{Data, Gradients, Minibatch, ThreadMemory, values};
 use crate::loss::{PolicyLoss, PolicyStats, ValueLoss};
 use crate::math::mean_and_deviation;
+use crate::parallel::Interrupted;
 use crate::random::{Purpose, generator};
 use crate::rollout::{Rollout, rows};
 use crate::team::{Network, Team};
@@ -21,6 +22,19 @@ use serde::Serialize;
 pub struct Diverged {
     network: &'static str,
     update: u64,
+}
+
+/// Why an update was not made. The team is then neither that of before nor that of after.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum UpdateError {
+    Diverged(Diverged),
+    Interrupted,
+}
+
+impl From<Interrupted> for UpdateError {
+    fn from(_: Interrupted) -> UpdateError {
+        UpdateError::Interrupted
+    }
 }
 
 /// What an update did, averaged over its minibatches.
@@ -80,7 +94,8 @@ impl Ppo {
         config: &Config,
         update: u64,
         steps: u64,
-    ) -> Result<UpdateStats, Diverged> {
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<UpdateStats, UpdateError> {
         let (critic_inputs, critic_size, values_per_env) = match config.algorithm {
             Algorithm::Mappo => (&rollout.state, rollout.sizes.state_size, 1),
             Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
@@ -88,7 +103,8 @@ impl Ppo {
         let mut samples = rollout.samples();
         let policy_rows = rollout.policy_rows(&samples);
         let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
-        let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, &mut self.threads);
+        let threads = &mut self.threads;
+        let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
         let estimates = estimate(team, rollout, config, outputs, &value_rows);
         let agents_per_value = rollout.sizes.n_agents / values_per_env;
         let (_, deviation) = team.normaliser.mean_and_deviation();
@@ -103,14 +119,14 @@ impl Ppo {
             targets: &estimates.targets,
         };
         let settings = StepSettings::new(config, update, steps);
-        let mut sums = Sums::default();
+        let mut progress = Progress { sums: Sums::default(), interrupted };
         for epoch in 0..config.epochs as u64 {
-            self.epoch(team, &data, &mut samples, &settings, epoch, &mut sums)?;
+            self.epoch(team, &data, &mut samples, &settings, epoch, &mut progress)?;
         }
         Ok(UpdateStats {
             policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
             explained_variance: estimates.explained_variance,
-            ..sums.stats(&settings)
+            ..progress.sums.stats(&settings)
         })
     }
 
@@ -122,8 +138,8 @@ impl Ppo {
         samples: &mut [u32],
         settings: &StepSettings<'_>,
         epoch: u64,
-        sums: &mut Sums,
-    ) -> Result<(), Diverged> {
+        progress: &mut Progress<'_>,
+    ) -> Result<(), UpdateError> {
         let StepSettings { config, update, .. } = *settings;
         // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
         samples.shuffle(&mut generator(config.seed, Purpose::Minibatches, [update, epoch]));
@@ -132,7 +148,7 @@ impl Ppo {
         for i in 0..config.minibatches {
             let part = |rows| part(rows, i, config.minibatches);
             let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
-            self.step(team, data, &minibatch, settings, sums)?;
+            self.step(team, data, &minibatch, settings, progress)?;
         }
         Ok(())
     }
@@ -144,14 +160,15 @@ impl Ppo {
         data: &Data<'_>,
         minibatch: &Minibatch<'_>,
         settings: &StepSettings<'_>,
-        sums: &mut Sums,
-    ) -> Result<(), Diverged> {
-        self.gradients.compute(team, data, minibatch, &mut self.threads);
+        progress: &mut Progress<'_>,
+    ) -> Result<(), UpdateError> {
+        let Progress { sums, interrupted } = progress;
+        self.gradients.compute(team, data, minibatch, &mut self.threads, interrupted)?;
         let Gradients { actor, critic, policy_stats, value_loss, .. } = &mut self.gradients;
         let step = |network: &mut Network, gradient: &mut [f32], lr: f64, name| {
             let norm = clip(gradient, settings.config.max_grad_norm);
             if !norm.is_finite() {
-                return Err(Diverged { network: name, update: settings.update });
+                return Err(UpdateError::Diverged(Diverged { network: name, update: settings.update }));
             }
             network.adam.step(&mut network.params, gradient, lr, settings.config.adam_eps);
             Ok(norm)
@@ -253,6 +270,12 @@ fn normalise(mut advantages: Vec<f32>, policy_rows: &[u32], agents_per_value: us
         *advantage = ((f64::from(*advantage) - mean) / scale) as f32;
     }
     advantages
+}
+
+/// How far an update is.
+struct Progress<'a> {
+    sums: Sums,
+    interrupted: &'a mut dyn FnMut() -> bool,
 }
 
 /// Sums over the minibatches of an update.

@@ -136,9 +136,10 @@ impl Run {
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
-        write_description(folder, &training.config, setup)?;
         let mut run = Run::open(folder, training, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
+        // Last: a folder with this file is a run that can be resumed, and one without can be begun.
+        write_description(folder, run.config(), setup)?;
         Ok(run)
     }
 

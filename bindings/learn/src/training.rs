@@ -8,7 +8,7 @@ use crate::checkpoint::{Checkpoint, Progress};
 use crate::collect::Collector;
 use crate::config::{Config, ConfigError};
 use crate::lanes::{LaneError, Lanes};
-use crate::ppo::{Diverged, Ppo, UpdateStats};
+use crate::ppo::{Diverged, Ppo, UpdateError, UpdateStats};
 use crate::random::{Purpose, seed};
 use crate::rollout::{Episode, Rollout};
 use crate::team::Team;
@@ -170,7 +170,15 @@ impl Training {
         let draws = (config.seed, updates * config.horizon as u64);
         let waited = collector.collect(lanes, &state.team.actor, rollout, draws, interrupted)?;
         let learn_begin = Instant::now();
-        let stats = ppo.update(&mut state.team, rollout, config, updates, state.progress.steps)?;
+        let before = state.team.clone();
+        let stats = ppo.update(&mut state.team, rollout, config, updates, state.progress.steps, interrupted);
+        let stats = stats.map_err(|error| match error {
+            UpdateError::Diverged(diverged) => TrainError::Diverged(diverged),
+            UpdateError::Interrupted => {
+                state.team = before;
+                TrainError::Client(ClientError::Interrupted)
+            }
+        })?;
         let (learnt, elapsed) = (learn_begin.elapsed(), begin.elapsed());
         state.actions.extend_from_slice(&rollout.actions);
         state.recent.extend_from_slice(&rollout.episodes);

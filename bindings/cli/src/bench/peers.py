@@ -18,7 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -257,11 +257,19 @@ def describe(peer: Peer) -> dict[str, Any]:
     except ImportError as error:
         return {"missing": str(error)}
     return {
-        "versions": ", ".join(f"{package} {version(package)}" for package in packages),
+        "versions": ", ".join(f"{package} {version_of(package)}" for package in packages),
         "scenarios": peer.scenarios() if peer.scenarios else None,
         "configurations": peer.configurations,
         "processes": len(CORES) if peer.one_process_per_core else 1,
     }
+
+
+def version_of(package: str) -> str:
+    """The version of a package; of one that was built in place, without metadata, it is not known."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def rate(step: Step, seconds: float) -> float:

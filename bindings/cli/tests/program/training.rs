@@ -97,6 +97,47 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
+/// An update of a large network takes long. It did not react at all, not even to a second signal.
+#[test]
+fn ctrl_c_ends_an_update() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    // Several seconds per update, in which the log stays empty.
+    let large = "--num-envs 64 --horizon 256 --epochs 100 --hidden 512,512 --threads 1 --seed 1";
+    let mut command = program(folder, &format!("train 3m --steps 100000000 --out run {large}"));
+    let mut child =
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let run = folder.join("run/run.json");
+    while !run.exists() {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_secs(2)); // the rollout takes a part of a second
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("a signal");
+    let begin = std::time::Instant::now();
+    while child.try_wait().expect("a child").is_none() {
+        assert!(begin.elapsed() < Duration::from_secs(15), "the program does not react");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let done = child.wait_with_output().expect("an end");
+    let printed = String::from_utf8_lossy(&done.stdout);
+    assert!(done.status.success() && printed.ends_with("interrupted; resume with --resume\n"), "{done:?}");
+    let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
+    assert_eq!(log, "", "it was to be interrupted in the first update");
+    output(folder, "evaluate run --episodes 5"); // the weights of before the update
+}
+
+/// The folder of a run whose first checkpoint could not be written was no run, and could not become one.
+#[test]
+fn a_run_that_could_not_begin_can_be_begun_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::create_dir_all(folder.join("run/checkpoint.safetensors")).expect("a folder in the way");
+    check_error(folder, &format!("train 3m --steps 100 --out run {SMALL}"), 1, "checkpoint.safetensors");
+    fs::remove_dir(folder.join("run/checkpoint.safetensors")).expect("no folder in the way");
+    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+}
+
 #[test]
 fn errors_say_what_is_accepted() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -56,7 +56,7 @@ fn right_actions_become_more_probable() {
         let mut stats = UpdateStats::default();
         for update in 0..20 {
             let rollout = play(&team, &config, update);
-            stats = ppo.update(&mut team, &rollout, &config, update, 0).unwrap();
+            stats = ppo.update(&mut team, &rollout, &config, update, 0, &mut || false).unwrap();
         }
         let share = share_of_right_actions(&play(&team, &config, 20));
         assert!(share > 0.9, "{algorithm:?}: {share}, {stats:?}");
@@ -71,7 +71,7 @@ fn the_number_of_threads_changes_no_bit() {
     let rollout = play(&first, &config, 0);
     let train = |threads| {
         let mut team = first.clone();
-        let stats = Ppo::new(threads).update(&mut team, &rollout, &config, 0, 0).unwrap();
+        let stats = Ppo::new(threads).update(&mut team, &rollout, &config, 0, 0, &mut || false).unwrap();
         (team, stats)
     };
     assert_eq!(train(1), train(5));
@@ -84,11 +84,13 @@ fn an_observation_that_is_no_number_is_reported() {
     let mut team = Team::new(&config, SIZES);
     let mut rollout = play(&team, &config, 0);
     rollout.obs[0] = f32::NAN;
-    let error = Ppo::new(1).update(&mut team, &rollout, &config, 7, 0).unwrap_err().to_string();
+    let error = Ppo::new(1).update(&mut team, &rollout, &config, 7, 0, &mut || false).unwrap_err();
+    let UpdateError::Diverged(error) = error else { panic!("{error:?}") };
+    let error = error.to_string();
     assert!(error.contains("the gradient of the actor is not finite in update 7"), "{error}");
     let mut rollout = play(&team, &config, 0);
     rollout.rewards[3] = f32::INFINITY;
-    assert!(Ppo::new(1).update(&mut team, &rollout, &config, 7, 0).is_err());
+    assert!(Ppo::new(1).update(&mut team, &rollout, &config, 7, 0, &mut || false).is_err());
 }
 
 #[test]
@@ -98,7 +100,7 @@ fn a_rollout_without_choices_trains_the_critic_alone() {
     let mut rollout = play(&first, &config, 0);
     rollout.masks.chunks_exact_mut(WIDTH).for_each(|mask| mask[1..].fill(0));
     let mut team = first.clone();
-    Ppo::new(1).update(&mut team, &rollout, &config, 0, 0).unwrap();
+    Ppo::new(1).update(&mut team, &rollout, &config, 0, 0, &mut || false).unwrap();
     assert_eq!(team.actor, first.actor);
     assert_ne!(team.critic.params, first.critic.params);
 }
