@@ -182,7 +182,8 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
         batch.field::<u8>(Field::Snapshot).map(<[u8]>::to_vec).unwrap_or_default()
     };
     let (good, longer, foreign) = (records(&mut learner), records(&mut history), records(&mut other));
-    (records(&mut same), records(&mut none));
+    records(&mut same);
+    records(&mut none);
     let refusal = |learner: &mut Learner, records: &[u8], expected: &str| {
         let sent = learner.client().send_restore(records, None, None, WaitOptions::forever());
         let error = match sent {

@@ -3,14 +3,15 @@
     python bindings/examples/planning.py 3s_vs_4z                                # beam search
     python bindings/examples/planning.py 3m --method mcts --steps 300000
 
-Both look for one good episode. Copies of a battle have its execution orders, so a plan leads again to what it led
-to: at the end it is played once more, and the returns are compared.
+Both look for one good episode. Copies of a battle have its execution orders, so a plan leads again to what
+it led to: at the end it is played once more, and the returns are compared.
 
-- Beam search keeps the best states of each time step, tries joint actions in all of them, and keeps the best of what
-  they lead to. When the episode is over it begins again, for as long as there are steps to spend.
-- Tree search (MCTS) goes step by step: from the present state it grows a tree, and then plays the action that it
-  visited most. There are too many joint actions to try all, so a node gets another child only as its visits grow
-  (progressive widening). A new node is valued by some steps of a scripted policy.
+- Beam search keeps the best states of each time step, tries joint actions in all of them, and keeps the
+  best of what they lead to. When the episode is over it begins again, for as long as there are steps to
+  spend.
+- Tree search (MCTS) goes step by step: from the present state it grows a tree, and then plays the action
+  that it visited most. There are too many joint actions to try all, so a node gets another child only as
+  its visits grow (progressive widening). A new node is valued by some steps of a scripted policy.
 
 The joint actions that they try are those of the scripted policy, in which some agents do something random.
 """
@@ -59,7 +60,7 @@ class Score:
         self.health = slice(allies["start"], allies["start"] + agents * features, features)
 
     def __call__(self, batch: sp.Batch) -> NDArray[np.float64]:
-        health = batch.state[:, self.health].mean(1)
+        health: NDArray[np.float64] = batch.state[:, self.health].mean(1, dtype=np.float64)
         return batch.episode_return + HEALTH_WEIGHT * health + WIN_BONUS * batch.battle_won
 
 

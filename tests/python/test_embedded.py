@@ -241,8 +241,8 @@ time.sleep(0.3)
     ],
 )
 def test_a_call_in_a_destructor_at_the_exit_is_an_error(begin: str, end: str, error: str) -> None:
-    """The exception classes were imported when they were first raised. At the exit nothing can be imported any
-    more: a Rust panic in the destructor ended the process by SIGABRT."""
+    """The exception classes were imported when they were first raised. At the exit nothing can be imported
+    any more: a Rust panic in the destructor ended the process by SIGABRT."""
     done = run_script(f"""
 import smaclite_pool as sp
 class Held:

@@ -60,9 +60,7 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
         with pytest.raises(sp.InvalidRequest, match="steps must be at least 1, got 0"):
             sp.Rollout(envs, 0)
     with sp.make("3m", 4, batch_size=2) as envs:
-        with pytest.raises(
-            sp.InvalidRequest, match="batch_size must be num_envs=4, got 2"
-        ):
+        with pytest.raises(sp.InvalidRequest, match="batch_size must be num_envs=4, got 2"):
             sp.Rollout(envs, 5)
 
 

@@ -35,6 +35,7 @@ mod web;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
+use smaclite_units::file::printable_text;
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -126,7 +127,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
-            let _ = error.print(); // fails only if the output is closed
+            print_usage_error(&error, args);
             return error.exit_code();
         }
     };
@@ -135,7 +136,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         Ok(()) => 0,
         Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
         Err(error) => {
-            eprintln!("smaclite-pool: {error}");
+            eprintln!("smaclite-pool: {}", printable_text(&error.to_string()));
             1
         }
     }
@@ -164,6 +165,16 @@ impl Command {
             Command::Completions(completions) => completions.run(program),
             Command::Man(man) => man.run(),
         }
+    }
+}
+
+/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is closed.
+fn print_usage_error(error: &clap::Error, args: &[OsString]) {
+    let is_printable = |arg: &OsString| arg.to_str().is_some_and(|text| printable_text(text) == text);
+    if args.iter().all(is_printable) {
+        let _ = error.print();
+    } else {
+        eprint!("{}", printable_text(&error.to_string()));
     }
 }
 

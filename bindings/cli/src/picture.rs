@@ -1,6 +1,7 @@
 //! Options of pictures, for the commands that draw.
 
 use clap::ValueEnum;
+use smaclite_units::file::write_whole;
 use smaclite_view::{Picture, Theme};
 use std::error::Error;
 use std::io::Write;
@@ -53,16 +54,12 @@ impl From<ThemeName> for Theme {
     }
 }
 
-/// Writes a file; errors name it.
-pub(crate) fn write_file<E: Error + 'static>(
+/// Writes a file whole or not at all; errors name it.
+pub(crate) fn write_file<E: Error + From<std::io::Error> + 'static>(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), E>,
 ) -> Result<(), Box<dyn Error>> {
-    let failed = |error: &dyn Error| format!("{}: {error}", path.display());
-    let file = std::fs::File::create(path).map_err(|error| failed(&error))?;
-    let mut output = std::io::BufWriter::new(file);
-    write(&mut output).map_err(|error| failed(&error))?;
-    Ok(output.flush().map_err(|error| failed(&error))?)
+    Ok(write_whole(path, write).map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
 #[cfg(test)]

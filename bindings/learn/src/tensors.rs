@@ -3,9 +3,9 @@
 use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use smaclite_units::file::write_whole;
 use std::fs;
-use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// More than any file of a run has; a larger one is not read.
@@ -82,19 +82,10 @@ pub(crate) fn encode(arrays: &[Array]) -> Result<Vec<u8>, SafeTensorError> {
     safetensors::serialize(views, None)
 }
 
-/// Writes a file whole or not at all: under another name, which replaces the old file when it is complete.
+/// Writes a file whole or not at all.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || -> io::Result<()> {
-        // Temporary files are private by default; those of a run are as the user's other files.
-        let permissions = fs::Permissions::from_mode(0o666);
-        let mut file = tempfile::Builder::new().permissions(permissions).tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().map_err(|source| FileError::Write { path: path.to_owned(), source })
+    write_whole(path, |output| output.write_all(bytes))
+        .map_err(|source| FileError::Write { path: path.to_owned(), source })
 }
 
 /// Reads a file, if it is a regular one of a plausible size.

@@ -221,6 +221,7 @@ fn wrong_values_are_named() {
     check("/version", 2.into(), "f: `version` must be 1, got 2; it was written by smaclite-pool");
     check("/rules", "house".into(), "f: `rules` must be \"smaclite\" or \"paper\", got house");
     check("/episode_limit", 0.into(), "`episode_limit` must be at least 1");
+    check("/episode_limit", 3.into(), "`episodes[0].steps` must be at most 3, the `episode_limit`");
     check("/episodes/0/draws", (-1).into(), "invalid value: integer `-1`");
     check("/episodes/0/steps", 0.into(), "`episodes[0].steps` must be at least 1, got 0");
     check(
@@ -235,6 +236,10 @@ fn wrong_values_are_named() {
     check("/episodes/0/seed", json!({"more": 1}), "invalid type");
     let expected = "scenario of the replay: scenarios/data/3m.json:1:1: `name` is missing";
     check("/scenario/text", "{}".into(), expected);
+    let mut hostile = original.clone();
+    (hostile["scenario"]["file"], hostile["scenario"]["text"]) = ("\u{1b}[31mX".into(), "{}".into());
+    let error = Replay::from_bytes(&gzip(hostile.to_string().as_bytes()), "f").unwrap_err().to_string();
+    assert!(error.contains("scenario of the replay: ?[31mX:1:1"), "{error:?}");
     let unknown = original["scenario"]["text"].as_str().unwrap().replace("MARINE", "GHOST");
     let expected = "GHOST` is neither a standard unit type nor a unit file (tried 0 unit files in memory)";
     check("/scenario/text", unknown.into(), expected);

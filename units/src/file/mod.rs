@@ -10,6 +10,7 @@ mod key;
 mod node;
 mod problem;
 mod shown;
+mod write;
 
 pub use hint::did_you_mean;
 pub use key::{
@@ -18,7 +19,8 @@ pub use key::{
 };
 pub use node::{Document, Node, Object};
 pub use problem::{Problem, Problems, Report, Reported};
-pub use shown::{shortened, shown_path};
+pub use shown::{printable_text, shortened, shown_path};
+pub use write::write_whole;
 
 use rustix::fs::{Mode, OFlags};
 use std::fs::File;

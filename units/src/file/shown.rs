@@ -32,6 +32,23 @@ pub fn shown_path(path: &Path) -> String {
     if cut > 0 { format!("...{end}") } else { end }
 }
 
+/// The text without what would change a terminal or the order of what it shows: control characters but line feeds,
+/// and the controls of writing directions. Everything that comes from files and arguments is printed by way of
+/// this.
+///
+/// ```
+/// use smaclite_units::file::printable_text;
+///
+/// assert_eq!(printable_text("\u{1b}[31mred\nnext\u{202e}"), "?[31mred\nnext?");
+/// ```
+pub fn printable_text(text: &str) -> String {
+    text.chars().map(|c| if c == '\n' { c } else { printable(c) }).collect()
+}
+
 fn printable(c: char) -> char {
-    if c.is_control() { '?' } else { c }
+    const DIRECTIONS: [char; 3] = ['\u{200e}', '\u{200f}', '\u{61c}'];
+    let is_direction = DIRECTIONS.contains(&c)
+        || ('\u{202a}'..='\u{202e}').contains(&c)
+        || ('\u{2066}'..='\u{2069}').contains(&c);
+    if c.is_control() || is_direction { '?' } else { c }
 }

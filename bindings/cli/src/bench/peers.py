@@ -44,7 +44,6 @@ class Peer(NamedTuple):
 
 
 def import_published() -> list[str]:
-    import smaclite as _  # registers its scenarios
 
     return ["smaclite", "gymnasium", "numpy", *(["pyrvo2"] if has_addon() else [])]
 
@@ -84,7 +83,6 @@ def make_published(scenario: str) -> list[Configuration]:
 
 
 def import_smax() -> list[str]:
-    import jaxmarl as _
 
     return ["jaxmarl", "jax"]
 
@@ -143,7 +141,6 @@ def smax_configuration(scenario: str, num_envs: int) -> Configuration:
 
 
 def import_envpool() -> list[str]:
-    import envpool as _
 
     return ["envpool", "gymnasium", "numpy"]
 
@@ -173,8 +170,6 @@ def envpool_step(batch_size: int) -> Step:
 
 
 def import_pufferlib() -> list[str]:
-    import pufferlib as _
-    import pufferlib.vector as _
 
     return ["pufferlib", "numpy"]
 

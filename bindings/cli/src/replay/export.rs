@@ -5,6 +5,7 @@ use super::super::picture::write_file;
 use smaclite_scenarios::Scenario;
 use smaclite_view::{Moment, Options, Picture, Renderer, write_apng, write_gif};
 use std::io::{ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -76,15 +77,21 @@ pub(super) fn write(
 }
 
 fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -> CommandResult {
-    std::fs::create_dir(folder).map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => format!("{}: exists; --to must be a new folder", folder.display()),
-        _ => format!("{}: {error}", folder.display()),
-    })?;
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    if folder.exists() {
+        return Err(format!("{}: exists; --to must be a new folder", folder.display()).into());
+    }
+    // Whole or not at all: in another folder, which gets the name at the end.
+    let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let permissions = std::fs::Permissions::from_mode(0o777);
+    let partial = tempfile::Builder::new().permissions(permissions).tempdir_in(parent).map_err(failed)?;
     let digits = frames.len().to_string().len();
     for (i, frame) in frames.enumerate() {
-        let file = folder.join(format!("{i:0digits$}.png"));
+        let file = partial.path().join(format!("{i:0digits$}.png"));
         write_file(&file, |output| frame.write_png(output))?;
     }
+    std::fs::rename(partial.path(), folder).map_err(failed)?;
+    let _ = partial.keep(); // it has another name now
     Ok(())
 }
 
@@ -95,8 +102,12 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     command.args(["-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
     // Players need yuv420p, and that needs even sides.
     command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
+    let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let permissions = std::fs::Permissions::from_mode(0o666);
+    let partial = tempfile::Builder::new().suffix(".mp4").permissions(permissions).tempfile_in(folder);
+    let partial = partial.map_err(|error| format!("{}: {error}", to.display()))?.into_temp_path();
     let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
-    file.push(to);
+    file.push(&partial);
     let child = command.arg(file).stdin(Stdio::piped()).stdout(Stdio::null()).spawn();
     let mut child = child.map_err(|error| match error.kind() {
         ErrorKind::NotFound => "an MP4 file needs the program ffmpeg, which is not installed; \
@@ -110,7 +121,7 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     } // ffmpeg ends when its input is closed
     let status = child.wait()?;
     match (status.success(), written) {
-        (true, Ok(())) => Ok(()),
+        (true, Ok(())) => Ok(partial.persist(to).map_err(|error| format!("{}: {error}", to.display()))?),
         (true, Err(error)) => Err(format!("ffmpeg: {error}").into()),
         (false, _) => Err(format!("{}: ffmpeg failed ({status}); it says above why", to.display()).into()),
     }

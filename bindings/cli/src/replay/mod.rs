@@ -3,7 +3,7 @@
 mod export;
 
 use super::CommandResult;
-use super::picture::{Size, ThemeName};
+use super::picture::{Size, ThemeName, write_file};
 use clap::Args;
 use export::Format;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
@@ -57,7 +57,7 @@ impl Replay {
         match (&self.to, format) {
             (Some(to), Some(Format::Page)) => {
                 let page = smaclite_view::export_html(&replay).map_err(|error| format!("{file}: {error}"))?;
-                std::fs::write(to, page).map_err(|error| format!("{}: {error}", to.display()))?;
+                write_file(to, |output| output.write_all(page.as_bytes()))?;
             }
             (Some(to), Some(format)) => self.animate(&replay, to, format)?,
             _ => self.print_summary(&replay)?,

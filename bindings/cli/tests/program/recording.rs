@@ -49,6 +49,45 @@ fn a_recording_is_reproduced() {
     }
 }
 
+/// A pipe was opened, and the program waited for whoever would write to it.
+#[test]
+fn a_pipe_is_no_replay() {
+    let folder = tempfile::tempdir().expect("a folder");
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        folder.path().join("pipe"),
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::RUSR,
+        0,
+    )
+    .expect("a pipe");
+    check_error(folder.path(), "replay pipe", 1, "it is not a regular file");
+}
+
+/// Escapes in names reach no terminal, and a failed export leaves what was there.
+#[test]
+fn errors_are_printable_and_leave_old_files() {
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    let printed = crate::kit::error(folder, "show \u{1b}[31mred\u{202e}", 1);
+    assert!(printed.contains("?[31mred?"), "{printed:?}");
+    let printed = crate::kit::error(folder, "serve \u{1b}[2Jx=3m:1=", 1);
+    assert!(!printed.contains('\u{1b}'), "{printed:?}");
+    for name in ["a.gif", "a.apng", "a.html", "a.png"] {
+        fs::write(folder.join(name), "old").expect("a file");
+        // Files of this process may not grow, as on a full disk.
+        let limited = format!(
+            "ulimit -f 1; trap '' XFSZ; exec {} replay 3m.smreplay --to {name}",
+            env!("CARGO_BIN_EXE_smaclite-pool")
+        );
+        let done = std::process::Command::new("sh").args(["-c", &limited]).current_dir(folder).output();
+        assert!(!done.expect("a shell").status.success(), "{name}");
+        assert_eq!(fs::read_to_string(folder.join(name)).expect("the file"), "old");
+    }
+    let left = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name());
+    assert!(!left.into_iter().any(|name| name.to_string_lossy().starts_with(".tmp")), "a half file is left");
+}
+
 #[test]
 fn a_replay_becomes_pages_animations_and_pictures() {
     let (folder, _) = recorded();
@@ -134,7 +173,7 @@ fn what_cannot_be_replayed_is_an_error() {
     fs::create_dir(folder.join("full")).expect("a folder");
     error("replay 3m.smreplay --to full", 1, "full: exists; --to must be a new folder");
     fs::create_dir(folder.join("folder.gif")).expect("a folder");
-    error("replay 3m.smreplay --to folder.gif", 1, "folder.gif: Is a directory");
+    error("replay 3m.smreplay --to folder.gif", 1, "folder.gif: cannot write the picture: Is a directory");
 
     let bytes = fs::read(folder.join("3m.smreplay")).expect("the replay");
     fs::write(folder.join("short.smreplay"), &bytes[..bytes.len() / 2]).expect("a file");

@@ -143,16 +143,16 @@ class EnvPool:
     def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
         """Send actions to environments and return at once.
 
-        `action`: integers [K, n_agents]. `env_id`: integers [K]; None for all environments in order. If an action
-        is not available, nothing is stepped, and the next `recv` raises IllegalAction.
+        `action`: integers [K, n_agents]. `env_id`: integers [K]; None for all environments in order. If an
+        action is not available, nothing is stepped, and the next `recv` raises IllegalAction.
         """
         self._envs.send(action, env_id)
 
     def recv(self, timeout: float | None = None) -> Step:
         """Wait for the next batch: the `batch_size` environments that finish first, see `info["env_id"]`.
 
-        Raises Timeout after `timeout` seconds; None waits without a limit. Raises IllegalAction if an action that
-        was sent is not available; nothing was stepped then.
+        Raises Timeout after `timeout` seconds; None waits without a limit. Raises IllegalAction if an action
+        that was sent is not available; nothing was stepped then.
         """
         batch = self._envs.recv(timeout)
         obs, info = self._decode(batch)

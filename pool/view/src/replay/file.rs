@@ -14,6 +14,7 @@ use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{BattleSetup, Rules, StreamPosition};
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
+use smaclite_units::file::{printable_text, shortened, write_whole};
 
 use super::{Episode, Outcome, Replay, ReplayError};
 
@@ -109,7 +110,8 @@ impl Replay {
             ReplayError::TooLarge { max, unit, .. } => ReplayError::TooLarge { file: file(), max, unit },
             other => other,
         })?;
-        std::fs::write(path, bytes).map_err(|error| ReplayError::Io { file: file(), error })
+        write_whole(path, |output| output.write_all(&bytes))
+            .map_err(|error| ReplayError::Io { file: file(), error })
     }
 
     /// Reads the bytes of a replay file; `source` is what error messages call it.
@@ -186,13 +188,16 @@ impl Document {
         let rules = Rules::from_str(&self.rules)
             .map_err(|_| check.invalid("rules", "\"smaclite\" or \"paper\"", &self.rules))?;
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
-        let files = ScenarioFiles { source: file, text, unit_files };
+        let files = ScenarioFiles { source: printable_text(&file), text, unit_files };
         let setup = BattleSetup { files, rules, episode_limit: self.episode_limit.into() };
         let mut replay = Replay::new(setup, shortened(&self.program))?;
         let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
         for (i, episode) in self.episodes.into_iter().enumerate() {
             let check = Check { file: source, key: format!("episodes[{i}].") };
-            replay.episodes.push(episode.episode(&check, n_agents, n_actions)?);
+            let episode = episode.episode(&check, n_agents, n_actions)?;
+            let (steps, limit) = (episode.outcome.steps, self.episode_limit.unwrap_or(u32::MAX));
+            check.that(steps <= limit, "steps", &format!("at most {limit}, the `episode_limit`"), steps)?;
+            replay.episodes.push(episode);
         }
         Ok(replay)
     }
@@ -280,10 +285,11 @@ impl Check<'_> {
 }
 
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
-    let file = File::open(path)?;
-    if !file.metadata()?.is_file() {
+    // Before it is opened: to open a pipe is to wait for whoever writes to it.
+    if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::other("it is not a regular file"));
     }
+    let file = File::open(path)?;
     let mut bytes = Vec::new();
     // One byte over the limit detects a file that is larger.
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes)?;
@@ -313,9 +319,4 @@ fn inflate(bytes: &[u8], source: &str) -> Result<Vec<u8>, ReplayError> {
         0 => Ok(json),
         surplus => Err(not_a_replay(format!("{surplus} bytes follow the compressed data"))),
     }
-}
-
-/// The beginning of a text from a file, for messages.
-fn shortened(text: &str) -> String {
-    text.chars().filter(|c| !c.is_control()).take(100).collect()
 }

@@ -5,10 +5,8 @@ use crate::new::default_scenario;
 use crate::web::protocol::{OpenedFiles, SaveFiles, SavedFiles};
 use serde_json::Value;
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
-use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path};
+use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path, write_whole};
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -176,7 +174,7 @@ impl Target {
         }
         let mut saved = Vec::new();
         for (path, text) in changed {
-            write_whole(&path, text).map_err(|error| TargetError::Io(shown_path(&path), error))?;
+            write_text(&path, text).map_err(|error| TargetError::Io(shown_path(&path), error))?;
             saved.push(shown_path(&path));
             known.texts.insert(path, text.clone());
         }
@@ -219,26 +217,11 @@ fn read(path: &Path, max_bytes: u64) -> Result<String, Problems> {
     report.finish(text)
 }
 
-/// Writes a file by way of another one in its folder, so that an error leaves the old content.
-fn write_whole(path: &Path, text: &str) -> std::io::Result<()> {
-    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned()); // a link stays a link
+/// Writes a file whole or not at all, in a folder that may be new.
+fn write_text(path: &Path, text: &str) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
-    let name = path.file_name().ok_or(ErrorKind::InvalidFilename)?.to_string_lossy().into_owned();
-    let new = folder.join(format!(".{name}.{}.new", std::process::id()));
-    let written = (|| {
-        let mut file = File::options().write(true).create_new(true).open(&new)?;
-        if let Ok(metadata) = path.metadata() {
-            file.set_permissions(metadata.permissions())?;
-        }
-        file.write_all(text.as_bytes())?;
-        file.sync_all()?;
-        std::fs::rename(&new, &path)
-    })();
-    if written.is_err() {
-        let _ = std::fs::remove_file(&new);
-    }
-    written
+    write_whole(path, |output| output.write_all(text.as_bytes()))
 }
 
 #[cfg(test)]
