@@ -2,7 +2,7 @@
 //! and carry out their orders. Which environments are left is in `work`, where idle workers wait in `parking`;
 //! ARCHITECTURE.md, "Scheduling", has the picture.
 
-use crate::episode_log::{EpisodePart, LogCursor};
+use crate::episode_log::{EpisodePart, FollowError, FollowerId};
 use crate::lane::{Accepted, Lane, LaneSpec, LaneStats, panic_text};
 use crate::parking::{Parking, Searching, Source};
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
@@ -112,29 +112,39 @@ impl<T: Transport> Pool<T> {
         self.lane(lane).set_session(session);
     }
 
-    /// Adds a follower to an environment, which from now on keeps a log of its episodes; `false` if the
-    /// environment cannot be followed.
+    /// Adds a follower to environments, which from now on keep logs of their episodes. No follower and no
+    /// environment may be given twice.
+    ///
+    /// # Errors
+    /// If they are no battles, or too many; then nothing has changed.
     ///
     /// # Panics
     /// If there is no such lane or environment.
-    pub fn follow(&self, lane: usize, env: usize) -> bool {
-        self.lane(lane).follow(env)
+    pub fn follow(&self, lane: usize, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
+        self.lane(lane).follow(envs, follower)
     }
 
     /// Removes a follower of an environment.
     ///
     /// # Panics
     /// As [`follow`](Pool::follow).
-    pub fn unfollow(&self, lane: usize, env: usize) {
-        self.lane(lane).unfollow(env);
+    pub fn unfollow(&self, lane: usize, env: usize, follower: FollowerId) {
+        self.lane(lane).unfollow(env, follower);
     }
 
-    /// What a followed environment did since `cursor`, which moves on.
+    /// What an environment did since the follower's last call, until `budget` bytes are used up; if that is 0
+    /// afterwards, there may be more.
     ///
     /// # Panics
     /// As [`follow`](Pool::follow).
-    pub fn read_log(&self, lane: usize, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        self.lane(lane).read_log(env, cursor)
+    pub fn read_log(
+        &self,
+        lane: usize,
+        env: usize,
+        follower: FollowerId,
+        budget: &mut usize,
+    ) -> Vec<EpisodePart> {
+        self.lane(lane).read_log(env, follower, budget)
     }
 
     /// A lane's statistics.

@@ -11,7 +11,7 @@ pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::MakeEnvironment;
-use crate::episode_log::{EpisodePart, LogCursor};
+use crate::episode_log::{EpisodePart, FollowError, FollowerId, LogMemory};
 use crate::frames::{Frames, SlotClaim};
 use crate::hosted_env::HostedEnv;
 use crate::lane_settings::LaneSettings;
@@ -75,6 +75,7 @@ pub(crate) struct Lane<T: Transport> {
     accepts_itself: AtomicBool,
     failure: OnceLock<String>,
     counters: Counters,
+    logs: LogMemory,
 }
 
 impl<T: Transport> Lane<T> {
@@ -103,6 +104,7 @@ impl<T: Transport> Lane<T> {
             accepts_itself: AtomicBool::new(false),
             failure: OnceLock::new(),
             counters: Counters::default(),
+            logs: LogMemory::new(),
         })
     }
 
@@ -141,17 +143,24 @@ impl<T: Transport> Lane<T> {
         self.accepts_itself.load(Ordering::Acquire)
     }
 
-    /// Adds a follower to an environment; `false` if it cannot be followed.
-    pub(crate) fn follow(&self, env: usize) -> bool {
-        lock(&self.envs[env]).follow()
+    /// Adds a follower to environments.
+    pub(crate) fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
+        if let Some(&env) = envs.first() {
+            let state = lock(&self.envs[env]).env.save().ok_or(FollowError::NoBattle)?;
+            self.logs.check(envs.len(), &state)?;
+        }
+        envs.iter().for_each(|&env| lock(&self.envs[env]).follow(follower, &self.logs));
+        // More logs share the same memory.
+        self.envs.iter().for_each(|env| lock(env).trim_log());
+        Ok(())
     }
 
-    pub(crate) fn unfollow(&self, env: usize) {
-        lock(&self.envs[env]).unfollow();
+    pub(crate) fn unfollow(&self, env: usize, follower: FollowerId) {
+        lock(&self.envs[env]).unfollow(follower);
     }
 
-    pub(crate) fn read_log(&self, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        lock(&self.envs[env]).read_log(cursor)
+    pub(crate) fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+        lock(&self.envs[env]).read_log(follower, budget)
     }
 
     pub(crate) fn stats(&self) -> LaneStats {
