@@ -214,7 +214,8 @@ impl EpisodeLog {
     /// Drops the oldest episodes while the log uses more than its share of the memory.
     pub(crate) fn trim(&mut self) {
         while self.episodes.len() > 1 && self.bytes > self.memory.share() {
-            if let Some(oldest) = self.episodes.front() {
+            // An episode without steps is no loss.
+            if let Some(oldest) = self.episodes.front().filter(|episode| !episode.actions.is_empty()) {
                 let late = self.readers.iter_mut().filter(|reader| !reader.has_read(oldest, self.n_agents));
                 late.for_each(|reader| reader.lost += 1);
             }
