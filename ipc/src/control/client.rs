@@ -4,6 +4,7 @@
 use super::protocol::{
     ControlRequest, ControlResponse, MAX_RESPONSE, Message, PROTOCOL_VERSION, RELEASE, Sender, release_text,
 };
+use crate::error::remedy;
 use crate::name::{NameError, check_name};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
@@ -57,7 +58,7 @@ pub enum ControlSocketError {
     Gone { pool: String },
     #[error("pool `{pool}` closed the connection without an answer: too many idle ones are open; try again")]
     Closed { pool: String },
-    #[error("pool `{pool}` cannot be reached through {}: {source}", socket.display())]
+    #[error("pool `{pool}` cannot be reached through {}: {source}{}", socket.display(), remedy(source))]
     Unreachable { pool: String, socket: PathBuf, source: std::io::Error },
     #[error("pool `{pool}` sent a response that this release does not know ({source}); run the same release")]
     UnknownResponse { pool: String, source: serde_json::Error },
