@@ -244,7 +244,8 @@ impl Reader {
         let (read, step_bytes) = (read.unwrap_or(0), n_agents * size_of::<u16>());
         let steps = episode.actions.len() / n_agents;
         let end = steps.min(read + (*budget / step_bytes).max(1));
-        *budget = budget.saturating_sub((end - read) * step_bytes);
+        // What is too little for another step is no budget for the next episode.
+        *budget = if end < steps { 0 } else { budget.saturating_sub((end - read) * step_bytes) };
         (self.episode, self.steps) = (episode.number, Some(end));
         EpisodePart {
             number: episode.number,

@@ -127,28 +127,28 @@ fn an_episode_without_end_is_limited_too() {
 /// One answer carried everything that was not read: gigabytes.
 #[test]
 fn a_log_is_read_in_pieces() {
-    let mut log = log(&[FIRST], &LogMemory::new());
-    for steps in [1000, 1, 0, 500] {
-        play(&mut log, steps);
-        log.begin(start());
-    }
-    let (mut played, mut ends, mut starts, mut pieces) = (Vec::new(), Vec::new(), 0, 0);
-    loop {
-        let mut budget = 1000;
-        let parts = log.read(FIRST, &mut budget);
-        let bytes: usize = parts.iter().map(|part| part.actions.len() * 2).sum();
-        assert!(bytes <= 1000);
-        for part in parts {
-            starts += usize::from(part.start.is_some());
-            played.extend(std::iter::repeat_n(part.number, part.actions.len() / 3));
-            ends.extend(part.is_over.then_some(played.len()));
+    for size in (100..3000).step_by(7) {
+        let mut log = log(&[FIRST], &LogMemory::new());
+        for steps in [1000, 1, 0, 500] {
+            play(&mut log, steps);
+            log.begin(start());
         }
-        pieces += 1;
-        if budget > 0 {
-            break;
+        let (mut played, mut ends, mut starts) = (Vec::new(), Vec::new(), 0);
+        loop {
+            let mut budget = size;
+            let parts = log.read(FIRST, &mut budget);
+            let bytes: usize = parts.iter().map(|part| part.actions.len() * 2).sum();
+            assert!(bytes <= size);
+            for part in parts {
+                starts += usize::from(part.start.is_some());
+                played.extend(std::iter::repeat_n(part.number, part.actions.len() / 3));
+                ends.extend(part.is_over.then_some(played.len()));
+            }
+            if budget > 0 {
+                break;
+            }
         }
+        assert_eq!((starts, ends), (5, vec![1000, 1001, 1501]), "in pieces of {size} bytes");
+        assert_eq!(played.iter().filter(|number| **number == 3).count(), 500);
     }
-    assert!(pieces > 5);
-    assert_eq!((starts, ends), (5, vec![1000, 1001, 1501]));
-    assert_eq!(played.iter().filter(|number| **number == 3).count(), 500);
 }
