@@ -20,17 +20,13 @@ const MAX_EPISODES: usize = 1000;
 /// Episodes that `record=` of `make` and `connect` keeps.
 const DEFAULT_EPISODES: usize = 100;
 
-/// Receives what happened. What was received before a pool ended stays.
-fn read(recorder: &mut PoolRecorder, wait: WaitOptions<'_>) -> Result<(), ClientError> {
-    match recorder.read(wait) {
-        Err(ClientError::PoolDied { .. }) if recorder.n_complete() > 0 => Ok(()),
-        result => result,
-    }
-}
-
 /// Writes the newest episodes, unless there is none: then it returns `false`.
 fn save(recorder: &mut PoolRecorder, path: &Path, wait: WaitOptions<'_>) -> PyResult<bool> {
-    read(recorder, wait).map_err(client_error)?;
+    match recorder.read(wait) {
+        // What was received before the pool ended stays.
+        Err(ClientError::PoolDied { .. }) if recorder.n_complete() > 0 => {}
+        result => result.map_err(client_error)?,
+    }
     let replay = recorder.replay(true).map_err(|error| class::PoolError::new_err(error.to_string()))?;
     if replay.episodes().is_empty() {
         return Ok(false);
@@ -178,16 +174,16 @@ impl Recorder {
         Ok(Recorder { recorder: Mutex::new(Some(recorder.map_err(connect_error)?)) })
     }
 
-    /// Number of complete episodes that were received since the recorder began; it keeps the newest.
+    /// Number of complete episodes that were received since the recorder began; it keeps the newest. What was
+    /// received stays when the pool ends.
     ///
     /// Raises:
-    ///     PoolDied: the pool has ended, and no episode is complete.
     ///     PoolError: the pool did not answer within 10 seconds. Nothing is lost.
     #[getter]
     fn n_complete(&self, py: Python<'_>) -> PyResult<u64> {
-        self.with(py, |recorder, wait| {
-            read(recorder, wait).map_err(client_error)?;
-            Ok(recorder.n_complete())
+        self.with(py, |recorder, wait| match recorder.read(wait) {
+            Ok(()) | Err(ClientError::PoolDied { .. }) => Ok(recorder.n_complete()),
+            Err(error) => Err(client_error(error)),
         })
     }
 

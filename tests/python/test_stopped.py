@@ -78,7 +78,9 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
         "doctor": [],
     }[command]
     process = subprocess.Popen(
-        [sys.executable, "-m", "smaclite_pool", command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-m", "smaclite_pool", command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     time.sleep(1.5)
     process.send_signal(signal.SIGTERM)
