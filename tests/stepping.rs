@@ -164,7 +164,7 @@ fn frames_have_only_the_chosen_fields() {
         run(&mut learner, &plan, 60).expect("frames as in the reference");
         let batch = learner.step(TIMEOUT).expect("a step");
         let names: Vec<_> = batch.layout().fields().iter().map(|f| f.spec().name).collect();
-        let mut expected = vec!["env_id", "obs", "reward", "terminated", "truncated"];
+        let mut expected = vec!["env_id", "obs", "reward", "terminated", "truncated", "was_reset"];
         expected.extend((autoreset == Autoreset::SameStep).then_some("final_obs"));
         assert_eq!(names, expected);
         assert!(batch.field::<f32>(Field::State).is_none());

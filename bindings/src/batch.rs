@@ -1,7 +1,6 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
 use crate::views::{self, Frame};
-use numpy::PyArray1;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -81,16 +80,6 @@ impl Batch {
         self.specs().map(|spec| spec.name).collect()
     }
 
-    /// Which steps only reset their environment, bool [M]: actions were ignored and the reward is 0, so leave
-    /// these out of learning. True after `reset`, and with next-step autoreset in the step after the last one
-    /// of an episode. Computed from `episode_length`.
-    #[getter]
-    fn was_reset<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let was_reset = self.received.was_reset();
-        let was_reset = was_reset.ok_or_else(|| missing_field_error(Field::EpisodeLength))?;
-        Ok(PyArray1::from_iter(py, was_reset))
-    }
-
     /// Return this batch with other arrays in some fields, for wrappers; nothing is copied.
     ///
     /// Args:
@@ -121,14 +110,11 @@ impl Batch {
 
     /// Called where there is no attribute of that name, and where its getter raised AttributeError.
     fn __getattr__(&self, name: &str) -> PyResult<Py<PyAny>> {
-        let absent = match name {
-            "was_reset" => Some(Field::EpisodeLength),
-            _ => FIELDS.iter().find(|spec| spec.name == name).map(|spec| spec.field),
-        };
+        let absent = FIELDS.iter().find(|spec| spec.name == name).map(|spec| spec.field);
         Err(match absent {
             Some(field) => missing_field_error(field),
             None => PyAttributeError::new_err(format!(
-                "a batch has no `{name}`; its fields are {}, was_reset",
+                "a batch has no `{name}`; its fields are {}",
                 self.keys().join(", ")
             )),
         })
@@ -176,6 +162,7 @@ fn docstring(spec: &FieldSpec) -> String {
         Axis::Obs => ", obs_size",
         Axis::State => ", state_size",
         Axis::Action => ", n_actions",
+        Axis::Snapshot => ", snapshot_size",
     };
     let axes: String = spec.axes.iter().map(axis).collect();
     format!("{} [M{axes}]: {}. Read-only, in place.", spec.dtype.name(), spec.meaning)

@@ -1,5 +1,5 @@
-//! Conversion of Python arguments: arrays, integers, timeouts and names. Arrays of the right type are read in
-//! place. Every error names the argument, what was expected and what was passed.
+//! Conversion of Python arguments: arrays, integers, timeouts and names. Arrays of the right type are not
+//! copied before they are used. Every error names the argument, what was expected and what was passed.
 
 use crate::errors::invalid_request;
 use numpy::{
@@ -183,6 +183,33 @@ impl smaclite_ipc::Actions for Actions<'_> {
     }
 }
 
+/// Rows of bytes, as `restore` takes them.
+pub type Snapshots<'py> = PyReadonlyArrayDyn<'py, u8>;
+
+/// Converts the argument `snapshots` of `restore`: uint8 `[k, size]`, or `[size]` for one.
+pub fn snapshots<'py>(arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
+    let py = arg.py();
+    let array = py.import("numpy")?.call_method1("ascontiguousarray", (arg,))?;
+    let Ok(array) = array.cast::<PyArrayDyn<u8>>() else {
+        let got = array.getattr("dtype")?;
+        return Err(PyTypeError::new_err(format!(
+            "snapshots must be a uint8 array, such as rows of `batch.snapshot`, got {got}"
+        )));
+    };
+    Ok(array.try_readonly()?)
+}
+
+/// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is one.
+pub fn reseeding(rng: &str, seed: Option<IntArg>) -> PyResult<Option<u64>> {
+    match (rng, seed) {
+        ("keep", None) => Ok(None),
+        ("keep", Some(_)) => Err(invalid_request("a seed needs rng=\"reseed\"")),
+        ("reseed", Some(seed)) => to_unsigned("seed", seed).map(Some),
+        ("reseed", None) => Err(invalid_request("rng=\"reseed\" needs a seed")),
+        _ => Err(invalid_request(format!("rng must be \"keep\" or \"reseed\", got `{rng}`"))),
+    }
+}
+
 /// Environment ids: an integer array-like with one axis.
 pub fn env_ids<'py>(arg: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Int32Array<'py>>> {
     arg.map(|arg| int32_array("env_id", arg, &[None])).transpose()
@@ -227,8 +254,8 @@ fn describe(value: &Bound<'_, PyAny>) -> String {
     }
 }
 
-/// Converts an array-like. `None` in `shape` accepts any length.
-fn int32_array<'py>(
+/// Converts an array-like of integers. `None` in `shape` accepts any length.
+pub fn int32_array<'py>(
     name: &str,
     arg: &Bound<'py, PyAny>,
     shape: &[Option<usize>],

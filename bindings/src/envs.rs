@@ -2,8 +2,8 @@
 
 use crate::batch::Batch;
 use crate::convert::{
-    self, Actions, Int32Array, IntArg, env_ids, require_envs, selected_envs, timeout_seconds, to_dict,
-    to_duration, to_unsigned,
+    self, Actions, Int32Array, IntArg, env_ids, require_envs, reseeding, selected_envs, timeout_seconds,
+    to_dict, to_duration, to_unsigned,
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
@@ -350,6 +350,135 @@ impl Envs {
         wait_detached(py, None, |wait| client.send_reset(seed, None, wait))
     }
 
+    /// Continue from snapshots, and return the batch with their observations.
+    ///
+    /// No step is made: rewards are 0 and `was_reset` is true. A synchronous lane always returns all
+    /// environments; those that were not selected are unchanged, and `was_reset` is true of them, too. Either
+    /// all selected environments change, or none.
+    ///
+    /// Args:
+    ///     snapshots: uint8 [K, snapshot_size], rows of the field `snapshot` of this or another lane of the same
+    ///         scenario, rule set and `obs_last_actions`. The lane must have the field
+    ///         (`make(..., fields=[..., "snapshot"])`).
+    ///     env_id: integers [K], the environments that take these states. None means all in order.
+    ///     rng: "keep" continues with the execution orders that would have been drawn; "reseed" draws others.
+    ///     seed: with "reseed", environment i continues as if seeded with seed + i.
+    ///     timeout: seconds to wait for the batch; None for no limit.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, the lane has no field `snapshot`, an environment is still
+    ///         working on an earlier request, or a snapshot is damaged, of another scenario, rule set or
+    ///         version, or has an impossible value; the text names environment, column and unit.
+    ///     TypeError: the snapshots are not uint8, or environment ids or the seed are not integers.
+    ///     Timeout: the batch did not arrive in time.
+    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
+    #[pyo3(signature = (snapshots, env_id=None, *, rng="keep", seed=None, timeout=None))]
+    fn restore(
+        &self,
+        py: Python<'_>,
+        snapshots: &Bound<'_, PyAny>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        rng: &str,
+        seed: Option<IntArg>,
+        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+    ) -> PyResult<Batch> {
+        self.async_restore(py, snapshots, env_id, rng, seed)?;
+        self.recv(py, timeout)
+    }
+
+    /// Request what `restore` does, without waiting; `recv` returns the observations.
+    ///
+    /// Args:
+    ///     snapshots, env_id, rng, seed: as for `restore`.
+    ///
+    /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
+    ///     TypeError: the snapshots are not uint8, or environment ids or the seed are not integers.
+    ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
+    #[pyo3(signature = (snapshots, env_id=None, *, rng="keep", seed=None))]
+    fn async_restore(
+        &self,
+        py: Python<'_>,
+        snapshots: &Bound<'_, PyAny>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        rng: &str,
+        seed: Option<IntArg>,
+    ) -> PyResult<()> {
+        let seed = reseeding(rng, seed)?;
+        let (snapshots, ids) = (convert::snapshots(snapshots)?, env_ids(env_id)?);
+        let (snapshots, ids) = (snapshots.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        wait_detached(py, None, |wait| client.send_restore(snapshots, ids, seed, wait))
+    }
+
+    /// Copy the states of environments to others, inside the pool, and return the batch with the observations.
+    ///
+    /// Environment `env_id_to[k]` takes the state that `env_id_from[k]` had before the call; an environment may
+    /// be copied several times. All else is as for `restore`. The lane needs no field `snapshot`.
+    ///
+    /// Args:
+    ///     env_id_from: integers [K], the environments to copy.
+    ///     env_id_to: integers [K], the environments that change, each once.
+    ///     rng, seed, timeout: as for `restore`. With "keep", copies have the same future as what they are
+    ///         copies of, if they get the same actions.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
+    ///     TypeError: environment ids or the seed are not integers.
+    ///     Timeout: the batch did not arrive in time.
+    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
+    #[pyo3(signature = (env_id_from, env_id_to, *, rng="keep", seed=None, timeout=None))]
+    fn fork(
+        &self,
+        py: Python<'_>,
+        env_id_from: &Bound<'_, PyAny>,
+        env_id_to: &Bound<'_, PyAny>,
+        rng: &str,
+        seed: Option<IntArg>,
+        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+    ) -> PyResult<Batch> {
+        self.async_fork(py, env_id_from, env_id_to, rng, seed)?;
+        self.recv(py, timeout)
+    }
+
+    /// Request what `fork` does, without waiting; `recv` returns the observations.
+    ///
+    /// Args:
+    ///     env_id_from, env_id_to, rng, seed: as for `fork`.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
+    ///     TypeError: environment ids or the seed are not integers.
+    ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
+    ///     PoolDied: the pool has ended.
+    ///     LaneFailed: the lane failed.
+    #[pyo3(signature = (env_id_from, env_id_to, *, rng="keep", seed=None))]
+    fn async_fork(
+        &self,
+        py: Python<'_>,
+        env_id_from: &Bound<'_, PyAny>,
+        env_id_to: &Bound<'_, PyAny>,
+        rng: &str,
+        seed: Option<IntArg>,
+    ) -> PyResult<()> {
+        let seed = reseeding(rng, seed)?;
+        let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
+        let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
+        let (from, to) = (from.as_slice()?, to.as_slice()?);
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        wait_detached(py, None, |wait| client.send_fork(from, to, seed, wait))
+    }
+
     /// Draw uniformly random available actions, according to `avail_actions` of the newest batch.
     ///
     /// Args:
@@ -508,6 +637,12 @@ impl Envs {
     #[getter]
     fn state_size(&self) -> usize {
         self.description.sizes.state_size
+    }
+
+    /// Bytes of a snapshot; 0 if the lane has no field `snapshot`.
+    #[getter]
+    fn snapshot_size(&self) -> usize {
+        self.layout.snapshot_size()
     }
 
     /// Number of steps after which an episode is truncated; None for no limit.

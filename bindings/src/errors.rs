@@ -41,7 +41,10 @@ pub fn client_error(error: ClientError) -> PyErr {
         | ClientError::NothingToReceive { .. }
         | ClientError::NoBatch
         | ClientError::NotInBatch { .. }
-        | ClientError::NoMasks => invalid_request(text),
+        | ClientError::NoMasks
+        | ClientError::NoSnapshots
+        | ClientError::WrongSnapshots { .. }
+        | ClientError::WrongForks { .. } => invalid_request(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),

@@ -16,6 +16,8 @@ mod query;
 mod recorder;
 mod render;
 mod scenario;
+mod scenario_arg;
+mod snapshot;
 mod spectator;
 #[allow(unsafe_code)]
 mod views;
@@ -47,6 +49,8 @@ mod _native {
     use super::render::Renderer;
     #[pymodule_export]
     use super::scenario::scenario;
+    #[pymodule_export]
+    use super::snapshot::{pack_snapshot, snapshot_columns};
     #[pymodule_export]
     use super::spectator::Spectator;
     #[pymodule_export]
@@ -86,6 +90,7 @@ mod _native {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::views::load_numpy(module.py())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)
     }

@@ -120,7 +120,7 @@ pub fn make(
         Some(names) => {
             FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?
         }
-        None => FieldSet::ALL,
+        None => FieldSet::DEFAULT,
     };
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
     record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;

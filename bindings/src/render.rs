@@ -4,14 +4,13 @@ use crate::batch::missing_field_error;
 use crate::convert::{self, Int32Array, IntArg, env_ids, require_envs, to_unsigned};
 use crate::envs::Envs;
 use crate::errors::invalid_request;
-use crate::scenario::resolve;
+use crate::scenario_arg::ScenarioArg;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::{FeatureBlock, state_features};
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Scenario;
 use smaclite_view::{Cell, Moment, Options, Picture, Sheet, SizeError, Theme};
-use std::path::PathBuf;
 
 /// Pixels per side of the pictures in a sheet that `Envs.render` draws without a renderer.
 const SHEET_CELL: u32 = 256;
@@ -46,14 +45,6 @@ pub struct Renderer {
     scenario: Scenario,
     renderer: smaclite_view::Renderer,
     state_size: usize,
-}
-
-/// What a renderer draws.
-#[derive(FromPyObject)]
-pub enum Drawn<'py> {
-    Envs(Bound<'py, Envs>),
-    #[pyo3(annotation = "str, path or Envs")]
-    Scenario(PathBuf),
 }
 
 impl Renderer {
@@ -136,7 +127,7 @@ impl Renderer {
     #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn new(
         py: Python<'_>,
-        scenario: Drawn<'_>,
+        scenario: ScenarioArg<'_>,
         width: IntArg,
         height: IntArg,
         theme: &str,
@@ -148,10 +139,7 @@ impl Renderer {
         let theme = to_theme(theme)?;
         let options =
             Options { width, height, show_sight, show_range, show_ids, theme, ..Options::default() };
-        let scenario = match scenario {
-            Drawn::Envs(envs) => envs.get().scenario_of_lane(py)?,
-            Drawn::Scenario(path) => resolve(py, &path)?,
-        };
+        let scenario = scenario.resolve(py)?;
         py.detach(|| Renderer::of(scenario, options)).map_err(invalid_request)
     }
 

@@ -30,6 +30,7 @@ pub fn array<'py>(frame: &Bound<'py, Frame>, field: Field) -> PyResult<Option<Bo
     let array = match field.spec().dtype {
         Dtype::F32 => typed_array::<f32>(frame, field)?.map(Bound::into_any),
         Dtype::I32 => typed_array::<i32>(frame, field)?.map(Bound::into_any),
+        Dtype::U8 => typed_array::<u8>(frame, field)?.map(Bound::into_any),
         Dtype::Bool => typed_array::<bool>(frame, field)?.map(Bound::into_any),
     };
     Ok(array)

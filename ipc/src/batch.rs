@@ -23,11 +23,13 @@ use std::sync::Arc;
 /// use smaclite_ipc::{Client, WaitOptions};
 /// use smaclite_pool::fields::Field;
 /// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_engine::BattleSetup;
 /// # use smaclite_scenarios::ScenarioFiles;
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let folder = tempfile::tempdir()?;
 /// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (_, files) = ScenarioFiles::resolve("3m")?;
+/// # let lanes = vec![LaneConfig::new("3m", BattleSetup::new(files), 2)];
 /// # let (name, options) = ("train".to_owned(), Default::default());
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
@@ -140,11 +142,11 @@ impl Batch {
         self.always(Field::Truncated)
     }
 
-    /// `[M]`: the step only reset the environment, so its actions were ignored and no learner should learn
-    /// from them. So it is with next-step autoreset after the end of an episode, and after a reset. `None` if
-    /// the lane leaves out [`Field::EpisodeLength`].
-    pub fn was_reset(&self) -> Option<impl ExactSizeIterator<Item = bool>> {
-        self.field::<i32>(Field::EpisodeLength).map(|lengths| lengths.iter().map(|length| *length == 0))
+    /// `[M]`, 0 or 1: no step was made, so actions were ignored and there is nothing to learn from. So it is with
+    /// next-step autoreset after the end of an episode, and after a reset, a restore or a fork, also in the
+    /// environments that they only observed again.
+    pub fn was_reset(&self) -> &[u8] {
+        self.always(Field::WasReset)
     }
 
     /// `[M, n_agents, obs_size]`, row-major; empty if the lane leaves it out.

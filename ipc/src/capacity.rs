@@ -2,7 +2,7 @@
 //!
 //! iceoryx2 sets the memory of a lane aside once, so it must suffice for the worst case.
 
-use crate::wire::step_bytes;
+use crate::wire::max_request_bytes;
 use serde::{Deserialize, Serialize};
 use smaclite_pool::LaneSettings;
 use smaclite_pool::layout::Layout;
@@ -77,7 +77,7 @@ impl Capacity {
 
     /// Bytes of shared memory that a learner needs for its requests.
     pub fn request_memory(&self, layout: &Layout, num_envs: usize) -> usize {
-        let bytes = step_bytes(num_envs, layout.sizes().n_agents);
+        let bytes = max_request_bytes(layout, num_envs);
         self.requests() * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
     }
 }

@@ -23,11 +23,13 @@ use smaclite_pool::EpisodePart;
 /// ```
 /// use smaclite_ipc::{Client, Follower, WaitOptions};
 /// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_engine::BattleSetup;
 /// # use smaclite_scenarios::ScenarioFiles;
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let folder = tempfile::tempdir()?;
 /// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (_, files) = ScenarioFiles::resolve("3m")?;
+/// # let lanes = vec![LaneConfig::new("3m", BattleSetup::new(files), 2)];
 /// # let (name, options) = ("train".to_owned(), Default::default());
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;

@@ -3,7 +3,7 @@
 
 use crate::name::check_name;
 use rustix::fs::OFlags;
-use smaclite_pool::fnv::Fnv1a;
+use smaclite_engine::fnv::Fnv1a;
 use std::fs::{File, Metadata};
 use std::io::Error;
 use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};

@@ -10,7 +10,7 @@ pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::runtime_dir::RuntimeDir;
 use crate::shm_dir::ShmDir;
-use crate::wire::{FrameHeader, RequestHeader, step_bytes};
+use crate::wire::{FrameHeader, RequestHeader, max_request_bytes};
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -245,7 +245,7 @@ impl LaneServices {
         let requests = capacity.requests();
         self.requests
             .publisher_builder()
-            .initial_max_slice_len(step_bytes(num_envs, layout.sizes().n_agents))
+            .initial_max_slice_len(max_request_bytes(layout, num_envs))
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .override_sample_preallocation(move |_| requests)

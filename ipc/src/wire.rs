@@ -93,7 +93,8 @@ pub fn frames_lost(last: Option<u64>, next: u64) -> Option<(u64, u64)> {
 
 const STEP: u32 = 1;
 const RESET: u32 = 2;
-const RESET_WITH_SEED: u32 = 3;
+const RESTORE: u32 = 3;
+const FORK: u32 = 4;
 
 /// Precedes every request.
 #[repr(C)]
@@ -111,12 +112,14 @@ pub struct RequestHeader {
     pub session: u64,
     /// Counts the requests of a session, from 1.
     pub number: u64,
-    /// 1 = step, 2 = reset, 3 = reset with a seed.
+    /// 1 = step, 2 = reset, 3 = restore, 4 = fork.
     pub kind: u32,
     /// Environments of the request.
     pub count: u32,
-    /// Seed of environment 0 for kind 3; environment i gets this + i.
+    /// Seed of environment 0, if there is one; environment i gets this + i.
     pub seed: u64,
+    /// 0 = there is no seed.
+    pub has_seed: u32,
     /// When it was sent, by [`now_ns`]. Only the statistics of `status` depend on it.
     pub sent_ns: u64,
 }
@@ -131,9 +134,10 @@ impl RequestHeader {
         count: usize,
     ) -> RequestHeader {
         let (kind, seed) = match kind {
-            RequestKind::Step => (STEP, 0),
-            RequestKind::Reset { seed: None } => (RESET, 0),
-            RequestKind::Reset { seed: Some(seed) } => (RESET_WITH_SEED, seed),
+            RequestKind::Step => (STEP, None),
+            RequestKind::Reset { seed } => (RESET, seed),
+            RequestKind::Restore { seed } => (RESTORE, seed),
+            RequestKind::Fork { seed } => (FORK, seed),
         };
         let (magic, version, layout_hash) = (MAGIC, FORMAT_VERSION, layout.hash());
         let sent_ns = now_ns();
@@ -145,7 +149,8 @@ impl RequestHeader {
             number: number.0,
             kind,
             count: count as u32,
-            seed,
+            seed: seed.unwrap_or_default(),
+            has_seed: u32::from(seed.is_some()),
             sent_ns,
         }
     }
@@ -162,15 +167,29 @@ pub fn now_ns() -> u64 {
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
-/// Offset of the actions in a step of `count` environments: `env_id` i32 `[count]` comes first, and the
-/// actions begin on the next cache line.
-pub fn actions_offset(count: usize) -> usize {
+/// Offset of the body in a request to `count` environments: `env_id` i32 `[count]` comes first, and the body
+/// begins on the next cache line.
+pub fn body_offset(count: usize) -> usize {
     (count * size_of::<i32>()).next_multiple_of(BLOCK_ALIGN)
 }
 
-/// Bytes of a step's payload: `env_id` and actions i32 `[count, n_agents]`.
-pub fn step_bytes(count: usize, n_agents: usize) -> usize {
-    actions_offset(count) + count * n_agents * size_of::<i32>()
+/// Bytes of a request to `count` environments: `env_id`, and what [`RequestKind`] says of its body.
+pub fn request_bytes(layout: &Layout, kind: RequestKind, count: usize) -> usize {
+    let row = match kind {
+        RequestKind::Step => layout.sizes().n_agents * size_of::<i32>(),
+        RequestKind::Reset { .. } => return count * size_of::<i32>(),
+        RequestKind::Restore { .. } => layout.snapshot_size(),
+        RequestKind::Fork { .. } => size_of::<i32>(),
+    };
+    // A count is a u32 and sizes are small, so nothing overflows a 64-bit usize.
+    body_offset(count) + count * row
+}
+
+/// Bytes of the largest request to `num_envs` environments.
+pub fn max_request_bytes(layout: &Layout, num_envs: usize) -> usize {
+    let restore = RequestKind::Restore { seed: None };
+    let kinds = [RequestKind::Step, RequestKind::Fork { seed: None }, restore];
+    kinds.map(|kind| request_bytes(layout, kind, num_envs)).into_iter().max().unwrap_or_default()
 }
 
 fn malformed(what: String) -> Rejection {
@@ -216,27 +235,27 @@ pub fn read_request<'a>(
 ) -> Result<Request<'a>, Rejection> {
     check_origin(&header, layout)?;
     let count = header.count as usize;
-    let (kind, bytes) = match header.kind {
-        // `count` is a u32 and sizes are small, so nothing overflows a 64-bit usize.
-        STEP => (RequestKind::Step, step_bytes(count, layout.sizes().n_agents)),
-        RESET => (RequestKind::Reset { seed: None }, count * size_of::<i32>()),
-        RESET_WITH_SEED => (RequestKind::Reset { seed: Some(header.seed) }, count * size_of::<i32>()),
+    let seed = (header.has_seed != 0).then_some(header.seed);
+    let kind = match header.kind {
+        STEP => RequestKind::Step,
+        RESET => RequestKind::Reset { seed },
+        RESTORE => RequestKind::Restore { seed },
+        FORK => RequestKind::Fork { seed },
         other => {
-            return Err(malformed(format!("request kind must be 1 (step), 2 or 3 (reset), got {other}")));
+            return Err(malformed(format!(
+                "request kind must be 1 (step), 2 (reset), 3 (restore) or 4 (fork), got {other}"
+            )));
         }
     };
+    let bytes = request_bytes(layout, kind, count);
     if count == 0 || payload.len() != bytes || !payload.as_ptr().cast::<i32>().is_aligned() {
         let given = payload.len();
         return Err(malformed(format!("expected {bytes} bytes for {count} environments, got {given}")));
     }
-    let (env_ids, rest) = payload.split_at(count * size_of::<i32>());
-    let actions = match kind {
-        RequestKind::Step => &payload[actions_offset(count)..],
-        RequestKind::Reset { .. } => &rest[..0],
-    };
-    let (env_ids, actions) = (as_atomics(env_ids), as_atomics(actions));
+    let env_ids = as_atomics(&payload[..count * size_of::<i32>()]);
+    let body = as_atomics(payload.get(body_offset(count)..).unwrap_or_default());
     let (session, number) = (SessionId(header.session), RequestNumber(header.number));
-    Ok(Request { session, number, kind, env_ids, actions })
+    Ok(Request { session, number, kind, env_ids, body })
 }
 
 /// Views bytes as integers that another process may change at any time.
@@ -258,7 +277,7 @@ mod tests {
 
     fn layout() -> Layout {
         let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
-        Layout::new(sizes, 4, FieldSet::without_final())
+        Layout::new(sizes, 0, 4, FieldSet::without_final())
     }
 
     #[test]
@@ -305,7 +324,7 @@ mod tests {
         let good = RequestHeader::new(&layout, SessionId(7), RequestNumber(1), RequestKind::Step, 4);
         let aligned = [0u64; 64];
         let bytes: &[u8] = bytemuck::cast_slice(&aligned);
-        let payload = &bytes[..step_bytes(4, 2)];
+        let payload = &bytes[..request_bytes(&layout, RequestKind::Step, 4)];
         assert!(read_request(good, payload, &layout).is_ok());
         let check = |header: RequestHeader, payload: &[u8], expected: &str| {
             let error = read_request(header, payload, &layout).unwrap_err().to_string();

@@ -2,9 +2,9 @@
 //! the pool steps environments by this trait alone, and knows nothing of units or rules.
 //!
 //! The trait speaks in types of the engine, because users run battles: every worker has one [`Scratch`] for
-//! all its environments, and a [`Snapshot`] is stored and passed on unread.
+//! all its environments, and an environment that is a [`Battle`] can be saved and restored.
 
-use smaclite_engine::{Battle, Scratch, Sizes, Snapshot, Step};
+use smaclite_engine::{Battle, Scratch, Sizes, Step};
 use std::sync::atomic::{AtomicI32, Ordering};
 
 /// A joint action, one number per agent, in the lane's memory. Nothing writes to it during the step.
@@ -36,7 +36,8 @@ impl<'a> JointAction<'a> {
 ///
 /// ```
 /// use smaclite_engine::{Scratch, Sizes, Step};
-/// use smaclite_pool::environment::Environment;
+/// use smaclite_pool::environment::{Environment, JointAction};
+/// use std::sync::atomic::AtomicI32;
 ///
 /// #[derive(Default)]
 /// struct Walk {
@@ -52,11 +53,12 @@ impl<'a> JointAction<'a> {
 ///     fn reset(&mut self) {
 ///         *self = Walk::default();
 ///     }
-///     fn step_checked(&mut self, actions: &[i32], _: &mut Scratch) -> Step {
-///         self.position += actions[0] as u32;
+///     fn step_checked(&mut self, actions: JointAction<'_>, _: &mut Scratch) -> Step {
+///         let ahead: i32 = actions.iter().sum(); // of one agent
+///         self.position += ahead as u32;
 ///         self.length += 1;
 ///         let terminated = self.position == 3;
-///         Step { reward: f64::from(actions[0]), terminated, truncated: false, battle_won: terminated }
+///         Step { reward: f64::from(ahead), terminated, truncated: false, battle_won: terminated }
 ///     }
 ///     fn write_obs(&self, out: &mut [f32], _: &mut Scratch) {
 ///         out.fill(0.0); // a row may be longer than obs_size
@@ -89,7 +91,10 @@ impl<'a> JointAction<'a> {
 /// }
 ///
 /// let mut walk = Walk::default();
-/// let steps = [0, 1, 1, 1].map(|action| walk.step_checked(&[action], &mut Scratch::new()));
+/// let mut step = |action| {
+///     walk.step_checked(JointAction::new(&[AtomicI32::new(action)]), &mut Scratch::new())
+/// };
+/// let steps = [0, 1, 1, 1].map(&mut step);
 /// assert!(steps[3].terminated && walk.episode_return() == 3.0);
 /// ```
 ///
@@ -127,8 +132,12 @@ pub trait Environment: Send {
     fn episode_return(&self) -> f64;
     /// Steps of this episode so far.
     fn episode_length(&self) -> u32;
-    /// The present state, if the environment is a battle. Only battles can be followed.
-    fn save(&self) -> Option<Snapshot> {
+    /// The battle that the environment is, if it is one. Only battles can be followed, saved and restored.
+    fn battle(&self) -> Option<&Battle> {
+        None
+    }
+    /// As [`battle`](Environment::battle), to restore a snapshot.
+    fn battle_mut(&mut self) -> Option<&mut Battle> {
         None
     }
 }
@@ -173,8 +182,11 @@ impl Environment for Battle {
     fn episode_length(&self) -> u32 {
         Battle::episode_length(self)
     }
-    fn save(&self) -> Option<Snapshot> {
-        Some(Battle::save(self))
+    fn battle(&self) -> Option<&Battle> {
+        Some(self)
+    }
+    fn battle_mut(&mut self) -> Option<&mut Battle> {
+        Some(self)
     }
 }
 

@@ -88,6 +88,8 @@ struct LoggedEpisode {
     start: Snapshot,
     actions: Vec<u16>,
     is_over: bool,
+    /// The log began again in the middle of it, which all followers know.
+    is_cut: bool,
 }
 
 /// A part of an episode: what a follower has not read yet.
@@ -156,14 +158,29 @@ impl EpisodeLog {
         self.episodes.len() == 1 && self.bytes > self.memory.share()
     }
 
-    /// Notes the beginning of an episode, or of a new log of the present one.
+    /// Begins the log of the present episode again, which has filled it. No follower can have the whole episode.
+    pub(crate) fn begin_again(&mut self, now: Snapshot) {
+        if let Some(last) = self.episodes.back_mut() {
+            last.is_cut = true;
+        }
+        self.readers.iter_mut().for_each(|reader| reader.lost += 1);
+        self.begin(now);
+    }
+
+    /// Notes the beginning of an episode.
     pub(crate) fn begin(&mut self, start: Snapshot) {
         if let Some(last) = self.episodes.back_mut() {
             self.bytes -= last.bytes();
             last.actions.shrink_to_fit();
             self.bytes += last.bytes();
         }
-        let episode = LoggedEpisode { number: self.next_number, start, actions: Vec::new(), is_over: false };
+        let episode = LoggedEpisode {
+            number: self.next_number,
+            start,
+            actions: Vec::new(),
+            is_over: false,
+            is_cut: false,
+        };
         self.next_number += 1;
         self.bytes += episode.bytes();
         self.episodes.push_back(episode);
@@ -215,7 +232,8 @@ impl EpisodeLog {
     pub(crate) fn trim(&mut self) {
         while self.episodes.len() > 1 && self.bytes > self.memory.share() {
             // An episode without steps is no loss.
-            if let Some(oldest) = self.episodes.front().filter(|episode| !episode.actions.is_empty()) {
+            let is_loss = |episode: &&LoggedEpisode| !episode.actions.is_empty() && !episode.is_cut;
+            if let Some(oldest) = self.episodes.front().filter(is_loss) {
                 let late = self.readers.iter_mut().filter(|reader| !reader.has_read(oldest, self.n_agents));
                 late.for_each(|reader| reader.lost += 1);
             }

@@ -13,6 +13,8 @@ pub enum Dtype {
     I32,
     /// One byte, 0 or 1.
     Bool,
+    /// One byte.
+    U8,
 }
 
 impl Dtype {
@@ -20,7 +22,7 @@ impl Dtype {
     pub const fn size(self) -> usize {
         match self {
             Dtype::F32 | Dtype::I32 => 4,
-            Dtype::Bool => 1,
+            Dtype::Bool | Dtype::U8 => 1,
         }
     }
 
@@ -30,6 +32,7 @@ impl Dtype {
             Dtype::F32 => "float32",
             Dtype::I32 => "int32",
             Dtype::Bool => "bool",
+            Dtype::U8 => "uint8",
         }
     }
 }
@@ -45,6 +48,8 @@ pub enum Axis {
     State,
     /// One per action (`n_actions`).
     Action,
+    /// One per byte of a snapshot (`snapshot_size`).
+    Snapshot,
 }
 
 /// A field of a frame; the discriminant is its index in [`FIELDS`].
@@ -65,13 +70,15 @@ pub enum Field {
     DeadEnemies,
     EpisodeReturn,
     EpisodeLength,
+    WasReset,
     FinalObs,
     FinalState,
     FinalAvailActions,
+    Snapshot,
 }
 
 /// How many fields there are.
-pub const FIELD_COUNT: usize = 16;
+pub const FIELD_COUNT: usize = 18;
 
 /// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +106,7 @@ const fn spec(
 }
 
 use Axis::{Action, Agent, Obs, State};
-use Dtype::{Bool, F32, I32};
+use Dtype::{Bool, F32, I32, U8};
 
 /// The table of fields, in their order in a frame.
 pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
@@ -147,6 +154,13 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         "steps so far; on an episode's last step its total",
     ),
     spec(
+        Field::WasReset,
+        "was_reset",
+        Bool,
+        &[],
+        "no step was made: the environment was reset, restored or only observed again; nothing to learn from",
+    ),
+    spec(
         Field::FinalObs,
         "final_obs",
         F32,
@@ -161,6 +175,13 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         &[Agent, Action],
         "same-step autoreset: last avail_actions, as final_obs",
     ),
+    spec(
+        Field::Snapshot,
+        "snapshot",
+        U8,
+        &[Axis::Snapshot],
+        "the battle as bytes, to restore it later; only in lanes that name this field",
+    ),
 ];
 
 impl Field {
@@ -174,10 +195,11 @@ impl Field {
         matches!(self, Field::FinalObs | Field::FinalState | Field::FinalAvailActions)
     }
 
-    /// Whether a lane can omit the field. A learner always needs to know which environment a slot is and when
-    /// its episode ends.
+    /// Whether a lane can omit the field. A learner always needs to know which environment a slot is, when
+    /// its episode ends, and whether a step was made.
     pub const fn is_optional(self) -> bool {
-        !matches!(self, Field::EnvId | Field::Reward | Field::Terminated | Field::Truncated)
+        use Field::{EnvId, Reward, Terminated, Truncated, WasReset};
+        !matches!(self, EnvId | Reward | Terminated | Truncated | WasReset)
     }
 
     /// The field of that name.
@@ -192,12 +214,15 @@ impl Field {
 pub struct FieldSet(u32);
 
 impl FieldSet {
-    /// Every field, the `final_*` ones too.
+    /// Every field.
     pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
 
-    /// Every field but the `final_*` ones.
+    /// What a lane has that names no fields: every field but the snapshot.
+    pub const DEFAULT: FieldSet = FieldSet(FieldSet::ALL.0 & !(1 << Field::Snapshot as usize));
+
+    /// The default fields but the `final_*` ones.
     pub fn without_final() -> FieldSet {
-        FIELDS.iter().filter(|f| !f.field.is_final()).map(|f| f.field).collect()
+        FieldSet::DEFAULT.iter().filter(|field| !field.is_final()).collect()
     }
 
     /// The fields of these names, and those that no lane can omit.
@@ -281,7 +306,7 @@ mod tests {
     fn a_lane_always_has_the_fields_that_every_learner_needs() {
         let set = FieldSet::from_names(["obs"]).unwrap();
         let names: Vec<_> = set.iter().map(|f| f.spec().name).collect();
-        assert_eq!(names, ["env_id", "obs", "reward", "terminated", "truncated"]);
+        assert_eq!(names, ["env_id", "obs", "reward", "terminated", "truncated", "was_reset"]);
         let error = FieldSet::from_names(["obz"]).unwrap_err().to_string();
         assert!(error.contains("`obz`") && error.contains("avail_actions"), "{error}");
     }

@@ -7,15 +7,18 @@ use crate::fields::Field;
 use crate::lane_settings::LaneSettings;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
-use smaclite_engine::{Scratch, Sizes, Step};
+use smaclite_engine::{Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
+use std::sync::Arc;
 
 /// What an accepted request wants of an environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Task {
     /// Step with the accepted actions.
     Step,
-    /// Reset, after seeding if there is a seed.
-    Reset { seed: Option<u64> },
+    /// Begin a new episode.
+    Reset,
+    /// Take the state that waits.
+    Restore,
     /// Write the present observation again, in a batch in which only other environments are reset.
     Observe,
 }
@@ -31,14 +34,30 @@ pub(crate) struct HostedEnv {
     log: Option<Box<EpisodeLog>>,
     /// What the lane appends to its observations.
     own: Option<Box<OwnFeatures>>,
+    /// Where the columns of its snapshots are, if the lane's frames have them.
+    record: Option<Arc<RecordLayout>>,
+    /// The state that it takes at the next [`Task::Restore`]. Its memory is kept.
+    staged: Option<Box<State>>,
+}
+
+/// A state of an environment that is a battle.
+#[derive(Default)]
+pub(crate) struct State {
+    snapshot: Snapshot,
+    /// The last joint actions, as [`OwnFeatures`] keeps them.
+    past_actions: Vec<i32>,
 }
 
 impl HostedEnv {
-    pub(crate) fn new(env: Box<dyn Environment>, settings: &LaneSettings) -> HostedEnv {
+    pub(crate) fn new(
+        env: Box<dyn Environment>,
+        settings: &LaneSettings,
+        record: Option<Arc<RecordLayout>>,
+    ) -> HostedEnv {
         let Sizes { n_agents, n_actions, .. } = env.sizes();
         let available = vec![0; n_agents * n_actions.div_ceil(64)];
         let own = OwnFeatures::new(settings, env.sizes());
-        HostedEnv { env, available, is_over: false, log: None, own }
+        HostedEnv { env, available, is_over: false, log: None, own, record, staged: None }
     }
 
     /// Carries a task out, up to the point where its slot is needed.
@@ -66,17 +85,20 @@ impl HostedEnv {
                 }
                 if let Some(log) = &mut self.log {
                     log.step(actions.iter(), self.is_over);
-                    if log.is_full() {
-                        self.begin_log();
+                    if log.is_full()
+                        && let Some(battle) = self.env.battle()
+                    {
+                        log.begin_again(battle.save());
                     }
                 }
                 Some(step)
             }
-            Task::Reset { seed } => {
-                if let Some(seed) = seed {
-                    self.env.reseed(seed);
-                }
+            Task::Reset => {
                 self.reset();
+                None
+            }
+            Task::Restore => {
+                self.restore();
                 None
             }
         }
@@ -93,6 +115,7 @@ impl HostedEnv {
         scratch: &mut Scratch,
     ) {
         slot.set(Field::EnvId, env_id as i32);
+        slot.set(Field::WasReset, u8::from(step.is_none()));
         self.write_outcome(step, slot);
         if self.is_over && autoreset == Autoreset::SameStep {
             let last = [Field::FinalObs, Field::FinalState, Field::FinalAvailActions];
@@ -102,6 +125,11 @@ impl HostedEnv {
         self.write_view([Field::Obs, Field::State, Field::AvailActions], slot, scratch);
         if let Some(alive) = slot.row(Field::Alive) {
             self.env.write_alive(alive);
+        }
+        if let (Some(layout), Some(battle)) = (&self.record, self.env.battle())
+            && let Some(out) = slot.row(Field::Snapshot)
+        {
+            battle.write_record(layout, self.past_actions(), out);
         }
     }
 
@@ -124,19 +152,76 @@ impl HostedEnv {
         }
     }
 
+    /// The last joint actions that the lane appends to observations, the newest first.
+    fn past_actions(&self) -> &[i32] {
+        self.own.as_ref().map_or(&[], |own| own.past_actions())
+    }
+
+    /// Writes its state to `state`; `false` if it is no battle.
+    pub(crate) fn save_into(&self, state: &mut State) -> bool {
+        let Some(battle) = self.env.battle() else { return false };
+        battle.save_into(&mut state.snapshot);
+        state.past_actions.clear();
+        state.past_actions.extend_from_slice(self.past_actions());
+        true
+    }
+
+    /// Exchanges the state that it takes at the next [`Task::Restore`].
+    pub(crate) fn exchange_staged(&mut self, state: Option<Box<State>>) -> Option<Box<State>> {
+        std::mem::replace(&mut self.staged, state)
+    }
+
+    /// From the next [`Task::Restore`] on its generator is seeded with this.
+    pub(crate) fn reseed_staged(&mut self, seed: u64) {
+        if let Some(state) = &mut self.staged {
+            state.snapshot.generator = Generator::new(seed);
+        }
+    }
+
+    /// Reads the state that it takes at the next [`Task::Restore`]; the reason if it cannot have that state.
+    pub(crate) fn stage(&mut self, record: &[u8], autoreset: Autoreset) -> Result<(), String> {
+        let (Some(battle), Some(layout)) = (self.env.battle(), &self.record) else {
+            return Err("it is no battle".to_owned());
+        };
+        let State { snapshot, past_actions } = &mut **self.staged.get_or_insert_default();
+        let arena = battle.arena();
+        let read = snapshot.read_record(arena, layout.sizes().n_past, record, past_actions);
+        read.map_err(|error| error.to_string())?;
+        if autoreset == Autoreset::SameStep && snapshot.is_over(arena) {
+            return Err(
+                "the episode of the snapshot is over, and with same-step autoreset none ever is".into()
+            );
+        }
+        Ok(())
+    }
+
+    /// Takes the state that waits.
+    fn restore(&mut self) {
+        let (Some(state), Some(battle)) = (&self.staged, self.env.battle_mut()) else { return };
+        battle.restore_checked(&state.snapshot);
+        self.is_over = battle.is_over();
+        if let Some(own) = &mut self.own {
+            own.set_past_actions(&state.past_actions);
+        }
+        if self.log.is_some() {
+            self.begin_log();
+        }
+    }
+
     /// Begins a new episode of the log with the present state.
     fn begin_log(&mut self) {
-        if let (Some(log), Some(now)) = (&mut self.log, self.env.save()) {
-            log.begin(now);
+        if let (Some(log), Some(battle)) = (&mut self.log, self.env.battle()) {
+            log.begin(battle.save());
         }
     }
 
     /// Adds a follower; with the first one the log begins. An environment that is no battle has no log.
     pub(crate) fn follow(&mut self, follower: FollowerId, memory: &LogMemory) {
         if self.log.is_none()
-            && let Some(now) = self.env.save()
+            && let Some(battle) = self.env.battle()
         {
-            self.log = Some(Box::new(EpisodeLog::new(self.env.sizes().n_agents, now, memory.clone())));
+            let n_agents = self.env.sizes().n_agents;
+            self.log = Some(Box::new(EpisodeLog::new(n_agents, battle.save(), memory.clone())));
         }
         if let Some(log) = &mut self.log {
             log.add_reader(follower);

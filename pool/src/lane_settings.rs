@@ -1,10 +1,11 @@
 //! The settings of a lane that its pool, its transport and its learner share.
 
 use crate::autoreset::Autoreset;
-use crate::fields::FieldSet;
+use crate::environment::MakeEnvironment;
+use crate::fields::{Field, FieldSet};
 use crate::layout::Layout;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::Sizes;
+use smaclite_engine::{RecordLayout, RecordSizes, Sizes};
 
 /// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
 pub const MAX_ENVS: usize = 1_000_000;
@@ -48,7 +49,7 @@ pub enum LaneSettingsError {
 impl LaneSettings {
     /// `num_envs` synchronous environments; every other setting has its default.
     pub fn new(num_envs: usize) -> LaneSettings {
-        let (autoreset, fields) = (Autoreset::default(), FieldSet::ALL);
+        let (autoreset, fields) = (Autoreset::default(), FieldSet::DEFAULT);
         LaneSettings {
             num_envs,
             batch_size: num_envs,
@@ -98,6 +99,33 @@ impl LaneSettings {
 
     /// The layout of the lane's frames, which have these [sizes](LaneSettings::frame_sizes).
     pub fn layout(&self, sizes: Sizes) -> Layout {
-        Layout::new(sizes, self.batch_size, self.frame_fields())
+        let snapshot_size = self.record_layout(sizes).map_or(0, |layout| layout.size());
+        Layout::new(sizes, snapshot_size, self.batch_size, self.frame_fields())
+    }
+
+    /// Where the columns of the lane's snapshots are, if its frames have them.
+    pub fn record_layout(&self, sizes: Sizes) -> Option<RecordLayout> {
+        let Sizes { n_agents, n_enemies, .. } = sizes;
+        let sizes = RecordSizes { n_agents, n_enemies, n_past: self.obs_last_actions };
+        self.fields.contains(Field::Snapshot).then(|| RecordLayout::new(sizes))
+    }
+}
+
+/// How to build a lane.
+pub struct LaneSpec {
+    /// The name learners attach by.
+    pub name: String,
+    /// Sizes of every environment.
+    pub sizes: Sizes,
+    /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
+    pub settings: LaneSettings,
+    /// Makes environment `i`.
+    pub make: MakeEnvironment,
+}
+
+impl LaneSpec {
+    /// The layout of this lane's frames.
+    pub fn layout(&self) -> Layout {
+        self.settings.layout(self.settings.frame_sizes(self.sizes))
     }
 }

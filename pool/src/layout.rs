@@ -3,8 +3,7 @@
 //! compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
-use crate::fnv::Fnv1a;
-use smaclite_engine::Sizes;
+use smaclite_engine::{Sizes, fnv::Fnv1a};
 
 /// Increases when the frame header, the request header or the meaning of a field changes.
 pub const FORMAT_VERSION: u32 = 1;
@@ -19,6 +18,7 @@ const MIN_FRAME_BYTES: usize = 4096;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     sizes: Sizes,
+    snapshot_size: usize,
     slots: usize,
     fields: FieldSet,
     offsets: [usize; FIELD_COUNT],
@@ -29,10 +29,11 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a frame of `slots` slots.
-    pub fn new(sizes: Sizes, slots: usize, fields: FieldSet) -> Layout {
+    /// The layout of a frame of `slots` slots. `snapshot_size` are the bytes of a snapshot.
+    pub fn new(sizes: Sizes, snapshot_size: usize, slots: usize, fields: FieldSet) -> Layout {
+        let extent = |axis: &Axis| extent(sizes, snapshot_size, *axis);
         let mut offsets = [usize::MAX; FIELD_COUNT];
-        let row = |spec: &FieldSpec| spec.axes.iter().map(|axis| extent(sizes, *axis)).product::<usize>();
+        let row = |spec: &FieldSpec| spec.axes.iter().map(extent).product::<usize>();
         let rows = FIELDS.each_ref().map(row);
         let mut end = 0usize;
         let mut hash = Fnv1a::default();
@@ -44,16 +45,30 @@ impl Layout {
             let row = rows[field as usize];
             hash.write(spec.name.as_bytes());
             hash.write(spec.dtype.name().as_bytes());
-            spec.axes.iter().for_each(|a| hash.write_u64(extent(sizes, *a) as u64));
+            spec.axes.iter().for_each(|a| hash.write_u64(extent(a) as u64));
             hash.write_u64(end as u64);
             end = (end + slots * row * spec.dtype.size()).next_multiple_of(BLOCK_ALIGN);
         }
-        Layout { sizes, slots, fields, offsets, rows, bytes: end.max(MIN_FRAME_BYTES), hash: hash.finish() }
+        Layout {
+            sizes,
+            snapshot_size,
+            slots,
+            fields,
+            offsets,
+            rows,
+            bytes: end.max(MIN_FRAME_BYTES),
+            hash: hash.finish(),
+        }
     }
 
     /// The scenario's sizes.
     pub fn sizes(&self) -> Sizes {
         self.sizes
+    }
+
+    /// Bytes of a snapshot.
+    pub fn snapshot_size(&self) -> usize {
+        self.snapshot_size
     }
 
     /// Slots of a frame.
@@ -83,7 +98,8 @@ impl Layout {
 
     /// Shape of a field for `slots` slots: `[slots, ...]`.
     pub fn shape(&self, field: Field) -> Vec<usize> {
-        std::iter::once(self.slots).chain(field.spec().axes.iter().map(|a| extent(self.sizes, *a))).collect()
+        let extents = field.spec().axes.iter().map(|axis| extent(self.sizes, self.snapshot_size, *axis));
+        std::iter::once(self.slots).chain(extents).collect()
     }
 
     /// First byte of a field, a multiple of [`BLOCK_ALIGN`]; `None` if the lane omits the field.
@@ -96,36 +112,43 @@ impl Layout {
     /// # Panics
     /// If `T` is not the field's type, or `frame` is shorter than [`Layout::bytes`] or not aligned to 4.
     pub fn view<'a, T: Element>(&self, frame: &'a [u8], field: Field) -> Option<&'a [T]> {
-        assert_eq!(T::DTYPE, field.spec().dtype, "{}", field.spec().name);
+        assert!(T::is_of(field.spec().dtype), "{}", field.spec().name);
         let start = self.offset(field)?;
         let len = self.slots * self.row_len(field) * size_of::<T>();
         Some(bytemuck::cast_slice(&frame[start..start + len]))
     }
 }
 
-fn extent(sizes: Sizes, axis: Axis) -> usize {
+fn extent(sizes: Sizes, snapshot_size: usize, axis: Axis) -> usize {
     match axis {
         Axis::Agent => sizes.n_agents,
         Axis::Obs => sizes.obs_size,
         Axis::State => sizes.state_size,
         Axis::Action => sizes.n_actions,
+        Axis::Snapshot => snapshot_size,
     }
 }
 
 /// A Rust type that a field can have; booleans are read as the bytes they are.
 pub trait Element: bytemuck::AnyBitPattern {
-    /// The field type that it represents.
-    const DTYPE: Dtype;
+    /// Whether it represents this field type.
+    fn is_of(dtype: Dtype) -> bool;
 }
 
 impl Element for f32 {
-    const DTYPE: Dtype = Dtype::F32;
+    fn is_of(dtype: Dtype) -> bool {
+        dtype == Dtype::F32
+    }
 }
 impl Element for i32 {
-    const DTYPE: Dtype = Dtype::I32;
+    fn is_of(dtype: Dtype) -> bool {
+        dtype == Dtype::I32
+    }
 }
 impl Element for u8 {
-    const DTYPE: Dtype = Dtype::Bool;
+    fn is_of(dtype: Dtype) -> bool {
+        matches!(dtype, Dtype::Bool | Dtype::U8)
+    }
 }
 
 #[cfg(test)]
@@ -148,7 +171,7 @@ mod tests {
     proptest! {
         #[test]
         fn blocks_are_aligned_disjoint_and_inside(sizes in sizes(), slots in 1usize..70) {
-            let layout = Layout::new(sizes, slots, FieldSet::ALL);
+            let layout = Layout::new(sizes, 40, slots, FieldSet::ALL);
             let mut end = 0;
             for field in layout.fields().iter() {
                 let start = layout.offset(field).unwrap();
@@ -161,12 +184,12 @@ mod tests {
 
         #[test]
         fn the_hash_tells_layouts_apart(sizes in sizes(), slots in 1usize..70) {
-            let hash = Layout::new(sizes, slots, FieldSet::ALL).hash();
-            prop_assert_ne!(hash, Layout::new(sizes, slots + 1, FieldSet::ALL).hash());
-            prop_assert_ne!(hash, Layout::new(sizes, slots, FieldSet::without_final()).hash());
+            let hash = Layout::new(sizes, 40, slots, FieldSet::ALL).hash();
+            prop_assert_ne!(hash, Layout::new(sizes, 40, slots + 1, FieldSet::ALL).hash());
+            prop_assert_ne!(hash, Layout::new(sizes, 40, slots, FieldSet::without_final()).hash());
             let wider = Sizes { obs_size: sizes.obs_size + 1, ..sizes };
-            prop_assert_ne!(hash, Layout::new(wider, slots, FieldSet::ALL).hash());
-            prop_assert_eq!(hash, Layout::new(sizes, slots, FieldSet::ALL).hash());
+            prop_assert_ne!(hash, Layout::new(wider, 40, slots, FieldSet::ALL).hash());
+            prop_assert_eq!(hash, Layout::new(sizes, 40, slots, FieldSet::ALL).hash());
         }
     }
 }

@@ -10,7 +10,6 @@
 pub mod env_ids;
 pub mod environment;
 pub mod fields;
-pub mod fnv;
 pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]
@@ -26,6 +25,7 @@ mod lane;
 mod lane_settings;
 mod own_features;
 mod parking;
+mod pool_options;
 mod scheduler;
 mod sync;
 mod wait_strategy;
@@ -33,8 +33,9 @@ mod work;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
 pub use episode_log::{EpisodePart, FollowError, FollowerId, MAX_LOG_BYTES};
-pub use lane::{LaneSpec, LaneStats};
-pub use lane_settings::{LaneSettings, LaneSettingsError, MAX_ENVS, MAX_LAST_ACTIONS};
+pub use lane::{Lane, LaneStats};
+pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX_LAST_ACTIONS};
+pub use pool_options::PoolOptions;
 pub use rejection::Rejection;
-pub use scheduler::{Participant, Pool, PoolHandle, PoolOptions, PoolStartError};
+pub use scheduler::{Participant, Pool, PoolHandle, PoolStartError};
 pub use wait_strategy::{Polling, UnknownWaitStrategy, WaitStrategy};

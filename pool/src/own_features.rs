@@ -46,6 +46,17 @@ impl OwnFeatures {
         }
     }
 
+    /// The joint actions of this episode that are kept, `[known, n_agents]`, the newest first.
+    pub(crate) fn past_actions(&self) -> &[i32] {
+        &self.history[..self.known * self.sizes.n_agents]
+    }
+
+    /// Replaces them by at most as many as are kept.
+    pub(crate) fn set_past_actions(&mut self, past: &[i32]) {
+        self.history[..past.len()].copy_from_slice(past);
+        self.known = past.len() / self.sizes.n_agents;
+    }
+
     /// Completes the rows of `obs`, in which the environment left zeros after its own features.
     pub(crate) fn write(&mut self, env: &dyn Environment, obs: &mut [f32]) {
         let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;

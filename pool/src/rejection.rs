@@ -27,6 +27,8 @@ pub enum Rejection {
     IncompleteBatch { given: usize, expected: usize },
     #[error("no environment was reset since this learner attached; call reset first")]
     NotReset,
+    #[error("environment {env} cannot be restored: {why}")]
+    BadSnapshot { env: usize, why: String },
     #[error("malformed request: {what}")]
     Malformed { what: String },
     #[error("the lane failed and is out of service: {text}")]

@@ -2,11 +2,12 @@
 //! and carry out their orders. Which environments are left is in `work`, where idle workers wait in `parking`;
 //! ARCHITECTURE.md, "Scheduling", has the picture.
 
-use crate::episode_log::{EpisodePart, FollowError, FollowerId};
-use crate::lane::{Accepted, Lane, LaneSpec, LaneStats, panic_text};
+use crate::lane::{Accepted, Lane, panic_text};
+use crate::lane_settings::LaneSpec;
 use crate::parking::{Parking, Searching, Source};
+use crate::pool_options::PoolOptions;
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
-use crate::wait_strategy::{Polling, WaitStrategy};
+use crate::wait_strategy::Polling;
 use smaclite_engine::Scratch;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Weak};
@@ -18,34 +19,6 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// How often a pool that stops looks whether learners still work in it.
 const LEAVING_INTERVAL: Duration = Duration::from_micros(50);
-
-/// How a pool runs.
-#[derive(Clone, Copy, Debug)]
-pub struct PoolOptions {
-    /// Threads that step environments, at least 1. While a learner of this process waits for a batch, its
-    /// thread is one of them.
-    pub threads: usize,
-    /// How idle workers wait.
-    pub wait: WaitStrategy,
-}
-
-impl Default for PoolOptions {
-    /// One thread per core that this process may use, for learners of the process.
-    fn default() -> Self {
-        PoolOptions { threads: cores(), wait: WaitStrategy::default() }
-    }
-}
-
-impl PoolOptions {
-    /// One thread per core that this process may use, less one for a learner in another process.
-    pub fn for_other_processes() -> PoolOptions {
-        PoolOptions { threads: (cores() - 1).max(1), wait: WaitStrategy::default() }
-    }
-}
-
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
 
 /// Why a pool did not start.
 #[derive(Debug, thiserror::Error)]
@@ -98,63 +71,17 @@ impl<T: Transport> Pool<T> {
         self.shared.as_ref().expect("only the drop takes it")
     }
 
-    fn lane(&self, lane: usize) -> &Lane<T> {
+    /// A lane.
+    ///
+    /// # Panics
+    /// If there is no such lane.
+    pub fn lane(&self, lane: usize) -> &Lane<T> {
         &self.shared().lanes[lane]
     }
 
     /// By which learners of this process take part.
     pub fn handle(&self) -> PoolHandle<T> {
         PoolHandle(Arc::downgrade(self.shared()))
-    }
-
-    /// Makes lane `lane` serve the requests of `session`, beginning with a reset; `None` is no learner.
-    pub fn set_session(&self, lane: usize, session: Option<SessionId>) {
-        self.lane(lane).set_session(session);
-    }
-
-    /// Adds a follower to environments, which from now on keep logs of their episodes. No follower and no
-    /// environment may be given twice.
-    ///
-    /// # Errors
-    /// If they are no battles, or too many; then nothing has changed.
-    ///
-    /// # Panics
-    /// If there is no such lane or environment.
-    pub fn follow(&self, lane: usize, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
-        self.lane(lane).follow(envs, follower)
-    }
-
-    /// Removes a follower of an environment.
-    ///
-    /// # Panics
-    /// As [`follow`](Pool::follow).
-    pub fn unfollow(&self, lane: usize, env: usize, follower: FollowerId) {
-        self.lane(lane).unfollow(env, follower);
-    }
-
-    /// What an environment did since the follower's last call, until `budget` bytes are used up; if that is 0
-    /// afterwards, there may be more.
-    ///
-    /// # Panics
-    /// As [`follow`](Pool::follow).
-    pub fn read_log(
-        &self,
-        lane: usize,
-        env: usize,
-        follower: FollowerId,
-        budget: &mut usize,
-    ) -> Vec<EpisodePart> {
-        self.lane(lane).read_log(env, follower, budget)
-    }
-
-    /// A lane's statistics.
-    pub fn stats(&self, lane: usize) -> LaneStats {
-        self.lane(lane).stats()
-    }
-
-    /// Why lane `lane` failed, if it did.
-    pub fn failure(&self, lane: usize) -> Option<&str> {
-        self.lane(lane).failure()
     }
 
     /// Ends the threads after their present environments.

@@ -80,7 +80,7 @@ impl Slot<'_> {
     /// # Panics
     /// If `T` is not the field's type.
     pub fn row<T: Element>(&mut self, field: Field) -> Option<&mut [T]> {
-        assert_eq!(T::DTYPE, field.spec().dtype, "{}", field.spec().name);
+        assert!(T::is_of(field.spec().dtype), "{}", field.spec().name);
         let len = self.layout.row_len(field);
         let start = self.layout.offset(field)? + self.index * len * size_of::<T>();
         // SAFETY: `slot` checked that the index is below `slots` and the memory holds `Layout::bytes`, and
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn slots_of_several_threads_land_in_their_rows() {
         let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
-        let layout = Layout::new(sizes, 8, FieldSet::without_final());
+        let layout = Layout::new(sizes, 0, 8, FieldSet::without_final());
         let mut memory = Box::new(Aligned([0; 8192]));
         let frame = FrameMemory::new(&mut memory.0);
         std::thread::scope(|scope| {
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn an_element_has_the_bits_that_were_set_last() {
         let sizes = Sizes { n_agents: 1, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
-        let layout = Layout::new(sizes, 2, FieldSet::without_final());
+        let layout = Layout::new(sizes, 0, 2, FieldSet::without_final());
         let mut memory = Box::new(Aligned([0; 8192]));
         let frame = FrameMemory::new(&mut memory.0);
         for value in [1.5, 0.0, -0.0, 0.0, f32::NAN, 1.5, 1.5] {

@@ -76,17 +76,29 @@ pub struct Request<'a> {
     pub kind: RequestKind,
     /// `[count]`: the environments that the request is about.
     pub env_ids: &'a [AtomicI32],
-    /// `[count, n_agents]`: their joint actions; empty for a reset.
-    pub actions: &'a [AtomicI32],
+    /// What the kind of the request says.
+    pub body: &'a [AtomicI32],
 }
 
 /// What the environments of a request should do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestKind {
-    /// One step.
+    /// One step. The body has the joint actions, `[count, n_agents]`.
     Step,
-    /// A new episode. With a seed, environment `i` is seeded with `seed + i`.
+    /// A new episode. With a seed, environment `i` is seeded with `seed + i`. The body is empty.
     Reset {
+        /// The seed of environment 0.
+        seed: Option<u64>,
+    },
+    /// The state of a snapshot; with a seed as after a reset with it, from there on. The body has the snapshots,
+    /// `[count, snapshot_size]` bytes.
+    Restore {
+        /// The seed of environment 0.
+        seed: Option<u64>,
+    },
+    /// The state of another environment; with a seed as after a reset with it, from there on. The body has the
+    /// numbers of the others, `[count]`.
+    Fork {
         /// The seed of environment 0.
         seed: Option<u64>,
     },

@@ -6,7 +6,7 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_ipc::LaneDescription;
-use smaclite_ipc::wire::{RequestHeader, actions_offset, step_bytes};
+use smaclite_ipc::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use smaclite_tests::process::eventually;
 use smaclite_tests::raw_client::{Control, RawLearner, Requests, attach_request, node, requests};
@@ -30,11 +30,11 @@ fn assert_rejected(dir: &TestDir, publisher: &Requests, header: RequestHeader, p
 
 /// The payload of a step with these environments and the same action for every agent.
 fn step_payload(lane: &LaneDescription, envs: &[i32], action: i32) -> Vec<u8> {
-    let mut bytes = vec![0; step_bytes(envs.len(), lane.sizes.n_agents)];
+    let mut bytes = vec![0; request_bytes(&lane.layout().expect("a layout"), RequestKind::Step, envs.len())];
     for (at, env) in bytes.chunks_exact_mut(4).zip(envs) {
         at.copy_from_slice(&env.to_ne_bytes());
     }
-    bytes[actions_offset(envs.len())..]
+    bytes[body_offset(envs.len())..]
         .chunks_exact_mut(4)
         .for_each(|at| at.copy_from_slice(&action.to_ne_bytes()));
     bytes
@@ -42,6 +42,14 @@ fn step_payload(lane: &LaneDescription, envs: &[i32], action: i32) -> Vec<u8> {
 
 fn reset_payload(envs: &[i32]) -> Vec<u8> {
     envs.iter().flat_map(|env| env.to_ne_bytes()).collect()
+}
+
+/// The payload of a fork of `from` to `to`.
+fn fork_payload(from: &[i32], to: &[i32]) -> Vec<u8> {
+    let mut bytes = reset_payload(to);
+    bytes.resize(body_offset(to.len()), 0);
+    bytes.extend(reset_payload(from));
+    bytes
 }
 
 #[test]
@@ -161,14 +169,17 @@ fn random_requests_never_break_a_lane() {
     let mut rng = Pcg64::seed_from_u64(5);
     for number in 1..3000 {
         let count = *[1, 3, 6, 6, 6, 7, 100].choose(&mut rng).expect("not empty");
-        let kind = if rng.random() { RequestKind::Step } else { RequestKind::Reset { seed: None } };
+        let kinds =
+            [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Fork { seed: Some(3) }];
+        let kind = *kinds.choose(&mut rng).expect("not empty");
         let envs: Vec<i32> = match rng.random_range(0..3) {
             0 => (0..count).map(|_| rng.random_range(-1..8)).collect(),
             _ => (0..count).collect(),
         };
         let mut payload = match kind {
-            RequestKind::Step => step_payload(&lane, &envs, rng.random_range(0..7)),
             RequestKind::Reset { .. } => reset_payload(&envs),
+            RequestKind::Fork { .. } => fork_payload(&envs, &envs),
+            _ => step_payload(&lane, &envs, rng.random_range(0..7)),
         };
         if rng.random_ratio(1, 4) {
             let at = rng.random_range(0..payload.len());
@@ -212,7 +223,7 @@ mod rewriting {
             let bytes = raw.send(RequestKind::Step, &payload, 64);
             let end = std::time::Instant::now() + std::time::Duration::from_micros(rng.random_range(0..400));
             while std::time::Instant::now() < end {
-                let at = actions_offset(64) + rng.random_range(0..64 * 5) * 4;
+                let at = body_offset(64) + rng.random_range(0..64 * 5) * 4;
                 // Half of the requests keep their value, so that some are accepted.
                 let values = [-1i32, 0, 1, 4, 6, 63, 64, i32::MAX];
                 let value = if number % 2 == 0 { 1 } else { *values.choose(&mut rng).expect("not empty") };

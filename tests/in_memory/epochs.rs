@@ -117,11 +117,11 @@ fn a_new_learner_receives_nothing_of_the_old_one() {
         }
         // `set_session` may wait for an environment that is being stepped.
         std::thread::scope(|scope| {
-            scope.spawn(|| pool.set_session(0, None));
+            scope.spawn(|| pool.lane(0).set_session(None));
             gate.open();
         });
         learner.step_rows(&rows); // the dead learner's last request, still in the queue
-        pool.set_session(0, Some(SessionId(2)));
+        pool.lane(0).set_session(Some(SessionId(2)));
         (learner.session, learner.number) = (2, 0);
         learner.send_reset_all(None);
         // Frames of the first session may still be in the channel; `batch` drops them as a client does.

@@ -27,7 +27,7 @@ fn a_lane_that_fails_because_it_has_no_frame_reports_it() {
         let is_reported =
             matches!(&rejection, Some((0, Rejection::LaneFailed { text })) if text.contains("in use"));
         assert!(is_reported, "{rejection:?}");
-        assert!(pool.failure(0).is_some_and(|text| text.contains("in use")));
+        assert!(pool.lane(0).failure().is_some_and(|text| text.contains("in use")));
     }
 }
 
@@ -66,9 +66,9 @@ fn the_session_of_a_lane_that_waits_for_a_frame_can_be_changed() {
             let actions = if is_legal { legal } else { vec![-1; 2 * N] };
             learner.send_step(&all(N), &actions);
             learner.wait_for_shortage();
-            pool.set_session(0, Some(SessionId(2)));
+            pool.lane(0).set_session(Some(SessionId(2)));
             learner.set_shortage(false);
-            assert_eq!(pool.failure(0), None);
+            assert_eq!(pool.lane(0).failure(), None);
             (learner.session, learner.number) = (2, 0);
             learner.send_reset_all(None);
             assert_eq!(learner.rows_of_all().len(), N);

@@ -34,7 +34,7 @@ pub fn start_waiting(
         learners.push(Learner { side, bell, layout, num_envs, session: 1, number: 0, epoch: 0 });
     }
     let pool = Pool::start(parts, bell, PoolOptions { threads, wait }).expect("worker threads");
-    (0..lanes.len()).for_each(|lane| pool.set_session(lane, Some(SessionId(1))));
+    (0..lanes.len()).for_each(|lane| pool.lane(lane).set_session(Some(SessionId(1))));
     (pool, learners)
 }
 

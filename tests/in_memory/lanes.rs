@@ -58,7 +58,7 @@ fn a_small_lane_is_served_beside_a_large_one_that_is_always_busy() {
             }
         });
         for lane in 0..3 {
-            wait_until("every lane has its frames", || pool.stats(lane).frames >= STEPS as u64);
+            wait_until("every lane has its frames", || pool.lane(lane).stats().frames >= STEPS as u64);
         }
     }
 }

@@ -33,7 +33,7 @@ fn check(
     learner.send_step(env_ids, &actions);
     let rejection = learner.rejection();
     assert!(is_expected(&rejection), "{rejection:?}");
-    assert_eq!(pool.stats(0).rejected, 1);
+    assert_eq!(pool.lane(0).stats().rejected, 1);
 
     learner.step_rows(&rows);
     let mut reference = Reference::new(plan);
@@ -43,7 +43,7 @@ fn check(
         assert_same(&next, expected, &format!("after {rejection}"));
     }
     assert!(learner.has_no_frame());
-    wait_until("every environment was stepped once", || pool.stats(0).steps == N as u64);
+    wait_until("every environment was stepped once", || pool.lane(0).stats().steps == N as u64);
 }
 
 /// An action of the agent that is not available.
@@ -148,8 +148,8 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
     learner.step_rows(&rows);
     learner.batch();
     assert!(learner.has_no_frame());
-    assert_eq!(pool.stats(0).rejected, 3);
-    wait_until("every environment was stepped once", || pool.stats(0).steps == N as u64);
+    assert_eq!(pool.lane(0).stats().rejected, 3);
+    wait_until("every environment was stepped once", || pool.lane(0).stats().steps == N as u64);
 }
 
 #[test]
@@ -163,12 +163,12 @@ fn a_panic_ends_its_lane_with_its_message_and_no_other_lane() {
             let rejection = step_until_rejected(broken);
             let failed = |r: &Rejection| matches!(r, Rejection::LaneFailed { text: t } if t.contains(text));
             assert!(failed(&rejection), "{rejection:?}");
-            assert!(pool.failure(0).is_some_and(|t| t.contains(text)));
+            assert!(pool.lane(0).failure().is_some_and(|t| t.contains(text)));
             broken.send_reset_all(None);
             let again = std::iter::repeat_with(|| broken.frame()).find_map(|frame| frame.rejection());
             assert!(again.is_some_and(|(_, r)| failed(&r)));
 
-            assert!(pool.failure(1).is_none());
+            assert!(pool.lane(1).failure().is_none());
             intact.send_reset_all(None);
             let rows = intact.batch();
             intact.step_rows(&rows);

@@ -372,6 +372,7 @@ def test_pages_get_what_they_take_from_the_package() -> None:
     pages = {place(page): hooks.on_page_markdown(page.read_text()) for page in PAGES}
     assert "| `obs` | float32 | [M, n_agents, obs_size] |" in pages["concepts/batches.md"]
     assert "| `attack_point` | required |" in pages["reference/scenario-files.md"]
+    assert "| `hp` | float64 | [n_units] |" in pages["reference/snapshots.md"]
     assert "Usage: smaclite-pool serve" in pages["reference/cli.md"]
     assert not any("<!-- insert" in text for text in pages.values())
     fields = [member for member in vars(sp.Batch).values() if re.match(r"\w+ \[M", member.__doc__ or "")]

@@ -190,7 +190,7 @@ def test_an_episode_limit_can_be_removed_or_changed() -> None:
 def test_a_lane_includes_only_selected_fields() -> None:
     with sp.make("2s3z", num_envs=2, fields=["obs"]) as envs:
         batch = envs.reset()
-        assert batch.keys() == ["env_id", "obs", "reward", "terminated", "truncated"]
+        assert batch.keys() == ["env_id", "obs", "reward", "terminated", "truncated", "was_reset"]
         with pytest.raises(AttributeError, match="do not include `state`; add it to `fields`"):
             _ = batch.state
         assert not hasattr(batch, "nonsense")

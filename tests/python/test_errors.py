@@ -221,9 +221,9 @@ def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> No
     assert not hasattr(batch, "__array__") and len(np.asarray(batch.obs)) == 2
     with sp.make("3m", 1, fields=["obs"]) as few:
         batch = few.reset()
-        with pytest.raises(AttributeError, match="its fields are env_id, obs, reward, terminated, truncated"):
+        with pytest.raises(AttributeError, match="its fields are env_id, obs, reward, terminated, truncated, was_reset"):
             batch.observation  # noqa: B018
-        for absent in ("state", "was_reset"):
+        for absent in ("state", "snapshot"):
             with pytest.raises(AttributeError, match="do not include .*; add it to `fields`"):
                 getattr(batch, absent)
 

@@ -41,7 +41,7 @@ def test_the_stub_declares_every_field_with_its_type() -> None:
     stub = (Path(sp.__file__).parent / "_native.pyi").read_text()
     properties = {name: value for name, value in vars(sp.Batch).items() if isinstance(value, property)}
     fields = [name for name, value in properties.items() if " [M" in str(value.__doc__)]
-    assert len(fields) == 16
+    assert len(fields) == 18
     for name in fields:
         text = getattr(sp.Batch, name).__doc__
         dtype, described = text.split(" ", 1)

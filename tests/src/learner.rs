@@ -1,5 +1,6 @@
 //! A learner that compares every frame it receives with the reference.
 
+use crate::reference::SavedEnv;
 use crate::{LanePlan, Reference};
 use smaclite_ipc::{Batch, Client, ClientError, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
 use std::sync::Arc;
@@ -102,6 +103,47 @@ impl Learner {
             self.reference.reset(*env, seed);
         }
         Ok(())
+    }
+
+    /// Copies environments, which must be ready, to others; in synchronous mode the rest is unchanged.
+    ///
+    /// # Errors
+    /// The client's.
+    pub fn send_fork(&mut self, from: &[i32], to: &[i32], seed: Option<u64>) -> Result<(), LearnerError> {
+        self.client.send_fork(from, to, seed, WaitOptions::forever())?;
+        let saved: Vec<SavedEnv> = from.iter().map(|env| self.reference.save(*env)).collect();
+        self.branched(to, &saved, seed);
+        Ok(())
+    }
+
+    /// Continues environments, which must be ready, from snapshots, `[count, snapshot_size]`, that are equal to
+    /// these states; in synchronous mode the rest is unchanged.
+    ///
+    /// # Errors
+    /// The client's.
+    pub fn send_restore(
+        &mut self,
+        snapshots: &[u8],
+        saved: &[SavedEnv],
+        to: &[i32],
+        seed: Option<u64>,
+    ) -> Result<(), LearnerError> {
+        self.client.send_restore(snapshots, Some(to), seed, WaitOptions::forever())?;
+        self.branched(to, saved, seed);
+        Ok(())
+    }
+
+    fn branched(&mut self, to: &[i32], saved: &[SavedEnv], seed: Option<u64>) {
+        if self.synchronous {
+            for env in self.ready.drain(..) {
+                self.reference.observe(env);
+            }
+        } else {
+            self.ready.retain(|env| !to.contains(env));
+        }
+        for (env, saved) in to.iter().zip(saved) {
+            self.reference.restore(*env, saved, seed);
+        }
     }
 
     /// Sends actions to every environment that is ready.

@@ -2,8 +2,7 @@
 //! need a name.
 
 use crate::TestDir;
-use crate::process::{Child, ROLE_ARGS, ROLE_VARIABLE};
-use crate::roles::answer;
+use crate::process::{Child, ROLE_ARGS, ROLE_VARIABLE, answer};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use smaclite_ipc::ROOT_VARIABLE;
 use std::collections::BTreeSet;

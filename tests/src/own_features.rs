@@ -3,6 +3,7 @@
 use crate::LanePlan;
 
 /// The actions of an environment's episode so far.
+#[derive(Clone)]
 pub(crate) struct OwnFeatures {
     last_actions: usize,
     agent_id: bool,
@@ -13,6 +14,16 @@ impl OwnFeatures {
     pub fn new(plan: &LanePlan) -> OwnFeatures {
         let (last_actions, agent_id) = (plan.obs_last_actions, plan.obs_agent_id);
         OwnFeatures { last_actions, agent_id, episode: Vec::new() }
+    }
+
+    /// The joint actions that a lane keeps, the newest first.
+    pub fn past_actions(&self) -> Vec<i32> {
+        self.episode.iter().rev().take(self.last_actions).flatten().copied().collect()
+    }
+
+    /// How many joint actions a lane keeps.
+    pub fn n_past(&self) -> usize {
+        self.last_actions
     }
 
     pub fn reset(&mut self) {

@@ -39,7 +39,7 @@ pub struct LanePlan {
     pub autoreset: Autoreset,
     /// Largest number of steps per episode, for battles.
     pub episode_limit: Option<u32>,
-    /// Names of the fields; `None` for all.
+    /// Names of the fields; `None` for the default.
     pub fields: Option<Vec<String>>,
     /// Own last actions in an observation.
     pub obs_last_actions: usize,
@@ -182,6 +182,6 @@ impl LanePlan {
 
     fn field_set(&self) -> FieldSet {
         let names = self.fields.as_ref();
-        names.map_or(FieldSet::ALL, |names| FieldSet::from_names(names).expect("names of fields"))
+        names.map_or(FieldSet::DEFAULT, |names| FieldSet::from_names(names).expect("names of fields"))
     }
 }

@@ -16,7 +16,7 @@ pub const ROLE_VARIABLE: &str = "SMACLITE_TEST_ROLE";
 pub const ROLE_ARGS: [&str; 4] = ["--exact", "role", "--ignored", "--nocapture"];
 
 /// Marks the lines of a child's output that are answers; the test harness prints others.
-pub const ANSWER: &str = "@ ";
+const ANSWER: &str = "@ ";
 
 /// Limit for everything that normally takes less than a second, so that it also holds on a busy machine. No
 /// test waits this long for something that must not happen.
@@ -48,6 +48,18 @@ pub fn role_command(dir: &TestDir, launcher: &[&str], role: &str) -> Command {
     };
     command.args(ROLE_ARGS).env(ROLE_VARIABLE, role).env(ROOT_VARIABLE, dir.root());
     command
+}
+
+/// Answers the parent. A child whose parent is gone ends.
+pub(crate) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<T, E>) {
+    let line = match result {
+        Ok(value) => format!("ok {value}"),
+        Err(error) => format!("error {error}"),
+    };
+    let mut out = std::io::stdout().lock();
+    if writeln!(out, "{ANSWER}{}", line.trim_end()).and_then(|()| out.flush()).is_err() {
+        std::process::exit(0);
+    }
 }
 
 /// Runs a command to its end; its exit code, standard output and standard error. A command that has not

@@ -3,11 +3,19 @@
 
 use crate::own_features::OwnFeatures;
 use crate::{LanePlan, Row};
-use smaclite_engine::Scratch;
+use smaclite_engine::{Scratch, Snapshot};
 use smaclite_ipc::Batch;
 use smaclite_pool::Autoreset;
 use smaclite_pool::environment::{Environment, JointAction};
 use std::sync::atomic::AtomicI32;
+
+/// The state of an environment that is a battle.
+#[derive(Clone)]
+pub struct SavedEnv {
+    snapshot: Snapshot,
+    own: OwnFeatures,
+    is_over: bool,
+}
 
 /// A lane computed step by step.
 pub struct Reference {
@@ -69,6 +77,30 @@ impl Reference {
         let state = &mut self.envs[env as usize];
         state.row = Row::of(&*state.env, env as usize, None, &state.own, &mut self.scratch);
         &state.row
+    }
+
+    /// The state of an environment.
+    ///
+    /// # Panics
+    /// If it is no battle.
+    pub fn save(&self, env: i32) -> SavedEnv {
+        let state = &self.envs[env as usize];
+        let snapshot = state.env.battle().expect("a battle").save();
+        SavedEnv { snapshot, own: state.own.clone(), is_over: state.is_over }
+    }
+
+    /// Continues an environment from another state, with a generator of its own if there is a seed.
+    ///
+    /// # Panics
+    /// If the state is of another scenario.
+    pub fn restore(&mut self, env: i32, saved: &SavedEnv, seed: Option<u64>) -> &Row {
+        let state = &mut self.envs[env as usize];
+        state.env.battle_mut().expect("a battle").restore(&saved.snapshot).expect("of this scenario");
+        if let Some(seed) = seed {
+            state.env.reseed(seed.wrapping_add(env as u64));
+        }
+        (state.own, state.is_over) = (saved.own.clone(), saved.is_over);
+        self.observe(env)
     }
 
     /// Steps one environment, with autoreset.

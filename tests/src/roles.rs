@@ -9,10 +9,9 @@
 //! | `file_opener`, `file_creator` | see [`other_user`] | what another user may try |
 //! | `chaos` | see [`chaos::roles`] | a process of the chaos test |
 
-use crate::process::{ANSWER, ROLE_VARIABLE, TIMEOUT};
+use crate::process::{ROLE_VARIABLE, TIMEOUT, answer};
 use crate::{LanePlan, Learner, PoolPlan, chaos, other_user};
 use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor};
-use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -32,18 +31,6 @@ pub fn run_if_child() {
         other => panic!("there is no role {other}"),
     };
     std::process::exit(status);
-}
-
-/// Answers the parent. A child whose parent is gone ends.
-pub(crate) fn answer<T: std::fmt::Display, E: std::fmt::Display>(result: Result<T, E>) {
-    let line = match result {
-        Ok(value) => format!("ok {value}"),
-        Err(error) => format!("error {error}"),
-    };
-    let mut out = std::io::stdout().lock();
-    if writeln!(out, "{ANSWER}{}", line.trim_end()).and_then(|()| out.flush()).is_err() {
-        std::process::exit(0);
-    }
 }
 
 #[cfg(feature = "program")]

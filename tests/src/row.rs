@@ -2,7 +2,7 @@
 
 use crate::own_features::OwnFeatures;
 use crate::toy_env::hash;
-use smaclite_engine::{Scratch, Sizes, Step};
+use smaclite_engine::{RecordLayout, RecordSizes, Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Dtype, FIELDS, Field};
 use smaclite_pool::layout::Layout;
@@ -37,6 +37,7 @@ impl Row {
         let mut row = Row { values: vec![None; FIELDS.len()], n_actions: env.sizes().n_actions };
         let flag = |is_set: fn(&Step) -> bool| vec![u8::from(step.as_ref().is_some_and(is_set))];
         row.set(Field::EnvId, int(index));
+        row.set(Field::WasReset, vec![u8::from(step.is_none())]);
         row.set(Field::Reward, floats(&[step.as_ref().map_or(0.0, |s| s.reward as f32)]));
         row.set(Field::Terminated, flag(|s| s.terminated));
         row.set(Field::Truncated, flag(|s| s.truncated));
@@ -47,6 +48,11 @@ impl Row {
         row.set(Field::EpisodeLength, int(env.episode_length() as usize));
         row.set_view(env, own, scratch);
         row
+    }
+
+    /// A hash of what the environment would show its agents, whatever fields the lane has.
+    fn hash(&self) -> u64 {
+        hash((&self.values[Field::Obs as usize], &self.values[Field::State as usize]))
     }
 
     /// Turns the row of an episode's last step into that of same-step autoreset: the last observation, state
@@ -76,6 +82,13 @@ impl Row {
         let mut out = vec![0; n_agents * n_actions];
         env.write_avail_actions(&mut out);
         self.set(Field::AvailActions, out);
+        if let Some(battle) = env.battle() {
+            let Sizes { n_enemies, .. } = env.sizes();
+            let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: own.n_past() });
+            let mut record = vec![0; layout.size()];
+            battle.write_record(&layout, &own.past_actions(), &mut record);
+            self.set(Field::Snapshot, record);
+        }
     }
 
     /// The bytes of a field.
@@ -104,7 +117,7 @@ impl Row {
 
     /// A legal joint action, the same for the same row.
     pub fn legal_actions(&self) -> Vec<i32> {
-        let seed = hash(&self.values);
+        let seed = self.hash();
         let pick = |(agent, mask): (usize, &[u8])| {
             let legal: Vec<_> = (0..mask.len()).filter(|action| mask[*action] == 1).collect();
             legal[hash((seed, agent)) as usize % legal.len()] as i32

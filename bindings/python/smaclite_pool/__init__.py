@@ -34,9 +34,11 @@ from ._native import (
     __version__,
     connect,
     make,
+    pack_snapshot,
     pools,
     scenario,
     scenarios,
+    snapshot_columns,
     status,
 )
 from ._rollout import Rollout
@@ -92,8 +94,10 @@ __all__ = [
     "connect",
     "evaluate",
     "make",
+    "pack_snapshot",
     "pools",
     "scenario",
     "scenarios",
+    "snapshot_columns",
     "status",
 ]

@@ -20,6 +20,7 @@ __all__ = [
     "NO_OP",
     "REWARD_SCALE",
     "SIGHT_RANGE",
+    "SNAPSHOT_COLUMNS",
     "SOUTH",
     "STOP",
     "TARGETING_RANGE",
@@ -35,10 +36,12 @@ __all__ = [
     "__version__",
     "connect",
     "make",
+    "pack_snapshot",
     "pools",
     "run_program",
     "scenario",
     "scenarios",
+    "snapshot_columns",
     "status",
 ]
 
@@ -54,6 +57,7 @@ WEST: Final[int]
 FIRST_TARGET: Final[int]
 
 # In squares.
+SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 
@@ -130,7 +134,10 @@ class Batch:
         """Number of this batch among all that the lane has sent, from 1."""
     @property
     def was_reset(self) -> NDArray[np.bool_]:
-        """Which steps only reset their environment, bool [M]; leave these out of learning."""
+        """bool [M]: no step was made: the environment was reset, restored or only observed again."""
+    @property
+    def snapshot(self) -> NDArray[np.uint8]:
+        """uint8 [M, snapshot_size]: the battle as bytes, for `Envs.restore`; lanes must name this field."""
     def keys(self) -> list[str]: ...
     def replace(self, **fields: Any) -> ChangedBatch:
         """Return this batch with other arrays in some fields."""
@@ -160,6 +167,42 @@ class Envs:
         self, env_id: ArrayLike | None = None, out: NDArray[np.int32] | None = None
     ) -> NDArray[np.int32]: ...
     def seed_sampler(self, seed: int) -> None: ...
+    def restore(
+        self,
+        snapshots: NDArray[np.uint8],
+        env_id: ArrayLike | None = None,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+        timeout: float | None = None,
+    ) -> Batch:
+        """Continue from snapshots, uint8 [K, snapshot_size], and return the batch with their observations."""
+    def async_restore(
+        self,
+        snapshots: NDArray[np.uint8],
+        env_id: ArrayLike | None = None,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+    ) -> None: ...
+    def fork(
+        self,
+        env_id_from: ArrayLike,
+        env_id_to: ArrayLike,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+        timeout: float | None = None,
+    ) -> Batch:
+        """Copy the states of environments to others, and return the batch with their observations."""
+    def async_fork(
+        self,
+        env_id_from: ArrayLike,
+        env_id_to: ArrayLike,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+    ) -> None: ...
     def render(
         self,
         batch: Batch | None = None,
@@ -192,6 +235,8 @@ class Envs:
     def obs_size(self) -> int: ...
     @property
     def state_size(self) -> int: ...
+    @property
+    def snapshot_size(self) -> int: ...
     @property
     def episode_limit(self) -> int | None: ...
     @property
@@ -349,4 +394,12 @@ def scenario(scenario: str | PathLike[str]) -> Scenario: ...
 def scenarios() -> list[str]: ...
 def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...
+def snapshot_columns(snapshot: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+    """The columns of a snapshot, uint8 [snapshot_size], as copies."""
+
+def pack_snapshot(
+    columns: dict[str, NDArray[Any]], scenario: str | PathLike[str] | Envs
+) -> NDArray[np.uint8]:
+    """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
+
 def run_program(args: list[str]) -> int: ...

@@ -29,13 +29,14 @@ class Rollout:
     of the next rollout.
 
     With next-step autoreset, the step after the end of an episode only resets its environment. Where
-    `was_reset[t + 1]` is true, the actions of time t were ignored; leave them out of learning.
+    `was_reset[t + 1]` is true, the actions of time t were ignored, or the battle went on elsewhere after a `restore`
+    or `fork`; leave them out of learning.
 
     Args:
         envs: environments in synchronous mode, or a wrapper of them.
         steps: the number of steps, at least 1.
-        fields: names of the fields to store; None for all fields of the lane. `was_reset` is stored too, if
-            the lane has `episode_length`.
+        fields: names of the fields to store; None for all fields of the lane. `was_reset` is always
+            stored.
 
     Attributes:
         arrays: a dict from the name of each field to its array, `[steps + 1, num_envs, ...]` of the field's
@@ -50,10 +51,7 @@ class Rollout:
         if steps < 1:
             raise InvalidRequest(f"steps must be at least 1, got {steps}")
         known = {**envs.fields}
-        names = list(known if fields is None else fields)
-        if "episode_length" in known:
-            known["was_reset"] = (np.dtype(np.bool_), (envs.num_envs,))
-            names = list(dict.fromkeys([*names, "was_reset"]))
+        names = list(dict.fromkeys([*(known if fields is None else fields), "was_reset"]))
         for name in names:
             if name not in known:
                 raise InvalidRequest(f"fields must be among {', '.join(known)}, got {name!r}")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from . import Batch, Envs
@@ -63,6 +64,16 @@ class Wrapper:
     def recv(self, timeout: float | None = None) -> Batch | ChangedBatch:
         """As `Envs.recv`."""
         return self.change_batch(self.envs.recv(timeout))
+
+    def restore(
+        self, snapshots: NDArray[np.uint8], env_id: ArrayLike | None = None, **options: Any
+    ) -> Batch | ChangedBatch:
+        """As `Envs.restore`."""
+        return self.change_batch(self.envs.restore(snapshots, env_id, **options))
+
+    def fork(self, env_id_from: ArrayLike, env_id_to: ArrayLike, **options: Any) -> Batch | ChangedBatch:
+        """As `Envs.fork`."""
+        return self.change_batch(self.envs.fork(env_id_from, env_id_to, **options))
 
     @property
     def unwrapped(self) -> Envs:

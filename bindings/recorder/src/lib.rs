@@ -107,8 +107,6 @@ impl PoolRecorder {
         let env = self.envs.entry(env_id).or_default();
         env.n_lost += part.lost;
         if let Some(start) = &part.start {
-            // The present episode filled the log, which began again in the middle of it.
-            env.n_lost += u64::from(part.lost == 0 && start.episode_length > 0 && !env.episodes.is_empty());
             let start = (start.episode_length == 0).then(|| start.generator.position());
             let (number, actions) = (part.number, Vec::new());
             env.episodes.push_back(RecordedEpisode { number, start, actions, is_complete: false });

@@ -39,6 +39,15 @@ pub enum ClientError {
     Rejected(#[from] Rejection),
     #[error("got {given} actions; {envs} environments of {n_agents} agents take {expected}")]
     WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
+    #[error("this lane has no snapshots: name the field `snapshot` among its fields when it is made")]
+    NoSnapshots,
+    #[error(
+        "got {given} bytes of snapshots; {envs} environments take {envs} snapshots of {size} bytes (those of another \
+         scenario have another size)"
+    )]
+    WrongSnapshots { given: usize, envs: usize, size: usize },
+    #[error("a fork takes as many environments to copy as to change, got {from} and {to}")]
+    WrongForks { from: usize, to: usize },
     #[error(
         "no batch arrived within {} s; it is still under way: receive it later, or reset",
         in_seconds(*.0)

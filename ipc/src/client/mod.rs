@@ -41,11 +41,13 @@ use std::time::Instant;
 /// ```
 /// use smaclite_ipc::{Client, WaitOptions};
 /// # use smaclite_ipc::{LaneConfig, RuntimeDir, Supervisor, SupervisorConfig};
+/// # use smaclite_engine::BattleSetup;
 /// # use smaclite_scenarios::ScenarioFiles;
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let folder = tempfile::tempdir()?;
 /// # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-/// # let lanes = vec![LaneConfig::new("3m", ScenarioFiles::resolve("3m")?, 2)];
+/// # let (_, files) = ScenarioFiles::resolve("3m")?;
+/// # let lanes = vec![LaneConfig::new("3m", BattleSetup::new(files), 2)];
 /// # let (name, options) = ("train".to_owned(), Default::default());
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
@@ -69,8 +71,8 @@ use std::time::Instant;
 ///
 /// - **Before the first reset** every step is an error. A later reset of all environments begins a new epoch:
 ///   results of earlier requests that were not received are dropped.
-/// - **An action that is not available**, or a request to an environment that is still busy, is an error that
-///   names it, and nothing of the request happens.
+/// - **An action that is not available** is an error of the `recv` after it, and a request to an environment that
+///   is still busy one of its `send`. Both name it, and nothing of the request happens.
 /// - **A wait** ends with a batch, by its timeout, by `interrupted`, or when the pool dies. A timeout cancels
 ///   nothing: the batch can be received later.
 /// - **Held batches** are limited (`max_held_batches` of the lane): with that many, `recv` is an error until
@@ -128,7 +130,9 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.attached()?.send_reset(seed, env_ids, &mut wait)
+        let sent = self.attached()?.send_reset(seed, env_ids, &mut wait);
+        self.leave();
+        sent
     }
 
     /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns as
@@ -177,14 +181,7 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        let begin = Instant::now();
-        let lane = self.attached()?;
-        let received = match lane.send_reset(seed, env_ids, &mut wait) {
-            Ok(()) => lane.recv(begin, &mut wait),
-            Err(error) => Err(error),
-        };
-        self.leave();
-        received
+        self.request(|lane, wait| lane.send_reset(seed, env_ids, wait), &mut wait)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -194,12 +191,72 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_step(&mut actions, env_ids, wait), &mut wait)
+    }
+
+    /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`,
+    /// `[count, snapshot_size]`: rows of the field `snapshot`, which the lane must have. With a seed, environment
+    /// `i` draws execution orders from then on as after a reset with `seed + i`, otherwise those that it would
+    /// have drawn. Returns as [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
+    /// [`recv`](Client::recv) says which snapshot is wrong, and why, and no environment changed.
+    pub fn send_restore(
+        &mut self,
+        snapshots: &[u8],
+        env_ids: Option<&[i32]>,
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.attached()?.send_restore(snapshots, env_ids, seed, &mut wait);
+        self.leave();
+        sent
+    }
+
+    /// Requests that each environment of `to` takes the state of that of `from` in the same place; the states are
+    /// those before the request. An environment may be in `from` several times. Seeds and errors are as in
+    /// [`send_restore`](Client::send_restore).
+    pub fn send_fork(
+        &mut self,
+        from: &[i32],
+        to: &[i32],
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.attached()?.send_fork(from, to, seed, &mut wait);
+        self.leave();
+        sent
+    }
+
+    /// [`send_restore`](Client::send_restore) and [`recv`](Client::recv).
+    pub fn restore(
+        &mut self,
+        snapshots: &[u8],
+        env_ids: Option<&[i32]>,
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_restore(snapshots, env_ids, seed, wait), &mut wait)
+    }
+
+    /// [`send_fork`](Client::send_fork) and [`recv`](Client::recv).
+    pub fn fork(
+        &mut self,
+        from: &[i32],
+        to: &[i32],
+        seed: Option<u64>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_fork(from, to, seed, wait), &mut wait)
+    }
+
+    /// Sends a request and waits for the next batch.
+    fn request(
+        &mut self,
+        send: impl FnOnce(&mut AttachedLane, &mut WaitOptions<'_>) -> Result<(), ClientError>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
         let lane = self.attached()?;
-        let received = match lane.send_step(&mut actions, env_ids, &mut wait) {
-            Ok(()) => lane.recv(begin, &mut wait),
-            Err(error) => Err(error),
-        };
+        let received = send(lane, wait).and_then(|()| lane.recv(begin, wait));
         self.leave();
         received
     }

@@ -43,8 +43,8 @@ impl Outstanding {
         self.reserve(number, ids)
     }
 
-    /// Marks the environments of `ids` busy with a reset.
-    pub(super) fn reserve_reset(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
+    /// Marks the environments of `ids` busy with a request that a synchronous lane, too, takes for some of them.
+    pub(super) fn reserve_some(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         self.reserve(number, Some(ids))?;
         if self.synchronous {
             // The rest of the batch comes along, unchanged.
@@ -139,7 +139,7 @@ mod tests {
         let mut outstanding = outstanding();
         outstanding.reserve_full_reset(RequestNumber(1));
         for refused in [
-            outstanding.reserve_reset(RequestNumber(2), &[]),
+            outstanding.reserve_some(RequestNumber(2), &[]),
             outstanding.reserve_step(RequestNumber(3), Some(&[])),
         ] {
             let text = refused.unwrap_err().to_string();
@@ -170,7 +170,7 @@ mod tests {
         assert!(!outstanding.names_all(&[0, 1]) && !outstanding.names_all(&[0, 1, 1]));
         outstanding.reserve_full_reset(RequestNumber(1));
         assert!(matches!(
-            outstanding.reserve_reset(RequestNumber(2), &[0, 1]),
+            outstanding.reserve_some(RequestNumber(2), &[0, 1]),
             Err(Rejection::BusyEnv { env: 0 })
         ));
         outstanding.reserve_full_reset(RequestNumber(3));

@@ -5,7 +5,8 @@ use super::{Actions, AttachedLane};
 use crate::CHECK_INTERVAL;
 use crate::services::doing;
 use crate::wait_options::WaitOptions;
-use crate::wire::{RequestHeader, actions_offset, step_bytes};
+use crate::wire::{RequestHeader, body_offset, request_bytes};
+use smaclite_pool::env_ids::env_index;
 use smaclite_pool::transport::RequestKind;
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,25 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How often to try again while the queue is full.
 const RETRY_INTERVAL: Duration = Duration::from_micros(50);
+
+/// What follows the environments of a request.
+enum Body<'a> {
+    Nothing,
+    Actions(&'a mut dyn Actions),
+    Snapshots(&'a [u8]),
+    Envs(&'a [i32]),
+}
+
+impl Body<'_> {
+    fn write_to(&mut self, out: &mut [u8]) {
+        match self {
+            Body::Nothing => {}
+            Body::Actions(actions) => actions.write_to(bytemuck::cast_slice_mut(out)),
+            Body::Snapshots(records) => out.copy_from_slice(records),
+            Body::Envs(envs) => out.copy_from_slice(bytemuck::cast_slice(envs)),
+        }
+    }
+}
 
 impl AttachedLane {
     /// Sends actions, `[count, n_agents]`.
@@ -26,7 +46,7 @@ impl AttachedLane {
     ) -> Result<(), ClientError> {
         self.check_length(actions.count(), env_ids)?;
         self.outstanding.reserve_step(self.last_request.next(), env_ids)?;
-        self.send(RequestKind::Step, env_ids, Some(actions), wait)
+        self.send(RequestKind::Step, env_ids, Body::Actions(actions), wait)
     }
 
     pub(super) fn send_reset(
@@ -40,15 +60,68 @@ impl AttachedLane {
         if let Some(ids) = env_ids
             && !self.outstanding.names_all(ids)
         {
-            self.outstanding.reserve_reset(number, ids)?;
-            return self.send(kind, env_ids, None, wait);
+            self.outstanding.reserve_some(number, ids)?;
+            return self.send(kind, env_ids, Body::Nothing, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
-        self.send(kind, env_ids, None, wait)?;
+        self.send(kind, env_ids, Body::Nothing, wait)?;
         self.outstanding.reserve_full_reset(number);
         self.epoch.reset = Some(number);
         self.sequence = None;
         Ok(())
+    }
+
+    /// Sends snapshots, `[count, snapshot_size]`.
+    pub(super) fn send_restore(
+        &mut self,
+        snapshots: &[u8],
+        env_ids: Option<&[i32]>,
+        seed: Option<u64>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let (envs, size) = (self.count(env_ids), self.layout.snapshot_size());
+        if size == 0 {
+            return Err(ClientError::NoSnapshots);
+        }
+        if snapshots.len() != envs * size {
+            return Err(ClientError::WrongSnapshots { given: snapshots.len(), envs, size });
+        }
+        self.send_to_some(RequestKind::Restore { seed }, env_ids, Body::Snapshots(snapshots), wait)
+    }
+
+    /// Sends the environments to copy, `[count]`.
+    pub(super) fn send_fork(
+        &mut self,
+        from: &[i32],
+        to: &[i32],
+        seed: Option<u64>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        if from.len() != to.len() {
+            return Err(ClientError::WrongForks { from: from.len(), to: to.len() });
+        }
+        let num_envs = self.description.settings.num_envs;
+        from.iter().try_for_each(|env| env_index(*env, num_envs).map(drop))?;
+        self.send_to_some(RequestKind::Fork { seed }, Some(to), Body::Envs(from), wait)
+    }
+
+    fn send_to_some(
+        &mut self,
+        kind: RequestKind,
+        env_ids: Option<&[i32]>,
+        body: Body<'_>,
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let all: Vec<i32>;
+        let ids = match env_ids {
+            Some(ids) => ids,
+            None => {
+                all = (0..self.description.settings.num_envs as i32).collect();
+                &all
+            }
+        };
+        self.outstanding.reserve_some(self.last_request.next(), ids)?;
+        self.send(kind, Some(ids), body, wait)
     }
 
     /// Sends a request whose environments are reserved, and frees them if it cannot be sent.
@@ -56,7 +129,7 @@ impl AttachedLane {
         &mut self,
         kind: RequestKind,
         env_ids: Option<&[i32]>,
-        mut actions: Option<&mut dyn Actions>,
+        mut body: Body<'_>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.last_request = self.last_request.next();
@@ -67,7 +140,7 @@ impl AttachedLane {
         let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
         let mut full_queue = None;
         loop {
-            let ended = match self.try_send(&header, env_ids, &mut actions) {
+            let ended = match self.try_send(&header, kind, env_ids, &mut body) {
                 Ok(true) => return Ok(()),
                 Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
                 Ok(false) => full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait),
@@ -84,15 +157,12 @@ impl AttachedLane {
     fn try_send(
         &self,
         header: &RequestHeader,
+        kind: RequestKind,
         env_ids: Option<&[i32]>,
-        actions: &mut Option<&mut dyn Actions>,
+        body: &mut Body<'_>,
     ) -> Result<bool, ClientError> {
         let count = header.count as usize;
-        let bytes = match actions {
-            None => count * size_of::<i32>(),
-            Some(_) => step_bytes(count, self.description.sizes.n_agents),
-        };
-        let loan = self.ports.requests.loan_slice(bytes);
+        let loan = self.ports.requests.loan_slice(request_bytes(&self.layout, kind, count));
         let mut sample = loan.map_err(doing("loaning memory for a request"))?;
         *sample.user_header_mut() = *header;
         let payload = sample.payload_mut();
@@ -101,9 +171,7 @@ impl AttachedLane {
             Some(given) => ids.copy_from_slice(given),
             None => ids.iter_mut().zip(0..).for_each(|(id, env)| *id = env),
         }
-        if let Some(actions) = actions {
-            actions.write_to(bytemuck::cast_slice_mut(&mut payload[actions_offset(count)..]));
-        }
+        body.write_to(payload.get_mut(body_offset(count)..).unwrap_or_default());
         let delivered = sample.send();
         match &self.participant {
             Some(participant) => participant.accept(),

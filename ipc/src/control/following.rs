@@ -63,7 +63,8 @@ impl ControlServer {
         let env_ids: Vec<usize> = env_ids.into_iter().collect::<BTreeSet<_>>().into_iter().collect();
         let lane = &mut self.lanes[index];
         let id = FollowerId(lane.next_follower);
-        self.pool.follow(index, &env_ids, id).map_err(|error| match error {
+        let followed = self.pool.lane(index).follow(&env_ids, id);
+        followed.map_err(|error| match error {
             FollowError::NoBattle => ControlError::NoBattles { lane: name.clone() },
             FollowError::TooMany { limit } => ControlError::TooManyFollowed { lane: name.clone(), limit },
         })?;
@@ -74,7 +75,7 @@ impl ControlServer {
     }
 
     pub(super) fn unfollow(&mut self, index: usize, followed: &Followed) {
-        followed.env_ids.iter().for_each(|env_id| self.pool.unfollow(index, *env_id, followed.id));
+        followed.env_ids.iter().for_each(|env_id| self.pool.lane(index).unfollow(*env_id, followed.id));
         self.lanes[index].followers -= 1;
     }
 
@@ -88,7 +89,7 @@ impl ControlServer {
         };
         let (mut parts, mut budget) = (Vec::new(), PIECE_BYTES);
         while let Some(&env_id) = followed.env_ids.get(followed.next) {
-            let read = self.pool.read_log(*index, env_id, followed.id, &mut budget);
+            let read = self.pool.lane(*index).read_log(env_id, followed.id, &mut budget);
             parts.extend(read.into_iter().map(|part| message(env_id, part)));
             if budget == 0 {
                 return Ok(ControlResponse::Episodes { parts, more: true });

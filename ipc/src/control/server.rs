@@ -275,13 +275,13 @@ impl ControlServer {
         if let Some(learner_pid) = lane.learner_pid {
             return Err(ControlError::LaneTaken { lane: name, learner_pid });
         }
-        if let Some(text) = self.pool.failure(index) {
+        if let Some(text) = self.pool.lane(index).failure() {
             return Err(ControlError::LaneFailed { lane: name, text: text.to_owned() });
         }
         *sessions += 1;
         lane.learner_pid = Some(pid);
         connection.take_role(Role::Learner(index));
-        self.pool.set_session(index, Some(SessionId(*sessions)));
+        self.pool.lane(index).set_session(Some(SessionId(*sessions)));
         tracing::info!(lane = name, pid, "learner attached");
         Ok(ControlResponse::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
     }
@@ -332,7 +332,7 @@ impl ControlServer {
             Role::Learner(index) => {
                 // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
-                self.pool.set_session(index, None);
+                self.pool.lane(index).set_session(None);
                 self.lanes[index].learner_pid = None;
                 tracing::info!(
                     lane = self.lanes[index].description.lane,
@@ -345,7 +345,7 @@ impl ControlServer {
 
     fn status(&self) -> PoolStatus {
         let lane = |(index, lane): (usize, &ServedLane)| {
-            lane.status(self.pool.stats(index), self.pool.failure(index))
+            lane.status(self.pool.lane(index).stats(), self.pool.lane(index).failure())
         };
         PoolStatus {
             pool: self.name.clone(),
@@ -359,7 +359,7 @@ impl ControlServer {
 
     fn measure(&mut self) {
         for (index, lane) in self.lanes.iter_mut().enumerate() {
-            lane.measure(self.pool.stats(index));
+            lane.measure(self.pool.lane(index).stats());
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
 use smaclite_engine::{Battle, BattleSetup, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
+use smaclite_pool::fields::Field;
 use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
 use smaclite_scenarios::{Problems, Scenario};
 use std::sync::Arc;
@@ -78,8 +79,8 @@ struct PoolInfo<'a> {
     name: &'a str,
     instance: &'a str,
     threads: usize,
-    /// Threads that may write frames at once: while a learner of this process takes a seat, the worker may
-    /// still end its run.
+    /// Threads that may write frames at once: while a learner of this process takes a worker's place, the worker
+    /// may still write its last chunk.
     writers: usize,
 }
 
@@ -121,6 +122,9 @@ impl LaneConfig {
         let settings = LaneSettings { fields: self.settings.frame_fields(), ..self.settings };
         let PreparedEnvs { scenario, episode_limit, sizes, make, setup } =
             self.envs.prepare(settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
+        if setup.is_none() && settings.fields.contains(Field::Snapshot) {
+            return Err(in_lane(&self.name, LaneConfigError::NoSnapshots));
+        }
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),

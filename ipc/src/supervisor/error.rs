@@ -45,6 +45,8 @@ pub enum LaneConfigError {
     SameName,
     #[error(transparent)]
     Settings(#[from] LaneSettingsError),
+    #[error("its environments are no battles, so it cannot have the field `snapshot`")]
+    NoSnapshots,
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error("max_held_batches must be between 2 and 1024, got {0}")]

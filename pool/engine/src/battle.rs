@@ -399,16 +399,30 @@ impl Battle {
         self.episode_length
     }
 
+    pub(crate) fn neighbour_order(&self) -> &NeighbourOrder {
+        &self.neighbour_order
+    }
+
+    /// The last action of each agent; `None` after a reset.
+    pub(crate) fn last_actions(&self) -> &[Option<u32>] {
+        &self.last_actions
+    }
+
     /// The state of the battle, from which it continues with the same bits.
     pub fn save(&self) -> Snapshot {
-        Snapshot {
-            units: self.units.clone(),
-            neighbour_order: self.neighbour_order.clone(),
-            last_actions: self.last_actions.clone(),
-            generator: self.generator.clone(),
-            episode_length: self.episode_length,
-            episode_return: self.episode_return,
-        }
+        let mut snapshot = Snapshot::default();
+        self.save_into(&mut snapshot);
+        snapshot
+    }
+
+    /// As [`save`](Self::save), into the memory of another snapshot.
+    pub fn save_into(&self, snapshot: &mut Snapshot) {
+        snapshot.units.copy_from(&self.units);
+        snapshot.neighbour_order.copy_from(&self.neighbour_order);
+        snapshot.last_actions.clone_from(&self.last_actions);
+        snapshot.generator.clone_from(&self.generator);
+        snapshot.episode_length = self.episode_length;
+        snapshot.episode_return = self.episode_return;
     }
 
     /// Sets the battle to the state of a snapshot of the same arena.
@@ -416,15 +430,21 @@ impl Battle {
     /// # Errors
     /// The first value of the snapshot that this arena does not allow; then the battle is unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
-        // Everything is checked before anything changes, and `clone_from` reuses the memory of this battle.
         snapshot.check(&self.arena)?;
-        self.units.clone_from(&snapshot.units);
-        self.neighbour_order.clone_from(&snapshot.neighbour_order);
+        self.restore_checked(snapshot);
+        Ok(())
+    }
+
+    /// As [`restore`](Self::restore) of a snapshot that was checked for this arena, as
+    /// [`Snapshot::read_record`] does, or is of a battle in it.
+    pub fn restore_checked(&mut self, snapshot: &Snapshot) {
+        debug_assert_eq!(snapshot.check(&self.arena), Ok(()));
+        self.units.copy_from(&snapshot.units);
+        self.neighbour_order.copy_from(&snapshot.neighbour_order);
         self.last_actions.clone_from(&snapshot.last_actions);
         self.generator = snapshot.generator.clone();
         self.episode_length = snapshot.episode_length;
         self.episode_return = snapshot.episode_return;
         self.refresh_derived();
-        Ok(())
     }
 }

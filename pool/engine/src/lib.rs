@@ -58,6 +58,7 @@ mod command;
 mod distance;
 mod encode;
 mod fast_math;
+pub mod fnv;
 mod neighbour_order;
 pub mod policy;
 mod random;
@@ -78,7 +79,10 @@ pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
-pub use snapshot::{Snapshot, SnapshotError};
+pub use snapshot::{
+    COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, RECORD_VERSION, RecordLayout,
+    RecordSizes, Snapshot, SnapshotError,
+};
 pub use step::{ExecutionOrder, Step, Tick};
 pub use units::Units;
 

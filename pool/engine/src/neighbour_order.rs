@@ -47,6 +47,14 @@ impl NeighbourOrder {
         order
     }
 
+    /// Becomes equal to `other`, in its own memory.
+    pub(crate) fn copy_from(&mut self, other: &NeighbourOrder) {
+        for (plane, other) in self.planes.iter_mut().zip(&other.planes) {
+            plane.list.clone_from(&other.list);
+            plane.by_number.clone_from(&other.by_number);
+        }
+    }
+
     /// Resets the order, as a new episode does.
     pub(crate) fn reset(&mut self, arena: &Arena, units: &Units) {
         for (plane, order) in PLANES.into_iter().zip(&mut self.planes) {
@@ -69,6 +77,14 @@ impl NeighbourOrder {
                 }
             }
         }
+    }
+
+    /// Whether the orders name the living units and no others.
+    pub(crate) fn is_of_living(&self, arena: &Arena, units: &Units) -> bool {
+        let mut named = vec![false; units.alive.len()];
+        let ids = self.planes.iter().flat_map(|plane| &plane.list);
+        ids.filter_map(|id| named.get_mut(*id as usize).map(|named| *named = true)).count();
+        arena.unit_ids().all(|id| named[id as usize] == units.alive[id as usize])
     }
 
     /// The first plane whose orders do not contain exactly the living units of that plane, if any.

@@ -30,6 +30,13 @@ pub struct StreamPosition {
     pub draws: u64,
 }
 
+impl Default for Generator {
+    /// The generator of seed 0.
+    fn default() -> Generator {
+        Generator::new(0)
+    }
+}
+
 impl StreamPosition {
     /// The position after seeding.
     pub fn start(seed: u64) -> StreamPosition {

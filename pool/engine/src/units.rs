@@ -43,6 +43,24 @@ pub struct Units {
 }
 
 impl Units {
+    /// Becomes equal to `other`, in its own memory; a derived `clone_from` allocates.
+    pub(crate) fn copy_from(&mut self, other: &Units) {
+        let Units { pos, vel, planned_vel, hp, shield, energy, cooldown, shield_cooldown, healing, .. } =
+            other;
+        self.pos.clone_from(pos);
+        self.vel.clone_from(vel);
+        self.planned_vel.clone_from(planned_vel);
+        self.hp.clone_from(hp);
+        self.shield.clone_from(shield);
+        self.energy.clone_from(energy);
+        self.cooldown.clone_from(cooldown);
+        self.shield_cooldown.clone_from(shield_cooldown);
+        self.healing.clone_from(healing);
+        self.alive.clone_from(&other.alive);
+        self.target.clone_from(&other.target);
+        self.declared.clone_from(&other.declared);
+    }
+
     /// Sets every unit to its state at the start of an episode.
     pub(crate) fn reset(&mut self, arena: &Arena) {
         let all_stats = || arena.unit_ids().map(|id| arena.stats(id));

@@ -117,10 +117,12 @@ fn an_episode_without_end_is_limited_too() {
     for _ in 0..share / 2 {
         logs[0].step([7; 3].into_iter(), false);
         if logs[0].is_full() {
-            logs[0].begin(now.clone());
+            logs[0].begin_again(now.clone());
         }
         assert!(logs[0].bytes <= share + (share / 4));
     }
+    let parts = logs[0].read(FIRST, &mut usize::MAX.clone());
+    assert_eq!(parts.iter().map(|part| part.lost).sum::<u64>(), logs[0].next_number - 1);
     assert!(logs[0].next_number > 2);
 }
 

@@ -8,7 +8,7 @@
 
 use super::Lane;
 use crate::autoreset::Autoreset;
-use crate::env_ids::{check_distinct, env_index};
+use crate::env_ids::env_index;
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
 use crate::sync::{Ordering, lock};
@@ -31,12 +31,15 @@ pub(super) struct Intake<I: Inlet> {
     envs: Vec<u32>,
     /// By environment: whether it is one of them.
     named: Vec<bool>,
+    /// The snapshot that is being read, as words. The learner could change its own while it is checked.
+    record: Vec<i32>,
 }
 
 impl<I: Inlet> Intake<I> {
-    pub(super) fn new(inlet: I, num_envs: usize) -> Self {
+    pub(super) fn new(inlet: I, num_envs: usize, snapshot_size: usize) -> Self {
         let (envs, named) = (Vec::with_capacity(num_envs), vec![false; num_envs]);
-        Intake { inlet, waiting: None, epoch: None, last_request: None, envs, named }
+        let record = vec![0; snapshot_size / size_of::<i32>()];
+        Intake { inlet, waiting: None, epoch: None, last_request: None, envs, named, record }
     }
 
     /// The learner's session.
@@ -86,14 +89,14 @@ impl<T: Transport> Lane<T> {
             Err(rejection) => {
                 // A malformed request names no sender to answer. Our own client sends well-formed requests.
                 tracing::warn!(lane = self.name, %rejection, "request ignored");
-                self.counters.rejected();
+                lock(&self.stats).rejected += 1;
                 return Accepted::Refused;
             }
         };
         if intake.session() != Some(request.session) {
             let session = request.session.0;
             tracing::debug!(lane = self.name, session, "request of another session ignored");
-            self.counters.rejected();
+            lock(&self.stats).rejected += 1;
             return Accepted::Refused;
         }
         if self.must_wait(&request) {
@@ -108,7 +111,10 @@ impl<T: Transport> Lane<T> {
             self.reject(&request, &rejection);
             return Accepted::Refused;
         }
-        self.counters.accepted(message.waited());
+        let mut stats = lock(&self.stats);
+        stats.accepted += 1;
+        stats.waited_ns += message.waited().as_nanos() as u64;
+        drop(stats);
         match &self.work {
             Work::Synchronous(ranges) => {
                 self.outstanding.store(self.num_envs + 1, Ordering::SeqCst);
@@ -147,7 +153,7 @@ impl<T: Transport> Lane<T> {
     /// Whether this is a reset of all environments and some are outstanding. The thread that carries out the last of
     /// them accepts it then: it ends them and then looks whether a reset waits; here it is the other way round.
     fn must_wait(&self, request: &Request<'_>) -> bool {
-        if matches!(request.kind, RequestKind::Step) || self.failure().is_some() {
+        if !matches!(request.kind, RequestKind::Reset { .. }) || self.failure().is_some() {
             return false;
         }
         let waits = request.env_ids.len() == self.num_envs && self.outstanding.load(Ordering::SeqCst) > 0;
@@ -165,11 +171,13 @@ impl<T: Transport> Lane<T> {
         match request.kind {
             RequestKind::Step => self.check_step(intake, request),
             RequestKind::Reset { seed } => self.check_reset(intake, request, seed),
+            RequestKind::Restore { seed } => self.check_restore(intake, request, seed),
+            RequestKind::Fork { seed } => self.check_fork(intake, request, seed),
         }
     }
 
     fn check_step(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
-        let Request { env_ids, actions, .. } = *request;
+        let Request { env_ids, body: actions, .. } = *request;
         if intake.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
             return Err(Rejection::NotReset);
         }
@@ -206,48 +214,115 @@ impl<T: Transport> Lane<T> {
         seed: Option<u64>,
     ) -> Result<(), Rejection> {
         let Some(epoch) = intake.epoch else { return Err(Rejection::NotReset) };
-        let ids = request.env_ids.iter().map(|id| id.load(Relaxed));
+        let is_full = request.env_ids.len() == self.num_envs;
+        if epoch.reset.is_none() && !is_full {
+            return Err(Rejection::NotReset);
+        }
+        for id in request.env_ids {
+            self.check_env(intake, id.load(Relaxed))?;
+        }
         // Every session begins with the lane's own seed, so that it does not depend on earlier learners.
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
-        let reset = |env: usize| Task::Reset { seed: seed.map(|s| s.wrapping_add(env as u64)) };
-        if ids.len() == self.num_envs {
-            check_distinct(ids, self.num_envs)?;
-            for env in 0..self.num_envs {
-                self.check_env(intake, env as i32)?;
-                self.table.order(env, reset(env));
+        for &env in &intake.envs {
+            if let Some(seed) = seed {
+                lock(&self.envs[env as usize]).env.reseed(seed.wrapping_add(u64::from(env)));
             }
+            self.table.order(env as usize, Task::Reset);
+        }
+        if is_full {
             let epoch = Epoch { reset: Some(request.number), ..epoch };
             intake.epoch = Some(epoch);
             lock(&self.frames).begin_epoch(epoch);
-            return Ok(());
-        }
-        if epoch.reset.is_none() {
-            return Err(Rejection::NotReset);
-        }
-        for id in ids {
-            let env = self.check_env(intake, id)?;
-            self.table.order(env, reset(env));
-        }
-        if self.is_synchronous() {
-            // A synchronous batch has every environment: the others are observed again.
-            let others = (0..self.num_envs).filter(|env| !intake.named[*env]);
-            others.for_each(|env| self.table.order(env, Task::Observe));
+        } else {
+            self.observe_others(intake);
         }
         Ok(())
     }
 
-    /// The environment of this id, if the request may have it.
+    /// A synchronous batch has every environment: those that the request does not name are observed again.
+    fn observe_others(&self, intake: &Intake<T::Inlet>) {
+        if self.is_synchronous() {
+            let others = (0..self.num_envs).filter(|env| !intake.named[*env]);
+            others.for_each(|env| self.table.order(env, Task::Observe));
+        }
+    }
+
+    /// Reads every snapshot into the memory of its environment, which takes that state when it is served.
+    fn check_restore(
+        &self,
+        intake: &mut Intake<T::Inlet>,
+        request: &Request<'_>,
+        seed: Option<u64>,
+    ) -> Result<(), Rejection> {
+        self.check_branching(intake, request)?;
+        if intake.record.is_empty() {
+            let what = "the lane has no field `snapshot`, without which nothing can be restored".to_owned();
+            return Err(Rejection::Malformed { what });
+        }
+        let records = request.body.chunks_exact(intake.record.len());
+        for (&env, record) in intake.envs.iter().zip(records) {
+            intake.record.iter_mut().zip(record).for_each(|(own, sent)| *own = sent.load(Relaxed));
+            let mut hosted = lock(&self.envs[env as usize]);
+            let staged = hosted.stage(bytemuck::cast_slice(&intake.record), self.autoreset);
+            staged.map_err(|why| Rejection::BadSnapshot { env: env as usize, why })?;
+        }
+        self.order_restore(intake, seed);
+        Ok(())
+    }
+
+    /// Saves every state that is forked before any environment changes.
+    fn check_fork(
+        &self,
+        intake: &mut Intake<T::Inlet>,
+        request: &Request<'_>,
+        seed: Option<u64>,
+    ) -> Result<(), Rejection> {
+        self.check_branching(intake, request)?;
+        for (&env, from) in intake.envs.iter().zip(request.body) {
+            let from = self.idle_env(from.load(Relaxed))?;
+            let env = env as usize;
+            let mut state = lock(&self.envs[env]).exchange_staged(None).unwrap_or_default();
+            if !lock(&self.envs[from]).save_into(&mut state) {
+                return Err(Rejection::BadSnapshot { env, why: "it is no battle".to_owned() });
+            }
+            lock(&self.envs[env]).exchange_staged(Some(state));
+        }
+        self.order_restore(intake, seed);
+        Ok(())
+    }
+
+    fn check_branching(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
+        if intake.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
+            return Err(Rejection::NotReset);
+        }
+        request.env_ids.iter().try_for_each(|id| self.check_env(intake, id.load(Relaxed)).map(drop))
+    }
+
+    fn order_restore(&self, intake: &Intake<T::Inlet>, seed: Option<u64>) {
+        for &env in &intake.envs {
+            if let Some(seed) = seed {
+                lock(&self.envs[env as usize]).reseed_staged(seed.wrapping_add(u64::from(env)));
+            }
+            self.table.order(env as usize, Task::Restore);
+        }
+        self.observe_others(intake);
+    }
+
+    /// Names the environment of this id, if the request may have it.
     fn check_env(&self, intake: &mut Intake<T::Inlet>, id: i32) -> Result<usize, Rejection> {
+        let env = self.idle_env(id)?;
+        intake.name(env)?;
+        Ok(env)
+    }
+
+    /// The environment of this id, if it has no order.
+    fn idle_env(&self, id: i32) -> Result<usize, Rejection> {
         let env = env_index(id, self.num_envs)?;
         let is_busy = match &self.work {
             Work::Synchronous(_) => self.outstanding.load(Ordering::SeqCst) > 0,
             Work::Asynchronous(_) => self.table.is_busy(env),
         };
-        if is_busy {
-            return Err(Rejection::BusyEnv { env });
-        }
-        intake.name(env)?;
-        Ok(env)
+        if is_busy { Err(Rejection::BusyEnv { env }) } else { Ok(env) }
     }
 }
 

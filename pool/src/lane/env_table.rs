@@ -8,19 +8,18 @@
 //! to the thread that takes it; the end of the work (`is_busy`, or the lane's count of outstanding environments)
 //! releases the reports. So every access here is relaxed but that to `busy`.
 
-use crate::environment::JointAction;
 use crate::hosted_env::{HostedEnv, Task};
+use crossbeam::atomic::AtomicCell;
 use smaclite_engine::Sizes;
-use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU64, Ordering::*};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::*};
 
 pub(super) struct EnvTable {
     n_agents: usize,
     /// Words of bits per agent.
     words: usize,
-    /// The order: what to do, with which seed.
-    tasks: Vec<AtomicU8>,
-    seeds: Vec<AtomicU64>,
-    /// `[num_envs, n_agents]`: the order's joint actions.
+    /// The orders.
+    tasks: Vec<AtomicCell<Task>>,
+    /// `[num_envs, n_agents]`: the orders' joint actions.
     actions: Vec<AtomicI32>,
     /// `[num_envs, n_agents, words]`: the available actions, as an environment writes them.
     available: Vec<AtomicU64>,
@@ -29,11 +28,6 @@ pub(super) struct EnvTable {
     /// The environment has an order; only asynchronous lanes use it.
     busy: Vec<AtomicBool>,
 }
-
-const STEP: u8 = 0;
-const OBSERVE: u8 = 1;
-const RESET: u8 = 2;
-const RESET_WITH_SEED: u8 = 3;
 
 /// Writes only changes: other threads have the cache line too.
 macro_rules! set {
@@ -51,8 +45,7 @@ impl EnvTable {
         EnvTable {
             n_agents,
             words,
-            tasks: (0..num_envs).map(|_| AtomicU8::new(STEP)).collect(),
-            seeds: (0..num_envs).map(|_| AtomicU64::new(0)).collect(),
+            tasks: (0..num_envs).map(|_| AtomicCell::new(Task::Step)).collect(),
             actions: (0..num_envs * n_agents).map(|_| AtomicI32::new(0)).collect(),
             available: (0..num_envs * n_agents * words).map(|_| AtomicU64::new(0)).collect(),
             over: (0..num_envs).map(|_| AtomicBool::new(false)).collect(),
@@ -62,37 +55,20 @@ impl EnvTable {
 
     #[inline]
     pub(super) fn order(&self, env: usize, task: Task) {
-        let (number, seed) = match task {
-            Task::Step => (STEP, None),
-            Task::Observe => (OBSERVE, None),
-            Task::Reset { seed: None } => (RESET, None),
-            Task::Reset { seed } => (RESET_WITH_SEED, seed),
-        };
-        set!(self.tasks[env], number);
-        if let Some(seed) = seed {
-            self.seeds[env].store(seed, Relaxed);
+        if self.tasks[env].load() != task {
+            self.tasks[env].store(task);
         }
     }
 
     #[inline]
     pub(super) fn task(&self, env: usize) -> Task {
-        match self.tasks[env].load(Relaxed) {
-            STEP => Task::Step,
-            OBSERVE => Task::Observe,
-            RESET => Task::Reset { seed: None },
-            _ => Task::Reset { seed: Some(self.seeds[env].load(Relaxed)) },
-        }
+        self.tasks[env].load()
     }
 
     /// `[n_agents]`: the joint action of an environment's order.
     #[inline]
     pub(super) fn actions(&self, env: usize) -> &[AtomicI32] {
         &self.actions[env * self.n_agents..][..self.n_agents]
-    }
-
-    #[inline]
-    pub(super) fn joint_action(&self, env: usize) -> JointAction<'_> {
-        JointAction::new(self.actions(env))
     }
 
     /// Reports how far an environment is.

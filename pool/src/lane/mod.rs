@@ -10,11 +10,11 @@ pub(crate) use accept::Accepted;
 pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
-use crate::environment::MakeEnvironment;
+use crate::environment::JointAction;
 use crate::episode_log::{EpisodePart, FollowError, FollowerId, LogMemory};
 use crate::frames::{Frames, SlotClaim};
 use crate::hosted_env::HostedEnv;
-use crate::lane_settings::LaneSettings;
+use crate::lane_settings::{LaneSettings, LaneSpec};
 use crate::layout::Layout;
 use crate::rejection::Rejection;
 use crate::slot::{FrameMemory, SharedFrame};
@@ -24,36 +24,17 @@ use crate::work::{CHUNK, Work};
 use accept::Intake;
 use arrayvec::ArrayVec;
 use env_table::EnvTable;
-use smaclite_engine::{Scratch, Sizes, Step};
-use stats::{Counters, StepCounts};
+use smaclite_engine::{Scratch, Step};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// How to build a lane.
-pub struct LaneSpec {
-    /// The name learners attach by.
-    pub name: String,
-    /// Sizes of every environment.
-    pub sizes: Sizes,
-    /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
-    pub settings: LaneSettings,
-    /// Makes environment `i`.
-    pub make: MakeEnvironment,
-}
-
-impl LaneSpec {
-    /// The layout of this lane's frames.
-    pub fn layout(&self) -> Layout {
-        self.settings.layout(self.settings.frame_sizes(self.sizes))
-    }
-}
-
-pub(crate) struct Lane<T: Transport> {
+/// Environments of one scenario with one learner.
+pub struct Lane<T: Transport> {
     name: String,
     num_envs: usize,
     seed: u64,
@@ -74,7 +55,7 @@ pub(crate) struct Lane<T: Transport> {
     /// The learner is a thread of this process that accepts its requests itself.
     accepts_itself: AtomicBool,
     failure: OnceLock<String>,
-    counters: Counters,
+    stats: Mutex<LaneStats>,
     logs: LogMemory,
 }
 
@@ -87,15 +68,17 @@ impl<T: Transport> Lane<T> {
         threads: usize,
     ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
+        let record = spec.settings.record_layout(spec.sizes).map(Arc::new);
+        let hosted = |i| HostedEnv::new((spec.make)(i), &spec.settings, record.clone());
         Ok(Lane {
             name: spec.name.clone(),
             num_envs,
             seed,
             autoreset,
             layout: spec.layout(),
-            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new((spec.make)(i), &spec.settings))).collect(),
+            envs: (0..num_envs).map(|i| Mutex::new(hosted(i))).collect(),
             table: EnvTable::new(num_envs, spec.sizes),
-            intake: Mutex::new(Intake::new(inlet, num_envs)),
+            intake: Mutex::new(Intake::new(inlet, num_envs, spec.layout().snapshot_size())),
             frames: Mutex::new(Frames::new(outlet, batch_size)?),
             work: Work::new(num_envs, batch_size == num_envs, threads),
             outstanding: AtomicUsize::new(0),
@@ -103,7 +86,7 @@ impl<T: Transport> Lane<T> {
             job_frame: SharedFrame::none(),
             accepts_itself: AtomicBool::new(false),
             failure: OnceLock::new(),
-            counters: Counters::default(),
+            stats: Mutex::default(),
             logs: LogMemory::new(),
         })
     }
@@ -117,9 +100,9 @@ impl<T: Transport> Lane<T> {
         &self.work
     }
 
-    /// Serves `session` from now on. Nothing of an earlier session reaches it. Its work is still carried out, so
+    /// Serves `session` from now on, beginning with a reset; `None` is no learner. Nothing of an earlier session reaches it. Its work is still carried out, so
     /// that later episodes do not depend on how far the threads had come, but its results get no slots.
-    pub(crate) fn set_session(&self, session: Option<SessionId>) {
+    pub fn set_session(&self, session: Option<SessionId>) {
         let mut intake = lock(&self.intake);
         intake.begin_session(session);
         self.reset_waits.store(false, Ordering::SeqCst);
@@ -143,11 +126,18 @@ impl<T: Transport> Lane<T> {
         self.accepts_itself.load(Ordering::Acquire)
     }
 
-    /// Adds a follower to environments.
-    pub(crate) fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
+    /// Adds a follower to environments, which from now on keep logs of their episodes. No follower and no
+    /// environment may be given twice.
+    ///
+    /// # Errors
+    /// If they are no battles, or too many; then nothing has changed.
+    ///
+    /// # Panics
+    /// If there is no such environment.
+    pub fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
         if let Some(&env) = envs.first() {
-            let state = lock(&self.envs[env]).env.save().ok_or(FollowError::NoBattle)?;
-            self.logs.check(envs.len(), &state)?;
+            let env = lock(&self.envs[env]);
+            self.logs.check(envs.len(), &env.env.battle().ok_or(FollowError::NoBattle)?.save())?;
         }
         envs.iter().for_each(|&env| lock(&self.envs[env]).follow(follower, &self.logs));
         // More logs share the same memory.
@@ -155,19 +145,30 @@ impl<T: Transport> Lane<T> {
         Ok(())
     }
 
-    pub(crate) fn unfollow(&self, env: usize, follower: FollowerId) {
+    /// Removes a follower of an environment.
+    ///
+    /// # Panics
+    /// As [`follow`](Lane::follow).
+    pub fn unfollow(&self, env: usize, follower: FollowerId) {
         lock(&self.envs[env]).unfollow(follower);
     }
 
-    pub(crate) fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+    /// What an environment did since the follower's last call, until `budget` bytes are used up; if that is 0
+    /// afterwards, there may be more.
+    ///
+    /// # Panics
+    /// As [`follow`](Lane::follow).
+    pub fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
         lock(&self.envs[env]).read_log(follower, budget)
     }
 
-    pub(crate) fn stats(&self) -> LaneStats {
-        self.counters.read()
+    /// Its statistics.
+    pub fn stats(&self) -> LaneStats {
+        *lock(&self.stats)
     }
 
-    pub(crate) fn failure(&self) -> Option<&str> {
+    /// Why it failed, if it did.
+    pub fn failure(&self) -> Option<&str> {
         self.failure.get().map(String::as_str)
     }
 
@@ -175,7 +176,7 @@ impl<T: Transport> Lane<T> {
     /// lock.
     fn reject(&self, request: &Request<'_>, rejection: &Rejection) {
         tracing::debug!(lane = self.name, %rejection, "request rejected");
-        self.counters.rejected();
+        lock(&self.stats).rejected += 1;
         let text = json(rejection);
         let sent = self.with_frame(|frames| frames.report_rejection(request.session, request.number, &text));
         sent.unwrap_or_else(|error| self.fail(error.to_string()));
@@ -222,7 +223,7 @@ impl<T: Transport> Lane<T> {
     /// A chunk of a synchronous request. Returns whether it was the last.
     fn serve_chunk(&self, envs: Range<usize>, scratch: &mut Scratch) -> Result<bool, TransportError> {
         let frame = self.job_frame.load();
-        let mut counts = StepCounts::default();
+        let mut counts = LaneStats::default();
         // All are locked before the first is written: to lock or unlock is to wait until every earlier write has
         // reached the cache, and those to a frame take long, since the learner has read it.
         let locked = envs.clone().map(|env| lock(&self.envs[env]));
@@ -232,7 +233,7 @@ impl<T: Transport> Lane<T> {
             self.write(env, hosted, step, frame.map(|memory| (memory, env)), scratch);
         }
         drop(locked);
-        self.counters.stepped(&counts);
+        lock(&self.stats).add(&counts);
         // Releases what this thread wrote to the one that publishes, and acquires that of the others.
         let is_last = self.outstanding.fetch_sub(envs.len(), Ordering::AcqRel) == envs.len() + 1;
         if is_last {
@@ -247,21 +248,21 @@ impl<T: Transport> Lane<T> {
         let mut frames = lock(&self.frames);
         self.outstanding.store(0, Ordering::SeqCst);
         if frames.complete_all() {
-            self.counters.published();
+            lock(&self.stats).frames += 1;
         }
     }
 
     /// An environment of an asynchronous lane; results get slots in the order in which they are ready. Returns
     /// whether no other is outstanding.
     fn serve_one(&self, env: usize, scratch: &mut Scratch) -> Result<bool, TransportError> {
-        let mut counts = StepCounts::default();
+        let mut counts = LaneStats::default();
         let mut hosted = lock(&self.envs[env]);
         let step = self.step(env, &mut hosted, scratch, &mut counts);
         drop(hosted); // the claim may wait for a frame
         let claim = self.with_frame(|frames| frames.claim(1))?;
         let slot = claim.map(|claim| (claim.memory, claim.first));
         self.write(env, &mut lock(&self.envs[env]), step, slot, scratch);
-        self.counters.stepped(&counts);
+        lock(&self.stats).add(&counts);
         self.table.set_busy(env, false);
         self.complete(claim);
         Ok(self.outstanding.fetch_sub(1, Ordering::SeqCst) == 1)
@@ -273,9 +274,9 @@ impl<T: Transport> Lane<T> {
         env: usize,
         hosted: &mut HostedEnv,
         scratch: &mut Scratch,
-        counts: &mut StepCounts,
+        counts: &mut LaneStats,
     ) -> Option<Step> {
-        let actions = self.table.joint_action(env);
+        let actions = JointAction::new(self.table.actions(env));
         let step = hosted.run(self.table.task(env), actions, self.autoreset, scratch)?;
         counts.count(&step, hosted.env.episode_return());
         Some(step)
@@ -304,7 +305,7 @@ impl<T: Transport> Lane<T> {
 
     fn complete(&self, claim: Option<SlotClaim>) {
         if claim.is_some_and(|claim| lock(&self.frames).complete(claim)) {
-            self.counters.published();
+            lock(&self.stats).frames += 1;
         }
     }
 

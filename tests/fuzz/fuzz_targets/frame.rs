@@ -20,7 +20,7 @@ fuzz_target!(|bytes: &[u8]| {
         return read_response(rest);
     }
     let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
-    let layout = Layout::new(sizes, 4, FieldSet::ALL);
+    let layout = Layout::new(sizes, 40, 4, FieldSet::ALL);
     // The fields that are not kept come first, then the payload.
     let (changed, rest) = rest.split_at((8 * (keep & 0x7f).count_ones() as usize).min(rest.len()));
     let mut words = changed.chunks(8).map(|c| c.iter().rev().fold(0u64, |w, b| w << 8 | u64::from(*b)));
@@ -57,7 +57,7 @@ fn read_all_fields(layout: &Layout, payload: &[u8]) {
         let elements = match field.spec().dtype {
             Dtype::F32 => layout.view::<f32>(bytes, field).map(<[f32]>::len),
             Dtype::I32 => layout.view::<i32>(bytes, field).map(<[i32]>::len),
-            Dtype::Bool => layout.view::<u8>(bytes, field).map(<[u8]>::len),
+            Dtype::Bool | Dtype::U8 => layout.view::<u8>(bytes, field).map(<[u8]>::len),
         };
         assert_eq!(elements, Some(layout.slots() * layout.row_len(field)));
     }

@@ -7,7 +7,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use smaclite_ipc::wire::{RequestHeader, actions_offset, read_request, step_bytes};
+use smaclite_ipc::wire::{RequestHeader, body_offset, read_request, request_bytes};
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{
@@ -109,9 +109,14 @@ impl Input<'_> {
     /// A message for a lane; a valid step or reset if the input says so.
     fn message(&mut self, lane: &Lane, session: u64, number: u64) -> (RequestHeader, Vec<u32>, usize) {
         let keep = self.u64(1);
-        let kinds =
-            [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Reset { seed: Some(4) }];
-        let kind = kinds[self.u64(1) as usize % 3];
+        let kinds = [
+            RequestKind::Step,
+            RequestKind::Reset { seed: None },
+            RequestKind::Reset { seed: Some(4) },
+            RequestKind::Restore { seed: None },
+            RequestKind::Fork { seed: Some(4) },
+        ];
+        let kind = kinds[self.u64(1) as usize % kinds.len()];
         let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
         let (session, number) = (SessionId(session), RequestNumber(number));
         let mut header = RequestHeader::new(&lane.layout, session, number, kind, count);
@@ -125,10 +130,7 @@ impl Input<'_> {
                 *part = self.u64(4) as u32;
             }
         }
-        let valid_len = match kind {
-            RequestKind::Step => step_bytes(count.min(64), SIZES.n_agents),
-            RequestKind::Reset { .. } => count.min(64) * 4,
-        };
+        let valid_len = request_bytes(&lane.layout, kind, count.min(64));
         let given = self.u64(1) as usize;
         let len = if given == 0 { valid_len } else { given };
         let mut words = vec![0u32; len.div_ceil(4)];
@@ -136,7 +138,7 @@ impl Input<'_> {
             // Mostly the environments in order and small actions, so that some requests are accepted.
             let byte = self.u64(1);
             *word = if byte == 255 { self.u64(4) as u32 } else { byte as u32 };
-            if byte == 0 && i < count.min(actions_offset(count.min(64)) / 4) {
+            if byte == 0 && i < count.min(body_offset(count.min(64)) / 4) {
                 *word = i as u32;
             }
         }
@@ -165,7 +167,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut input = Input(bytes);
     let index = input.u64(1) as usize % 2;
     bench.session += 1;
-    bench.pool.set_session(index, Some(SessionId(bench.session)));
+    bench.pool.lane(index).set_session(Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     for number in 1..=8 {
         if input.0.is_empty() {
@@ -176,7 +178,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     // A new learner attaches: what is still in the queue belongs to a session that is over.
     bench.session += 1;
-    bench.pool.set_session(index, Some(SessionId(bench.session)));
+    bench.pool.lane(index).set_session(Some(SessionId(bench.session)));
     let lane = &bench.lanes[index];
     let header = RequestHeader::new(
         &lane.layout,
@@ -191,9 +193,9 @@ fuzz_target!(|bytes: &[u8]| {
     let frame = bench.batch(lane, 1);
     let ids = frame.field::<i32>(&lane.layout, Field::EnvId).expect("every lane has it");
     let masks = frame.field::<u8>(&lane.layout, Field::AvailActions).expect("this one has");
-    let mut words = vec![0u32; step_bytes(ids.len(), SIZES.n_agents) / 4];
+    let mut words = vec![0u32; request_bytes(&lane.layout, RequestKind::Step, ids.len()) / 4];
     ids.iter().zip(&mut words).for_each(|(id, word)| *word = *id as u32);
-    for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[actions_offset(ids.len()) / 4..]) {
+    for (mask, word) in masks.chunks(SIZES.n_actions).zip(&mut words[body_offset(ids.len()) / 4..]) {
         *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
     let (session, number) = (SessionId(bench.session), RequestNumber(2));
@@ -202,5 +204,5 @@ fuzz_target!(|bytes: &[u8]| {
     let _ = lane.messages.send((header, words, len));
     bench.bell.ring();
     bench.batch(lane, 1);
-    assert_eq!(bench.pool.failure(index), None);
+    assert_eq!(bench.pool.lane(index).failure(), None);
 });

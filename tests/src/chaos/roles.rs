@@ -4,7 +4,7 @@
 
 use crate::fork::child_reads;
 use crate::learner::LearnerError;
-use crate::roles::answer;
+use crate::process::answer;
 use crate::{LanePlan, Learner, PoolPlan, raw_client};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};

@@ -18,6 +18,7 @@ pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
+use crate::fnv::Fnv1a;
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
 use moves::Moves;
@@ -61,6 +62,7 @@ pub struct Arena {
     sizes: Sizes,
     max_reward: f64,
     episode_limit: Option<u32>,
+    scenario_hash: u64,
 }
 
 /// The numbers of units and actions of a battle, and the sizes of its outputs.
@@ -138,6 +140,7 @@ impl Arena {
             enemies,
             all_stats,
             episode_limit: scenario.episode_limit,
+            scenario_hash: scenario_hash(scenario, rules),
         }
     }
 
@@ -154,6 +157,11 @@ impl Arena {
     /// The number of steps after which an episode is truncated, if any.
     pub fn episode_limit(&self) -> Option<u32> {
         self.episode_limit
+    }
+
+    /// Equal for equal scenarios, unit types and rule sets, on every machine. Snapshots have it.
+    pub fn scenario_hash(&self) -> u64 {
+        self.scenario_hash
     }
 
     /// The same arena with another episode limit, or none.
@@ -297,6 +305,13 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
         .collect();
     ids.sort_unstable();
     ids.into_iter().map(|(_, id)| id).collect()
+}
+
+/// Hashes the text of everything that the scenario consists of: numbers are written so that no two are equal.
+fn scenario_hash(scenario: &Scenario, rules: Rules) -> u64 {
+    let mut hash = Fnv1a::default();
+    hash.write(format!("{scenario:?} {rules}").as_bytes());
+    hash.finish()
 }
 
 fn sizes(scenario: &Scenario, features: &Features) -> Sizes {

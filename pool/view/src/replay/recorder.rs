@@ -15,14 +15,13 @@ use super::{Episode, Outcome, Replay, ReplayError, this_program};
 /// # Example
 ///
 /// ```
-/// use smaclite_engine::{Rules, policy};
+/// use smaclite_engine::{BattleSetup, policy};
 /// use smaclite_scenarios::ScenarioFiles;
-/// use smaclite_view::{Recorder, Setup};
+/// use smaclite_view::Recorder;
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let (scenario, files) = ScenarioFiles::resolve("3m")?;
-/// let setup = Setup { files, rules: Rules::Smaclite, episode_limit: scenario.episode_limit };
-/// let mut recorder = Recorder::new(setup, 1)?;
+/// let mut recorder = Recorder::new(BattleSetup::new(files), 1)?;
 /// let mut actions = vec![0; scenario.n_agents()];
 /// while !recorder.battle().is_over() {
 ///     policy::nearest(recorder.battle(), &mut actions);

@@ -4,6 +4,12 @@ use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 use thiserror::Error;
 
+mod columns;
+mod record;
+
+pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType};
+pub use record::{RECORD_VERSION, RecordLayout, RecordSizes};
+
 use crate::arena::{Arena, UnitStats};
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
@@ -14,7 +20,7 @@ use glam::Vec2;
 /// [`Battle::restore`](crate::Battle::restore) checks it.
 ///
 /// Serialised in a binary format that keeps the bits of numbers, it is the same after deserialisation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// The units, by battle-wide id.
     pub units: Units,
@@ -34,6 +40,49 @@ pub struct Snapshot {
 /// Why a snapshot cannot be restored into a battle; the battle is unchanged.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SnapshotError {
+    /// The bytes do not begin as a record does.
+    #[error("these bytes are no snapshot")]
+    NoRecord,
+    /// A record of another version.
+    #[error("the snapshot has version {given}, this release reads version {expected}")]
+    Version {
+        /// The record's version.
+        given: u32,
+        /// The version of this release.
+        expected: u32,
+    },
+    /// A record that is not as long as its header says.
+    #[error("the snapshot must have {expected} bytes, got {given}")]
+    Size {
+        /// Its length.
+        given: usize,
+        /// The length for the sizes in its header.
+        expected: usize,
+    },
+    /// A record that was changed without a new checksum.
+    #[error("the snapshot is damaged: its checksum is that of other bytes")]
+    Checksum,
+    /// A record of another scenario or rule set.
+    #[error(
+        "the snapshot is of another scenario or rule set: column 'scenario' must be {expected:#018x}, got {given:#018x}"
+    )]
+    OtherScenario {
+        /// The record's hash.
+        given: u64,
+        /// The arena's hash.
+        expected: u64,
+    },
+    /// A record for observations with another number of past actions.
+    #[error(
+        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane that it is \
+         from and of this one differ"
+    )]
+    PastActions {
+        /// The record's number.
+        given: usize,
+        /// The lane's number.
+        expected: usize,
+    },
     /// A column has the wrong length; the snapshot is probably of another scenario.
     #[error("snapshot column '{column}' must have {expected} entries, got {given}")]
     WrongLength {
@@ -69,19 +118,21 @@ pub enum SnapshotError {
         n_units: usize,
     },
     /// A last action that does not exist.
-    #[error("snapshot column 'last_actions' must be below {n_actions} for agent {agent}, got {action}")]
+    #[error("snapshot column '{column}' must be below {n_actions} for agent {agent}, got {action}")]
     NoSuchAction {
+        /// The column.
+        column: &'static str,
         /// The agent.
         agent: usize,
         /// Its action.
-        action: u32,
+        action: i64,
         /// Number of actions of an agent.
         n_actions: usize,
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot field 'neighbour_order': list and by_number of plane {plane} must each contain every \
-         living unit of that plane exactly once, got {given:?}"
+        "snapshot columns 'neighbour_rank' and 'neighbour_number' must each contain every living unit of plane \
+         {plane} exactly once, without gaps, got {given:?}"
     )]
     NeighbourOrder {
         /// The plane.
@@ -90,7 +141,7 @@ pub enum SnapshotError {
         given: PlaneOrder,
     },
     /// The return is not a number.
-    #[error("snapshot field 'episode_return' must be finite, got {value}")]
+    #[error("snapshot column 'episode_return' must be finite, got {value}")]
     Return {
         /// The return.
         value: f64,
@@ -109,6 +160,13 @@ impl Snapshot {
             + units.pos.len() * (vectors + numbers + others)
             + neighbour_order.planes.iter().map(of_order).sum::<usize>()
             + last_actions.len() * size_of::<Option<u32>>()
+    }
+
+    /// Whether the episode is over, in a battle of this arena.
+    pub fn is_over(&self, arena: &Arena) -> bool {
+        let lives = |ids: &[u32]| ids.iter().any(|id| self.units.alive[*id as usize]);
+        let is_at_limit = arena.episode_limit().is_some_and(|limit| self.episode_length >= limit);
+        is_at_limit || !lives(&arena.agents) || !lives(&arena.enemies)
     }
 
     /// Checks that a battle in this arena can have this state.
@@ -134,7 +192,7 @@ impl Snapshot {
             ("alive", units.alive.len(), n_units),
             ("target", units.target.len(), n_units),
             ("declared", units.declared.len(), n_units),
-            ("last_actions", self.last_actions.len(), n_agents),
+            ("last_action", self.last_actions.len(), n_agents),
         ];
         match columns.into_iter().find(|(_, given, expected)| given != expected) {
             Some((column, given, expected)) => Err(SnapshotError::WrongLength { column, given, expected }),
@@ -192,7 +250,8 @@ impl Snapshot {
         }
         for (agent, &action) in self.last_actions.iter().enumerate() {
             if let Some(action) = action.filter(|&action| action as usize >= n_actions) {
-                return Err(SnapshotError::NoSuchAction { agent, action, n_actions });
+                let (column, action) = ("last_action", i64::from(action));
+                return Err(SnapshotError::NoSuchAction { column, agent, action, n_actions });
             }
         }
         Ok(())

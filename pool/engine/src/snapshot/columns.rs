@@ -1,0 +1,183 @@
+//! The columns of a snapshot's record, declared once: the code that writes and reads them, Python's view of them and
+//! the page `docs/reference/snapshots.md` derive from [`COLUMNS`].
+
+/// The type of a column's elements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)] // the names say it
+pub enum ColumnType {
+    U32,
+    U64,
+    I32,
+    F32,
+    F64,
+    Bool,
+}
+
+impl ColumnType {
+    /// Bytes of an element.
+    pub const fn size(self) -> usize {
+        match self {
+            ColumnType::U32 | ColumnType::I32 | ColumnType::F32 => 4,
+            ColumnType::U64 | ColumnType::F64 => 8,
+            ColumnType::Bool => 1,
+        }
+    }
+
+    /// NumPy's name of the type.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ColumnType::U32 => "uint32",
+            ColumnType::U64 => "uint64",
+            ColumnType::I32 => "int32",
+            ColumnType::F32 => "float32",
+            ColumnType::F64 => "float64",
+            ColumnType::Bool => "bool",
+        }
+    }
+}
+
+/// An axis of a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColumnAxis {
+    /// One per unit, agents first, by battle-wide id (`n_units`).
+    Unit,
+    /// One per agent (`n_agents`).
+    Agent,
+    /// One per joint action that is kept (`n_past`).
+    Past,
+    /// x and y.
+    Xy,
+}
+
+/// A column; the discriminant is its index in [`COLUMNS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+#[allow(missing_docs)] // `COLUMNS` says what each one means
+pub enum Column {
+    Magic,
+    Checksum,
+    Version,
+    NAgents,
+    NEnemies,
+    NPast,
+    Scenario,
+    Seed,
+    Draws,
+    EpisodeReturn,
+    EpisodeLength,
+    NKnown,
+    Hp,
+    Shield,
+    Energy,
+    Cooldown,
+    ShieldCooldown,
+    Healing,
+    Pos,
+    Vel,
+    PlannedVel,
+    Target,
+    NeighbourRank,
+    NeighbourNumber,
+    LastAction,
+    PastActions,
+    Alive,
+    Declared,
+}
+
+/// How many columns there are.
+pub const COLUMN_COUNT: usize = 28;
+
+/// Name, type, shape and meaning of a column.
+#[derive(Clone, Copy, Debug)]
+pub struct ColumnSpec {
+    /// Which column this is.
+    pub column: Column,
+    /// The name used in Python and messages.
+    pub name: &'static str,
+    /// Element type; little-endian.
+    pub dtype: ColumnType,
+    /// The axes; none for a single number.
+    pub axes: &'static [ColumnAxis],
+    /// One line for documentation.
+    pub meaning: &'static str,
+}
+
+const fn spec(
+    column: Column,
+    name: &'static str,
+    dtype: ColumnType,
+    axes: &'static [ColumnAxis],
+    meaning: &'static str,
+) -> ColumnSpec {
+    ColumnSpec { column, name, dtype, axes, meaning }
+}
+
+use ColumnAxis::{Agent, Past, Unit, Xy};
+use ColumnType::{Bool, F32, F64, I32, U32, U64};
+
+/// The table of columns, in their order in a record.
+pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
+    spec(Column::Magic, "magic", U32, &[], "0x4e534d53, the letters SMSN"),
+    spec(Column::Checksum, "checksum", U32, &[], "CRC-32C of all bytes after it"),
+    spec(Column::Version, "version", U32, &[], "version of this table"),
+    spec(Column::NAgents, "n_agents", U32, &[], "number of agents"),
+    spec(Column::NEnemies, "n_enemies", U32, &[], "number of enemies"),
+    spec(
+        Column::NPast,
+        "n_past",
+        U32,
+        &[],
+        "joint actions kept for observations: the lane's obs_last_actions",
+    ),
+    spec(Column::Scenario, "scenario", U64, &[], "hash of the scenario, its unit types and the rule set"),
+    spec(Column::Seed, "seed", U64, &[], "seed of the generator of execution orders"),
+    spec(Column::Draws, "draws", U64, &[], "32-bit words that were drawn from it since seeding"),
+    spec(Column::EpisodeReturn, "episode_return", F64, &[], "sum of the episode's rewards"),
+    spec(Column::EpisodeLength, "episode_length", U32, &[], "steps of the episode"),
+    spec(Column::NKnown, "n_known", U32, &[], "how many of past_actions are of this episode, the first ones"),
+    spec(Column::Hp, "hp", F64, &[Unit], "health, 0 to the type's maximum"),
+    spec(Column::Shield, "shield", F64, &[Unit], "shield, 0 to the type's maximum"),
+    spec(Column::Energy, "energy", F64, &[Unit], "energy, 0 to the type's maximum"),
+    spec(Column::Cooldown, "cooldown", F64, &[Unit], "seconds until the unit can act again"),
+    spec(Column::ShieldCooldown, "shield_cooldown", F64, &[Unit], "seconds until the shield regenerates"),
+    spec(Column::Healing, "healing", F64, &[Unit], "healing that was paid for and not used yet, in health"),
+    spec(Column::Pos, "pos", F32, &[Unit, Xy], "position in squares; x grows east, y north"),
+    spec(Column::Vel, "vel", F32, &[Unit, Xy], "velocity of the last move, in squares per second"),
+    spec(Column::PlannedVel, "planned_vel", F32, &[Unit, Xy], "velocity planned in the last tick"),
+    spec(Column::Target, "target", I32, &[Unit], "id of the unit's target, -1 for none"),
+    spec(
+        Column::NeighbourRank,
+        "neighbour_rank",
+        I32,
+        &[Unit],
+        "place in the order of equally near neighbours of its plane, -1 for the dead",
+    ),
+    spec(
+        Column::NeighbourNumber,
+        "neighbour_number",
+        I32,
+        &[Unit],
+        "number in the order of removal of its plane, -1 for the dead",
+    ),
+    spec(Column::LastAction, "last_action", I32, &[Agent], "last action of each agent, -1 after a reset"),
+    spec(
+        Column::PastActions,
+        "past_actions",
+        I32,
+        &[Past, Agent],
+        "the last joint actions, the newest first",
+    ),
+    spec(Column::Alive, "alive", Bool, &[Unit], "whether the unit is in the battle"),
+    spec(Column::Declared, "declared", Bool, &[Unit], "whether it holds a declared attack (rule R4)"),
+];
+
+impl Column {
+    /// The column's row of the table.
+    pub const fn spec(self) -> &'static ColumnSpec {
+        &COLUMNS[self as usize]
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        self.spec().name
+    }
+}

@@ -1,0 +1,426 @@
+//! A snapshot as a record of bytes: its columns, one after the other, at places that follow from the number of
+//! units. So records of one scenario have equal sizes, can be written in place, and can be kept in arrays.
+//!
+//! The columns are declared in `columns`.
+
+use bytemuck::Pod;
+use serde::{Deserialize, Serialize};
+
+use super::columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis};
+use super::{Snapshot, SnapshotError};
+use crate::arena::Arena;
+use crate::battle::Battle;
+use crate::buffers::refill;
+use crate::neighbour_order::NeighbourOrder;
+use crate::random::{Generator, StreamPosition};
+use crate::units::Units;
+
+/// Increased when a column or the meaning of one changes.
+pub const RECORD_VERSION: u32 = 1;
+
+const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
+
+// Columns are copied as the processor has them.
+const _: () = assert!(cfg!(target_endian = "little"), "records are little-endian");
+
+/// The sizes that the places of the columns follow from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordSizes {
+    /// Agents.
+    pub n_agents: usize,
+    /// Enemies.
+    pub n_enemies: usize,
+    /// Joint actions that are kept for observations.
+    pub n_past: usize,
+}
+
+/// Where the columns of a record are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordLayout {
+    sizes: RecordSizes,
+    /// By column; the end of the last one is at the end.
+    offsets: [usize; COLUMN_COUNT + 1],
+}
+
+impl RecordLayout {
+    /// The layout for these sizes.
+    pub fn new(sizes: RecordSizes) -> RecordLayout {
+        let mut offsets = [0; COLUMN_COUNT + 1];
+        for (i, spec) in COLUMNS.iter().enumerate() {
+            // Sizes may be lies of a header.
+            let extents = spec.axes.iter().map(|axis| extent(sizes, *axis));
+            let bytes = extents.fold(spec.dtype.size(), usize::saturating_mul);
+            offsets[i + 1] = usize::saturating_add(offsets[i], bytes);
+        }
+        RecordLayout { sizes, offsets }
+    }
+
+    /// The layout of a record, by its own header; everything but the values of its columns is checked.
+    ///
+    /// # Errors
+    /// If the bytes are no record, are of another version, or were damaged.
+    pub fn of(record: &[u8]) -> Result<RecordLayout, SnapshotError> {
+        let number = |column: Column| {
+            let at = column as usize * size_of::<u32>(); // true of the columns before the first u64
+            record.get(at..at + size_of::<u32>()).map(bytemuck::pod_read_unaligned::<u32>)
+        };
+        if number(Column::Magic) != Some(MAGIC) {
+            return Err(SnapshotError::NoRecord);
+        }
+        let version = number(Column::Version).ok_or(SnapshotError::NoRecord)?;
+        if version != RECORD_VERSION {
+            return Err(SnapshotError::Version { given: version, expected: RECORD_VERSION });
+        }
+        let size = |column| number(column).map(|n| n as usize).ok_or(SnapshotError::NoRecord);
+        let (n_agents, n_enemies) = (size(Column::NAgents)?, size(Column::NEnemies)?);
+        let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: size(Column::NPast)? });
+        if layout.size() != record.len() {
+            return Err(SnapshotError::Size { given: record.len(), expected: layout.size() });
+        }
+        let (stored, computed) = (number(Column::Checksum), checksum(record));
+        if stored == Some(computed) { Ok(layout) } else { Err(SnapshotError::Checksum) }
+    }
+
+    /// The sizes.
+    pub fn sizes(&self) -> RecordSizes {
+        self.sizes
+    }
+
+    /// Bytes of a record, a multiple of 8.
+    pub fn size(&self) -> usize {
+        self.offsets[COLUMN_COUNT].saturating_add(7) & !7
+    }
+
+    /// The extents of a column's axes.
+    pub fn shape(&self, column: Column) -> Vec<usize> {
+        column.spec().axes.iter().map(|axis| extent(self.sizes, *axis)).collect()
+    }
+
+    /// The bytes of a column.
+    ///
+    /// # Panics
+    /// If the record is shorter than [`size`](Self::size).
+    pub fn column<'a>(&self, record: &'a [u8], column: Column) -> &'a [u8] {
+        &record[self.offsets[column as usize]..self.offsets[column as usize + 1]]
+    }
+
+    /// The bytes of a column; after changes, [`seal`](Self::seal) the record.
+    ///
+    /// # Panics
+    /// As [`column`](Self::column).
+    pub fn column_mut<'a>(&self, record: &'a mut [u8], column: Column) -> &'a mut [u8] {
+        &mut record[self.offsets[column as usize]..self.offsets[column as usize + 1]]
+    }
+
+    /// Writes the checksum of a record.
+    pub fn seal(&self, record: &mut [u8]) {
+        let checksum = checksum(record);
+        self.put(record, Column::Checksum, &[checksum]);
+    }
+
+    fn put<T: Pod>(&self, record: &mut [u8], column: Column, values: &[T]) {
+        debug_assert_eq!(size_of::<T>() % column.spec().dtype.size(), 0);
+        self.column_mut(record, column).copy_from_slice(bytemuck::cast_slice(values));
+    }
+
+    fn put_each<T: Pod>(&self, record: &mut [u8], column: Column, values: impl Iterator<Item = T>) {
+        for (out, value) in self.column_mut(record, column).chunks_exact_mut(size_of::<T>()).zip(values) {
+            out.copy_from_slice(bytemuck::bytes_of(&value));
+        }
+    }
+
+    fn get<'a, T: Pod>(
+        &self,
+        record: &'a [u8],
+        column: Column,
+    ) -> impl ExactSizeIterator<Item = T> + use<'a, T> {
+        self.column(record, column).chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned)
+    }
+
+    fn get_one<T: Pod>(&self, record: &[u8], column: Column) -> T {
+        bytemuck::pod_read_unaligned(self.column(record, column))
+    }
+}
+
+fn extent(sizes: RecordSizes, axis: ColumnAxis) -> usize {
+    match axis {
+        ColumnAxis::Unit => sizes.n_agents + sizes.n_enemies,
+        ColumnAxis::Agent => sizes.n_agents,
+        ColumnAxis::Past => sizes.n_past,
+        ColumnAxis::Xy => 2,
+    }
+}
+
+fn checksum(record: &[u8]) -> u32 {
+    crc32c::crc32c(&record[2 * size_of::<u32>()..])
+}
+
+/// What a record holds, by reference.
+struct State<'a> {
+    units: &'a Units,
+    neighbour_order: &'a NeighbourOrder,
+    last_actions: &'a [Option<u32>],
+    position: StreamPosition,
+    episode_length: u32,
+    episode_return: f64,
+}
+
+impl State<'_> {
+    /// `past_actions` are the last joint actions of the episode, `[n_known, n_agents]`, the newest first.
+    fn write(&self, layout: &RecordLayout, scenario: u64, past_actions: &[i32], record: &mut [u8]) {
+        let RecordSizes { n_agents, n_enemies, n_past } = layout.sizes;
+        let known = (past_actions.len() / n_agents.max(1)) as u32;
+        let header = [MAGIC, 0, RECORD_VERSION, n_agents as u32, n_enemies as u32, n_past as u32];
+        record[..size_of_val(&header)].copy_from_slice(bytemuck::cast_slice(&header));
+        layout.put(record, Column::Scenario, &[scenario]);
+        layout.put(record, Column::Seed, &[self.position.seed]);
+        layout.put(record, Column::Draws, &[self.position.draws]);
+        layout.put(record, Column::EpisodeReturn, &[self.episode_return]);
+        layout.put(record, Column::EpisodeLength, &[self.episode_length]);
+        layout.put(record, Column::NKnown, &[known]);
+        self.write_units(layout, record);
+        let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
+        layout.put_each(record, Column::Target, self.units.target.iter().map(number));
+        layout.put_each(record, Column::LastAction, self.last_actions.iter().map(number));
+        let past = layout.column_mut(record, Column::PastActions);
+        past.fill(0);
+        past[..size_of_val(past_actions)].copy_from_slice(bytemuck::cast_slice(past_actions));
+        self.write_neighbour_order(layout, record);
+        record[layout.offsets[COLUMN_COUNT]..].fill(0);
+        layout.seal(record);
+    }
+
+    fn write_units(&self, layout: &RecordLayout, record: &mut [u8]) {
+        let units = self.units;
+        layout.put(record, Column::Hp, &units.hp);
+        layout.put(record, Column::Shield, &units.shield);
+        layout.put(record, Column::Energy, &units.energy);
+        layout.put(record, Column::Cooldown, &units.cooldown);
+        layout.put(record, Column::ShieldCooldown, &units.shield_cooldown);
+        layout.put(record, Column::Healing, &units.healing);
+        layout.put(record, Column::Pos, &units.pos);
+        layout.put(record, Column::Vel, &units.vel);
+        layout.put(record, Column::PlannedVel, &units.planned_vel);
+        layout.put_each(record, Column::Alive, units.alive.iter().map(|alive| u8::from(*alive)));
+        layout.put_each(record, Column::Declared, units.declared.iter().map(|declared| u8::from(*declared)));
+    }
+
+    fn write_neighbour_order(&self, layout: &RecordLayout, record: &mut [u8]) {
+        for column in [Column::NeighbourRank, Column::NeighbourNumber] {
+            let out = layout.column_mut(record, column);
+            out.fill(0xff); // -1
+            for plane in &self.neighbour_order.planes {
+                let order = if column == Column::NeighbourRank { &plane.list } else { &plane.by_number };
+                for (place, id) in (0i32..).zip(order) {
+                    let at = *id as usize * size_of::<i32>();
+                    out[at..at + size_of::<i32>()].copy_from_slice(&place.to_le_bytes());
+                }
+            }
+        }
+    }
+}
+
+impl Battle {
+    /// Writes the state of the battle, and the last joint actions of the episode, `[n_known, n_agents]`, the
+    /// newest first, as a record of this layout.
+    ///
+    /// # Panics
+    /// If the layout is of other sizes, `record` of another length, or there are more than `n_past` actions.
+    pub fn write_record(&self, layout: &RecordLayout, past_actions: &[i32], record: &mut [u8]) {
+        let state = State {
+            units: self.units(),
+            neighbour_order: self.neighbour_order(),
+            last_actions: self.last_actions(),
+            position: self.generator().position(),
+            episode_length: self.episode_length(),
+            episode_return: self.episode_return(),
+        };
+        state.write(layout, self.arena().scenario_hash(), past_actions, record);
+    }
+}
+
+impl Snapshot {
+    /// Writes the snapshot as [`Battle::write_record`] does.
+    ///
+    /// # Panics
+    /// As [`Battle::write_record`].
+    pub fn write_record(
+        &self,
+        arena: &Arena,
+        layout: &RecordLayout,
+        past_actions: &[i32],
+        record: &mut [u8],
+    ) {
+        let state = State {
+            units: &self.units,
+            neighbour_order: &self.neighbour_order,
+            last_actions: &self.last_actions,
+            position: self.generator.position(),
+            episode_length: self.episode_length,
+            episode_return: self.episode_return,
+        };
+        state.write(layout, arena.scenario_hash(), past_actions, record);
+    }
+
+    /// The snapshot of a record whose columns were edited, and the last joint actions. Where units were killed or
+    /// revived, the order of equally near neighbours begins anew.
+    ///
+    /// # Errors
+    /// As [`read_record`](Self::read_record).
+    pub fn of_edited_record(
+        arena: &Arena,
+        n_past: usize,
+        record: &[u8],
+    ) -> Result<(Snapshot, Vec<i32>), SnapshotError> {
+        let (mut snapshot, mut past_actions) = (Snapshot::default(), Vec::new());
+        snapshot.read_unchecked(arena, n_past, record, &mut past_actions)?;
+        if !snapshot.neighbour_order.is_of_living(arena, &snapshot.units) {
+            snapshot.neighbour_order = NeighbourOrder::new(arena, &snapshot.units);
+        }
+        snapshot.check(arena)?;
+        Ok((snapshot, past_actions))
+    }
+
+    /// Replaces the snapshot by that of a record, and `past_actions` by the last joint actions. Memory is kept.
+    ///
+    /// # Errors
+    /// If the bytes are no record of this arena with so many past actions, or a value is impossible. Then snapshot
+    /// and actions are of no use.
+    pub fn read_record(
+        &mut self,
+        arena: &Arena,
+        n_past: usize,
+        record: &[u8],
+        past_actions: &mut Vec<i32>,
+    ) -> Result<(), SnapshotError> {
+        self.read_unchecked(arena, n_past, record, past_actions)?;
+        self.check(arena)
+    }
+
+    fn read_unchecked(
+        &mut self,
+        arena: &Arena,
+        n_past: usize,
+        record: &[u8],
+        past_actions: &mut Vec<i32>,
+    ) -> Result<(), SnapshotError> {
+        let layout = RecordLayout::of(record)?;
+        let (scenario, expected) = (layout.get_one::<u64>(record, Column::Scenario), arena.scenario_hash());
+        let RecordSizes { n_agents, n_enemies, n_past: given } = layout.sizes;
+        let sizes = arena.sizes();
+        if scenario != expected || (n_agents, n_enemies) != (sizes.n_agents, sizes.n_enemies) {
+            return Err(SnapshotError::OtherScenario { given: scenario, expected });
+        }
+        if given != n_past {
+            return Err(SnapshotError::PastActions { given, expected: n_past });
+        }
+        self.read_units(&layout, record)?;
+        self.neighbour_order.read(arena, &layout, record)?;
+        refill(&mut self.last_actions, numbers(&layout, record, Column::LastAction)?);
+        let at = StreamPosition {
+            seed: layout.get_one(record, Column::Seed),
+            draws: layout.get_one(record, Column::Draws),
+        };
+        if self.generator.position() != at {
+            self.generator = Generator::from(at);
+        }
+        self.episode_length = layout.get_one(record, Column::EpisodeLength);
+        self.episode_return = layout.get_one(record, Column::EpisodeReturn);
+        read_past_actions(arena, &layout, record, past_actions)
+    }
+
+    fn read_units(&mut self, layout: &RecordLayout, record: &[u8]) -> Result<(), SnapshotError> {
+        let units = &mut self.units;
+        refill(&mut units.hp, layout.get(record, Column::Hp));
+        refill(&mut units.shield, layout.get(record, Column::Shield));
+        refill(&mut units.energy, layout.get(record, Column::Energy));
+        refill(&mut units.cooldown, layout.get(record, Column::Cooldown));
+        refill(&mut units.shield_cooldown, layout.get(record, Column::ShieldCooldown));
+        refill(&mut units.healing, layout.get(record, Column::Healing));
+        refill(&mut units.pos, layout.get(record, Column::Pos));
+        refill(&mut units.vel, layout.get(record, Column::Vel));
+        refill(&mut units.planned_vel, layout.get(record, Column::PlannedVel));
+        refill(&mut units.target, numbers(layout, record, Column::Target)?);
+        refill(&mut units.alive, flags(layout, record, Column::Alive)?);
+        refill(&mut units.declared, flags(layout, record, Column::Declared)?);
+        Ok(())
+    }
+}
+
+impl NeighbourOrder {
+    fn read(&mut self, arena: &Arena, layout: &RecordLayout, record: &[u8]) -> Result<(), SnapshotError> {
+        self.planes.iter_mut().for_each(|plane| {
+            plane.list.clear();
+            plane.by_number.clear();
+        });
+        for column in [Column::NeighbourRank, Column::NeighbourNumber] {
+            for (id, place) in arena.unit_ids().zip(layout.get::<i32>(record, column)) {
+                let plane = &mut self.planes[arena.stats(id).plane as usize];
+                let order =
+                    if column == Column::NeighbourRank { &mut plane.list } else { &mut plane.by_number };
+                let Ok(place) = usize::try_from(place) else { continue };
+                if place >= arena.sizes().n_units() {
+                    let (unit, max) = (id as usize, arena.sizes().n_units() as f64 - 1.0);
+                    let (column, value) = (column.name(), place as f64);
+                    return Err(SnapshotError::OutOfRange { column, unit, value, min: -1.0, max });
+                }
+                if order.len() <= place {
+                    order.resize(place + 1, u32::MAX);
+                }
+                order[place] = id; // gaps and double places are found by the check of the whole order
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A column of numbers, -1 for none.
+fn numbers<'a>(
+    layout: &RecordLayout,
+    record: &'a [u8],
+    column: Column,
+) -> Result<impl Iterator<Item = Option<u32>> + use<'a>, SnapshotError> {
+    let values = || layout.get::<i32>(record, column);
+    if let Some((unit, value)) = values().enumerate().find(|(_, value)| *value < -1) {
+        let (column, min, max) = (column.name(), -1.0, f64::from(i32::MAX));
+        return Err(SnapshotError::OutOfRange { column, unit, value: f64::from(value), min, max });
+    }
+    Ok(values().map(|number| u32::try_from(number).ok()))
+}
+
+/// A column of 0 and 1.
+fn flags<'a>(
+    layout: &RecordLayout,
+    record: &'a [u8],
+    column: Column,
+) -> Result<impl Iterator<Item = bool> + use<'a>, SnapshotError> {
+    let values = layout.column(record, column);
+    if let Some((unit, value)) = values.iter().enumerate().find(|(_, value)| **value > 1) {
+        let (column, value) = (column.name(), f64::from(*value));
+        return Err(SnapshotError::OutOfRange { column, unit, value, min: 0.0, max: 1.0 });
+    }
+    Ok(values.iter().map(|value| *value == 1))
+}
+
+fn read_past_actions(
+    arena: &Arena,
+    layout: &RecordLayout,
+    record: &[u8],
+    past_actions: &mut Vec<i32>,
+) -> Result<(), SnapshotError> {
+    let n_agents = layout.sizes.n_agents;
+    let known: u32 = layout.get_one(record, Column::NKnown);
+    if known as usize > layout.sizes.n_past {
+        return Err(SnapshotError::PastActions { given: known as usize, expected: layout.sizes.n_past });
+    }
+    refill(past_actions, layout.get(record, Column::PastActions).take(known as usize * n_agents));
+    let n_actions = arena.sizes().n_actions;
+    let is_action = |action: &i32| usize::try_from(*action).is_ok_and(|action| action < n_actions);
+    match past_actions.iter().position(|action| !is_action(action)) {
+        None => Ok(()),
+        Some(i) => {
+            let (column, agent) = (Column::PastActions.name(), i % n_agents);
+            Err(SnapshotError::NoSuchAction { column, agent, action: i64::from(past_actions[i]), n_actions })
+        }
+    }
+}

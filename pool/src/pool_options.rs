@@ -1,0 +1,31 @@
+//! How many threads a pool has, and how they wait.
+
+use crate::wait_strategy::WaitStrategy;
+
+/// How a pool runs.
+#[derive(Clone, Copy, Debug)]
+pub struct PoolOptions {
+    /// Threads that step environments, at least 1. While a learner of this process waits for a batch, its
+    /// thread is one of them.
+    pub threads: usize,
+    /// How idle workers wait.
+    pub wait: WaitStrategy,
+}
+
+impl Default for PoolOptions {
+    /// One thread per core that this process may use, for learners of the process.
+    fn default() -> Self {
+        PoolOptions { threads: cores(), wait: WaitStrategy::default() }
+    }
+}
+
+impl PoolOptions {
+    /// One thread per core that this process may use, less one for a learner in another process.
+    pub fn for_other_processes() -> PoolOptions {
+        PoolOptions { threads: (cores() - 1).max(1), wait: WaitStrategy::default() }
+    }
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
