@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, run_script
+from conftest import Serve, run_script, stop
 
 
 class AlarmError(Exception):
@@ -30,7 +30,7 @@ def test_a_late_answer_to_a_recorder_is_not_taken_for_the_next_one(serve: Serve)
         for _ in range(100):
             envs.step(envs.sample_actions())
         before = recorder.n_complete
-        server.send_signal(signal.SIGSTOP)
+        stop(server)
         previous = signal.signal(signal.SIGALRM, raise_alarm)
         for _ in range(2):
             signal.setitimer(signal.ITIMER_REAL, 0.3)
@@ -49,7 +49,7 @@ def test_a_late_answer_to_a_recorder_is_not_taken_for_the_next_one(serve: Serve)
 def test_an_interrupted_call_does_not_delay_the_exit(serve: Serve, call: str) -> None:
     """The exit waited 5 s for the thread of the interrupted call."""
     server = serve("3m:1", "--name", "train", "--spectators", "2")
-    server.send_signal(signal.SIGSTOP)
+    stop(server)
     script = f"""
 import signal, smaclite_pool as sp
 signal.signal(signal.SIGALRM, signal.default_int_handler)
@@ -71,7 +71,7 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
 ) -> None:
     """They ended 9 s later, with the answer that did not come."""
     server = serve("3m:2", "--name", "train")
-    server.send_signal(signal.SIGSTOP)
+    stop(server)
     options = {
         "record": ["--pool", "train", "--out", str(tmp_path / "a.smreplay")],
         "train": ["--pool", "train", "--out", str(tmp_path / "run")],
