@@ -10,7 +10,7 @@ use crate::exit::{self, CloseAtExit};
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::render::{Renderer, SheetStyle, render_batch};
-use crate::wait::{run_on_thread, wait_detached};
+use crate::wait::{IsCancelled, interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -35,13 +35,13 @@ struct Attached {
 
 impl CloseAtExit for SharedClient {
     /// A recording is written; the environments are closed also if that fails.
-    fn close_if_idle(&self) -> Option<PyResult<()>> {
+    fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>> {
         let attached = match self.0.try_lock() {
             Ok(mut attached) => attached.take(),
             Err(TryLockError::Poisoned(attached)) => attached.into_inner().take(),
             Err(TryLockError::WouldBlock) => return None,
         };
-        Some(attached.map_or(Ok(()), Attached::close))
+        Some(attached.map_or(Ok(()), |attached| attached.close(interrupted)))
     }
 }
 
@@ -66,8 +66,8 @@ impl SharedClient {
 }
 
 impl Attached {
-    fn close(mut self) -> PyResult<()> {
-        self.recording.as_mut().map_or(Ok(()), RecordingToFile::finish)
+    fn close(mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
+        self.recording.as_mut().map_or(Ok(()), |recording| recording.finish(interrupted))
     }
 }
 
@@ -132,7 +132,9 @@ impl Envs {
         }
         let runtime_dir = runtime_dir()?;
         let (pool, lane) = (self.description.pool.clone(), self.description.lane.clone());
-        let received = run_on_thread(py, move |_| lane_scenario(&runtime_dir, &pool, Some(&lane)))?;
+        let received = run_on_thread(py, move |cancelled| {
+            lane_scenario(&runtime_dir, &pool, Some(&lane), WaitOptions::interrupted_by(cancelled))
+        })?;
         let scenario = received.map_err(connect_error)?.files.scenario();
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
@@ -569,7 +571,7 @@ impl Envs {
     ///     Busy: another thread is using these environments.
     ///     OSError: the replay cannot be written. The environments are closed.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.shared.close_if_idle()).unwrap_or_else(|| {
+        interruptible(py, |interrupted| Ok(self.shared.close_if_idle(interrupted)))?.unwrap_or_else(|| {
             Err(class::Busy::new_err(
                 "another thread is using these environments; close them after its call has returned",
             ))

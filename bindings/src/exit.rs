@@ -5,7 +5,9 @@
 //! that call.
 
 use crate::errors::class;
+use crate::wait::IsCancelled;
 use pyo3::prelude::*;
+use pyo3::types::IntoPyDict;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
@@ -29,8 +31,9 @@ static OPEN_CLIENTS: Mutex<Vec<Weak<dyn CloseAtExit>>> = Mutex::new(Vec::new());
 
 /// What is closed when the interpreter exits.
 pub trait CloseAtExit: Send + Sync {
-    /// Closes, unless another thread's call is using it: then `None`.
-    fn close_if_idle(&self) -> Option<PyResult<()>>;
+    /// Closes, unless another thread's call is using it: then `None`. Waits end when `interrupted` returns
+    /// `true`.
+    fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>>;
 }
 
 /// Closes `client` at exit, unless it is dropped before.
@@ -40,11 +43,22 @@ pub fn close_at_exit(client: Weak<dyn CloseAtExit>) {
     clients.push(client);
 }
 
-/// Registers [`close_all`] with `atexit`.
+/// Registers [`close_all`] with `atexit`, and [`forget_all`] for forked children.
 pub fn register_atexit(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    let close_all = wrap_pyfunction!(close_all, module)?;
-    module.py().import("atexit")?.call_method1("register", (close_all,))?;
+    let py = module.py();
+    py.import("atexit")?.call_method1("register", (wrap_pyfunction!(close_all, module)?,))?;
+    let in_child = [("after_in_child", wrap_pyfunction!(forget_all, module)?)].into_py_dict(py)?;
+    py.import("os")?.call_method("register_at_fork", (), Some(&in_child))?;
     Ok(())
+}
+
+/// In a forked child: the clients, the calls and the threads are its parent's. Those that another thread was
+/// using at the fork would be busy for ever, so the exit would wait for them in vain.
+#[pyfunction]
+fn forget_all() {
+    PENDING_CALLS.store(0, Ordering::SeqCst);
+    CANCELLED_THREADS.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner).clear();
 }
 
 /// Whether the interpreter is exiting.
@@ -97,7 +111,7 @@ fn close_all(py: Python<'_>) {
     let clients = std::mem::take(&mut *OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
         for client in clients.iter().filter_map(Weak::upgrade) {
-            wait_until(&|| match client.close_if_idle() {
+            wait_until(&|| match client.close_if_idle(&mut || Instant::now() >= deadline) {
                 Some(Err(error)) => {
                     eprintln!("smaclite_pool: {error}"); // nothing can be raised at exit
                     true

@@ -151,9 +151,9 @@ pub fn make(
         let supervisor = Arc::new(supervisor);
         let runtime_dir = supervisor.runtime_dir();
         let mut record = record; // of the first lane
-        let attached = names
-            .iter()
-            .map(|lane| attach(runtime_dir, record.take(), || supervisor.connect(Some(lane), wait)));
+        let attached = names.iter().map(|lane| {
+            attach(runtime_dir, record.take(), is_cancelled, |_| supervisor.connect(Some(lane), wait))
+        });
         let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
         Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }))
     };
@@ -255,8 +255,8 @@ pub fn connect(
     record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let client = run_on_thread(py, move |interrupted| {
-        let options = WaitOptions { timeout, interrupted };
-        attach(&runtime_dir, record, || {
+        attach(&runtime_dir, record, interrupted, |interrupted| {
+            let options = WaitOptions { timeout, interrupted };
             Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
         })
     })?;
@@ -268,11 +268,13 @@ pub fn connect(
 fn attach(
     runtime_dir: &RuntimeDir,
     record: Option<PathBuf>,
-    connect: impl FnOnce() -> Result<Client, ConnectError>,
+    interrupted: IsCancelled<'_>,
+    connect: impl FnOnce(IsCancelled<'_>) -> Result<Client, ConnectError>,
 ) -> Result<(Client, Option<RecordingToFile>), ConnectError> {
-    let client = connect()?;
+    let client = connect(interrupted)?;
     let lane = client.description();
-    let record = record.map(|path| RecordingToFile::start(runtime_dir, &lane.pool, &lane.lane, path));
+    let record =
+        record.map(|path| RecordingToFile::start(runtime_dir, &lane.pool, &lane.lane, path, interrupted));
     let recording = record.transpose()?;
     Ok((client, recording))
 }

@@ -3,13 +3,14 @@
 use crate::convert::{IntArg, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::query::runtime_dir;
-use crate::wait::run_on_thread;
-use pyo3::exceptions::PyOSError;
+use crate::wait::{IsCancelled, interruptible, run_on_thread};
+use pyo3::exceptions::{PyOSError, PyRuntimeWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use smaclite_ipc::{ClientError, ConnectError, ProcessOwned, RuntimeDir};
+use smaclite_ipc::{ClientError, ConnectError, ProcessOwned, RuntimeDir, WaitOptions};
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::SUFFIX;
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -20,11 +21,11 @@ const MAX_EPISODES: usize = 1000;
 const DEFAULT_EPISODES: usize = 100;
 
 /// Writes the newest episodes, unless there is none: then it returns `false`.
-fn save(recorder: &mut PoolRecorder, path: &Path) -> PyResult<bool> {
-    if let Err(error) = recorder.read()
-        && (recorder.n_complete() == 0 || matches!(error, ClientError::Forked { .. }))
-    {
-        return Err(client_error(error));
+fn save(recorder: &mut PoolRecorder, path: &Path, wait: WaitOptions<'_>) -> PyResult<bool> {
+    match recorder.read(wait) {
+        // What was received before the pool ended stays.
+        Err(ClientError::PoolDied { .. }) if recorder.n_complete() > 0 => {}
+        result => result.map_err(client_error)?,
     }
     let replay = recorder.replay(true).map_err(|error| class::PoolError::new_err(error.to_string()))?;
     if replay.episodes().is_empty() {
@@ -48,18 +49,22 @@ impl RecordingToFile {
         pool: &str,
         lane: &str,
         path: PathBuf,
+        interrupted: IsCancelled<'_>,
     ) -> Result<RecordingToFile, ConnectError> {
-        let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES)?;
+        let wait = WaitOptions::interrupted_by(interrupted);
+        let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES, wait)?;
         Ok(RecordingToFile { recorder: ProcessOwned::new(Some(recorder)), path })
     }
 
     /// Writes the file, if an episode began.
-    pub fn finish(&mut self) -> PyResult<()> {
+    pub fn finish(&mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
         let Ok(recorder) = self.recorder.get_mut() else {
             return Ok(());
         };
         match recorder.take() {
-            Some(mut recorder) => save(&mut recorder, &self.path).map(|_| ()),
+            Some(mut recorder) => {
+                save(&mut recorder, &self.path, WaitOptions::interrupted_by(interrupted)).map(|_| ())
+            }
             None => Ok(()),
         }
     }
@@ -68,7 +73,7 @@ impl RecordingToFile {
 impl Drop for RecordingToFile {
     /// For environments that are not closed. Nothing can be raised here.
     fn drop(&mut self) {
-        if let Err(error) = self.finish() {
+        if let Err(error) = self.finish(&mut || false) {
             eprintln!("smaclite_pool: {error}");
         }
     }
@@ -84,9 +89,10 @@ pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
 
 /// Records environments of a running pool: the newest episodes of each, without the learner noticing.
 ///
-/// An episode that began before the recorder is left out. The pool keeps what the recorder has not read: the
-/// last million actions of single agents of an environment; `save` and `n_complete` read it. Files are
-/// replays: `smaclite-pool replay FILE --to FILE.html` makes a page of one.
+/// An episode that began before the recorder is left out. The pool keeps what the recorder has not read, in 64
+/// MiB for all recorded environments of a lane together, and drops the oldest episodes when that is full; `save`
+/// and `n_complete` read it. `n_lost` is the number of episodes that were dropped unread. Files are replays:
+/// `smaclite-pool replay FILE --to FILE.html` makes a page of one.
 ///
 /// Args:
 ///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
@@ -116,13 +122,24 @@ impl Recorder {
     fn with<R: Send>(
         &self,
         py: Python<'_>,
-        action: impl FnOnce(&mut PoolRecorder) -> PyResult<R> + Send,
+        action: impl FnOnce(&mut PoolRecorder, WaitOptions<'_>) -> PyResult<R> + Send,
     ) -> PyResult<R> {
-        py.detach(|| match &mut *self.recorder.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some(recorder) => action(recorder),
-            None => Err(class::Closed::new_err("this recorder is closed; make another one")),
+        interruptible(py, |interrupted| {
+            match &mut *self.recorder.lock().unwrap_or_else(PoisonError::into_inner) {
+                Some(recorder) => action(recorder, WaitOptions::interrupted_by(interrupted)),
+                None => Err(class::Closed::new_err("this recorder is closed; make another one")),
+            }
         })
     }
+}
+
+fn warn_of_missing(py: Python<'_>, missing: u64) -> PyResult<()> {
+    let text = format!(
+        "{missing} episodes are missing in the replay: they were dropped before they were read; read more \
+         often (n_complete reads), or record fewer environments"
+    );
+    let text = CString::new(text).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
 }
 
 #[pymethods]
@@ -150,23 +167,36 @@ impl Recorder {
             return Err(invalid_request(text));
         }
         let runtime_dir = runtime_dir()?;
-        let recorder = run_on_thread(py, move |_| {
-            PoolRecorder::connect(&runtime_dir, &pool, lane.as_deref(), &env_ids, episodes)
+        let recorder = run_on_thread(py, move |cancelled| {
+            let wait = WaitOptions::interrupted_by(cancelled);
+            PoolRecorder::connect(&runtime_dir, &pool, lane.as_deref(), &env_ids, episodes, wait)
         })?;
         Ok(Recorder { recorder: Mutex::new(Some(recorder.map_err(connect_error)?)) })
     }
 
-    /// Number of episodes that ended since the recorder began.
+    /// Number of complete episodes that were received since the recorder began; it keeps the newest. What was
+    /// received stays when the pool ends.
+    ///
+    /// Raises:
+    ///     PoolError: the pool did not answer within 10 seconds. Nothing is lost.
     #[getter]
     fn n_complete(&self, py: Python<'_>) -> PyResult<u64> {
-        self.with(py, |recorder| {
-            let _ = recorder.read(); // what was received before a pool ended stays
-            Ok(recorder.n_complete())
+        self.with(py, |recorder, wait| match recorder.read(wait) {
+            Ok(()) | Err(ClientError::PoolDied { .. }) => Ok(recorder.n_complete()),
+            Err(error) => Err(client_error(error)),
         })
     }
 
+    /// Number of episodes that were lost since the recorder began, because they were not read in time. It does
+    /// not read itself: `n_complete` and `save` do.
+    #[getter]
+    fn n_lost(&self, py: Python<'_>) -> PyResult<u64> {
+        self.with(py, |recorder, _| Ok(recorder.n_lost()))
+    }
+
     /// Write the kept episodes, including those that are not over, as a replay. A file of that name is
-    /// replaced.
+    /// replaced. If episodes are missing in it, because they were not read in time, a RuntimeWarning says how
+    /// many.
     ///
     /// Args:
     ///     path: the file, `NAME.smreplay`.
@@ -175,14 +205,20 @@ impl Recorder {
     ///     InvalidRequest: no episode has begun, or the path has another suffix.
     ///     OSError: the file cannot be written.
     ///     PoolDied: the pool has ended, and no episode is complete.
+    ///     PoolError: the pool did not answer within 10 seconds. Nothing is lost.
     ///     Forked: this process is a forked child of the one that made the recorder.
     ///     Closed: the recorder is closed.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         check_replay_path("path", &path)?;
-        if self.with(py, |recorder| save(recorder, &path))? {
-            Ok(())
-        } else {
-            Err(invalid_request("no episode began while the pool was recorded; reset it first"))
+        let save = |recorder: &mut PoolRecorder, wait: WaitOptions<'_>| {
+            save(recorder, &path, wait).map(|saved| (saved, recorder.n_missing()))
+        };
+        match self.with(py, save)? {
+            (true, 0) => Ok(()),
+            (true, missing) => warn_of_missing(py, missing),
+            (false, _) => {
+                Err(invalid_request("no episode began while the pool was recorded; reset it first"))
+            }
         }
     }
 

@@ -7,6 +7,7 @@ use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use smaclite_ipc::WaitOptions;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Reads the batches of a lane without being its learner, who does not notice.
@@ -56,8 +57,9 @@ impl Spectator {
     #[pyo3(signature = (pool, lane=None))]
     fn new(py: Python<'_>, pool: String, lane: Option<String>) -> PyResult<Spectator> {
         let runtime_dir = runtime_dir()?;
-        let spectator = run_on_thread(py, move |_| {
-            smaclite_ipc::Spectator::connect(&runtime_dir, &pool, lane.as_deref())
+        let spectator = run_on_thread(py, move |cancelled| {
+            let wait = WaitOptions::interrupted_by(cancelled);
+            smaclite_ipc::Spectator::connect_within(&runtime_dir, &pool, lane.as_deref(), wait)
         })?;
         let spectator = spectator.map_err(connect_error)?;
         Ok(Spectator(Mutex::new(Some(Watching { spectator, latest: None }))))

@@ -63,16 +63,21 @@ pub fn wait_detached<T: Send>(
     timeout: Option<Duration>,
     wait: impl FnOnce(WaitOptions<'_>) -> Result<T, ClientError> + Send,
 ) -> PyResult<T> {
+    interruptible(py, |interrupted| wait(WaitOptions { timeout, interrupted }).map_err(errors::client_error))
+}
+
+/// Runs work detached from the interpreter that often calls its argument, and ends when that returns `true`:
+/// a signal handler raised an exception, which is returned.
+pub fn interruptible<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(IsCancelled<'_>) -> PyResult<T> + Send,
+) -> PyResult<T> {
     let mut raised = None;
     let result = py.detach(|| {
-        let mut interrupted = || {
+        work(&mut || {
             raised = Python::attach(check_interrupts).err();
             raised.is_some()
-        };
-        wait(WaitOptions { timeout, interrupted: &mut interrupted })
+        })
     });
-    match raised {
-        Some(error) => Err(error),
-        None => result.map_err(errors::client_error),
-    }
+    raised.map_or(result, Err)
 }

@@ -3,6 +3,7 @@
 
 use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{StatVfsMountFlags, statvfs};
+use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 use std::error::Error;
 use std::fmt::Display;
@@ -28,8 +29,9 @@ pub(crate) fn doing<E: Error + Send + Sync + 'static>(
     doing: impl Into<String>,
 ) -> impl FnOnce(E) -> IpcError {
     move |source| {
-        let shortage =
-            few_descriptors().or_else(|| full("/dev/shm", "give it more (`mount -o remount,size=...`)"));
+        let shortage = few_descriptors()
+            .or_else(|| full("/dev/shm", "give it more (`mount -o remount,size=...`)"))
+            .or_else(limited_files);
         let otherwise = || "set IOX2_LOG_LEVEL=debug for the log of iceoryx2".to_owned();
         IpcError { doing: doing.into(), source: Box::new(source), advice: shortage.unwrap_or_else(otherwise) }
     }
@@ -52,10 +54,30 @@ impl IpcError {
 fn few_descriptors() -> Option<String> {
     let limit = getrlimit(Resource::Nofile).current?;
     // The listing itself uses a file descriptor.
-    let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |entries| entries.count() as u64);
+    let open = std::fs::read_dir("/proc/self/fd").map_or(limit, |entries| entries.count() as u64 - 1);
     (open + FEW_DESCRIPTORS > limit).then(|| {
-        format!("this process has {open} of {limit} file descriptors in use: raise the limit (`ulimit -n`)")
+        format!("{open} file descriptors are open, and the limit is {limit}: raise it (`ulimit -n`)")
     })
+}
+
+/// The remedy for an error of the operating system, as the end of a message; empty if there is none.
+pub(crate) fn remedy(error: &std::io::Error) -> String {
+    let is = |errno: Errno| error.raw_os_error() == Some(errno.raw_os_error());
+    // Errors to which a path was added have no number any more.
+    let text = error.to_string();
+    if is(Errno::MFILE) || text.contains("Too many open files") {
+        format!("; {}", few_descriptors().unwrap_or_else(|| "raise the limit (`ulimit -n`)".to_owned()))
+    } else if is(Errno::FBIG) || text.contains("File too large") {
+        limited_files().map_or(String::new(), |limit| format!("; {limit}"))
+    } else {
+        String::new()
+    }
+}
+
+/// A limit on the size of files counts for shared memory too.
+fn limited_files() -> Option<String> {
+    let limit = getrlimit(Resource::Fsize).current?;
+    Some(format!("this process may write files of at most {limit} bytes: `ulimit -f unlimited`"))
 }
 
 fn full(folder: impl Display, remedy: &str) -> Option<String> {

@@ -57,6 +57,17 @@ pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,
     setup: BattleSetup,
+    /// Received by a call of [`read`](Follower::read) that failed later.
+    unread: Vec<FollowedPart>,
+}
+
+/// A piece of what followed environments did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// By environment and in order.
+    pub parts: Vec<FollowedPart>,
+    /// There is more, which the next call returns.
+    pub more: bool,
 }
 
 /// A part of an episode of a followed environment.
@@ -81,11 +92,24 @@ impl Follower {
         lane: Option<&str>,
         env_ids: &[usize],
     ) -> Result<Follower, ConnectError> {
+        Follower::connect_within(runtime_dir, pool, lane, env_ids, WaitOptions::for_response())
+    }
+
+    /// As [`connect`](Follower::connect), with a limit to the wait for the pool's answer.
+    ///
+    /// # Errors
+    /// As [`connect`](Follower::connect).
+    pub fn connect_within(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        env_ids: &[usize],
+        wait: WaitOptions<'_>,
+    ) -> Result<Follower, ConnectError> {
         let request = ControlRequest::Follow { lane: lane.map(str::to_owned), env_ids: env_ids.to_vec() };
-        let (connection, response) =
-            ControlClient::request(runtime_dir, pool, &request, WaitOptions::for_response())?;
+        let (connection, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let (description, setup) = setup_in(response)?;
-        Ok(Follower { connection: ProcessOwned::new(connection), description, setup })
+        Ok(Follower { connection: ProcessOwned::new(connection), description, setup, unread: Vec::new() })
     }
 
     /// The lane.
@@ -102,13 +126,31 @@ impl Follower {
     /// answer.
     ///
     /// # Errors
-    /// If the pool is gone or does not answer.
+    /// If the pool is gone or does not answer. Nothing is lost: the next call returns what was received before
+    /// the error, and what the pool answers late.
     pub fn read(&mut self) -> Result<Vec<FollowedPart>, ClientError> {
+        loop {
+            let piece = self.read_piece(WaitOptions::for_response())?;
+            self.unread.extend(piece.parts);
+            if !piece.more {
+                return Ok(std::mem::take(&mut self.unread));
+            }
+        }
+    }
+
+    /// The next piece of what the environments did: some 100 kB, or less if that is all. A reader of much needs
+    /// less memory so.
+    ///
+    /// # Errors
+    /// As [`read`](Follower::read).
+    pub fn read_piece(&mut self, wait: WaitOptions<'_>) -> Result<Piece, ClientError> {
         let connection = self.connection.get_mut()?;
-        let response = connection.ask(&ControlRequest::ReadEpisodes, WaitOptions::for_response());
-        match response.map_err(ClientError::of_socket)? {
-            ControlResponse::Episodes { parts } => {
-                Ok(parts.into_iter().map(FollowedPart::try_from).collect::<Result<_, _>>()?)
+        let response = connection.repeat(&ControlRequest::ReadEpisodes, wait);
+        let (response, is_late) = response.map_err(ClientError::of_socket)?;
+        match response {
+            ControlResponse::Episodes { parts, more } => {
+                let parts = parts.into_iter().map(FollowedPart::try_from).collect::<Result<_, _>>()?;
+                Ok(Piece { parts, more: more || is_late })
             }
             ControlResponse::Refused(refusal) => Err(refusal.into()),
             other => Err(ControlError::unexpected(&other).into()),

@@ -16,9 +16,10 @@ pub fn lane_scenario(
     runtime_dir: &RuntimeDir,
     pool: &str,
     lane: Option<&str>,
+    wait: WaitOptions<'_>,
 ) -> Result<BattleSetup, ConnectError> {
     let request = ControlRequest::Scenario { lane: lane.map(str::to_owned) };
-    let (_, response) = ControlClient::request(runtime_dir, pool, &request, WaitOptions::for_response())?;
+    let (_, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
     Ok(setup_in(response)?.1)
 }
 

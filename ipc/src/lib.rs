@@ -60,7 +60,7 @@ pub use clean::{CleanError, CleanReport, clean, left_over_files};
 pub use client::{Actions, Client, ClientError, ConnectError};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
-pub use follower::{FollowedPart, Follower};
+pub use follower::{FollowedPart, Follower, Piece};
 pub use lane_scenario::lane_scenario;
 pub use memory::TooLittleMemory;
 pub use name::{NameError, check_name};
@@ -69,7 +69,7 @@ pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
 pub use shm_dir::iceoryx;
-pub use smaclite_pool::{EpisodePart, WaitStrategy};
+pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};
 pub use spectator::Spectator;
 pub use supervisor::{
     LaneConfig, LaneConfigError, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig,

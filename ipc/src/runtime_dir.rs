@@ -45,6 +45,11 @@ pub enum RuntimeDirError {
     )]
     NotOurs { root: PathBuf, owner: u32, user: u32 },
     #[error(
+        "{root}: is a link that user {owner} made, not user {user}; set {ROOT_VARIABLE} to a private folder",
+        root = root.display()
+    )]
+    LinkNotOurs { root: PathBuf, owner: u32, user: u32 },
+    #[error(
         "{root}: other users can write to it (mode {mode:o}); `chmod 700` it or set {ROOT_VARIABLE} to a \
          private folder",
         root = root.display()
@@ -89,9 +94,12 @@ impl RuntimeDir {
         let link = root.symlink_metadata().map_err(failed)?;
         let canonical = root.canonicalize().map_err(failed)?;
         let folder = canonical.metadata().map_err(failed)?;
+        if link.is_symlink() && link.uid() != user {
+            return Err(RuntimeDirError::LinkNotOurs { root, owner: link.uid(), user });
+        }
         let root = canonical;
-        if let Some(owner) = [link.uid(), folder.uid()].into_iter().find(|owner| *owner != user) {
-            return Err(RuntimeDirError::NotOurs { root, owner, user });
+        if folder.uid() != user {
+            return Err(RuntimeDirError::NotOurs { root, owner: folder.uid(), user });
         }
         if folder.mode() & 0o022 != 0 {
             return Err(RuntimeDirError::Open { root, mode: folder.mode() & 0o7777 });
@@ -209,6 +217,21 @@ mod tests {
             assert!(text.contains(&format!("belongs to user {user}")), "{text}");
             assert!(text.ends_with("set SMACLITE_POOL_ROOT to a private folder"), "{text}");
         }
+    }
+
+    /// The message said that the folder belongs to the user who made the link to it.
+    #[test]
+    fn a_link_of_another_user_is_named_as_what_is_wrong() {
+        if !rustix::process::getuid().is_root() {
+            return; // only root can give a link to another user
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(folder.path(), &link).unwrap();
+        assert!(RuntimeDir::at(link.clone()).is_ok());
+        std::os::unix::fs::lchown(&link, Some(1234), None).unwrap();
+        let text = RuntimeDir::at(link.clone()).unwrap_err().to_string();
+        assert!(text.starts_with(&format!("{}: is a link that user 1234 made", link.display())), "{text}");
     }
 
     #[test]

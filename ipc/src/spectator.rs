@@ -76,8 +76,17 @@ impl Spectator {
         pool: &str,
         lane: Option<&str>,
     ) -> Result<Spectator, ConnectError> {
+        Spectator::connect_within(runtime_dir, pool, lane, WaitOptions::for_response())
+    }
+
+    /// As [`connect`](Spectator::connect), with a limit to the wait for the pool's answer.
+    pub fn connect_within(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        wait: WaitOptions<'_>,
+    ) -> Result<Spectator, ConnectError> {
         let request = ControlRequest::Watch { lane: lane.map(str::to_owned) };
-        let wait = WaitOptions::for_response();
         let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let description = match response {
             ControlResponse::Lane(lane) => *lane,

@@ -14,6 +14,18 @@ pub struct WaitOptions<'a> {
     pub interrupted: &'a mut dyn FnMut() -> bool,
 }
 
+impl<'a> WaitOptions<'a> {
+    /// As long as a supervisor may take to answer, which is 10 seconds, or until the caller interrupts it.
+    pub fn interrupted_by(interrupted: &'a mut dyn FnMut() -> bool) -> WaitOptions<'a> {
+        WaitOptions { timeout: Some(RESPONSE_TIMEOUT), interrupted }
+    }
+
+    /// The same options, for one of several waits.
+    pub fn reborrow(&mut self) -> WaitOptions<'_> {
+        WaitOptions { timeout: self.timeout, interrupted: &mut *self.interrupted }
+    }
+}
+
 impl WaitOptions<'static> {
     /// As long as a supervisor may take to answer.
     pub(crate) fn for_response() -> Self {

@@ -1,26 +1,86 @@
 //! What a followed environment did: the state where each episode began and the joint actions since, from
 //! which a follower plays it again to the bit. An environment without followers keeps no log.
+//!
+//! A log keeps what one of its followers has not read, and the present episode. The logs of a lane share
+//! [`MAX_LOG_BYTES`] equally; a log that needs more drops its oldest episodes, and tells the followers that
+//! had not read them how many they lost.
 
+use crate::sync::{AtomicUsize, Ordering};
 use smaclite_engine::Snapshot;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-/// The most actions of single agents in the log of an environment; older episodes are dropped. Twice this
-/// number of bytes, and enough for what a follower misses between two reads.
-const MAX_ACTIONS: usize = 1 << 20;
+/// Bytes that the logs of a lane use at most, together.
+pub const MAX_LOG_BYTES: usize = 64 << 20;
 
-/// The most episodes in a log.
-const MAX_EPISODES: usize = 4096;
+/// Room for at least this many states of a battle is in every log.
+const MIN_SNAPSHOTS: usize = 4;
+
+/// A follower of environments of a lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FollowerId(pub u64);
+
+/// Why environments cannot be followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FollowError {
+    /// They are not battles.
+    #[error("only battles can be followed")]
+    NoBattle,
+    /// The logs of the lane have no room for them.
+    #[error("at most {limit} environments of this size can be followed at once")]
+    TooMany {
+        /// How many environments of the lane can be followed at once.
+        limit: usize,
+    },
+}
+
+/// The memory that the logs of one lane share.
+#[derive(Clone, Debug)]
+pub(crate) struct LogMemory {
+    /// Logs of the lane.
+    logs: Arc<AtomicUsize>,
+}
+
+impl LogMemory {
+    pub(crate) fn new() -> LogMemory {
+        LogMemory { logs: Arc::new(AtomicUsize::new(0)) }
+    }
+
+    /// Is there room for the logs of more environments, which begin in such a state?
+    pub(crate) fn check(&self, more: usize, state: &Snapshot) -> Result<(), FollowError> {
+        let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * state.memory());
+        let logs = self.logs.load(Ordering::Relaxed);
+        if logs + more > limit { Err(FollowError::TooMany { limit }) } else { Ok(()) }
+    }
+
+    /// Bytes that one log may use. Relaxed: a log that sees an older number of logs is trimmed again when the
+    /// follower that changed it has been added.
+    fn share(&self) -> usize {
+        MAX_LOG_BYTES / self.logs.load(Ordering::Relaxed).max(1)
+    }
+}
 
 /// The log of one environment.
 pub(crate) struct EpisodeLog {
-    /// Followers that read it.
-    pub(crate) followers: usize,
+    readers: Vec<Reader>,
     /// In order; the last is the present one.
     episodes: VecDeque<LoggedEpisode>,
     n_agents: usize,
-    /// Actions in `episodes`.
-    n_actions: usize,
+    /// Bytes of `episodes`.
+    bytes: usize,
     next_number: u64,
+    memory: LogMemory,
+}
+
+/// A follower, and how far it has read.
+struct Reader {
+    follower: FollowerId,
+    /// The episode that it reads.
+    episode: u64,
+    /// How many steps of that it has read; `None` if it has not got its start.
+    steps: Option<usize>,
+    /// Episodes before that one, since the one that it read before, that were dropped.
+    lost: u64,
 }
 
 struct LoggedEpisode {
@@ -28,20 +88,14 @@ struct LoggedEpisode {
     start: Snapshot,
     actions: Vec<u16>,
     is_over: bool,
-}
-
-/// How far a follower has read a log: the last episode that it knows of, and how many of its steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct LogCursor {
-    episode: Option<u64>,
-    steps: usize,
+    /// The log began again in the middle of it, which all followers know.
+    is_cut: bool,
 }
 
 /// A part of an episode: what a follower has not read yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpisodePart {
-    /// Counts the episodes of the environment since it has followers, from 0. Numbers are left out if the
-    /// follower was too slow.
+    /// Counts the episodes of the environment since it has followers, from 0.
     pub number: u64,
     /// The state in which the episode began, or in which the log of it begins; in its first part only.
     pub start: Option<Snapshot>,
@@ -50,126 +104,176 @@ pub struct EpisodePart {
     /// The episode ended with the last of these steps. An episode that is reset before its end has no such
     /// part.
     pub is_over: bool,
+    /// Episodes between the last part and this one that the log dropped, because the follower had not read
+    /// them in time; all of them or their ends.
+    pub lost: u64,
+}
+
+impl LoggedEpisode {
+    fn bytes(&self) -> usize {
+        size_of::<LoggedEpisode>() + self.start.memory() + self.actions.capacity() * size_of::<u16>()
+    }
+
+    /// Adds a joint action. The memory grows by a quarter, because what it has room for counts too.
+    fn push(&mut self, actions: impl Iterator<Item = i32>, n_agents: usize) {
+        if self.actions.capacity() - self.actions.len() < n_agents {
+            self.actions.reserve_exact((self.actions.len() / 4).max(16 * n_agents));
+        }
+        // A checked action is below the 6 + 1000 actions of the largest scenario.
+        self.actions.extend(actions.map(|action| action as u16));
+    }
+}
+
+impl Reader {
+    fn has_read(&self, episode: &LoggedEpisode, n_agents: usize) -> bool {
+        let steps = episode.actions.len() / n_agents;
+        self.episode > episode.number || (self.episode == episode.number && self.steps == Some(steps))
+    }
 }
 
 impl EpisodeLog {
-    pub(crate) fn new(n_agents: usize, now: Snapshot) -> EpisodeLog {
-        let episodes = VecDeque::new();
-        let mut log = EpisodeLog { followers: 0, episodes, n_agents, n_actions: 0, next_number: 0 };
+    pub(crate) fn new(n_agents: usize, now: Snapshot, memory: LogMemory) -> EpisodeLog {
+        memory.logs.fetch_add(1, Ordering::Relaxed);
+        let (readers, episodes) = (Vec::new(), VecDeque::new());
+        let mut log = EpisodeLog { readers, episodes, n_agents, bytes: 0, next_number: 0, memory };
         log.begin(now);
         log
     }
 
-    /// The present episode has too many actions: its log must begin again in the state of now.
-    pub(crate) fn is_full(&self) -> bool {
-        self.n_actions >= MAX_ACTIONS
+    /// Adds a follower, which reads from the beginning of the present episode on.
+    pub(crate) fn add_reader(&mut self, follower: FollowerId) {
+        let episode = self.next_number - 1;
+        self.readers.push(Reader { follower, episode, steps: None, lost: 0 });
     }
 
-    /// Notes the beginning of an episode, or of a new log of the present one.
-    pub(crate) fn begin(&mut self, start: Snapshot) {
-        let number = self.next_number;
-        self.next_number += 1;
-        self.episodes.push_back(LoggedEpisode { number, start, actions: Vec::new(), is_over: false });
-        while self.episodes.len() > 1 && (self.is_full() || self.episodes.len() > MAX_EPISODES) {
-            self.n_actions -= self.episodes.pop_front().map_or(0, |episode| episode.actions.len());
+    /// Removes a follower; whether it was the last one.
+    pub(crate) fn remove_reader(&mut self, follower: FollowerId) -> bool {
+        self.readers.retain(|reader| reader.follower != follower);
+        self.drop_read();
+        self.readers.is_empty()
+    }
+
+    /// The present episode alone uses the log's memory: its log must begin again in the state of now.
+    pub(crate) fn is_full(&self) -> bool {
+        self.episodes.len() == 1 && self.bytes > self.memory.share()
+    }
+
+    /// Begins the log of the present episode again, which has filled it. No follower can have the whole episode.
+    pub(crate) fn begin_again(&mut self, now: Snapshot) {
+        if let Some(last) = self.episodes.back_mut() {
+            last.is_cut = true;
         }
+        self.readers.iter_mut().for_each(|reader| reader.lost += 1);
+        self.begin(now);
+    }
+
+    /// Notes the beginning of an episode.
+    pub(crate) fn begin(&mut self, start: Snapshot) {
+        if let Some(last) = self.episodes.back_mut() {
+            self.bytes -= last.bytes();
+            last.actions.shrink_to_fit();
+            self.bytes += last.bytes();
+        }
+        let episode = LoggedEpisode {
+            number: self.next_number,
+            start,
+            actions: Vec::new(),
+            is_over: false,
+            is_cut: false,
+        };
+        self.next_number += 1;
+        self.bytes += episode.bytes();
+        self.episodes.push_back(episode);
+        self.drop_read();
+        self.trim();
     }
 
     /// Notes a step of the present episode.
     pub(crate) fn step(&mut self, actions: impl Iterator<Item = i32>, is_over: bool) {
         if let Some(episode) = self.episodes.back_mut() {
-            // A checked action is below the 6 + 1000 actions of the largest scenario.
-            episode.actions.extend(actions.map(|action| action as u16));
+            let before = episode.actions.capacity();
+            episode.push(actions, self.n_agents);
             episode.is_over = is_over;
-            self.n_actions += self.n_agents;
+            self.bytes += (episode.actions.capacity() - before) * size_of::<u16>();
+        }
+        self.trim();
+    }
+
+    /// What happened since a follower's last call, until `budget` bytes are used up; then there may be more.
+    pub(crate) fn read(&mut self, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+        let mut parts = Vec::new();
+        let Some(reader) = self.readers.iter_mut().find(|reader| reader.follower == follower) else {
+            return parts;
+        };
+        let known = self.episodes.partition_point(|episode| episode.number < reader.episode);
+        for episode in self.episodes.range(known..) {
+            if *budget == 0 {
+                break;
+            }
+            if !reader.has_read(episode, self.n_agents) {
+                parts.push(reader.read(episode, self.n_agents, budget));
+            }
+        }
+        self.drop_read();
+        parts
+    }
+
+    /// Drops what all followers have read, except for the present episode.
+    fn drop_read(&mut self) {
+        while self.episodes.len() > 1
+            && let Some(oldest) = self.episodes.front()
+            && self.readers.iter().all(|reader| reader.has_read(oldest, self.n_agents))
+        {
+            self.drop_oldest();
         }
     }
 
-    /// What happened since `cursor`, which moves on.
-    pub(crate) fn read(&self, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        let mut parts = Vec::new();
-        let known = cursor.episode;
-        for episode in self.episodes.iter().filter(|episode| Some(episode.number) >= known) {
-            let is_new = Some(episode.number) != known;
-            let steps = episode.actions.len() / self.n_agents;
-            let read = if is_new { 0 } else { cursor.steps };
-            if is_new || steps > read {
-                parts.push(EpisodePart {
-                    number: episode.number,
-                    start: is_new.then(|| episode.start.clone()),
-                    actions: episode.actions[read * self.n_agents..].to_vec(),
-                    is_over: episode.is_over,
-                });
+    /// Drops the oldest episodes while the log uses more than its share of the memory.
+    pub(crate) fn trim(&mut self) {
+        while self.episodes.len() > 1 && self.bytes > self.memory.share() {
+            // An episode without steps is no loss.
+            let is_loss = |episode: &&LoggedEpisode| !episode.actions.is_empty() && !episode.is_cut;
+            if let Some(oldest) = self.episodes.front().filter(is_loss) {
+                let late = self.readers.iter_mut().filter(|reader| !reader.has_read(oldest, self.n_agents));
+                late.for_each(|reader| reader.lost += 1);
             }
-            *cursor = LogCursor { episode: Some(episode.number), steps };
+            self.drop_oldest();
         }
-        parts
+    }
+
+    fn drop_oldest(&mut self) {
+        self.bytes -= self.episodes.pop_front().map_or(0, |episode| episode.bytes());
+    }
+}
+
+impl Drop for EpisodeLog {
+    fn drop(&mut self) {
+        self.memory.logs.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+impl Reader {
+    /// What was not read of an episode, as far as the budget goes, and at least one step.
+    fn read(&mut self, episode: &LoggedEpisode, n_agents: usize, budget: &mut usize) -> EpisodePart {
+        let read = self.steps.filter(|_| self.episode == episode.number);
+        let start = read.is_none().then(|| episode.start.clone());
+        let used = size_of::<EpisodePart>() + start.as_ref().map_or(0, Snapshot::memory);
+        *budget = budget.saturating_sub(used);
+        let (read, step_bytes) = (read.unwrap_or(0), n_agents * size_of::<u16>());
+        let steps = episode.actions.len() / n_agents;
+        let end = steps.min(read + (*budget / step_bytes).max(1));
+        // What is too little for another step is no budget for the next episode.
+        *budget = if end < steps { 0 } else { budget.saturating_sub((end - read) * step_bytes) };
+        (self.episode, self.steps) = (episode.number, Some(end));
+        EpisodePart {
+            number: episode.number,
+            start,
+            actions: episode.actions[read * n_agents..end * n_agents].to_vec(),
+            is_over: episode.is_over && end == steps,
+            lost: std::mem::take(&mut self.lost),
+        }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use smaclite_engine::{Arena, Battle, Rules};
-    use smaclite_scenarios::Scenario;
-    use std::sync::Arc;
-
-    fn start() -> Snapshot {
-        let arena = Arena::new(&Scenario::resolve("3m").unwrap(), Rules::Smaclite);
-        Battle::new(Arc::new(arena), 0).save()
-    }
-
-    /// Number, steps, and whether there is a start.
-    fn read(log: &EpisodeLog, cursor: &mut LogCursor) -> Vec<(u64, usize, bool)> {
-        let parts = log.read(cursor).into_iter();
-        parts.map(|part| (part.number, part.actions.len() / 3, part.start.is_some())).collect()
-    }
-
-    #[test]
-    fn every_step_is_read_once_and_every_start() {
-        let mut log = EpisodeLog::new(3, start());
-        let mut cursor = LogCursor::default();
-        assert_eq!(read(&log, &mut cursor), [(0, 0, true)]);
-        assert_eq!(read(&log, &mut cursor), []);
-        log.step([1, 2, 3].into_iter(), false);
-        assert_eq!(read(&log, &mut cursor), [(0, 1, false)]);
-        log.step([1, 2, 3].into_iter(), true);
-        log.begin(start());
-        log.begin(start());
-        log.step([4, 5, 6].into_iter(), false);
-        assert_eq!(read(&log, &mut cursor), [(0, 1, false), (1, 0, true), (2, 1, true)]);
-        assert_eq!(read(&log, &mut cursor), []);
-        assert_eq!(read(&log, &mut LogCursor::default()), [(0, 2, true), (1, 0, true), (2, 1, true)]);
-    }
-
-    #[test]
-    fn what_no_follower_reads_is_limited() {
-        let mut log = EpisodeLog::new(3, start());
-        let mut cursor = LogCursor::default();
-        log.read(&mut cursor);
-        let next = start();
-        for _ in 0..2 * MAX_EPISODES {
-            (0..100).for_each(|step| log.step([7; 3].into_iter(), step == 99));
-            log.begin(next.clone());
-        }
-        assert!(log.n_actions <= MAX_ACTIONS && log.episodes.len() <= MAX_EPISODES);
-        let parts = log.read(&mut cursor);
-        assert!(parts[0].number > 1, "the oldest are missing");
-        assert!(parts.iter().all(|part| part.start.is_some()));
-        assert_eq!(parts.last().map(|part| part.number), Some(log.next_number - 1));
-    }
-
-    #[test]
-    fn an_episode_without_end_is_limited_too() {
-        let mut log = EpisodeLog::new(3, start());
-        let now = start();
-        for _ in 0..MAX_ACTIONS {
-            log.step([7; 3].into_iter(), false);
-            if log.is_full() {
-                log.begin(now.clone());
-            }
-        }
-        assert!(log.n_actions < MAX_ACTIONS);
-        assert!(log.next_number > 2);
-    }
-}
+mod tests;

@@ -2,12 +2,12 @@
 
 use crate::autoreset::Autoreset;
 use crate::environment::{Environment, JointAction};
-use crate::episode_log::{EpisodeLog, EpisodePart, LogCursor};
+use crate::episode_log::{EpisodeLog, EpisodePart, FollowerId, LogMemory};
 use crate::fields::Field;
 use crate::lane_settings::LaneSettings;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
-use smaclite_engine::{Battle, Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
+use smaclite_engine::{Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
 use std::sync::Arc;
 
 /// What an accepted request wants of an environment.
@@ -85,8 +85,10 @@ impl HostedEnv {
                 }
                 if let Some(log) = &mut self.log {
                     log.step(actions.iter(), self.is_over);
-                    if log.is_full() {
-                        self.begin_log();
+                    if log.is_full()
+                        && let Some(battle) = self.env.battle()
+                    {
+                        log.begin_again(battle.save());
                     }
                 }
                 Some(step)
@@ -213,27 +215,36 @@ impl HostedEnv {
         }
     }
 
-    /// Adds a follower, with whom the log begins; `false` if the environment cannot be followed.
-    pub(crate) fn follow(&mut self) -> bool {
-        let Some(now) = self.env.battle().map(Battle::save) else { return false };
-        let log = self.log.get_or_insert_with(|| Box::new(EpisodeLog::new(self.env.sizes().n_agents, now)));
-        log.followers += 1;
-        true
-    }
-
-    /// Removes a follower; with the last one the log ends.
-    pub(crate) fn unfollow(&mut self) {
+    /// Adds a follower; with the first one the log begins. An environment that is no battle has no log.
+    pub(crate) fn follow(&mut self, follower: FollowerId, memory: &LogMemory) {
+        if self.log.is_none()
+            && let Some(battle) = self.env.battle()
+        {
+            let n_agents = self.env.sizes().n_agents;
+            self.log = Some(Box::new(EpisodeLog::new(n_agents, battle.save(), memory.clone())));
+        }
         if let Some(log) = &mut self.log {
-            log.followers -= 1;
-            if log.followers == 0 {
-                self.log = None;
-            }
+            log.add_reader(follower);
         }
     }
 
-    /// What happened since `cursor`, which moves on.
-    pub(crate) fn read_log(&self, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        self.log.as_ref().map_or(Vec::new(), |log| log.read(cursor))
+    /// Removes a follower; with the last one the log ends.
+    pub(crate) fn unfollow(&mut self, follower: FollowerId) {
+        if self.log.as_mut().is_some_and(|log| log.remove_reader(follower)) {
+            self.log = None;
+        }
+    }
+
+    /// What happened since a follower's last call, as far as the budget of bytes goes.
+    pub(crate) fn read_log(&mut self, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+        self.log.as_mut().map_or(Vec::new(), |log| log.read(follower, budget))
+    }
+
+    /// Drops what the log has no room for any more.
+    pub(crate) fn trim_log(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.trim();
+        }
     }
 
     fn write_outcome(&self, step: Option<Step>, slot: &mut Slot<'_>) {

@@ -32,7 +32,7 @@ mod wait_strategy;
 mod work;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
-pub use episode_log::{EpisodePart, LogCursor};
+pub use episode_log::{EpisodePart, FollowError, FollowerId, MAX_LOG_BYTES};
 pub use lane::{Lane, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX_LAST_ACTIONS};
 pub use pool_options::PoolOptions;

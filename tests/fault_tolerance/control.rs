@@ -3,11 +3,13 @@
 
 use crate::assert_contains;
 use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
+use smaclite_ipc::control::protocol::PROTOCOL_VERSION;
 use smaclite_ipc::{
-    Client, ConnectError, ControlSocketError, WaitOptions, WaitStrategy, status, status_within,
+    Client, ConnectError, ControlSocketError, Follower, Spectator, WaitOptions, WaitStrategy, lane_scenario,
+    status, status_within,
 };
 use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command, run_to_end};
-use smaclite_tests::raw_client::{Control, attach_request};
+use smaclite_tests::raw_client::{Control, attach_request, request};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -108,7 +110,7 @@ fn the_status_of_hundreds_of_lanes_is_complete() {
     // A client that writes requests faster than it reads gets every answer in the end, and delays no other.
     const REQUESTS: usize = 20;
     let mut slow = UnixStream::connect(dir.runtime_dir().socket("train")).expect("the pool's socket");
-    slow.write_all("{\"request\":\"status\"}\n".repeat(REQUESTS).as_bytes())
+    slow.write_all(format!("{}\n", request(r#""request":"status""#)).repeat(REQUESTS).as_bytes())
         .expect("a socket that can be written to");
     assert_eq!(dir.status().lanes.len(), LANES);
     let answers = BufReader::new(slow).lines().take(REQUESTS).map(|line| line.expect("a whole line"));
@@ -213,5 +215,57 @@ fn a_signal_ends_serve_also_while_it_starts() {
         assert!(serve.wait(TIMEOUT).is_some());
         println!("ended {:?} after a signal at {delay} ms", begin.elapsed());
         dir.assert_empty();
+    }
+}
+
+/// Only the request to attach had a version; all others failed with a message about JSON.
+#[test]
+fn a_program_of_another_release_gets_an_error_that_names_both() {
+    let dir = TestDir::new();
+    let _supervisor = dir.start(&PoolPlan::new([LanePlan::new("2s3z", 2)]));
+    let ours = format!("release {} (protocol {PROTOCOL_VERSION})", env!("CARGO_PKG_VERSION"));
+    for keys in [
+        r#""request":"status""#,
+        r#""request":"attach","lane":null"#,
+        r#""request":"watch","lane":null"#,
+        r#""request":"follow","lane":null,"env_ids":[0]"#,
+        r#""request":"read_episodes""#,
+        r#""request":"of the future""#,
+    ] {
+        let line = format!(r#"{{"version":99,"release":"9.8.7",{keys}}}"#);
+        let answer = Control::connect(dir.runtime_dir()).ask(&line);
+        assert_contains(&answer, &["refused", &ours, "release 9.8.7 (protocol 99)", "run the same release"]);
+    }
+}
+
+#[test]
+fn a_pool_of_another_release_gives_an_error_that_names_both() {
+    let dir = TestDir::new();
+    let ours = format!("release {} (protocol {PROTOCOL_VERSION})", env!("CARGO_PKG_VERSION"));
+    let runtime_dir = dir.runtime_dir();
+    let requests: [&dyn Fn() -> Option<ConnectError>; 5] = [
+        &|| status(runtime_dir, "train").err(),
+        &|| Client::connect(runtime_dir, "train", None, WaitStrategy::default()).err(),
+        &|| Spectator::connect(runtime_dir, "train", None).err(),
+        &|| Follower::connect(runtime_dir, "train", None, &[0]).err(),
+        &|| lane_scenario(runtime_dir, "train", None, WaitOptions::forever()).err(),
+    ];
+    for request in requests {
+        let socket = runtime_dir.socket("train");
+        let _ = std::fs::remove_file(&socket);
+        let listener = UnixListener::bind(&socket).expect("a socket");
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                let mut stream = BufReader::new(listener.accept().expect("a client").0);
+                stream.read_line(&mut String::new()).expect("a request");
+                let answer = "{\"version\":99,\"release\":\"9.8.7\",\"response\":{\"is\":\"new\"}}\n";
+                stream.get_mut().write_all(answer.as_bytes()).expect("a client that reads");
+            });
+            let error = request().expect("another release").to_string();
+            assert_contains(
+                &error,
+                &["`train`", "release 9.8.7 (protocol 99)", &ours, "run the same release"],
+            );
+        });
     }
 }

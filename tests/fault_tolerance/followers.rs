@@ -2,7 +2,9 @@
 
 use rustix::process::Signal;
 use smaclite_engine::{Battle, Scratch};
-use smaclite_ipc::{Client, ClientError, Follower, WaitOptions};
+use smaclite_ipc::{
+    Client, ClientError, ControlSocketError, FollowedPart, Follower, MAX_LOG_BYTES, WaitOptions,
+};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::Field;
 use smaclite_tests::fault::Fault;
@@ -10,6 +12,8 @@ use smaclite_tests::process::{TIMEOUT, eventually};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// Plays again what a follower receives.
 struct Mirror {
@@ -149,4 +153,105 @@ fn followers_that_stop_or_outlive_their_pool_disturb_no_other_process() {
     supervisor.wait(TIMEOUT);
     let error = mirror.follower.read().expect_err("the pool is dead");
     assert!(matches!(error, ClientError::PoolDied { .. }), "{error}");
+}
+
+/// Environments whose episodes end with every step, so that their logs grow as fast as possible.
+fn short_episodes(num_envs: usize) -> PoolPlan {
+    PoolPlan::new([LanePlan { episode_limit: Some(1), ..LanePlan::new("27m_vs_30m", num_envs) }])
+}
+
+/// 64 environments of 27m_vs_30m with one-step episodes took gigabytes, which one answer carried: neither it
+/// nor any status could be read.
+#[test]
+fn what_is_read_late_is_limited_and_what_was_lost_is_counted() {
+    let dir = TestDir::new();
+    let _supervisor = Child::supervisor(&dir, &short_episodes(64));
+    let env_ids: Vec<usize> = (0..64).collect();
+    let mut late = Follower::connect(dir.runtime_dir(), "train", None, &env_ids).expect("a follower");
+    let mut client = dir.client();
+    client.reset(Some(5), None, WaitOptions::forever()).expect("a batch");
+    (0..500).for_each(|_| drop(step(&mut client)));
+
+    let parts = late.read().expect("the pool lives");
+    let bytes = |part: &FollowedPart| {
+        part.part.start.as_ref().map_or(0, |start| start.memory()) + 2 * part.part.actions.len()
+    };
+    let read: usize = parts.iter().map(bytes).sum();
+    assert!(read <= MAX_LOG_BYTES && read > MAX_LOG_BYTES / 2, "{read} bytes");
+    for env_id in env_ids {
+        let of_env: Vec<_> = parts.iter().filter(|part| part.env_id == env_id).collect();
+        let first = of_env.first().expect("a part of every environment");
+        assert!(first.part.lost > 50 && first.part.start.is_some(), "lost {}", first.part.lost);
+        let numbers = of_env.iter().map(|part| part.part.number);
+        // Episode 0 was reset before its first step.
+        assert!(numbers.eq(first.part.lost + 1..=first.part.lost + of_env.len() as u64));
+        assert!(of_env[1..].iter().all(|part| part.part.lost == 0));
+    }
+    drop(step(&mut client));
+    let next = late.read().expect("the pool lives");
+    assert!(next.len() <= 2 * 64 && next.iter().all(|part| part.part.lost == 0));
+}
+
+/// While followers read, the supervisor encoded everything that was unread for one after the other: 16 s, in
+/// which no process could attach.
+#[test]
+fn a_pool_answers_while_sixteen_followers_read() {
+    let dir = TestDir::new();
+    let _supervisor = Child::supervisor(&dir, &short_episodes(64));
+    let env_ids: Vec<usize> = (0..64).collect();
+    let connect = |_| Follower::connect(dir.runtime_dir(), "train", None, &env_ids).expect("a follower");
+    let followers: Vec<Follower> = (0..16).map(connect).collect();
+    let mut client = dir.client();
+    client.reset(Some(5), None, WaitOptions::forever()).expect("a batch");
+    (0..200).for_each(|_| drop(step(&mut client)));
+    let stop = AtomicBool::new(false);
+    let mut longest = Duration::ZERO;
+    std::thread::scope(|scope| {
+        for mut follower in followers {
+            let stop = &stop;
+            scope.spawn(move || {
+                while !stop.load(Ordering::Relaxed) {
+                    follower.read().expect("the pool lives");
+                }
+            });
+        }
+        for _ in 0..50 {
+            let begin = Instant::now();
+            dir.status();
+            longest = longest.max(begin.elapsed());
+            drop(step(&mut client));
+        }
+        stop.store(true, Ordering::Relaxed);
+    });
+    println!("the longest wait for a status: {longest:?}");
+    assert!(longest < Duration::from_secs(5), "{longest:?}");
+}
+
+/// After a wait that ended too early, each later request got the answer of the one before.
+#[test]
+fn a_late_answer_is_not_taken_for_the_next_one() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
+    let (supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
+    let mut follower = Follower::connect(dir.runtime_dir(), "train", None, &[0]).expect("a follower");
+    let mut steps = 0;
+    let mut count = |parts: Vec<FollowedPart>| {
+        steps += parts.iter().map(|part| part.part.actions.len() / 5).sum::<usize>();
+        steps
+    };
+    learner.must("step 10");
+    let before = count(follower.read().expect("the pool lives"));
+    supervisor.signal(Signal::STOP);
+    for _ in 0..2 {
+        let wait = WaitOptions { timeout: Some(Duration::from_millis(100)), ..WaitOptions::forever() };
+        let error = follower.read_piece(wait).expect_err("it is stopped");
+        assert!(matches!(error, ClientError::Control(ControlSocketError::Silent { .. })), "{error}");
+    }
+    supervisor.signal(Signal::CONT);
+    assert!(eventually(|| dir.status().lanes[0].stats.steps > 0));
+    learner.must("step 30");
+    let after = count(follower.read().expect("the pool lives"));
+    // A reset is not a step of the log.
+    assert!(after >= before + 27, "{before} steps, then {after}");
+    assert_eq!(count(follower.read().expect("the pool lives")), after, "everything was read at once");
 }

@@ -62,8 +62,21 @@ fn an_error_names_too_few_file_descriptors_as_its_cause() {
         let serve = "serve 2s3z:2 --name train --threads 1";
         let (status, error) = program(&dir, &["sh", "-c", &limited], serve);
         assert_eq!(status, Some(1), "with {limit}: {error}");
-        assert!(error.contains("file descriptors") || error.contains("Too many open files"), "{error}");
+        assert_contains(&error, &["file descriptors are open, and the limit is", "`ulimit -n`"]);
         assert!(!error.contains("Os {"), "{error}");
+    }
+}
+
+/// SIGXFSZ ended the program without a word.
+#[test]
+fn an_error_names_a_limit_on_the_size_of_files_as_its_cause() {
+    let dir = TestDir::new();
+    for limit in [8, 64] {
+        let limited = format!("ulimit -f {limit} && exec \"$0\" \"$@\"");
+        let serve = "serve 27m_vs_30m:64 --name train --threads 1";
+        let (status, error) = program(&dir, &["sh", "-c", &limited], serve);
+        assert_eq!(status, Some(1), "with {limit}: {error}");
+        assert_contains(&error, &["files of at most", "`ulimit -f unlimited`"]);
     }
 }
 

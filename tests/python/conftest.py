@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +69,14 @@ def serve(runtime_dir: Path) -> Iterator[Serve]:
             process.wait(30)
         if process.stdout is not None:
             process.stdout.close()
+
+
+def stop(server: subprocess.Popen[str]) -> None:
+    """Sends SIGSTOP and waits until every thread has stopped: until then one may still answer."""
+    server.send_signal(signal.SIGSTOP)
+    threads = Path(f"/proc/{server.pid}/task")
+    while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
+        time.sleep(0.001)
 
 
 def replayed(path: Path) -> str:

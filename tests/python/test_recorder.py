@@ -157,3 +157,35 @@ def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
     play(envs, 1)
     with pytest.raises(OSError, match="missing"):
         envs.close()
+
+
+def test_what_is_read_too_late_is_counted_and_reported(tmp_path: Path) -> None:
+    """Everything that was not read stayed in the pool: gigabytes, with which `save` then failed."""
+    path = tmp_path / "late.smreplay"
+    with (
+        sp.make("27m_vs_30m", 64, episode_limit=1) as envs,
+        sp.Recorder(envs.name, env_id=list(range(64)), episodes=1000) as recorder,
+    ):
+        envs.reset(seed=1)
+        play(envs, 600)
+        with pytest.warns(RuntimeWarning, match=r"\d+ episodes are missing in the replay: they were dropped"):
+            recorder.save(path)
+        # Every second step is one of autoreset.
+        assert recorder.n_lost > 1000 and recorder.n_complete > 1000
+        assert recorder.n_lost + recorder.n_complete == 64 * 300
+        play(envs, 2)
+        assert recorder.n_lost + recorder.n_complete == 64 * 301
+
+
+def test_a_recorder_misses_nothing_that_it_would_not_keep(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    with (
+        sp.make("27m_vs_30m", 64, episode_limit=1) as envs,
+        sp.Recorder(envs.name, env_id=list(range(64)), episodes=3) as recorder,
+    ):
+        envs.reset(seed=1)
+        play(envs, 600)
+        recorder.save(tmp_path / "newest.smreplay")
+        assert recorder.n_lost > 1000
+    assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, left_over, run_script
+from conftest import Serve, left_over, run_script, stop
 
 
 @pytest.fixture
@@ -129,14 +129,6 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
         # The name is free at once, and the files of the old pool are removed.
         with sp.make("2s3z", num_envs=1, name="train") as again:
             again.reset()
-
-
-def stop(server: subprocess.Popen[str]) -> None:
-    """Sends SIGSTOP and waits until every thread has stopped: until then one may still answer."""
-    server.send_signal(signal.SIGSTOP)
-    threads = Path(f"/proc/{server.pid}/task")
-    while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
-        time.sleep(0.001)
 
 
 STOPPED_CALLS = """

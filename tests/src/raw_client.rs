@@ -32,7 +32,12 @@ pub fn node(runtime_dir: &RuntimeDir) -> Node<Ipc> {
 /// The request to become the learner of a lane, or of the only lane.
 pub fn attach_request(lane: Option<&str>) -> String {
     let lane = lane.map_or("null".to_owned(), |lane| format!("\"{lane}\""));
-    format!(r#"{{"request":"attach","version":{PROTOCOL_VERSION},"lane":{lane}}}"#)
+    request(&format!(r#""request":"attach","lane":{lane}"#))
+}
+
+/// A request of this release, by its own keys.
+pub fn request(keys: &str) -> String {
+    format!(r#"{{"version":{PROTOCOL_VERSION},"release":"0.0.0",{keys}}}"#)
 }
 
 /// A connection to the control socket of a pool.

@@ -40,6 +40,7 @@ use std::error::Error;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::ParseError;
 
@@ -113,11 +114,19 @@ pub type HostVersion = (&'static str, String);
 /// Runs the program with these arguments, the first of which is the program's name or path, and returns its
 /// exit status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
+    report_large_files();
     let args: Vec<OsString> = args.into_iter().collect();
     let status = run_args(&args, host);
     // Within Python, an unfinished line would be lost at the end of the process.
     let _ = std::io::stdout().flush();
     status
+}
+
+/// A limit on the size of files (`ulimit -f`) makes writing fail with an error, instead of ending the program
+/// without a word by SIGXFSZ.
+fn report_large_files() {
+    // Any handler does; nothing reads the flag. If the system refuses it, the signal ends the program.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
 fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {

@@ -4,8 +4,10 @@ use super::table::Table;
 use super::{CommandResult, completions, megabytes, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{
-    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status,
+    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, WaitOptions, running_pools, status,
+    status_within,
 };
+use std::sync::atomic::{AtomicBool, Ordering};
 
 #[derive(Args)]
 pub(super) struct List {
@@ -26,7 +28,7 @@ pub(super) struct Status {
 
 impl List {
     pub(super) fn run(self) -> CommandResult {
-        let (pools, errors) = request_all(&runtime_dir()?);
+        let (pools, errors) = request_all(&runtime_dir()?, &AtomicBool::new(false));
         if self.json {
             for pool in &pools {
                 out!("{}", serde_json::to_string(pool)?)?;
@@ -143,12 +145,18 @@ fn mean_return(lane: &LaneStatus) -> String {
 }
 
 /// Requests the status of all running pools: those that answer, and the errors of the others. All are
-/// requested at the same time, so that suspended pools cost one timeout together.
-pub(super) fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+/// requested at the same time, so that suspended pools cost one timeout together, which the flag ends.
+pub(super) fn request_all(
+    runtime_dir: &RuntimeDir,
+    interrupted: &AtomicBool,
+) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {
-        let threads: Vec<_> =
-            names.iter().map(|name| scope.spawn(move || status(runtime_dir, name))).collect();
+        let request = |name| {
+            let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
+            status_within(runtime_dir, name, WaitOptions::interrupted_by(&mut is_interrupted))
+        };
+        let threads: Vec<_> = names.iter().map(|name: &String| scope.spawn(move || request(name))).collect();
         threads.into_iter().map(|thread| thread.join().expect("a request does not panic")).collect()
     });
     let (mut pools, mut errors) = (Vec::new(), Vec::new());

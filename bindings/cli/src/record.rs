@@ -5,6 +5,7 @@ use super::{CommandResult, check_range, completions, replay, runtime_dir};
 use clap::Args;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::{Recorder, Replay};
@@ -89,15 +90,26 @@ impl Record {
     fn follow(&self, pool: &str) -> Result<Replay, Box<dyn Error>> {
         let interrupted = interrupt_flag()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
-        let mut recorder =
-            PoolRecorder::connect(&runtime_dir()?, pool, self.lane.as_deref(), env_ids, self.episodes)?;
+        let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
+        let wait = WaitOptions::interrupted_by(&mut is_interrupted);
+        let lane = self.lane.as_deref();
+        let mut recorder = PoolRecorder::connect(&runtime_dir()?, pool, lane, env_ids, self.episodes, wait)?;
         let is_complete = |recorder: &PoolRecorder| recorder.n_complete() >= self.episodes as u64;
         while !is_complete(&recorder) && !interrupted.load(Ordering::Relaxed) {
             std::thread::sleep(READ_INTERVAL);
-            if let Err(error) = recorder.read() {
-                eprintln!("smaclite-pool: {error}");
-                break;
+            match recorder.read(WaitOptions::interrupted_by(&mut is_interrupted)) {
+                Ok(()) | Err(ClientError::Control(ControlSocketError::Interrupted { .. })) => {}
+                Err(error) => {
+                    eprintln!("smaclite-pool: {error}");
+                    break;
+                }
             }
+        }
+        if recorder.n_missing() > 0 {
+            eprintln!(
+                "smaclite-pool: {} episodes were lost: they ended faster than they could be read",
+                recorder.n_missing()
+            );
         }
         let recorded = recorder.replay(!is_complete(&recorder))?;
         if recorded.episodes().is_empty() {

@@ -5,7 +5,7 @@ use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, Rules};
-use smaclite_ipc::{ClientError, RuntimeDir, lane_scenario};
+use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
 };
@@ -137,7 +137,7 @@ impl Train {
         check_range("--threads", THREADS, threads)?;
         let json = self.json;
         let interrupted = interrupt_flag_once()?;
-        let (mut run, name) = self.open(threads)?;
+        let (mut run, name) = self.open(threads, &mut || interrupted.load(Ordering::Relaxed))?;
         let mut display = Display::new(json, name, run.config().steps);
         loop {
             match run.update(&mut || interrupted.load(Ordering::Relaxed)) {
@@ -162,21 +162,25 @@ impl Train {
     }
 
     /// Begins or resumes the run. Also returns the name of the scenario.
-    fn open(self, threads: usize) -> Result<(Run, String), Box<dyn Error>> {
+    fn open(
+        self,
+        threads: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(Run, String), Box<dyn Error>> {
         let runtime_dir = runtime_dir()?;
         if let Some(folder) = &self.resume {
             let run = RunDescription::read(folder)?;
             let Config { num_envs, last_actions, .. } = run.config;
-            let lanes = self.lanes(&run.setup, num_envs, last_actions, threads, &runtime_dir)?;
+            let lanes = self.lanes(&run.setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
             return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
         }
-        let setup = self.setup(&runtime_dir)?;
+        let setup = self.setup(&runtime_dir, interrupted)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
         check_range("--num-envs", 1..=1 << 16, num_envs)?;
         let last_actions = self.hyperparameters.last_actions.unwrap_or(0);
         check_range("--last-actions", 0..=MAX_LAST_ACTIONS, last_actions)?;
-        let lanes = self.lanes(&setup, num_envs, last_actions, threads, &runtime_dir)?;
+        let lanes = self.lanes(&setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
         let mut config =
             Config { num_envs: lanes.num_envs(), last_actions: lanes.last_actions(), ..Config::default() };
         config.steps = self.steps.unwrap_or(config.steps);
@@ -187,11 +191,14 @@ impl Train {
         Ok((Run::begin(&out, config, &setup, lanes, threads)?, name))
     }
 
-    fn setup(&self, runtime_dir: &RuntimeDir) -> Result<BattleSetup, Box<dyn Error>> {
-        let of_pool = self
-            .pool
-            .as_deref()
-            .map(|pool| lane_scenario(runtime_dir, pool, self.lane.first().map(String::as_str)));
+    fn setup(
+        &self,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<BattleSetup, Box<dyn Error>> {
+        let lane = self.lane.first().map(String::as_str);
+        let wait = WaitOptions::interrupted_by(interrupted);
+        let of_pool = self.pool.as_deref().map(|pool| lane_scenario(runtime_dir, pool, lane, wait));
         let of_pool = of_pool.transpose()?;
         let Some(map) = &self.map else {
             return of_pool.ok_or_else(|| "a MAP or --pool is required".into());
@@ -211,9 +218,10 @@ impl Train {
         last_actions: usize,
         threads: usize,
         runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Lanes, Box<dyn Error>> {
         Ok(match &self.pool {
-            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane)?,
+            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
             None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }

@@ -77,6 +77,12 @@ pub fn resolve_scenario(name: &str, rules: Rules) -> Result<BattleSetup, Scenari
     Ok(BattleSetup { files, rules, episode_limit })
 }
 
+/// Returns `true` when a wait is to end.
+type Interrupted<'a> = &'a mut dyn FnMut() -> bool;
+
+/// Attaches to a lane, of the only lane if none is named.
+type Connect<'a> = dyn FnMut(Option<&str>, Interrupted<'_>) -> Result<Client, ConnectError> + 'a;
+
 /// One lane.
 struct Lane {
     client: Client,
@@ -134,12 +140,14 @@ impl Lanes {
         let config =
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let pool = Supervisor::start(config)?;
-        let connect = |lane: Option<&str>| pool.connect(lane, WaitStrategy::default());
-        let lanes = Lanes::attach_by(&connect, setup, runtime_dir, &name, &names)?;
+        let mut connect =
+            |lane: Option<&str>, _: Interrupted<'_>| pool.connect(lane, WaitStrategy::default());
+        let lanes = Lanes::attach_by(&mut connect, setup, runtime_dir, &name, &names, &mut || false)?;
         Ok(Lanes { _pool: Some(pool), ..lanes })
     }
 
-    /// Attaches to lanes of a running pool, or to its only one if none is named.
+    /// Attaches to lanes of a running pool, or to its only one if none is named. `interrupted` ends the wait for
+    /// its answers.
     ///
     /// # Errors
     /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.
@@ -148,17 +156,22 @@ impl Lanes {
         runtime_dir: &RuntimeDir,
         pool: &str,
         names: &[String],
+        interrupted: Interrupted<'_>,
     ) -> Result<Lanes, LaneError> {
-        let connect = |lane: Option<&str>| Client::connect(runtime_dir, pool, lane, WaitStrategy::default());
-        Lanes::attach_by(&connect, setup, runtime_dir, pool, names)
+        let mut connect = |lane: Option<&str>, interrupted: Interrupted<'_>| {
+            let wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted };
+            Client::connect_within(runtime_dir, pool, lane, WaitStrategy::default(), wait)
+        };
+        Lanes::attach_by(&mut connect, setup, runtime_dir, pool, names, interrupted)
     }
 
     fn attach_by(
-        connect: &dyn Fn(Option<&str>) -> Result<Client, ConnectError>,
+        connect: &mut Connect<'_>,
         setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
         pool: &str,
         names: &[String],
+        interrupted: Interrupted<'_>,
     ) -> Result<Lanes, LaneError> {
         let (scenario, arena) = setup.arena()?;
         let expected = BattleSetup { episode_limit: arena.episode_limit().into(), ..setup.clone() };
@@ -170,10 +183,15 @@ impl Lanes {
         };
         let (mut lanes, mut first_env) = (Vec::new(), 0);
         for name in names {
-            let client = connect(name)?;
+            let client = connect(name, interrupted)?;
             let description = client.description();
             check_settings(description)?;
-            let given = lane_scenario(runtime_dir, pool, Some(&description.lane))?;
+            let given = lane_scenario(
+                runtime_dir,
+                pool,
+                Some(&description.lane),
+                WaitOptions::interrupted_by(interrupted),
+            )?;
             if given != expected {
                 let (lane, name) = (description.lane.clone(), scenario.name.clone());
                 return Err(LaneError::OtherScenario { lane, given: description.scenario.clone(), name });

@@ -181,7 +181,7 @@ fn serve(place: &Place, map: &str, change: impl FnOnce(&mut LaneConfig)) -> Supe
 fn a_team_trains_on_the_lane_of_a_running_pool() {
     let place = Place::new();
     let _pool = serve(&place, "3m", |_| {});
-    let lanes = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[]).unwrap();
+    let lanes = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
     let run = Run::begin(&place.path("run"), small(), &scenario(), lanes, 1).unwrap();
     assert!(complete(run).steps >= 930);
 }
@@ -251,7 +251,10 @@ fn lanes_that_a_team_cannot_play_on_are_refused() {
     let check = |map: &str, change: &dyn Fn(&mut LaneConfig), expected: &str| {
         let place = Place::new();
         let _pool = serve(&place, map, change);
-        let error = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[]).err().unwrap().to_string();
+        let error = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false)
+            .err()
+            .unwrap()
+            .to_string();
         assert!(error.contains(expected), "{error}");
     };
     check("2s3z", &|_| {}, "lane `lane` plays 2s3z, but 3m was expected");

@@ -267,7 +267,10 @@ class Recorder:
     ) -> Recorder: ...
     @property
     def n_complete(self) -> int:
-        """Number of episodes that ended since the recorder began."""
+        """Number of complete episodes that were received since the recorder began."""
+    @property
+    def n_lost(self) -> int:
+        """Number of episodes that were lost, because they were not read in time."""
     def save(self, path: str | PathLike[str]) -> None:
         """Write the kept episodes as a replay."""
     def close(self) -> None: ...

@@ -4,18 +4,30 @@
 #![forbid(unsafe_code)]
 
 use smaclite_engine::StreamPosition;
-use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir};
+use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir, WaitOptions};
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::collections::{BTreeMap, VecDeque};
+
+/// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be saved.
+const MAX_TEXT: usize = 48 << 20;
 
 /// Follows environments and keeps what they did: per environment the newest complete episodes, and the
 /// present one. An episode that began before the recorder is left out.
 pub struct PoolRecorder {
     follower: Follower,
     max_episodes: usize,
-    /// By environment. In each only the last one may continue.
-    episodes: BTreeMap<usize, VecDeque<RecordedEpisode>>,
+    envs: BTreeMap<usize, RecordedEnv>,
     n_complete: u64,
+    /// Actions of single agents that are kept, and how many may be.
+    n_actions: usize,
+    max_actions: usize,
+}
+
+#[derive(Default)]
+struct RecordedEnv {
+    /// Only the last one may continue.
+    episodes: VecDeque<RecordedEpisode>,
+    n_lost: u64,
 }
 
 struct RecordedEpisode {
@@ -48,46 +60,87 @@ impl PoolRecorder {
         lane: Option<&str>,
         env_ids: &[usize],
         max_episodes: usize,
+        wait: WaitOptions<'_>,
     ) -> Result<PoolRecorder, ConnectError> {
-        let follower = Follower::connect(runtime_dir, pool, lane, env_ids)?;
-        Ok(PoolRecorder { follower, max_episodes, episodes: BTreeMap::new(), n_complete: 0 })
+        let follower = Follower::connect_within(runtime_dir, pool, lane, env_ids, wait)?;
+        let n_agents = follower.description().sizes.n_agents;
+        let (envs, n_complete, n_actions) = (BTreeMap::new(), 0, 0);
+        let max_actions = MAX_TEXT / text_bytes_per_step(&follower) * n_agents;
+        Ok(PoolRecorder { follower, max_episodes, envs, n_complete, n_actions, max_actions })
     }
 
-    /// Receives what happened since the last call. The pool keeps a million actions of single agents; if
-    /// there were more, episodes are missing.
+    /// Receives what happened since the last call. The logs of a lane keep
+    /// [`MAX_LOG_BYTES`](smaclite_ipc::MAX_LOG_BYTES); if there was more, the oldest episodes are lost.
     ///
     /// # Errors
     /// As [`Follower::read`]; what was received before stays.
-    pub fn read(&mut self) -> Result<(), ClientError> {
-        for FollowedPart { env_id, part } in self.follower.read()? {
-            self.add(env_id, part);
+    pub fn read(&mut self, mut wait: WaitOptions<'_>) -> Result<(), ClientError> {
+        loop {
+            let piece = self.follower.read_piece(wait.reborrow())?;
+            piece.parts.into_iter().for_each(|FollowedPart { env_id, part }| self.add(env_id, part));
+            if !piece.more {
+                return Ok(());
+            }
         }
-        Ok(())
     }
 
-    /// Number of episodes that ended since the recorder began; it keeps the newest.
+    /// Number of episodes of which the end was received since the recorder began; it keeps the newest.
     pub fn n_complete(&self) -> u64 {
         self.n_complete
     }
 
+    /// Number of episodes that were lost since the recorder began: the pool dropped them before they were read,
+    /// or this recorder to limit its memory.
+    pub fn n_lost(&self) -> u64 {
+        self.envs.values().map(|env| env.n_lost).sum()
+    }
+
+    /// Number of episodes that a replay would have if none had been lost: of an environment of which enough
+    /// complete ones are kept, none is missing.
+    pub fn n_missing(&self) -> u64 {
+        let kept = |env: &RecordedEnv| env.episodes.iter().filter(|episode| episode.is_complete).count();
+        let missing = |env: &RecordedEnv| env.n_lost.min(self.max_episodes.saturating_sub(kept(env)) as u64);
+        self.envs.values().map(missing).sum()
+    }
+
     fn add(&mut self, env_id: usize, part: EpisodePart) {
-        let episodes = self.episodes.entry(env_id).or_default();
+        let env = self.envs.entry(env_id).or_default();
+        env.n_lost += part.lost;
         if let Some(start) = &part.start {
             let start = (start.episode_length == 0).then(|| start.generator.position());
             let (number, actions) = (part.number, Vec::new());
-            episodes.push_back(RecordedEpisode { number, start, actions, is_complete: false });
+            env.episodes.push_back(RecordedEpisode { number, start, actions, is_complete: false });
         }
-        let Some(episode) = episodes.back_mut().filter(|episode| episode.number == part.number) else {
+        let Some(episode) = env.episodes.back_mut().filter(|episode| episode.number == part.number) else {
             return;
         };
         if episode.start.is_some() {
+            self.n_actions += part.actions.len();
             episode.actions.extend(part.actions);
             episode.is_complete = part.is_over;
             self.n_complete += u64::from(part.is_over);
         }
         // One more than the complete ones: the present episode.
-        while episodes.len() > self.max_episodes + 1 {
-            episodes.pop_front();
+        while env.episodes.len() > self.max_episodes + 1 {
+            self.n_actions -= env.episodes.pop_front().map_or(0, |episode| episode.actions.len());
+        }
+        while self.n_actions > self.max_actions {
+            self.forget();
+        }
+    }
+
+    /// Forgets the oldest episode of the environment that has the most actions.
+    fn forget(&mut self) {
+        let size =
+            |env: &RecordedEnv| env.episodes.iter().map(|episode| episode.actions.len()).sum::<usize>();
+        let Some(env) = self.envs.values_mut().max_by_key(|env| size(env)) else { return };
+        env.n_lost += 1;
+        if env.episodes.len() > 1 {
+            self.n_actions -= env.episodes.pop_front().map_or(0, |episode| episode.actions.len());
+        } else if let Some(only) = env.episodes.back_mut() {
+            // It may continue: its number stays.
+            self.n_actions -= std::mem::take(&mut only.actions).len();
+            only.start = None;
         }
     }
 
@@ -99,7 +152,7 @@ impl PoolRecorder {
     pub fn replay(&self, with_incomplete: bool) -> Result<Replay, PoolRecorderError> {
         let n_agents = self.follower.description().sizes.n_agents;
         let mut recorder = Recorder::new(self.follower.setup().clone(), 0)?;
-        for episode in self.episodes.values().flatten() {
+        for episode in self.envs.values().flat_map(|env| &env.episodes) {
             let Some(start) = episode.start.filter(|_| episode.is_complete || with_incomplete) else {
                 continue;
             };
@@ -111,4 +164,11 @@ impl PoolRecorder {
         }
         Ok(recorder.finish())
     }
+}
+
+/// Bytes of a step in the text of a replay, at most: the actions, and a checksum of five digits.
+fn text_bytes_per_step(follower: &Follower) -> usize {
+    let sizes = follower.description().sizes;
+    let digits = sizes.n_actions.to_string().len();
+    sizes.n_agents * (digits + 1) + 6
 }

@@ -6,9 +6,7 @@ use super::sampler::Sampler;
 use super::{AttachedLane, Client};
 use crate::CHECK_INTERVAL;
 use crate::control::client::{ControlClient, ControlSocketError, RESPONSE_TIMEOUT};
-use crate::control::protocol::{
-    ControlError, ControlRequest, ControlResponse, LaneDescription, PROTOCOL_VERSION,
-};
+use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room, reserve_segments};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
@@ -89,7 +87,7 @@ impl Client {
         strategy: WaitStrategy,
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let request = ControlRequest::Attach { version: PROTOCOL_VERSION, lane: lane.map(str::to_owned) };
+        let request = ControlRequest::Attach { lane: lane.map(str::to_owned) };
         let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let (session, description) = match response {
             ControlResponse::Attached { session, lane } => (session, *lane),

@@ -1,7 +1,10 @@
 //! The client's end of the control socket. Waits are cut into slices, between which the caller can interrupt
 //! them: a stopped supervisor must not block its clients.
 
-use super::protocol::{ControlRequest, ControlResponse, MAX_RESPONSE};
+use super::protocol::{
+    ControlRequest, ControlResponse, MAX_RESPONSE, Message, PROTOCOL_VERSION, RELEASE, Sender, release_text,
+};
+use crate::error::remedy;
 use crate::name::{NameError, check_name};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
@@ -30,6 +33,12 @@ pub(crate) struct ControlClient {
     pid: Option<u32>,
     runtime_dir: RuntimeDir,
     pool: String,
+    /// The rest of a request that is not written yet.
+    unwritten: Vec<u8>,
+    /// The beginning of a response.
+    received: Vec<u8>,
+    /// A request whose response is still to come: the wait for it ended before.
+    is_unanswered: bool,
 }
 
 /// Why a request to a supervisor failed.
@@ -49,12 +58,20 @@ pub enum ControlSocketError {
     Gone { pool: String },
     #[error("pool `{pool}` closed the connection without an answer: too many idle ones are open; try again")]
     Closed { pool: String },
-    #[error("pool `{pool}` cannot be reached through {}: {source}", socket.display())]
+    #[error("pool `{pool}` cannot be reached through {}: {source}{}", socket.display(), remedy(source))]
     Unreachable { pool: String, socket: PathBuf, source: std::io::Error },
     #[error("pool `{pool}` sent a response that this release does not know ({source}); run the same release")]
     UnknownResponse { pool: String, source: serde_json::Error },
+    #[error(
+        "pool `{pool}` is of {theirs}, this program of {ours}; run the same release", ours = this_release()
+    )]
+    OtherRelease { pool: String, theirs: String },
     #[error("the wait for an answer of pool `{pool}` was interrupted")]
     Interrupted { pool: String },
+}
+
+fn this_release() -> String {
+    release_text(RELEASE, PROTOCOL_VERSION)
 }
 
 fn hint(pools: &[String]) -> String {
@@ -169,14 +186,18 @@ impl ControlClient {
         Ok((client, response))
     }
 
-    /// Sends another request and returns the response.
-    pub(crate) fn ask(
+    /// Sends the same request again and returns the response. If the wait for the last one ended before it was
+    /// answered, that response is returned, without another request; the second value is `true` then.
+    pub(crate) fn repeat(
         &mut self,
         request: &ControlRequest,
         wait: WaitOptions<'_>,
-    ) -> Result<ControlResponse, ControlSocketError> {
+    ) -> Result<(ControlResponse, bool), ControlSocketError> {
         let pool = self.pool.clone();
-        self.exchange(request, &mut Waiting { begin: Instant::now(), wait, pool, pid: None })
+        let is_late = self.is_unanswered;
+        let response =
+            self.exchange(request, &mut Waiting { begin: Instant::now(), wait, pool, pid: None })?;
+        Ok((response, is_late))
     }
 
     fn exchange(
@@ -185,12 +206,33 @@ impl ControlClient {
         waiting: &mut Waiting<'_>,
     ) -> Result<ControlResponse, ControlSocketError> {
         waiting.pid = self.pid;
-        let mut line = serde_json::to_vec(request).expect("requests are plain data");
-        line.push(b'\n');
-        self.write(&line, waiting)?;
-        let response = self.read_line(waiting)?;
-        serde_json::from_slice(&response)
-            .map_err(|source| ControlSocketError::UnknownResponse { pool: self.pool.clone(), source })
+        if !self.is_unanswered {
+            self.unwritten = serde_json::to_vec(&Message::new(request)).expect("requests are plain data");
+            self.unwritten.push(b'\n');
+            self.is_unanswered = true;
+        }
+        self.write(waiting)?;
+        self.read_line(waiting)?;
+        self.is_unanswered = false;
+        let line = std::mem::take(&mut self.received);
+        self.response(&line)
+    }
+
+    /// Reads a response; if it cannot be, or another release sent it, says which.
+    fn response(&self, line: &[u8]) -> Result<ControlResponse, ControlSocketError> {
+        let pool = self.pool.clone();
+        let message = serde_json::from_slice::<Message<ControlResponse>>(line);
+        let sender = match &message {
+            Ok(message) => Some((message.version, message.release.clone())),
+            Err(_) => serde_json::from_slice(line).ok().map(|Sender { version, release }| (version, release)),
+        };
+        match (sender, message) {
+            (Some((version, release)), _) if version != PROTOCOL_VERSION => {
+                Err(ControlSocketError::OtherRelease { pool, theirs: release_text(&release, version) })
+            }
+            (_, Ok(message)) => Ok(message.body),
+            (_, Err(source)) => Err(ControlSocketError::UnknownResponse { pool, source }),
+        }
     }
 
     fn connect(
@@ -222,34 +264,36 @@ impl ControlClient {
             pid,
             runtime_dir: runtime_dir.clone(),
             pool,
+            unwritten: Vec::new(),
+            received: Vec::new(),
+            is_unanswered: false,
         })
     }
 
-    fn write(&mut self, mut line: &[u8], waiting: &mut Waiting<'_>) -> Result<(), ControlSocketError> {
-        while !line.is_empty() {
-            match self.stream.write(line) {
-                Ok(written) => line = &line[written..],
+    fn write(&mut self, waiting: &mut Waiting<'_>) -> Result<(), ControlSocketError> {
+        while !self.unwritten.is_empty() {
+            match self.stream.write(&self.unwritten) {
+                Ok(written) => drop(self.unwritten.drain(..written)),
                 Err(error) => self.wait_after(error, PollFlags::OUT, waiting)?,
             }
         }
         Ok(())
     }
 
-    fn read_line(&mut self, waiting: &mut Waiting<'_>) -> Result<Vec<u8>, ControlSocketError> {
-        let mut line = Vec::new();
+    fn read_line(&mut self, waiting: &mut Waiting<'_>) -> Result<(), ControlSocketError> {
         let mut chunk = [0; 1 << 16];
-        while line.last() != Some(&b'\n') {
+        while self.received.last() != Some(&b'\n') {
             match self.stream.read(&mut chunk) {
                 Ok(0) => return Err(self.hung_up()),
-                Ok(read) => line.extend_from_slice(&chunk[..read]),
+                Ok(read) => self.received.extend_from_slice(&chunk[..read]),
                 Err(error) => self.wait_after(error, PollFlags::IN, waiting)?,
             }
-            if line.len() > MAX_RESPONSE {
+            if self.received.len() > MAX_RESPONSE {
                 let what = format!("its response has more than {MAX_RESPONSE} bytes");
                 return Err(self.unreachable(std::io::Error::other(what)));
             }
         }
-        Ok(line)
+        Ok(())
     }
 
     /// After a read or write that could not proceed: waits for a slice, if waiting helps.

@@ -7,12 +7,27 @@ use crate::follower::FollowedPart;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::Snapshot;
-use smaclite_pool::{EpisodePart, LogCursor};
+use smaclite_pool::{EpisodePart, FollowError, FollowerId};
+use std::collections::BTreeSet;
 
 /// The most followers of a lane at once, and the most environments that one of them follows: limits of the
 /// memory of logs.
 const MAX_FOLLOWERS: usize = 16;
 const MAX_FOLLOWED_ENVS: usize = 64;
+
+/// Bytes of the logs that one answer has, about: it is encoded in less than a millisecond, in which the
+/// control thread does nothing else. Sixteen followers that ask all the time delay others by some
+/// milliseconds.
+const PIECE_BYTES: usize = 128 << 10;
+
+/// What a connection follows.
+#[derive(PartialEq)]
+pub(super) struct Followed {
+    id: FollowerId,
+    env_ids: Vec<usize>,
+    /// Index of the environment that is read next.
+    next: usize,
+}
 
 impl ControlServer {
     /// The scenario of a lane.
@@ -45,41 +60,51 @@ impl ControlServer {
         if self.lanes[index].followers == MAX_FOLLOWERS {
             return Err(ControlError::TooManyFollowers { lane: name, limit: MAX_FOLLOWERS });
         }
-        let mut followed: Vec<(usize, LogCursor)> = Vec::new();
-        for env_id in env_ids {
-            if !followed.iter().any(|(known, _)| *known == env_id) && self.pool.lane(index).follow(env_id) {
-                followed.push((env_id, LogCursor::default()));
-            }
-        }
-        self.lanes[index].followers += 1;
-        connection.take_role(Role::Follower(index, followed));
+        let env_ids: Vec<usize> = env_ids.into_iter().collect::<BTreeSet<_>>().into_iter().collect();
+        let lane = &mut self.lanes[index];
+        let id = FollowerId(lane.next_follower);
+        let followed = self.pool.lane(index).follow(&env_ids, id);
+        followed.map_err(|error| match error {
+            FollowError::NoBattle => ControlError::NoBattles { lane: name.clone() },
+            FollowError::TooMany { limit } => ControlError::TooManyFollowed { lane: name.clone(), limit },
+        })?;
+        lane.next_follower += 1;
+        lane.followers += 1;
+        connection.take_role(Role::Follower(index, Followed { id, env_ids, next: 0 }));
         Ok(response)
     }
 
-    pub(super) fn unfollow(&mut self, index: usize, followed: &[(usize, LogCursor)]) {
-        followed.iter().for_each(|(env_id, _)| self.pool.lane(index).unfollow(*env_id));
+    pub(super) fn unfollow(&mut self, index: usize, followed: &Followed) {
+        followed.env_ids.iter().for_each(|env_id| self.pool.lane(index).unfollow(*env_id, followed.id));
         self.lanes[index].followers -= 1;
     }
 
-    /// What the environments that a connection follows did since its last request.
+    /// What the environments that a connection follows did since its last request: a piece of some
+    /// environments, from the one on that the last piece did not finish.
     pub(super) fn read_episodes(&self, connection: &mut Connection) -> Result<ControlResponse, ControlError> {
         let Role::Follower(index, followed) = &mut connection.role else {
             return Err(ControlError::Malformed {
                 what: "this connection follows no environment".to_owned(),
             });
         };
-        let mut parts = Vec::new();
-        for (env_id, cursor) in followed {
-            let read = self.pool.lane(*index).read_log(*env_id, cursor);
-            parts.extend(read.into_iter().map(|part| message(*env_id, part)));
+        let (mut parts, mut budget) = (Vec::new(), PIECE_BYTES);
+        while let Some(&env_id) = followed.env_ids.get(followed.next) {
+            let read = self.pool.lane(*index).read_log(env_id, followed.id, &mut budget);
+            parts.extend(read.into_iter().map(|part| message(env_id, part)));
+            if budget == 0 {
+                return Ok(ControlResponse::Episodes { parts, more: true });
+            }
+            followed.next += 1;
         }
-        Ok(ControlResponse::Episodes { parts })
+        followed.next = 0;
+        Ok(ControlResponse::Episodes { parts, more: false })
     }
 }
 
 fn message(env_id: usize, part: EpisodePart) -> EpisodeMessage {
-    let EpisodePart { number, start, actions, is_over } = part;
-    EpisodeMessage { env_id, number, start: start.map(|start| encoded(&start)), actions, is_over }
+    let EpisodePart { number, start, actions, is_over, lost } = part;
+    let start = start.map(|start| encoded(&start));
+    EpisodeMessage { env_id, number, start, actions, is_over, lost }
 }
 
 fn encoded(snapshot: &Snapshot) -> String {
@@ -90,9 +115,9 @@ impl TryFrom<EpisodeMessage> for FollowedPart {
     type Error = ControlError;
 
     fn try_from(message: EpisodeMessage) -> Result<FollowedPart, ControlError> {
-        let EpisodeMessage { env_id, number, start, actions, is_over } = message;
+        let EpisodeMessage { env_id, number, start, actions, is_over, lost } = message;
         let start = start.map(|text| decoded(&text)).transpose()?;
-        Ok(FollowedPart { env_id, part: EpisodePart { number, start, actions, is_over } })
+        Ok(FollowedPart { env_id, part: EpisodePart { number, start, actions, is_over, lost } })
     }
 }
 

@@ -1,5 +1,5 @@
 //! The messages of the control socket: one JSON object per line, requests from the client and responses from
-//! the supervisor.
+//! the supervisor. Each begins with the release and the protocol version of its sender ([`Message`]).
 
 use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
@@ -9,8 +9,48 @@ use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
-/// Increased whenever a request or response changes.
-pub const PROTOCOL_VERSION: u32 = 3;
+/// Increased whenever a request or response changes, or what is played again from it.
+pub const PROTOCOL_VERSION: u32 = 4;
+
+/// The release of this program.
+pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
+
+/// A request or a response with its sender. These two keys never change, so that programs of different
+/// releases can name both.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Message<T> {
+    /// The sender's [`PROTOCOL_VERSION`].
+    pub version: u32,
+    /// The sender's release.
+    pub release: String,
+    /// The request or response.
+    #[serde(flatten)]
+    pub body: T,
+}
+
+/// What a message of any release has.
+#[derive(Clone, Debug, Deserialize)]
+pub(crate) struct Sender {
+    pub(crate) version: u32,
+    #[serde(default = "unknown_release")]
+    pub(crate) release: String,
+}
+
+fn unknown_release() -> String {
+    "unknown".to_owned()
+}
+
+impl<T> Message<T> {
+    /// A message of this program.
+    pub fn new(body: T) -> Message<T> {
+        Message { version: PROTOCOL_VERSION, release: RELEASE.to_owned(), body }
+    }
+}
+
+/// `release 0.1.0 (protocol 4)`.
+pub(crate) fn release_text(release: &str, version: u32) -> String {
+    format!("release {} (protocol {version})", release.escape_default())
+}
 
 /// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
@@ -27,8 +67,6 @@ pub enum ControlRequest {
     Status,
     /// Become the learner of a lane, or of the only lane if none is named, until the connection ends.
     Attach {
-        /// The client's [`PROTOCOL_VERSION`].
-        version: u32,
         /// The lane's name.
         lane: Option<String>,
     },
@@ -50,7 +88,7 @@ pub enum ControlRequest {
         /// The environments.
         env_ids: Vec<usize>,
     },
-    /// What the followed environments did since the last such request of this connection.
+    /// What the followed environments did since the last such request of this connection, or a piece of it.
     ReadEpisodes,
 }
 
@@ -67,6 +105,8 @@ pub struct EpisodeMessage {
     pub actions: Vec<u16>,
     /// Whether the episode ended with the last of these steps.
     pub is_over: bool,
+    /// Episodes that were dropped since the last part.
+    pub lost: u64,
 }
 
 /// A supervisor's response.
@@ -95,6 +135,8 @@ pub enum ControlResponse {
     Episodes {
         /// What happened, by environment and in order.
         parts: Vec<EpisodeMessage>,
+        /// There is more: the request is to be repeated.
+        more: bool,
     },
     /// To any request that was refused.
     Refused(ControlError),
@@ -111,6 +153,10 @@ pub enum ControlError {
     TooManySpectators { lane: String, limit: usize },
     #[error("lane `{lane}` already has its {limit} followers; end one of them")]
     TooManyFollowers { lane: String, limit: usize },
+    #[error(
+        "the logs of lane `{lane}` have room for {limit} followed environments of its size; follow fewer"
+    )]
+    TooManyFollowed { lane: String, limit: usize },
     #[error("a follower must follow between 1 and {limit} environments, got {given}")]
     FollowedEnvs { given: usize, limit: usize },
     #[error("env_id must be below {num_envs}, the number of environments of lane `{lane}`, got {env_id}")]
@@ -121,10 +167,8 @@ pub enum ControlError {
     NoSuchLane { lane: String, lanes: Vec<String> },
     #[error("the pool has several lanes; say which one: {}", names(lanes))]
     WhichLane { lanes: Vec<String> },
-    #[error(
-        "the pool speaks version {supervisor} of the protocol, this program {client}; run the same release"
-    )]
-    Version { supervisor: u32, client: u32 },
+    #[error("{message}")]
+    OtherRelease { message: String },
     #[error("lane `{lane}` failed and no longer serves: {text}")]
     LaneFailed { lane: String, text: String },
     #[error(

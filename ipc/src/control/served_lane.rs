@@ -13,6 +13,8 @@ pub(crate) struct ServedLane {
     pub(super) learner_pid: Option<u32>,
     pub(super) spectators: usize,
     pub(super) followers: usize,
+    /// The number of the next follower.
+    pub(super) next_follower: u64,
     /// Statistics and time of the last measurement, for the rates.
     seen: (LaneStats, Instant),
     steps_per_s: f64,
@@ -27,6 +29,7 @@ impl ServedLane {
             learner_pid: None,
             spectators: 0,
             followers: 0,
+            next_follower: 0,
             seen: (LaneStats::default(), Instant::now()),
             steps_per_s: 0.0,
             queue_wait_us: 0.0,

@@ -2,16 +2,18 @@
 //! the end of a learner's process, and has iceoryx2 reclaim what dead processes left.
 
 use super::client::{has_ended, peer_of, watch_process};
+use super::following::Followed;
 use super::protocol::{
-    ControlError, ControlRequest, ControlResponse, MAX_REQUEST, PROTOCOL_VERSION, PoolStatus,
+    ControlError, ControlRequest, ControlResponse, MAX_REQUEST, Message, PROTOCOL_VERSION, PoolStatus,
+    RELEASE, Sender, release_text,
 };
 use super::served_lane::ServedLane;
 use crate::CHECK_INTERVAL;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use smaclite_pool::Pool;
 use smaclite_pool::transport::SessionId;
-use smaclite_pool::{LogCursor, Pool};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
@@ -62,8 +64,7 @@ pub(super) enum Role {
     None,
     Learner(usize),
     Spectator(usize),
-    /// With the environments, and how far the log of each is read.
-    Follower(usize, Vec<(usize, LogCursor)>),
+    Follower(usize, Followed),
 }
 
 /// Serves until `stop` is shut down at the other end.
@@ -209,6 +210,18 @@ impl Connection {
     }
 }
 
+/// Reads a request. One of another release is refused before what it asks is read, which may have changed.
+fn request(line: &[u8]) -> Result<ControlRequest, ControlError> {
+    let malformed = |error: serde_json::Error| ControlError::Malformed { what: error.to_string() };
+    let Sender { version, release } = serde_json::from_slice(line).map_err(malformed)?;
+    if version != PROTOCOL_VERSION {
+        let (theirs, ours) = (release_text(&release, version), release_text(RELEASE, PROTOCOL_VERSION));
+        let message = format!("the pool is of {ours}, this program of {theirs}; run the same release");
+        return Err(ControlError::OtherRelease { message });
+    }
+    serde_json::from_slice(line).map_err(malformed)
+}
+
 impl ControlServer {
     /// Answers the requests of a connection, each after the previous response is written in full; `false`
     /// if the connection is over.
@@ -225,34 +238,36 @@ impl ControlServer {
                 return open || connection.role == Role::None;
             }
             let Some(line) = connection.next_line() else { return open };
-            let response = match serde_json::from_slice::<ControlRequest>(&line) {
-                Ok(ControlRequest::Status) => Ok(ControlResponse::Status(self.status())),
-                Ok(ControlRequest::Attach { version, lane }) => {
-                    self.attach(connection, version, lane, sessions)
-                }
-                Ok(ControlRequest::Watch { lane }) => self.watch(connection, lane),
-                Ok(ControlRequest::Scenario { lane }) => self.scenario(lane),
-                Ok(ControlRequest::Follow { lane, env_ids }) => self.follow(connection, lane, env_ids),
-                Ok(ControlRequest::ReadEpisodes) => self.read_episodes(connection),
-                Err(error) => Err(ControlError::Malformed { what: error.to_string() }),
-            };
-            let response = response.unwrap_or_else(ControlResponse::Refused);
+            let response = request(&line).and_then(|request| self.answer(connection, request, sessions));
+            let response = Message::new(response.unwrap_or_else(ControlResponse::Refused));
             let mut line = serde_json::to_vec(&response).expect("responses are plain data");
             line.push(b'\n');
             connection.unwritten = line.into();
         }
     }
 
+    fn answer(
+        &mut self,
+        connection: &mut Connection,
+        request: ControlRequest,
+        sessions: &mut u64,
+    ) -> Result<ControlResponse, ControlError> {
+        match request {
+            ControlRequest::Status => Ok(ControlResponse::Status(self.status())),
+            ControlRequest::Attach { lane } => self.attach(connection, lane, sessions),
+            ControlRequest::Watch { lane } => self.watch(connection, lane),
+            ControlRequest::Scenario { lane } => self.scenario(lane),
+            ControlRequest::Follow { lane, env_ids } => self.follow(connection, lane, env_ids),
+            ControlRequest::ReadEpisodes => self.read_episodes(connection),
+        }
+    }
+
     fn attach(
         &mut self,
         connection: &mut Connection,
-        version: u32,
         lane: Option<String>,
         sessions: &mut u64,
     ) -> Result<ControlResponse, ControlError> {
-        if version != PROTOCOL_VERSION {
-            return Err(ControlError::Version { supervisor: PROTOCOL_VERSION, client: version });
-        }
         let pid = self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];

@@ -1,6 +1,7 @@
 //! Why a pool could not start.
 
 use crate::control::client::of_process;
+use crate::error::remedy;
 use crate::memory::TooLittleMemory;
 use crate::name::NameError;
 use crate::runtime_dir::RuntimeDirError;
@@ -30,7 +31,7 @@ pub enum StartError {
     Pool(#[from] PoolStartError),
     #[error("the start was interrupted")]
     Interrupted,
-    #[error("{doing}: {source}")]
+    #[error("{doing}: {source}{}", remedy(source))]
     System { doing: String, source: std::io::Error },
 }
 

@@ -11,7 +11,7 @@ pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
 use crate::environment::JointAction;
-use crate::episode_log::{EpisodePart, LogCursor};
+use crate::episode_log::{EpisodePart, FollowError, FollowerId, LogMemory};
 use crate::frames::{Frames, SlotClaim};
 use crate::hosted_env::HostedEnv;
 use crate::lane_settings::{LaneSettings, LaneSpec};
@@ -56,6 +56,7 @@ pub struct Lane<T: Transport> {
     accepts_itself: AtomicBool,
     failure: OnceLock<String>,
     stats: Mutex<LaneStats>,
+    logs: LogMemory,
 }
 
 impl<T: Transport> Lane<T> {
@@ -86,6 +87,7 @@ impl<T: Transport> Lane<T> {
             accepts_itself: AtomicBool::new(false),
             failure: OnceLock::new(),
             stats: Mutex::default(),
+            logs: LogMemory::new(),
         })
     }
 
@@ -124,29 +126,40 @@ impl<T: Transport> Lane<T> {
         self.accepts_itself.load(Ordering::Acquire)
     }
 
-    /// Adds a follower to an environment, which from now on keeps a log of its episodes; `false` if the
-    /// environment cannot be followed.
+    /// Adds a follower to environments, which from now on keep logs of their episodes. No follower and no
+    /// environment may be given twice.
+    ///
+    /// # Errors
+    /// If they are no battles, or too many; then nothing has changed.
     ///
     /// # Panics
     /// If there is no such environment.
-    pub fn follow(&self, env: usize) -> bool {
-        lock(&self.envs[env]).follow()
+    pub fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
+        if let Some(&env) = envs.first() {
+            let env = lock(&self.envs[env]);
+            self.logs.check(envs.len(), &env.env.battle().ok_or(FollowError::NoBattle)?.save())?;
+        }
+        envs.iter().for_each(|&env| lock(&self.envs[env]).follow(follower, &self.logs));
+        // More logs share the same memory.
+        self.envs.iter().for_each(|env| lock(env).trim_log());
+        Ok(())
     }
 
     /// Removes a follower of an environment.
     ///
     /// # Panics
     /// As [`follow`](Lane::follow).
-    pub fn unfollow(&self, env: usize) {
-        lock(&self.envs[env]).unfollow();
+    pub fn unfollow(&self, env: usize, follower: FollowerId) {
+        lock(&self.envs[env]).unfollow(follower);
     }
 
-    /// What a followed environment did since `cursor`, which moves on.
+    /// What an environment did since the follower's last call, until `budget` bytes are used up; if that is 0
+    /// afterwards, there may be more.
     ///
     /// # Panics
     /// As [`follow`](Lane::follow).
-    pub fn read_log(&self, env: usize, cursor: &mut LogCursor) -> Vec<EpisodePart> {
-        lock(&self.envs[env]).read_log(cursor)
+    pub fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+        lock(&self.envs[env]).read_log(follower, budget)
     }
 
     /// Its statistics.

@@ -126,7 +126,7 @@ impl Report {
         match RuntimeDir::for_current_user() {
             Ok(runtime_dir) => {
                 checks.push(Check::ok("runtime folder", runtime_dir.root().display().to_string()));
-                let (answered, errors) = list::request_all(&runtime_dir);
+                let (answered, errors) = list::request_all(&runtime_dir, interrupted);
                 pools = answered;
                 checks.push(running_pools(pools.len(), &errors));
                 checks.push(left_over(&runtime_dir)); // before the next two, which remove what is left over

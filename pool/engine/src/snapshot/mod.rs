@@ -14,6 +14,7 @@ use crate::arena::{Arena, UnitStats};
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::random::Generator;
 use crate::units::Units;
+use glam::Vec2;
 
 /// All of a battle that changes. It can be edited, or created from a recording;
 /// [`Battle::restore`](crate::Battle::restore) checks it.
@@ -148,6 +149,19 @@ pub enum SnapshotError {
 }
 
 impl Snapshot {
+    /// Bytes of memory that it uses, about.
+    pub fn memory(&self) -> usize {
+        let Snapshot { units, neighbour_order, last_actions, .. } = self;
+        let vectors = 3 * size_of::<Vec2>();
+        let numbers = 6 * size_of::<f64>();
+        let others = 2 * size_of::<bool>() + size_of::<Option<u32>>();
+        let of_order = |order: &PlaneOrder| (order.list.len() + order.by_number.len()) * size_of::<u32>();
+        size_of::<Snapshot>()
+            + units.pos.len() * (vectors + numbers + others)
+            + neighbour_order.planes.iter().map(of_order).sum::<usize>()
+            + last_actions.len() * size_of::<Option<u32>>()
+    }
+
     /// Whether the episode is over, in a battle of this arena.
     pub fn is_over(&self, arena: &Arena) -> bool {
         let lives = |ids: &[u32]| ids.iter().any(|id| self.units.alive[*id as usize]);

@@ -5,7 +5,8 @@ use super::cells::Cells;
 use crate::web::protocol::{Features, LaneInfo};
 use smaclite_engine::{FeatureBlock, obs_features};
 use smaclite_ipc::{
-    ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, lane_scenario,
+    ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, WaitOptions,
+    lane_scenario,
 };
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Problems;
@@ -51,7 +52,12 @@ impl WatchedLane {
             }
             connected => Ok(connected?),
         };
-        let battles = Arc::new(Battles::of(&lane_scenario(runtime_dir, &pool.pool, Some(lane))?)?);
+        let battles = Arc::new(Battles::of(&lane_scenario(
+            runtime_dir,
+            &pool.pool,
+            Some(lane),
+            WaitOptions::interrupted_by(&mut || false),
+        )?)?);
         let cells = Cells::new(description.settings.num_envs);
         Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
     }
