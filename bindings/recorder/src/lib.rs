@@ -3,10 +3,11 @@
 
 #![forbid(unsafe_code)]
 
-use smaclite_engine::StreamPosition;
+use smaclite_engine::{Battle, Snapshot, SnapshotError, StreamPosition, Units};
 use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir, WaitOptions};
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 /// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be saved.
 const MAX_TEXT: usize = 48 << 20;
@@ -21,6 +22,7 @@ pub struct PoolRecorder {
     /// Actions of single agents that are kept, and how many may be.
     n_actions: usize,
     max_actions: usize,
+    fresh: Fresh,
 }
 
 #[derive(Default)]
@@ -33,9 +35,17 @@ struct RecordedEnv {
 struct RecordedEpisode {
     number: u64,
     /// `None` if its beginning was not seen.
-    start: Option<StreamPosition>,
+    start: Option<Start>,
     actions: Vec<u16>,
     is_complete: bool,
+}
+
+/// How an episode begins.
+enum Start {
+    /// As after a reset, with the generator at this position.
+    Reset(StreamPosition),
+    /// In the state of a restore or fork.
+    Restored(Box<Snapshot>),
 }
 
 /// Why a pool could not be recorded.
@@ -44,6 +54,9 @@ pub enum PoolRecorderError {
     /// The pool's answer is not what this release plays.
     #[error("this release does not play what the pool reports: {0}")]
     Replay(#[from] ReplayError),
+    /// A state that the pool reports is not one of the scenario.
+    #[error("this release does not play what the pool reports: {0}")]
+    Snapshot(#[from] SnapshotError),
     /// An action that the pool reports is not available.
     #[error("this release does not play what the pool reports: {0}")]
     Action(#[from] smaclite_engine::IllegalAction),
@@ -63,10 +76,13 @@ impl PoolRecorder {
         wait: WaitOptions<'_>,
     ) -> Result<PoolRecorder, ConnectError> {
         let follower = Follower::connect_within(runtime_dir, pool, lane, env_ids, wait)?;
+        // Files that are no scenario are an error of `replay`.
+        let arena = follower.setup().arena().ok();
+        let fresh = Fresh(arena.map(|(_, arena)| Battle::new(Arc::new(arena), 0).units().clone()));
         let n_agents = follower.description().sizes.n_agents;
         let (envs, n_complete, n_actions) = (BTreeMap::new(), 0, 0);
         let max_actions = MAX_TEXT / text_bytes_per_step(&follower) * n_agents;
-        Ok(PoolRecorder { follower, max_episodes, envs, n_complete, n_actions, max_actions })
+        Ok(PoolRecorder { follower, max_episodes, envs, n_complete, n_actions, max_actions, fresh })
     }
 
     /// Receives what happened since the last call. The logs of a lane keep
@@ -107,7 +123,8 @@ impl PoolRecorder {
         let env = self.envs.entry(env_id).or_default();
         env.n_lost += part.lost;
         if let Some(start) = &part.start {
-            let start = (start.episode_length == 0).then(|| start.generator.position());
+            let is_first = env.episodes.is_empty() && env.n_lost == 0;
+            let start = self.fresh.start_of(start, is_first);
             let (number, actions) = (part.number, Vec::new());
             env.episodes.push_back(RecordedEpisode { number, start, actions, is_complete: false });
         }
@@ -153,16 +170,34 @@ impl PoolRecorder {
         let n_agents = self.follower.description().sizes.n_agents;
         let mut recorder = Recorder::new(self.follower.setup().clone(), 0)?;
         for episode in self.envs.values().flat_map(|env| &env.episodes) {
-            let Some(start) = episode.start.filter(|_| episode.is_complete || with_incomplete) else {
-                continue;
-            };
-            recorder.begin(start);
+            match episode.start.as_ref().filter(|_| episode.is_complete || with_incomplete) {
+                None => continue,
+                Some(Start::Reset(position)) => recorder.begin(*position),
+                Some(Start::Restored(snapshot)) => recorder.begin_at(snapshot)?,
+            }
             for actions in episode.actions.chunks(n_agents) {
                 let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
                 recorder.step(&actions)?;
             }
         }
         Ok(recorder.finish())
+    }
+}
+
+/// The units after a reset, if the scenario is known.
+struct Fresh(Option<Units>);
+
+impl Fresh {
+    /// How an episode begins. The first one that is seen of an environment may have begun before.
+    fn start_of(&self, start: &Snapshot, is_first: bool) -> Option<Start> {
+        let is_fresh = self.0.as_ref().is_none_or(|fresh| *fresh == start.units);
+        if start.episode_length == 0 && is_fresh {
+            Some(Start::Reset(start.generator.position()))
+        } else if is_first && start.episode_length > 0 {
+            None
+        } else {
+            Some(Start::Restored(Box::new(start.clone())))
+        }
     }
 }
 

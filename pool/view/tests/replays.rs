@@ -154,6 +154,47 @@ fn episodes_start_anywhere_in_the_stream_of_a_seed() {
     assert_eq!(recorder.finish().episodes(), std::slice::from_ref(second));
 }
 
+/// A battle that was restored or forked begins where it was put.
+#[test]
+fn episodes_begin_in_the_state_of_a_snapshot() {
+    let mut recorder = Recorder::new(setup("2s3z"), 3).unwrap();
+    let mut policy = Random::new(3);
+    let mut actions = vec![0; 5];
+    let mut play = |recorder: &mut Recorder, steps: usize| {
+        for _ in 0..steps {
+            policy.act(recorder.battle(), &mut actions);
+            recorder.step(&actions).unwrap();
+        }
+    };
+    play(&mut recorder, 9);
+    let snapshot = recorder.battle().save();
+    play(&mut recorder, 5);
+    recorder.begin_at(&snapshot).unwrap();
+    play(&mut recorder, 7);
+    let mut wounded = snapshot.clone();
+    (wounded.units.hp[0], wounded.episode_length) = (1.0, 0);
+    recorder.begin_at(&wounded).unwrap();
+    play(&mut recorder, 3);
+    let foreign = Recorder::new(setup("3m"), 0).unwrap().battle().save();
+    assert!(recorder.begin_at(&foreign).is_err());
+    let replay = recorder.finish();
+    let copy = Replay::from_bytes(&replay.to_bytes().unwrap(), "f").unwrap();
+    assert_same_episodes(&copy, &replay);
+    copy.verify().unwrap();
+    let steps = |replay: &Replay| -> Vec<_> {
+        replay.episodes().iter().map(|episode| (episode.outcome.steps, episode.n_steps())).collect()
+    };
+    assert_eq!(steps(&copy), [(14, 14), (16, 7), (3, 3)]);
+    let mut player = copy.play(1).unwrap();
+    assert_eq!(player.moment().clone(), Observer::new(copy.scenario(), &snapshot.units).moment().clone());
+    player.seek(7).unwrap();
+    let mut spoilt = json_of(&copy.to_bytes().unwrap());
+    spoilt["episodes"][1]["snapshot"] = "AAAA".into();
+    let error = Replay::from_bytes(&gzip(spoilt.to_string().as_bytes()), "f").unwrap_err().to_string();
+    assert!(error.contains("`episodes[1].snapshot` must be a state of this scenario"), "{error}");
+    smaclite_view::export_html(&copy).unwrap();
+}
+
 #[test]
 fn seeking_gives_the_moments_of_playing_through() {
     let (replay, moments) = record(setup("2s3z"), 2, 1);

@@ -170,7 +170,10 @@ impl Snapshot {
     }
 
     /// Checks that a battle in this arena can have this state.
-    pub(crate) fn check(&self, arena: &Arena) -> Result<(), SnapshotError> {
+    ///
+    /// # Errors
+    /// The first value that this arena does not allow.
+    pub fn check(&self, arena: &Arena) -> Result<(), SnapshotError> {
         self.check_lengths(arena)?;
         self.check_ranges(arena)?;
         self.check_references(arena)

@@ -194,7 +194,7 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, Repl
     Ok(EpisodeData {
         seed: episode.start.seed.to_string(),
         draws: episode.start.draws,
-        steps: outcome.steps,
+        steps: episode.n_steps() as u32,
         episode_return: outcome.episode_return,
         result: match outcome {
             _ if outcome.battle_won => "won",

@@ -8,11 +8,15 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 use std::str::FromStr;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::bufread::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{BattleSetup, Rules, StreamPosition};
+use smaclite_engine::{
+    Arena, BattleSetup, RecordLayout, RecordSizes, Rules, Sizes, Snapshot, StreamPosition,
+};
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
 use smaclite_units::file::{printable_text, shortened, write_whole};
 
@@ -75,6 +79,9 @@ struct UnitText {
 struct EpisodeText {
     seed: u64,
     draws: u64,
+    /// In base64, only of episodes that do not begin as after a reset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    snapshot: Option<String>,
     steps: u32,
     episode_return: f64,
     terminated: bool,
@@ -175,7 +182,7 @@ impl Document {
             },
             rules: replay.setup.rules.to_string(),
             episode_limit: replay.arena.episode_limit(),
-            episodes: replay.episodes.iter().map(EpisodeText::of).collect(),
+            episodes: replay.episodes.iter().map(|episode| EpisodeText::of(episode, &replay.arena)).collect(),
         }
     }
 
@@ -194,7 +201,10 @@ impl Document {
         let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
         for (i, episode) in self.episodes.into_iter().enumerate() {
             let check = Check { file: source, key: format!("episodes[{i}].") };
-            let episode = episode.episode(&check, n_agents, n_actions)?;
+            let snapshot = episode.snapshot(&check, &replay.arena)?;
+            let first_step = snapshot.as_ref().map_or(0, |snapshot| snapshot.episode_length);
+            let mut episode = episode.episode(&check, n_agents, n_actions, first_step)?;
+            episode.snapshot = snapshot;
             let (steps, limit) = (episode.outcome.steps, self.episode_limit.unwrap_or(u32::MAX));
             check.that(steps <= limit, "steps", &format!("at most {limit}, the `episode_limit`"), steps)?;
             replay.episodes.push(episode);
@@ -204,11 +214,19 @@ impl Document {
 }
 
 impl EpisodeText {
-    fn of(episode: &Episode) -> EpisodeText {
-        let Episode { start, outcome, .. } = episode;
+    fn of(episode: &Episode, arena: &Arena) -> EpisodeText {
+        let Episode { start, outcome, snapshot, .. } = episode;
+        let encoded = |snapshot: &Snapshot| {
+            let Sizes { n_agents, n_enemies, .. } = arena.sizes();
+            let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+            let mut record = vec![0; layout.size()];
+            snapshot.write_record(arena, &layout, &[], &mut record);
+            STANDARD.encode(record)
+        };
         EpisodeText {
             seed: start.seed,
             draws: start.draws,
+            snapshot: snapshot.as_deref().map(encoded),
             steps: outcome.steps,
             episode_return: outcome.episode_return,
             terminated: outcome.terminated,
@@ -222,11 +240,32 @@ impl EpisodeText {
         }
     }
 
-    fn episode(self, check: &Check, n_agents: usize, n_actions: usize) -> Result<Episode, ReplayError> {
-        check.that(self.steps > 0, "steps", "at least 1", self.steps)?;
+    /// The state in which it begins, if that is not the one after a reset.
+    fn snapshot(&self, check: &Check, arena: &Arena) -> Result<Option<Box<Snapshot>>, ReplayError> {
+        let Some(text) = &self.snapshot else { return Ok(None) };
+        let record = STANDARD.decode(text).map_err(|_| check.invalid("snapshot", "base64", text))?;
+        let mut snapshot = Box::<Snapshot>::default();
+        let read = snapshot.read_record(arena, 0, &record, &mut Vec::new());
+        read.map_err(|error| check.invalid("snapshot", "a state of this scenario", error))?;
+        let StreamPosition { seed, draws } = snapshot.generator.position();
+        check.that((seed, draws) == (self.seed, self.draws), "seed", "that of `snapshot`", self.seed)?;
+        Ok(Some(snapshot))
+    }
+
+    /// Without its snapshot, before which the episode has `first_step` steps.
+    fn episode(
+        self,
+        check: &Check,
+        n_agents: usize,
+        n_actions: usize,
+        first_step: u32,
+    ) -> Result<Episode, ReplayError> {
+        let least = first_step.saturating_add(1);
+        check.that(self.steps >= least, "steps", &format!("at least {least}"), self.steps)?;
         let n_checksums = self.step_checksums.len();
-        let expected = format!("a list of length {}, the value of `steps`", self.steps);
-        check.that(n_checksums == self.steps as usize, "step_checksums", &expected, n_checksums)?;
+        let n_steps = (self.steps - first_step) as usize;
+        let expected = format!("a list of length {n_steps}, the number of recorded `steps`");
+        check.that(n_checksums == n_steps, "step_checksums", &expected, n_checksums)?;
         let given = self.actions.len();
         let expected =
             format!("a list of length {}, `steps` times the number of agents", n_checksums * n_agents);
@@ -240,6 +279,7 @@ impl EpisodeText {
         let checksum = u64::from_str_radix(&self.checksum, 16).ok().filter(|_| is_hex);
         Ok(Episode {
             start: StreamPosition { seed: self.seed, draws: self.draws },
+            snapshot: None,
             actions: self.actions,
             outcome: Outcome {
                 steps: self.steps,

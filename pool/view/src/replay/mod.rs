@@ -31,7 +31,7 @@ mod recorder;
 
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, BattleSetup, StreamPosition};
+use smaclite_engine::{Arena, BattleSetup, Snapshot, StreamPosition};
 use smaclite_scenarios::Scenario;
 
 pub use error::ReplayError;
@@ -42,8 +42,10 @@ pub use recorder::Recorder;
 /// A recorded episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// The generator of execution orders at its beginning, when every unit is at its start.
+    /// The generator of execution orders at its beginning.
     pub start: StreamPosition,
+    /// The state in which it begins; `None` if every unit is at its start, as after a reset.
+    pub snapshot: Option<Box<Snapshot>>,
     /// The action of every agent in every step: `[steps, n_agents]`, row by row.
     pub actions: Vec<u16>,
     /// How it ended.
@@ -52,6 +54,13 @@ pub struct Episode {
     pub step_checksums: Vec<u16>,
     /// XXH3 over the bits of all units after every tick and of every reward.
     pub checksum: u64,
+}
+
+impl Episode {
+    /// Number of recorded steps; fewer than those of the outcome if the recording begins within an episode.
+    pub fn n_steps(&self) -> usize {
+        self.step_checksums.len()
+    }
 }
 
 /// How an episode ended, or where its recording ended.

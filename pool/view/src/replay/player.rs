@@ -41,9 +41,12 @@ pub struct PlayedStep {
 
 impl<'a> Player<'a> {
     pub(super) fn new(replay: &'a Replay, index: usize) -> Player<'a> {
-        let start = replay.episodes[index].start;
+        let Episode { start, snapshot, .. } = &replay.episodes[index];
         let mut battle = Battle::new(replay.arena.clone(), start.seed);
-        battle.set_generator(start.into());
+        match snapshot {
+            Some(snapshot) => battle.restore_checked(snapshot),
+            None => battle.set_generator((*start).into()),
+        }
         let observer = Observer::new(&replay.scenario, battle.units());
         let first = observer.moment().clone();
         Player {

@@ -1,6 +1,8 @@
 //! Recording: a battle that notes its seed and actions.
 
-use smaclite_engine::{Battle, BattleSetup, IllegalAction, Scratch, Step, StreamPosition, Units};
+use smaclite_engine::{
+    Battle, BattleSetup, IllegalAction, Scratch, Snapshot, SnapshotError, Step, StreamPosition, Units,
+};
 use smaclite_scenarios::Scenario;
 
 use super::checksum::Checksum;
@@ -48,6 +50,8 @@ pub struct Recorder {
     scratch: Scratch,
     /// The generator's position at the start of this episode.
     start: StreamPosition,
+    /// The state at its start, if that is not the one after a reset.
+    snapshot: Option<Box<Snapshot>>,
     actions: Vec<u16>,
     checksum: Checksum,
     step_checksums: Vec<u16>,
@@ -66,6 +70,7 @@ impl Recorder {
             replay,
             scratch: Scratch::new(),
             start: StreamPosition::start(seed),
+            snapshot: None,
             actions: Vec::new(),
             checksum: Checksum::default(),
             step_checksums: Vec::new(),
@@ -122,6 +127,19 @@ impl Recorder {
         self.start = start;
     }
 
+    /// Ends the episode and begins one in the state of a snapshot.
+    ///
+    /// # Errors
+    /// If the state is not one of this scenario; then nothing changes.
+    pub fn begin_at(&mut self, snapshot: &Snapshot) -> Result<(), SnapshotError> {
+        snapshot.check(&self.replay.arena)?;
+        self.end_episode();
+        self.battle.restore_checked(snapshot);
+        self.start = snapshot.generator.position();
+        self.snapshot = Some(Box::new(snapshot.clone()));
+        Ok(())
+    }
+
     /// The recording, including the episode that is not over.
     pub fn finish(mut self) -> Replay {
         self.end_episode();
@@ -131,9 +149,11 @@ impl Recorder {
     fn end_episode(&mut self) {
         let checksum = std::mem::take(&mut self.checksum).value();
         let outcome = std::mem::take(&mut self.outcome);
-        if outcome.steps > 0 {
+        let snapshot = self.snapshot.take();
+        if !self.step_checksums.is_empty() {
             self.replay.episodes.push(Episode {
                 start: self.start,
+                snapshot,
                 actions: std::mem::take(&mut self.actions),
                 outcome,
                 step_checksums: std::mem::take(&mut self.step_checksums),

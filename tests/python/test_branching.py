@@ -1,0 +1,184 @@
+"""Snapshots, `restore` and `fork` from Python, and what records or wraps battles that jump."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from numpy.typing import NDArray
+
+from conftest import Serve
+from test_recorder import episodes
+
+FIELDS = ["obs", "state", "avail_actions", "alive", "episode_return", "episode_length", "snapshot"]
+
+
+def steps(envs: Any, count: int) -> list[tuple[NDArray[np.int32], dict[str, NDArray[Any]]]]:
+    """Plays random actions: what was done, and what came of it."""
+    played = []
+    for _ in range(count):
+        actions = envs.sample_actions()
+        played.append((actions, envs.step(actions).copy()))
+    return played
+
+
+def assert_repeats(envs: Any, played: list[tuple[NDArray[np.int32], dict[str, NDArray[Any]]]]) -> None:
+    for actions, expected in played:
+        batch = envs.step(actions)
+        for name, array in expected.items():
+            np.testing.assert_array_equal(getattr(batch, name), array, err_msg=name)
+
+
+def test_battles_go_on_from_a_snapshot_with_the_same_bits(tmp_path: Path) -> None:
+    with sp.make("2s3z", 6, fields=FIELDS, episode_limit=20, obs_last_actions=2) as envs:
+        batch = envs.reset(seed=1)
+        steps(envs, 7)
+        batch = envs.step(envs.sample_actions())
+        kept = batch.snapshot  # a view, which keeps its batch
+        assert kept.shape == (6, envs.snapshot_size) and kept.dtype == np.uint8
+        np.save(tmp_path / "kept.npy", kept)
+        future = steps(envs, 30)
+        batch = envs.restore(kept)
+        assert batch.was_reset.all() and not batch.reward.any() and (batch.episode_length == 8).all()
+        assert_repeats(envs, future)
+    for copy in (np.load(tmp_path / "kept.npy"), pickle.loads(pickle.dumps(kept))):
+        with sp.make("2s3z", 6, fields=FIELDS, episode_limit=20, obs_last_actions=2, threads=1) as envs:
+            envs.reset(seed=77)
+            envs.restore(copy)
+            assert_repeats(envs, future)
+
+
+def test_an_attached_learner_branches_too(serve: Serve) -> None:
+    serve("3s5z:4", "--name", "train", "--fields", ",".join(FIELDS))
+    with sp.connect("train") as envs:
+        envs.reset(seed=3)
+        kept = envs.step(envs.sample_actions()).snapshot.copy()
+        future = steps(envs, 12)
+        envs.fork([0, 0, 0], [1, 2, 3])
+        envs.restore(kept)
+        assert_repeats(envs, future)
+
+
+def test_copies_have_one_future_until_they_are_reseeded() -> None:
+    with sp.make("MMM", 8, fields=FIELDS) as envs:
+        envs.reset(seed=1)
+        steps(envs, 10)
+        batch = envs.fork([0] * 8, range(8))
+        for _ in range(12):
+            assert (batch.obs == batch.obs[0]).all()
+            batch = envs.step(np.repeat(envs.sample_actions()[:1], 8, axis=0))
+        batch = envs.fork([0] * 8, range(8), rng="reseed", seed=5)
+        assert (batch.obs == batch.obs[0]).all()
+        seeds = [sp.snapshot_columns(row)["seed"].item() for row in batch.snapshot]
+        assert seeds == list(range(5, 13))
+
+
+def test_an_asynchronous_lane_branches() -> None:
+    with sp.make("3m", 6, batch_size=2, threads=2, fields=FIELDS) as envs:
+        envs.async_reset(seed=1)
+        ready: list[int] = []
+        for _ in range(3):
+            ready += envs.recv(timeout=60).env_id.tolist()
+        envs.async_fork([ready[0], ready[0]], [ready[1], ready[2]])
+        batch = envs.recv(timeout=60)
+        assert sorted(batch.env_id.tolist()) == sorted(ready[1:3]) and batch.was_reset.all()
+        envs.async_restore(batch.snapshot, batch.env_id)
+        again = envs.recv(timeout=60)
+        order = np.argsort(batch.env_id)
+        np.testing.assert_array_equal(again.obs[np.argsort(again.env_id)], batch.obs[order])
+
+
+def test_edited_columns_become_a_snapshot_again() -> None:
+    with sp.make("2s3z", 1, fields=FIELDS) as envs:
+        envs.reset(seed=1)
+        steps(envs, 6)
+        snapshot = envs.step(envs.sample_actions()).snapshot[0]
+        columns = sp.snapshot_columns(snapshot)
+        np.testing.assert_array_equal(sp.pack_snapshot(columns, "2s3z"), snapshot)
+        columns["hp"][0] = 3.5
+        columns["alive"][9] = False
+        batch = envs.restore(sp.pack_snapshot(columns, envs))
+        found = sp.snapshot_columns(batch.snapshot[0])
+        assert found["hp"][0] == 3.5 and not found["alive"][9] and found["neighbour_rank"][9] == -1
+        steps(envs, 30)
+        for column, value, error in [
+            ("hp", -1, "column 'hp' must be between 0 and .* for unit 2, got -1"),
+            ("target", 99, "column 'target' must be below 10 for unit 2, got 99"),
+            ("last_action", 11, "column 'last_action' must be below 11 for agent 2"),
+        ]:
+            columns = sp.snapshot_columns(snapshot)
+            columns[column][2] = value
+            with pytest.raises(sp.InvalidRequest, match=error):
+                sp.pack_snapshot(columns, envs)
+        columns = sp.snapshot_columns(snapshot)
+        with pytest.raises(sp.InvalidRequest, match=r"column `pos` must have shape \[10, 2\], got \[10\]"):
+            sp.pack_snapshot({**columns, "pos": columns["hp"]}, envs)
+        with pytest.raises(TypeError, match="column `alive` must be of type bool, got float64"):
+            sp.pack_snapshot({**columns, "alive": columns["hp"]}, envs)
+        with pytest.raises(KeyError, match="there is no column `vel`"):
+            sp.pack_snapshot({name: value for name, value in columns.items() if name != "vel"}, envs)
+        with pytest.raises(sp.InvalidRequest, match="must be 3, 3 and at most 16, got 5, 5 and 0"):
+            sp.pack_snapshot(columns, "3m")
+
+
+def test_wrong_arguments_name_what_is_accepted() -> None:
+    envs: Any
+    with sp.make("3m", 2, fields=FIELDS) as envs, sp.make("3m", 2) as plain:
+        snapshots = envs.reset(seed=1).snapshot
+        plain.reset()
+        cases: list[tuple[type[Exception], str, Any]] = [
+            (sp.InvalidRequest, "name the field `snapshot`", lambda: plain.restore(snapshots)),
+            (sp.InvalidRequest, "environment 0 cannot be restored", lambda: envs.restore(snapshots * 0)),
+            (sp.InvalidRequest, "take 2 snapshots of", lambda: envs.restore(snapshots[:1])),
+            (TypeError, "must be a uint8 array", lambda: envs.restore(np.zeros((2, 4)))),
+            (sp.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
+            (sp.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
+            (sp.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
+            (sp.InvalidRequest, 'rng must be "keep" or "reseed"', lambda: envs.fork([0], [1], rng="new")),
+            (sp.InvalidRequest, "needs a seed", lambda: envs.fork([0], [1], rng="reseed")),
+            (sp.InvalidRequest, 'a seed needs rng="reseed"', lambda: envs.fork([0], [1], seed=3)),
+            (sp.InvalidRequest, "at least one environment", lambda: envs.fork([], [])),
+        ]
+        for error, text, call in cases:
+            with pytest.raises(error, match=text):
+                call()
+            assert envs.step(envs.sample_actions()).episode_length[0] > 0, "the lane goes on"
+
+
+def test_wrappers_and_rollouts_see_branches() -> None:
+    class Doubled(sp.Wrapper):
+        def change_batch(self, batch: Any) -> Any:
+            return batch.replace(obs=2 * batch.obs)
+
+    with Doubled(sp.make("3m", 4, fields=FIELDS)) as envs:
+        first = envs.reset(seed=1)
+        rollout = sp.Rollout(envs, 3)
+        rollout[0] = envs.step(envs.sample_actions())
+        rollout[1] = envs.restore(first.snapshot)
+        np.testing.assert_array_equal(rollout.obs[1], first.obs)
+        rollout[2] = envs.fork([0], [3])
+        rollout[3] = envs.step(envs.sample_actions())
+        assert rollout.was_reset.all(1).tolist() == [False, True, True, False]
+
+
+def test_recordings_of_battles_that_jump_are_reproduced(tmp_path: Path) -> None:
+    """An episode that began with edited health was played again with that of the scenario."""
+    path = tmp_path / "jumps.smreplay"
+    with sp.make("2s3z", 2, fields=FIELDS, episode_limit=15, record=path) as envs:
+        snapshots = envs.reset(seed=1).snapshot.copy()
+        columns = sp.snapshot_columns(snapshots[0])
+        columns["hp"][:] = 5
+        weak = sp.pack_snapshot(columns, envs)
+        middle = steps(envs, 6)[3][1]["snapshot"]
+        batch = envs.restore(np.stack([weak, snapshots[1]]))
+        steps(envs, 4)
+        envs.restore(middle)
+        steps(envs, 20)
+        assert batch.was_reset.all()
+    found = episodes(path)  # of environment 0
+    assert "recorded for 6 steps" in found[0] and "recorded for 4 steps" in found[1], found
+    assert "after 15 steps" in found[2], "it began with step 5"
