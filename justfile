@@ -98,7 +98,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
-# Measure: transport, efficiency, asynchronous, many, engine, instructions (benches/README.md), policies (docs)
+# Measure: transport, efficiency, asynchronous, many, branching, engine, instructions (benches/README.md), policies (docs)
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
