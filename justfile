@@ -122,6 +122,10 @@ results-shares *args: _venv
     cargo build --release --quiet -p smaclite-cli
     {{ results }} {{ python }} -m results.shares {{ args }}
 
+# Search every scenario for its best episode, for docs/results.md; ten minutes
+results-search: install
+    {{ results }} {{ python }} -m results.search
+
 # Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
     {{ python }} -m pip install --quiet matplotlib
