@@ -81,10 +81,17 @@ impl Drop for RecordingToFile {
 
 /// Checks the suffix of a replay file before anything is recorded.
 pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
-    if path.extension().is_some_and(|suffix| suffix == SUFFIX) {
-        return Ok(());
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !path.extension().is_some_and(|suffix| suffix == SUFFIX) {
+        return Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())));
     }
-    Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())))
+    if !folder.is_dir() {
+        let folder = folder.display();
+        return Err(invalid_request(format!(
+            "{argument} must be in a folder that exists; there is no '{folder}'"
+        )));
+    }
+    Ok(())
 }
 
 /// Records environments of a running pool: the newest episodes of each, without the learner noticing.

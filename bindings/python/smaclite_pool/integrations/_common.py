@@ -141,6 +141,9 @@ class SingleBattle:
         """
         if self.last.ended:
             raise InvalidRequest("the battle has ended; call reset first")
+        given, expected = np.asarray(actions).shape, (len(self.agents),)
+        if given != expected:
+            raise InvalidRequest(f"actions must have one integer per agent, shape {expected}, got {given}")
         joint: Any = [actions]
         self._last = TimeStep.of(self.envs.step(joint))
         return self._last
