@@ -142,9 +142,9 @@ impl Batch {
         self.always(Field::Truncated)
     }
 
-    /// `[M]`, 0 or 1: no step was made, so actions were ignored and there is nothing to learn from. So it is with
-    /// next-step autoreset after the end of an episode, and after a reset, a restore or a fork, also in the
-    /// environments that they only observed again.
+    /// `[M]`, 0 or 1: no step was made, so actions were ignored and there is nothing to learn from. So it is
+    /// with next-step autoreset after the end of an episode, and after a reset, a restore or a fork, also in
+    /// the environments that they only observed again.
     pub fn was_reset(&self) -> &[u8] {
         self.always(Field::WasReset)
     }

@@ -177,7 +177,8 @@ impl Command {
     }
 }
 
-/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is closed.
+/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is
+/// closed.
 fn print_usage_error(error: &clap::Error, args: &[OsString]) {
     let is_printable = |arg: &OsString| arg.to_str().is_some_and(|text| printable_text(text) == text);
     if args.iter().all(is_printable) {
