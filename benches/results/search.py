@@ -1,7 +1,7 @@
 """Searches every standard scenario with bindings/examples/planning.py, for docs/results/search.csv.
 
 A row has the best episode that beam searches found, with a million steps each and actions of several scripted
-policies to vary.
+policies to vary. Scenarios that have a row are skipped.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ FOUND = re.compile(r"\S+: (won|lost) with return (\S+) in (\d+) steps, found in 
 
 def main() -> int:
     argparse.ArgumentParser("results.search", description=__doc__).parse_args()
-    rows = []
-    for scenario in sp.scenarios():
+    rows = data.read(data.FOLDER / "search.csv")
+    for scenario in sorted(set(sp.scenarios()) - {row["scenario"] for row in rows}):
         found = [search(scenario, policy) for policy in POLICIES]
         best = max(found, key=lambda row: (row["won"], float(row["episode_return"])))
         print(best, flush=True)

@@ -11,7 +11,7 @@
 //!
 //! | who | writes | then reads |
 //! | --- | --- | --- |
-//! | a worker that parks | that it is parked, not searching | whether there is work, who polls, whether to end |
+//! | a worker that parks | that it is parked, not searching | whether there is work, who polls, if to stop |
 //! | who publishes work | the work | how many search and who is parked |
 //! | a worker that found work | that it searches no more | whether work or polls are left, who is parked |
 //! | a learner that ends its substitution | that it substitutes no more | the same |

@@ -76,8 +76,8 @@ pub enum SnapshotError {
     },
     /// A record for observations with another number of past actions.
     #[error(
-        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane that \
-         it is from and of this one differ"
+        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane \
+         that it is from and of this one differ"
     )]
     PastActions {
         /// The record's number.
