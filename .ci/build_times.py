@@ -35,11 +35,9 @@ def main() -> None:
     if sys.argv[1:] != ["--keep"]:
         shutil.rmtree(TARGET, ignore_errors=True)
     times = [time for arguments in BUILDS for time in units(arguments)]
-    # cargo adds a word to what is not the library of a crate: a program, a test, a build script.
+    # cargo adds words to the name of what is not the library of a crate: programs, tests, build scripts.
     libraries = [unit for unit in times if " " not in unit[1]]
-    programs = [
-        unit for unit in times if re.search(r" \(?(bin|test)|\(test\)", unit[1]) or " bin " in unit[1]
-    ]
+    programs = [unit for unit in times if " " in unit[1] and "build-script" not in unit[1]]
     for heading, chosen in (("crate", libraries), ("program", programs)):
         print(f"\n| {heading} | seconds |\n| --- | --- |")
         for seconds, name in sorted(chosen, reverse=True)[:10]:
