@@ -153,13 +153,4 @@ impl Batch {
     pub fn obs(&self) -> &[f32] {
         self.field(Field::Obs).unwrap_or(&[])
     }
-
-    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, without a copy: a
-    /// policy's first layer is a matrix product straight from shared memory. Needs the feature `faer`.
-    #[cfg(feature = "faer")]
-    pub fn obs_matrix(&self) -> faer::MatRef<'_, f32> {
-        let columns = self.layout.row_len(Field::Obs) / self.layout.sizes().n_agents;
-        let obs = self.obs();
-        faer::MatRef::from_row_major_slice(obs, obs.len() / columns, columns)
-    }
 }
