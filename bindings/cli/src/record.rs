@@ -3,8 +3,8 @@
 use super::process::interrupt_flag;
 use super::{CommandResult, check_range, completions, replay, runtime_dir};
 use clap::Args;
-use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_engine::{Opponents, Rules};
 use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
 use smaclite_recorder::PoolRecorder;
@@ -36,9 +36,13 @@ pub(super) struct Record {
     /// An environment of the lane, several times for several [default: 0]
     #[arg(long, requires = "pool", value_name = "ID")]
     env: Vec<usize>,
-    /// The policy of the agents: random, nearest, focus_fire, kite or hold
+    /// The policy of the agents: random, nearest, focus_fire, kite, hold, line, flank, escort or spread
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
     #[arg(long, default_value_t = 1, value_name = "N")]
     episodes: usize,
@@ -69,7 +73,9 @@ impl Record {
 
     /// Plays and writes the episodes of a scripted policy.
     fn play(&self, scenario: &str) -> Result<Replay, Box<dyn Error>> {
-        let mut recorder = Recorder::new(resolve_scenario(scenario, self.rules)?, self.seed)?;
+        let mut setup = resolve_scenario(scenario, self.rules)?;
+        setup.opponents = self.opponent.clone().unwrap_or_default();
+        let mut recorder = Recorder::new(setup, self.seed)?;
         let mut policy = Scripted::from_name(&self.policy, self.seed)?;
         let mut actions = vec![0; recorder.scenario().n_agents()];
         for episode in 0..self.episodes {

@@ -4,7 +4,7 @@ use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
 use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
-use smaclite_engine::{BattleSetup, Rules};
+use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
@@ -34,7 +34,7 @@ pub(super) struct Train {
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
     out: Option<PathBuf>,
     /// Continue the run in this folder, with its hyperparameters
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules", "opponent"])]
     resume: Option<PathBuf>,
     /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
     #[arg(long, value_name = "NAME", add = completions::pool())]
@@ -46,6 +46,10 @@ pub(super) struct Train {
     /// [default: smaclite]
     #[arg(long, conflicts_with = "pool")]
     rules: Option<Rules>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
     /// [default: the CPU cores available to this process]
     #[arg(long, value_name = "N")]
@@ -208,6 +212,9 @@ impl Train {
         let mut setup = resolve_scenario(map, rules)?;
         if let Some(of_pool) = of_pool {
             setup.episode_limit = of_pool.episode_limit; // of the pool, which may have its own
+            setup.opponents = of_pool.opponents;
+        } else {
+            setup.opponents = self.opponent.clone().unwrap_or_default();
         }
         Ok(setup)
     }

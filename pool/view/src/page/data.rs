@@ -323,7 +323,7 @@ mod tests {
     /// Some steps of a battle, encoded and as they are.
     fn battle_as_json() -> serde_json::Value {
         let (scenario, files) = ScenarioFiles::resolve("MMM").unwrap();
-        let setup = BattleSetup { files, rules: Rules::Smaclite, episode_limit: EpisodeLimit::Steps(40) };
+        let setup = BattleSetup { episode_limit: EpisodeLimit::Steps(40), ..BattleSetup::new(files) };
         let mut recorder = Recorder::new(setup, 1).unwrap();
         let mut actions = vec![0; scenario.n_agents()];
         while !recorder.battle().is_over() {
