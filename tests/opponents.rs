@@ -4,7 +4,7 @@
 use smaclite_engine::policy::{Scripted, Situation};
 use smaclite_engine::{Arena, Battle, Opponent, Opponents, Rules, SIGHT_RANGE, Scratch, Snapshot, Units};
 use smaclite_pool::fields::{FIELDS, Field};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Faction, Scenario};
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
 use std::collections::BTreeSet;
@@ -149,6 +149,44 @@ fn attack_nearest_finds_agents_beyond_the_attack_point() {
         dead
     };
     assert_eq!(dead(Opponent::AttackNearest), 5);
+}
+
+/// Wins and defeats of a policy against itself.
+fn results(scenario: &Scenario, name: &str) -> [usize; 2] {
+    let opponent = Opponent::from_name(name).expect("an opponent");
+    let arena = Arena::new(scenario, Rules::Smaclite).with_opponents(opponent.into());
+    let mut battle = Battle::new(Arc::new(arena), 1);
+    let mut agents = Agents::new(name, &battle);
+    let mut results = [0, 0];
+    for _ in 0..30 {
+        battle.reset();
+        while agents.step(&mut battle) {}
+        let n_agents = battle.arena().sizes().n_agents;
+        results[0] += usize::from(battle.dead_enemies() == battle.arena().sizes().n_enemies);
+        results[1] += usize::from(battle.dead_allies() == n_agents);
+    }
+    results
+}
+
+/// The rules do not favour a side: with the sides of a scenario exchanged, the same units win, episode by
+/// episode. Scenarios without healers: enemies do not
+/// see all that agents see, and healers show it.
+#[test]
+fn exchanging_the_sides_exchanges_the_results() {
+    for map in ["3m", "8m", "25m", "2s3z", "3s5z", "1c3s5z", "bane_vs_bane"] {
+        let scenario = Scenario::standard(map).expect("a standard scenario");
+        let mut exchanged = scenario.clone();
+        exchanged.units.iter_mut().for_each(|unit| unit.faction = unit.faction.opponent());
+        std::mem::swap(&mut exchanged.ally_has_shields, &mut exchanged.enemy_has_shields);
+        let enemies = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
+        let (x, y) = enemies.fold((0.0, 0.0), |(x, y), unit| (x + unit.position[0], y + unit.position[1]));
+        exchanged.attack_point = [x, y].map(|sum| sum / scenario.n_enemies() as f64);
+        for name in ["nearest", "focus_fire", "spread"] {
+            let [wins, defeats] = results(&scenario, name);
+            assert!(wins + defeats >= 30, "{map}: {name} does not finish");
+            assert_eq!(results(&exchanged, name), [defeats, wins], "{map}: {name} against itself");
+        }
+    }
 }
 
 /// The same as for attack-move: seeds give the same opponents and battles, whatever the threads and batches.

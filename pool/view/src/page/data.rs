@@ -283,7 +283,7 @@ fn compressed(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
     use crate::Recorder;
-    use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, policy};
+    use smaclite_engine::{BattleSetup, EpisodeLimit, policy};
     use smaclite_scenarios::ScenarioFiles;
     use ts_rs::Config;
 
