@@ -266,6 +266,47 @@ def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
         assert editor.page.locator(".groups .group >> nth=0").inner_text().endswith("11, 16")
 
 
+def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
+    """Only units were handles: at the centre of a group, where there is none, the view moved instead."""
+    with Editor(browser) as editor:
+        def places() -> list[tuple[float, float]]:
+            return [(group["x"], group["y"]) for group in editor.json()["groups"]]
+
+        def goal() -> list[float]:
+            return list(editor.json()["attack_point"])
+
+        assert (places(), goal()) == ([(9, 16), (23, 16)], [9, 16])
+        editor.page.mouse.click(*editor.at(23, 16))
+        editor.settle()
+        assert editor.field("groups", 1, "x").input_value() == "23"
+        editor.drag((23, 16), (25, 18))
+        assert places() == [(9, 16), (25, 18)]
+        # Between the units, in the box of the selected group.
+        editor.drag((25.4, 18.4), (24.4, 16.4))
+        assert places() == [(9, 16), (24, 17)] or places() == [(9, 16), (24, 16)]
+        # The attack point is at the centre of the allies, under its flag.
+        editor.drag((9, 16), (11, 12))
+        assert (places()[0], goal()) == ((11, 12), [9, 16])
+        x, y = editor.at(9, 16)
+        editor.page.mouse.move(x + 6, y - 20)
+        editor.page.mouse.down()
+        editor.page.mouse.move(x + 60, y - 60, steps=6)
+        editor.page.mouse.up()
+        editor.settle()
+        assert goal() != [9, 16] and places()[0] == (11, 12)
+
+        # A new group, dragged where it was just placed.
+        editor.press("h")
+        editor.page.mouse.click(*editor.at(16, 24))
+        editor.drag((16, 24), (18, 26))
+        assert places()[2] == (18, 26)
+        editor.press("ControlOrMeta+z")
+        assert places()[2] == (16, 24)
+        # An empty place still moves the view.
+        editor.drag((28, 28), (29, 29))
+        assert places()[2] == (16, 24)
+
+
 def test_the_keyboard_alone(browser: Any, file: Path) -> None:
     with Editor(browser, str(file)) as editor:
         editor.page.focus("#map")

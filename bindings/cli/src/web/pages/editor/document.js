@@ -13,7 +13,12 @@ const MOST_CHARACTERS = 60e6;
 export const isNumber = (value) => typeof value === "number";
 export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 
-/** The map of a scenario file, as far as it can be read: { width, height, preset, blocked }. */
+/**
+ * The map of a scenario file, as far as it can be read.
+ * @typedef {{ width: number, height: number, preset?: string | null, blocked: Uint8Array }} EditedMap
+ */
+
+/** Reads the map of a scenario file. */
 function readMap(file, presets, { missing, longest }) {
   const side = (key) => {
     const value = file.value([key]);
