@@ -307,6 +307,76 @@ def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
         assert places()[2] == (16, 24)
 
 
+def test_text_that_is_no_json_keeps_the_last_map(browser: Any, file: Path) -> None:
+    """The map was empty while the text had a mistake."""
+    with Editor(browser, str(file)) as editor:
+        editor.press("b")
+        editor.drag((12.5, 12.5), (12.5, 18.5))
+        editor.press("v")
+        editor.tab("json")
+        text = str(editor.page.input_value("#text"))
+        canvas = "document.getElementById('map').toDataURL()"
+        editor.page.mouse.move(5, 5)
+        editor.settle()
+        picture = editor.page.evaluate(canvas)
+        editor.page.fill("#text", text.replace('"groups": [', '"groups": [,'))
+        editor.wait_for_state("1 problem")
+        editor.page.mouse.move(6, 6)
+        editor.settle()
+        assert editor.page.evaluate(canvas) == picture
+        assert editor.page.inner_text("#stale") == "mine.json is no valid JSON: this is its last valid map."
+        opacity = "getComputedStyle(document.getElementById('map')).opacity"
+        assert float(editor.page.evaluate(opacity)) < 1
+        editor.tab("groups")
+        assert editor.page.locator(".groups .group").count() == 2
+        assert editor.page.evaluate("document.getElementById('groups').inert")
+
+        # What is shown cannot be edited, only undone.
+        broken = editor.text()
+        editor.drag((23, 16), (25, 18))
+        editor.press("b")
+        editor.drag((20.5, 12.5), (20.5, 18.5))
+        editor.press("v", "n", "Delete", "ControlOrMeta+d")
+        assert editor.text() == broken
+        editor.press("ControlOrMeta+z")
+        editor.wait_for_state("Valid")
+        assert editor.text() == text and not editor.page.is_visible("#stale")
+        editor.press("m")
+        editor.drag((23, 16.6), (24, 14.1))
+        assert editor.json()["groups"][1]["x"] == 24
+
+
+def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, file: Path) -> None:
+    before = file.read_text()
+    with Editor(browser, str(file)) as editor:
+        editor.tab("types")
+        editor.page.click("#types button:text-is('Stalker')")
+        editor.page.click("text=Copy as new")
+        name = editor.page.locator("#types section input >> nth=0")
+        name.fill("mine")
+        name.press("Enter")
+        editor.page.click("#save")
+        editor.wait(lambda: "the unit type `mine` would be written to" in editor.page.inner_text("#message"))
+        editor.page.click("#download")
+        editor.wait(lambda: "two files would have the name mine.json" in editor.page.inner_text("#message"))
+    assert file.read_text() == before
+
+
+@pytest.mark.parametrize("width", [820, 390])
+def test_nothing_of_the_editor_is_cut_off_in_a_narrow_window(browser: Any, width: int) -> None:
+    """The line below the map ended at "5 agents, 5 enemies, 1"."""
+    with Editor(browser, "2s3z", viewport={"width": width, "height": 900}) as editor:
+        outside = """() => [...document.querySelectorAll("header *, .status span")]
+            .filter((e) => e.getClientRects().length)
+            .filter((e) => e.getBoundingClientRect().right > innerWidth || e.getBoundingClientRect().left < 0)
+            .map((e) => e.id || e.outerHTML.slice(0, 80))"""
+        assert editor.page.evaluate(outside) == []
+        assert editor.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert editor.page.evaluate("document.getElementById('summary').scrollWidth <= innerWidth")
+        help_row = "(id) => document.getElementById(id).getBoundingClientRect().top"
+        assert editor.page.evaluate(help_row, "help") == editor.page.evaluate(help_row, "theme")
+
+
 def test_the_keyboard_alone(browser: Any, file: Path) -> None:
     with Editor(browser, str(file)) as editor:
         editor.page.focus("#map")

@@ -51,7 +51,7 @@ export class MapEditor extends BattleView {
   /** Shows the document; `layout` is the program's last answer about the units of its groups. */
   update(doc, layout) {
     const map = this.draft ?? doc.map();
-    const goal = doc.scenario.value(["attack_point"]);
+    const goal = doc.shown.value(["attack_point"]);
     const isPoint = Array.isArray(goal) && goal.length === 2 && goal.every(isNumber);
     if (map.width !== this.info.width || map.height !== this.info.height) this.camera = null;
     const units = [],
@@ -173,7 +173,7 @@ export class MapEditor extends BattleView {
     this.canvas.setPointerCapture(event.pointerId);
     const at = this.point(event);
     this.serial++;
-    const isPan = event.button === 1 || event.shiftKey;
+    const isPan = event.button === 1 || event.shiftKey || this.page.doc.isStale;
     const { x, y } = at;
     if (isPan) this.drag = { kind: "pan", last: this.local(event) };
     else if (this.brush.isDrawing) this.beginDrawing(at, event.button === 2);
@@ -239,7 +239,7 @@ export class MapEditor extends BattleView {
   /** @param {Point} here */
   hover(here) {
     const selects = this.brush.tool === "select",
-      isHandle = selects && this.handles.at(...here) !== null;
+      isHandle = selects && !this.page.doc.isStale && this.handles.at(...here) !== null;
     this.hovered = selects ? this.unitAt(...here) : -1;
     this.canvas.classList.toggle("over", isHandle);
     this.page.redraw();
