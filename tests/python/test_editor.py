@@ -205,7 +205,7 @@ def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
         editor.field("hp", unit=unit).fill("1e2")
         editor.field("attack_range", unit=unit).fill("many")
         editor.wait_for_state("1 problem")
-        message = "`attack_range` is \"many\", but must be a number from 0 to 1000000 or \"MELEE\""
+        message = '`attack_range` is "many", but must be a number from 0 to 1000000 or "MELEE"'
         assert editor.problem_list()[0].startswith("my_stalker.json:") and message in editor.problem_list()[0]
         editor.field("attack_range", unit=unit).fill("7")
         editor.field("bonuses", unit=unit).locator("select").select_option("LIGHT")
@@ -269,6 +269,7 @@ def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
 def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
     """Only units were handles: at the centre of a group, where there is none, the view moved instead."""
     with Editor(browser) as editor:
+
         def places() -> list[tuple[float, float]]:
             return [(group["x"], group["y"]) for group in editor.json()["groups"]]
 
