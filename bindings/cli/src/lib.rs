@@ -20,6 +20,7 @@ mod evaluate;
 mod list;
 mod man;
 mod new;
+mod number;
 mod picture;
 pub mod process;
 mod record;

@@ -1,12 +1,14 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
 use super::process::interrupt_flag;
-use super::{CommandResult, check_range, completions, replay, runtime_dir};
+use super::{CommandResult, completions, replay, runtime_dir};
+use crate::number::whole;
 use clap::Args;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
+use smaclite_pool::MAX_ENVS;
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::{Recorder, Replay};
 use std::error::Error;
@@ -34,16 +36,16 @@ pub(super) struct Record {
     #[arg(long, requires = "pool", value_name = "NAME")]
     lane: Option<String>,
     /// An environment of the lane, several times for several [default: 0]
-    #[arg(long, requires = "pool", value_name = "ID")]
+    #[arg(long, requires = "pool", value_name = "ID", allow_negative_numbers = true, value_parser = whole(0..=MAX_ENVS - 1))]
     env: Vec<usize>,
     /// The policy of the agents: random, nearest, focus_fire, kite or hold
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
     /// Number of complete episodes, 1 to 10000
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=10_000))]
     episodes: usize,
     /// Seed of the battle and of the policy `random`
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0..=u64::MAX))]
     seed: u64,
     /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
     #[arg(long, default_value = "smaclite")]
@@ -58,7 +60,6 @@ const READ_INTERVAL: Duration = Duration::from_millis(50);
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        check_range("--episodes", 1..=10_000, self.episodes)?;
         replay::check_suffix("--out", &self.out)?;
         let recorded = match &self.scenario {
             Some(scenario) => self.play(scenario)?,

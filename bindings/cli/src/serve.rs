@@ -1,6 +1,7 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
-use super::{CommandResult, THREADS, check_range, completions, megabytes, runtime_dir};
+use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
+use crate::number::whole;
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -9,7 +10,7 @@ use smaclite_ipc::{
     LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_pool::{Autoreset, MAX_ENVS, MAX_LAST_ACTIONS, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::error::Error;
 
@@ -28,13 +29,13 @@ pub(super) struct Serve {
     name: String,
     /// Number of worker threads, 1 to 1024 [default: the CPU cores available to this process, minus one for
     /// the learner]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(THREADS))]
     threads: Option<usize>,
     /// Environments per batch; fewer than the lane has means asynchronous stepping [default: all of the lane]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = whole(1..=MAX_ENVS))]
     batch_size: Option<usize>,
     /// Environment i of every lane is seeded with SEED + i
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0..=u64::MAX))]
     seed: u64,
     /// What happens at the end of an episode: next_step, same_step or disabled
     #[arg(long, default_value = "next_step", value_name = "MODE")]
@@ -49,16 +50,16 @@ pub(super) struct Serve {
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
     /// How many of its own last actions an agent observes, 0 to 16: one-hot vectors after its other features
-    #[arg(long, default_value_t = 0, value_name = "K")]
+    #[arg(long, default_value_t = 0, value_name = "K", allow_negative_numbers = true, value_parser = whole(0..=MAX_LAST_ACTIONS))]
     obs_last_actions: usize,
     /// Let an agent observe its own number: a one-hot vector at the end
     #[arg(long)]
     obs_agent_id: bool,
     /// Batches that a learner can hold at once, 2 to 1024
-    #[arg(long, default_value_t = 4, value_name = "K")]
+    #[arg(long, default_value_t = 4, value_name = "K", allow_negative_numbers = true, value_parser = whole(2..=1024_usize))]
     max_held_batches: usize,
     /// Spectators per lane, 0 to 64
-    #[arg(long, default_value_t = 1, value_name = "K")]
+    #[arg(long, default_value_t = 1, value_name = "K", allow_negative_numbers = true, value_parser = whole(0..=64_usize))]
     spectators: usize,
     /// How idle threads wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
@@ -99,7 +100,6 @@ impl Serve {
     fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
         let threads = self.threads.unwrap_or(PoolOptions::for_other_processes().threads);
-        check_range("--threads", THREADS, threads)?;
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
     }
@@ -111,8 +111,8 @@ impl Serve {
         };
         let (scenario, num_envs) = match rest.rsplit_once(':') {
             Some((scenario, count)) => {
-                let count = count.parse::<usize>().map_err(|_| {
-                    format!("lane `{text}`: expected a number of environments after `:`, got `{count}`")
+                let count = whole(1..=MAX_ENVS)(count).map_err(|error| {
+                    format!("lane `{text}`: the number of environments after `:` {error}; got `{count}`")
                 })?;
                 (scenario, count)
             }

@@ -1,6 +1,7 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
-use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
+use super::{CommandResult, THREADS, completions, runtime_dir};
+use crate::number::whole;
 use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
@@ -47,13 +48,13 @@ pub(super) struct Train {
     rules: Option<Rules>,
     /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
     /// [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(THREADS))]
     threads: Option<usize>,
     /// Print one JSON object per update
     #[arg(long)]
     json: bool,
     /// Environment steps after which the run is complete [default: 1000000]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=1 << 48))]
     steps: Option<u64>,
     #[command(flatten)]
     hyperparameters: Hyperparameters,
@@ -61,14 +62,15 @@ pub(super) struct Train {
 
 /// Declares the options of the hyperparameters, each of which replaces a field of [`Config`].
 macro_rules! hyperparameters {
-    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+) => {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty $(= $parser:expr)?,)+) => {
         #[derive(Args)]
         #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
         #[command(next_help_heading = "Hyperparameters (docs/tutorials/training.md)")]
         struct Hyperparameters {
-            $($(#[doc = $doc])+ #[arg(long, allow_negative_numbers = true)] $name: Option<$type>,)+
+            $($(#[doc = $doc])+ #[arg(long, allow_negative_numbers = true $(, value_parser = $parser)?)]
+                $name: Option<$type>,)+
             /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]
-            #[arg(long, value_delimiter = ',', value_name = "N,...")]
+            #[arg(long, value_delimiter = ',', value_name = "N,...", allow_negative_numbers = true, value_parser = whole(2..=4096))]
             hidden: Option<Vec<usize>>,
         }
 
@@ -83,20 +85,20 @@ macro_rules! hyperparameters {
 
 hyperparameters! {
     /// Seed of weights, environments, actions and minibatches [default: 0]
-    seed: u64,
+    seed: u64 = whole(0..=u64::MAX),
     /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
     /// [default: 0]
-    last_actions: usize,
+    last_actions: usize = whole(0..=MAX_LAST_ACTIONS),
     /// Number of environments; those of the pool, if --pool is given [default: 64]
-    num_envs: usize,
+    num_envs: usize = whole(1..=1 << 16),
     /// Steps of each environment per update [default: 64]
-    horizon: usize,
+    horizon: usize = whole(1..=1 << 16),
     /// Passes over the data of an update [default: 4]
-    epochs: usize,
+    epochs: usize = whole(1..=1000),
     /// Gradient steps per epoch [default: 4]
-    minibatches: usize,
+    minibatches: usize = whole(1..=1000),
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
     /// Step size of the actor [default: 0.0007]
@@ -134,7 +136,6 @@ impl Train {
     pub(super) fn run(self) -> CommandResult {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         let threads = self.threads.unwrap_or(cores);
-        check_range("--threads", THREADS, threads)?;
         let json = self.json;
         let interrupted = interrupt_flag_once()?;
         let (mut run, name) = self.open(threads, &mut || interrupted.load(Ordering::Relaxed))?;
@@ -177,9 +178,7 @@ impl Train {
         let setup = self.setup(&runtime_dir, interrupted)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
-        check_range("--num-envs", 1..=1 << 16, num_envs)?;
         let last_actions = self.hyperparameters.last_actions.unwrap_or(0);
-        check_range("--last-actions", 0..=MAX_LAST_ACTIONS, last_actions)?;
         let lanes = self.lanes(&setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
         let mut config =
             Config { num_envs: lanes.num_envs(), last_actions: lanes.last_actions(), ..Config::default() };

@@ -4,6 +4,7 @@ mod export;
 
 use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
+use crate::number::whole;
 use clap::Args;
 use export::Format;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
@@ -23,7 +24,7 @@ pub(super) struct Replay {
     #[arg(long, value_name = "OUT")]
     to: Option<PathBuf>,
     /// The episode of an animation or folder, counted from 0 [default: 0]
-    #[arg(long, value_name = "N", requires = "to")]
+    #[arg(long, value_name = "N", requires = "to", allow_negative_numbers = true, value_parser = whole(0..=usize::MAX))]
     episode: Option<usize>,
     /// Width and height of pictures in pixels [default: 512x512]
     #[arg(long, value_name = "WxH", requires = "to")]

@@ -133,9 +133,9 @@ fn a_run_that_could_not_begin_can_be_begun_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     fs::create_dir_all(folder.join("run/checkpoint.safetensors")).expect("a folder in the way");
-    check_error(folder, &format!("train 3m --steps 100 --out run {SMALL}"), 1, "checkpoint.safetensors");
+    check_error(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"), 1, "checkpoint.safetensors");
     fs::remove_dir(folder.join("run/checkpoint.safetensors")).expect("no folder in the way");
-    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
 }
 
 #[test]
@@ -144,7 +144,10 @@ fn errors_say_what_is_accepted() {
     let folder = folder.path();
     check_error(folder, "train 3m", 2, "--out <FOLDER>");
     check_error(folder, "train 3n --out run", 1, "3n");
-    check_error(folder, "train 3m --out run --last-actions 17", 1, "--last-actions must be between 0 and 16");
+    check_error(folder, "train 3m --out run --last-actions 17", 2, "number between 0 and 16");
+    // A negative number was "unexpected argument '-5' found".
+    check_error(folder, "train 3m --out run --steps -5", 2, "invalid value '-5' for '--steps <N>': must be");
+    check_error(folder, "train 3m --out run --steps 1.5", 2, "number between 1 and 281474976710656");
     check_error(
         folder,
         "train 3m --out run --advantage-floor -1",
@@ -155,8 +158,8 @@ fn errors_say_what_is_accepted() {
     check_error(
         folder,
         "train 3m --out run --num-envs 0",
-        1,
-        "--num-envs must be between 1 and 65536, got 0",
+        2,
+        "invalid value '0' for '--num-envs <NUM_ENVS>': must be a whole number between 1 and 65536",
     );
     check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
     check_error(folder, "train 3m --out run --pool none", 1, "none");
@@ -164,11 +167,11 @@ fn errors_say_what_is_accepted() {
     check_error(folder, "train --resume nowhere --gamma 0.9", 2, "cannot be used with");
     check_error(folder, "evaluate nowhere", 1, "cannot read `nowhere/run.json`");
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
-    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
-    check_error(folder, "evaluate run --episodes 0", 1, "--episodes must be between 1 and 1000000, got 0");
+    check_error(folder, "evaluate run --episodes 0", 2, "number between 1 and 1000000");
     check_error(folder, "evaluate run --record run.gif", 1, "--record must end in .smreplay, got `run.gif`");
 }
 
