@@ -6,7 +6,8 @@ python := venv / "bin/python"
 # The Python interpreter used to lint the extension module.
 export PYO3_PYTHON := python
 
-# What `install` installs: the source tree, or a wheel, so that the tests run on what users get.
+# What `install` installs: the source tree, or a wheel, so that the tests run on what users get. `installed` leaves what
+# is there, as .ci/run does after its first step.
 package := env("SMACLITE_POOL_PACKAGE", ".")
 
 memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite " + \
@@ -23,8 +24,8 @@ _venv:
 # Build the Python package and install it with its test dependencies into .venv (or install SMACLITE_POOL_PACKAGE)
 install: _venv
     @# pip would not replace a build of the same version by a wheel.
-    {{ python }} -m pip uninstall --quiet --quiet --yes smaclite-pool
-    {{ python }} -m pip install '{{ package }}[test]'
+    {{ if package == "installed" { "" } else { python + " -m pip uninstall --quiet --quiet --yes smaclite-pool" } }}
+    {{ if package == "installed" { python + " -c 'import smaclite_pool'" } else { python + " -m pip install '" + package + "[test]'" } }}
 
 # Run all tests, Rust and Python
 test: test-rust test-python
@@ -98,7 +99,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
-# Measure: transport, efficiency, asynchronous, many, engine, instructions (benches/README.md), policies (docs)
+# Measure: transport, efficiency, asynchronous, many, branching, engine, instructions (benches/README.md), policies (docs)
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
@@ -121,6 +122,10 @@ results-train *args: _venv
 results-shares *args: _venv
     cargo build --release --quiet -p smaclite-cli
     {{ results }} {{ python }} -m results.shares {{ args }}
+
+# Search every scenario for its best episode, for docs/results.md; ten minutes
+results-search: install
+    {{ results }} {{ python }} -m results.search
 
 # Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
@@ -191,6 +196,13 @@ miri:
     cargo +nightly miri test --target-dir target/miri -p smaclite-pool --lib
     cargo +nightly miri test --target-dir target/miri -p smaclite-tests --test in_memory
 
+# Build the extension module and the tests from nothing, print what takes longest to compile, then the slowest tests
+build-times: install
+    python3 .ci/build_times.py
+    RUSTC_BOOTSTRAP=1 cargo test --release --target-dir target/build-times -- -Z unstable-options --report-time \
+        | grep -oE '^test .* <[0-9.]+s>' | sed 's/test \(.*\) \.\.\. ok <\(.*\)s>/\2 \1/' | sort -rn | head
+    {{ python }} -m pytest tests/python --durations=10 --quiet
+
 # Build everything in release mode; the program is target/release/smaclite-pool
 build:
     cargo build --release
@@ -234,7 +246,16 @@ lint: _ruff lint-github lint-js
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
+    python3 bindings/notices.py --check
     cargo clippy --locked --release --workspace --all-targets -- -D warnings
+
+# Write the licences of all crates in the package, in THIRD-PARTY-LICENSES, after changes to Cargo.lock
+notices:
+    python3 bindings/notices.py
+
+# Write the man pages and completions that the wheel contains, after changes to the command line
+wheel-files $SMACLITE_WRITE="1":
+    cargo test --release -p smaclite-cli --test program shells
 
 schema := python + " -m check_jsonschema --builtin-schema vendor."
 

@@ -126,8 +126,8 @@ fn wait(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
     WaitOptions { timeout: Some(TIMEOUT), interrupted }
 }
 
-/// A learner of the pool's own process, whose thread also steps the environments. iceoryx2 allocates once
-/// for each of the two samples that it lends, the request and the frame; the third allocation is the batch, which
+/// A learner of the pool's own process, whose thread also steps the environments. iceoryx2 allocates once for
+/// each of the two samples that it lends, the request and the frame; the third allocation is the batch, which
 /// the learner shares with its client. The first steps allocate more: queues and scratch memory grow.
 #[test]
 fn steps_of_a_learner_allocate_the_batch_and_what_iceoryx2_does() {

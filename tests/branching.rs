@@ -1,5 +1,5 @@
-//! Battles branch: from a snapshot, and from one environment to another, they go on with the bits that they would
-//! have had. Every frame is compared with the [reference](smaclite_tests::reference).
+//! Battles branch: from a snapshot, and from one environment to another, they go on with the bits that they
+//! would have had. Every frame is compared with the [reference](smaclite_tests::reference).
 
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{RngExt, SeedableRng};

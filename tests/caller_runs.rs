@@ -68,7 +68,8 @@ fn several_learners_take_part_in_a_pool() {
     }
 }
 
-/// A lane is polled again when its participating learner is gone, and a learner that does not take part comes.
+/// A lane is polled again when its participating learner is gone, and a learner that does not take part
+/// comes.
 #[test]
 fn a_lane_serves_participating_and_other_learners_in_turn() {
     for threads in [1, 2] {

@@ -35,7 +35,9 @@ def with_tables(text: str, folder: Path) -> str:
     """The page with the tables of these files."""
     rows, shares = data.read(folder / "runs.csv"), data.read(folder / "shares.csv")
     round_trip = float(values.value(ROUND_TRIP, data.REPOSITORY / "docs"))
-    for name, table in tables.tables(rows, shares, round_trip).items():
+    searches = data.read(folder / "search.csv")
+    scripts = (data.REPOSITORY / "docs" / "reference" / "policies.md").read_text()
+    for name, table in tables.tables(rows, shares, round_trip, searches, scripts).items():
         text = tables.insert(text, name, table)
     return text
 

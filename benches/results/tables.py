@@ -19,14 +19,18 @@ SECTIONS = {
 Cells = list[str]
 
 
-def tables(rows: list[Row], shares: list[Row], round_trip: float) -> dict[str, str]:
-    """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds."""
+def tables(
+    rows: list[Row], shares: list[Row], round_trip: float, searches: list[Row], scripts: str
+) -> dict[str, str]:
+    """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds;
+    `scripts` is the page with the returns of the scripted policies."""
     return {
         "paper": paper(rows),
         "default": budgets(rows, "default"),
         "others": budgets(rows, "others"),
         "rules": rules(rows),
         "shares": time_shares(shares, round_trip),
+        "search": search(rows, searches, scripts),
         "options": options(),
         "machines": machines(rows + shares),
     }
@@ -163,6 +167,34 @@ def rules(rows: list[Row]) -> str:
                     middle(found, "steps", whole),
                     str(len(found)),
                 ])  # fmt: skip
+    return markdown(header, lines)
+
+
+def search(rows: list[Row], searches: list[Row], scripts: str) -> str:
+    """The best return that was found by search, by a learner and by a script, per scenario."""
+    header = ["scenario", "search", "won", "steps", "policy", "best script", "best team, greedy"]
+    lines = []
+    for row in sorted(searches, key=lambda row: row["scenario"].lower()):
+        name = row["scenario"]
+        script = max(
+            float(cell.split("/")[0])
+            for line in scripts.splitlines()
+            if line.startswith(f"| {name} |")
+            for cell in line.strip("| ").split("|")[1:]
+        )
+        teams = [r for r in rows if r["scenario"] == name and r["group"] != "rules"]
+        returns = [float(r["greedy_mean_return"]) for r in teams if r["greedy_mean_return"]]
+        lines.append(
+            [
+                name,
+                two_digits(float(row["episode_return"])),
+                "yes" if row["won"] == "1" else "no",
+                row["steps"],
+                row["policy"],
+                f"{script:.1f}",
+                two_digits(max(returns)) if returns else "",
+            ]
+        )
     return markdown(header, lines)
 
 

@@ -3,6 +3,7 @@
 
 #![forbid(unsafe_code)]
 
+mod branching;
 mod engine;
 mod instructions;
 mod ping_pong;
@@ -47,6 +48,8 @@ enum Measurement {
     Asynchronous,
     /// 64 to 10,000 environments in one lane
     Many,
+    /// Forks and restores of 64 environments, compared with their steps
+    Branching,
     /// Time per living unit and tick in each scenario, of fresh battles and of one that is replayed
     Engine {
         #[command(flatten)]
@@ -114,6 +117,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
         Measurement::Efficiency { scenarios } => pools::efficiency(rounds, &scenarios),
         Measurement::Asynchronous => pools::asynchronous(rounds),
         Measurement::Many => pools::many(rounds),
+        Measurement::Branching => branching::measure(rounds),
         Measurement::Engine { plays, seconds } => step_times::measure(&plays, seconds),
         Measurement::Instructions { record: true, .. } => recorded_instructions::record(),
         Measurement::Instructions { plays, check: true, .. } => {

@@ -22,6 +22,7 @@ import argparse
 import math
 import time
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
@@ -67,9 +68,9 @@ class Score:
 class Proposals:
     """Joint actions to try: those of a scripted policy, in which some agents do something random."""
 
-    def __init__(self, envs: sp.Envs, seed: int) -> None:
+    def __init__(self, envs: sp.Envs, policy: Any, seed: int) -> None:
         self.envs, self.rng = envs, np.random.default_rng(seed)
-        self.policy = sp.ScriptedPolicy("focus_fire", envs)
+        self.policy = sp.ScriptedPolicy(policy, envs, seed=seed)
 
     def __call__(self, batch: sp.Batch) -> Actions:
         share = self.rng.random((self.envs.num_envs, 1))  # of the agents that do something random
@@ -85,7 +86,7 @@ def ended(batch: sp.Batch) -> NDArray[np.bool_]:
 
 
 def beam_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Plan:
-    best, steps, propose = Plan([]), 0, Proposals(envs, options.seed)
+    best, steps, propose = Plan([]), 0, Proposals(envs, options.policy, options.seed)
     while steps < options.steps:
         plan, used = one_beam(envs, score, propose, options)
         best, steps = (plan if plan.is_better_than(best) else best), steps + used
@@ -162,7 +163,7 @@ class Node:
 
 
 def tree_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Plan:
-    propose = Proposals(envs, options.seed)
+    propose = Proposals(envs, options.policy, options.seed)
     batch = envs.reset(seed=options.seed)
     root = Node(batch.snapshot[0].copy())
     plan = Plan([])
@@ -225,6 +226,9 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Search for a good episode of a scenario.")
     parser.add_argument("scenario", nargs="?", default="3s_vs_4z", help="a standard scenario or a file")
     parser.add_argument("--method", choices=["beam", "mcts"], default="beam")
+    policies = ["random", "nearest", "focus_fire", "kite", "hold"]
+    a_policy = "whose actions are varied (default: focus_fire)"
+    parser.add_argument("--policy", choices=policies, default="focus_fire", help=a_policy)
     parser.add_argument("--steps", type=int, default=1_000_000, help="steps to simulate (default: 1000000)")
     parser.add_argument("--width", type=int, default=500, help="states of a beam (default: 500)")
     parser.add_argument("--tries", type=int, default=12, help="joint actions per state (default: 12)")

@@ -1,7 +1,7 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
 use crate::views::{self, Frame};
-use pyo3::exceptions::PyAttributeError;
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyCFunction, PyDict, PyTuple};
@@ -120,15 +120,38 @@ impl Batch {
         })
     }
 
+    /// A field by its name, as the attribute.
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        match Field::from_name(name).filter(|field| self.received.layout().fields().contains(*field)) {
+            Some(field) => self.view(py, field),
+            None => Err(PyKeyError::new_err(format!(
+                "a batch has no field '{name}'; its fields are {}",
+                self.keys().join(", ")
+            ))),
+        }
+    }
+
+    /// Whoever comes from Gymnasium unpacks a tuple first.
+    fn __iter__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "a batch is no tuple: use batch.obs, batch.reward, batch.terminated and its other fields; \
+             environments of smaclite_pool.integrations.gymnasium return Gymnasium's tuples",
+        ))
+    }
+
+    fn __contains__(&self, name: &str) -> bool {
+        self.keys().contains(&name)
+    }
+
     fn __len__(&self) -> usize {
         self.received.layout().slots()
     }
 
     fn __repr__(&self) -> String {
         format!(
-            "<smaclite_pool.Batch {} of {} environments: {}>",
-            self.sequence(),
+            "<smaclite_pool.Batch of {} environments, number {} of its lane: {}>",
             self.__len__(),
+            self.sequence(),
             self.keys().join(", ")
         )
     }

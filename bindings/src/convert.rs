@@ -175,9 +175,9 @@ impl smaclite_ipc::Actions for Actions<'_> {
     /// Copies them, row by row. A read-only borrow would allocate memory in each step.
     #[allow(unsafe_code)]
     fn write_to(&mut self, out: &mut [i32]) {
-        // SAFETY: this type exists only while its thread is attached to the interpreter. Other code of this module
-        // writes to arrays only while it is attached, so not at the same time. Whether Python code of another
-        // thread does is that code's responsibility, as with any NumPy operation.
+        // SAFETY: this type exists only while its thread is attached to the interpreter. Other code of this
+        // module writes to arrays only while it is attached, so not at the same time. Whether Python code of
+        // another thread does is that code's responsibility, as with any NumPy operation.
         let actions = unsafe { self.0.as_slice() };
         out.copy_from_slice(actions.expect("`contiguous_int32` made it"));
     }
@@ -199,7 +199,8 @@ pub fn snapshots<'py>(arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
     Ok(array.try_readonly()?)
 }
 
-/// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is one.
+/// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is
+/// one.
 pub fn reseeding(rng: &str, seed: Option<IntArg>) -> PyResult<Option<u64>> {
     match (rng, seed) {
         ("keep", None) => Ok(None),

@@ -357,8 +357,8 @@ impl Envs {
     /// all selected environments change, or none.
     ///
     /// Args:
-    ///     snapshots: uint8 [K, snapshot_size], rows of the field `snapshot` of this or another lane of the same
-    ///         scenario, rule set and `obs_last_actions`. The lane must have the field
+    ///     snapshots: uint8 [K, snapshot_size], rows of the field `snapshot` of this or another lane of the
+    ///         same scenario, rule set and `obs_last_actions`. The lane must have the field
     ///         (`make(..., fields=[..., "snapshot"])`).
     ///     env_id: integers [K], the environments that take these states. None means all in order.
     ///     rng: "keep" continues with the execution orders that would have been drawn; "reseed" draws others.
@@ -418,10 +418,11 @@ impl Envs {
         wait_detached(py, None, |wait| client.send_restore(snapshots, ids, seed, wait))
     }
 
-    /// Copy the states of environments to others, inside the pool, and return the batch with the observations.
+    /// Copy the states of environments to others, inside the pool, and return the batch with the
+    /// observations.
     ///
-    /// Environment `env_id_to[k]` takes the state that `env_id_from[k]` had before the call; an environment may
-    /// be copied several times. All else is as for `restore`. The lane needs no field `snapshot`.
+    /// Environment `env_id_to[k]` takes the state that `env_id_from[k]` had before the call; an environment
+    /// may be copied several times. All else is as for `restore`. The lane needs no field `snapshot`.
     ///
     /// Args:
     ///     env_id_from: integers [K], the environments to copy.
@@ -490,8 +491,8 @@ impl Envs {
     ///     int32 [K, n_agents]: the actions; `out`, if it was passed.
     ///
     /// Raises:
-    ///     InvalidRequest: an argument is invalid, there was no reset yet, an environment is not in the newest
-    ///         batch, or the lane omits the field `avail_actions`.
+    ///     InvalidRequest: an argument is invalid, there was no reset yet, an environment is not in the
+    ///         newest batch, or the lane omits the field `avail_actions`.
     ///     TypeError: `out` is not a two-dimensional int32 array, or environment ids are not integers.
     #[pyo3(signature = (env_id=None, out=None))]
     fn sample_actions<'py>(

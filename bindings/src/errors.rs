@@ -15,8 +15,8 @@ macro_rules! exception_classes {
             $(pyo3::import_exception!(smaclite_pool.errors, $name);)*
         }
 
-        /// Imports every class. When the interpreter exits, destructors still call this module, and then nothing
-        /// can be imported any more.
+        /// Imports every class. When the interpreter exits, destructors still call this module, and then
+        /// nothing can be imported any more.
         pub fn load_classes(py: Python<'_>) {
             $(py.get_type::<class::$name>();)*
         }

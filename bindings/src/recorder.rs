@@ -81,18 +81,25 @@ impl Drop for RecordingToFile {
 
 /// Checks the suffix of a replay file before anything is recorded.
 pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
-    if path.extension().is_some_and(|suffix| suffix == SUFFIX) {
-        return Ok(());
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if path.extension().is_none_or(|suffix| suffix != SUFFIX) {
+        return Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())));
     }
-    Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())))
+    if !folder.is_dir() {
+        let folder = folder.display();
+        return Err(invalid_request(format!(
+            "{argument} must be in a folder that exists; there is no '{folder}'"
+        )));
+    }
+    Ok(())
 }
 
 /// Records environments of a running pool: the newest episodes of each, without the learner noticing.
 ///
-/// An episode that began before the recorder is left out. The pool keeps what the recorder has not read, in 64
-/// MiB for all recorded environments of a lane together, and drops the oldest episodes when that is full; `save`
-/// and `n_complete` read it. `n_lost` is the number of episodes that were dropped unread. Files are replays:
-/// `smaclite-pool replay FILE --to FILE.html` makes a page of one.
+/// An episode that began before the recorder is left out. The pool keeps what the recorder has not read, in
+/// 64 MiB for all recorded environments of a lane together, and drops the oldest episodes when that is full;
+/// `save` and `n_complete` read it. `n_lost` is the number of episodes that were dropped unread. Files are
+/// replays: `smaclite-pool replay FILE --to FILE.html` makes a page of one.
 ///
 /// Args:
 ///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
@@ -187,8 +194,8 @@ impl Recorder {
         })
     }
 
-    /// Number of episodes that were lost since the recorder began, because they were not read in time. It does
-    /// not read itself: `n_complete` and `save` do.
+    /// Number of episodes that were lost since the recorder began, because they were not read in time. It
+    /// does not read itself: `n_complete` and `save` do.
     #[getter]
     fn n_lost(&self, py: Python<'_>) -> PyResult<u64> {
         self.with(py, |recorder, _| Ok(recorder.n_lost()))

@@ -66,7 +66,8 @@ pub fn snapshot_columns<'py>(snapshot: &Bound<'py, PyAny>) -> PyResult<Bound<'py
 ///
 /// Args:
 ///     columns: a dict as `snapshot_columns` returns it.
-///     scenario: the scenario of the snapshot: name of a standard scenario, path of a scenario file, or `Envs`.
+///     scenario: the scenario of the snapshot: name of a standard scenario, path of a scenario file, or
+///         `Envs`.
 ///
 /// Returns:
 ///     uint8 [snapshot_size].

@@ -142,9 +142,9 @@ impl Batch {
         self.always(Field::Truncated)
     }
 
-    /// `[M]`, 0 or 1: no step was made, so actions were ignored and there is nothing to learn from. So it is with
-    /// next-step autoreset after the end of an episode, and after a reset, a restore or a fork, also in the
-    /// environments that they only observed again.
+    /// `[M]`, 0 or 1: no step was made, so actions were ignored and there is nothing to learn from. So it is
+    /// with next-step autoreset after the end of an episode, and after a reset, a restore or a fork, also in
+    /// the environments that they only observed again.
     pub fn was_reset(&self) -> &[u8] {
         self.always(Field::WasReset)
     }
@@ -152,14 +152,5 @@ impl Batch {
     /// `[M, n_agents, obs_size]`, row-major; empty if the lane leaves it out.
     pub fn obs(&self) -> &[f32] {
         self.field(Field::Obs).unwrap_or(&[])
-    }
-
-    /// The observations as a matrix with one row per agent, `[M * n_agents, obs_size]`, without a copy: a
-    /// policy's first layer is a matrix product straight from shared memory. Needs the feature `faer`.
-    #[cfg(feature = "faer")]
-    pub fn obs_matrix(&self) -> faer::MatRef<'_, f32> {
-        let columns = self.layout.row_len(Field::Obs) / self.layout.sizes().n_agents;
-        let obs = self.obs();
-        faer::MatRef::from_row_major_slice(obs, obs.len() / columns, columns)
     }
 }

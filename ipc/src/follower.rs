@@ -14,7 +14,7 @@ use smaclite_pool::EpisodePart;
 /// Follows environments: receives the states in which their episodes begin and their joint actions. The
 /// supervisor keeps what was not read, as much as fits its limit; then the oldest episodes are missing.
 ///
-/// With the [`scenario`](Follower::scenario) that is all that is needed to play the battles again, to the
+/// With the [`setup`](Follower::setup) that is all that is needed to play the battles again, to the
 /// bit and tick by tick: `smaclite_view::Recorder` does so, for replays and for the page of a running pool.
 /// To see only the newest observations, a [`Spectator`](crate::Spectator) is cheaper.
 ///
@@ -126,8 +126,8 @@ impl Follower {
     /// answer.
     ///
     /// # Errors
-    /// If the pool is gone or does not answer. Nothing is lost: the next call returns what was received before
-    /// the error, and what the pool answers late.
+    /// If the pool is gone or does not answer. Nothing is lost: the next call returns what was received
+    /// before the error, and what the pool answers late.
     pub fn read(&mut self) -> Result<Vec<FollowedPart>, ClientError> {
         loop {
             let piece = self.read_piece(WaitOptions::for_response())?;
@@ -138,8 +138,8 @@ impl Follower {
         }
     }
 
-    /// The next piece of what the environments did: some 100 kB, or less if that is all. A reader of much needs
-    /// less memory so.
+    /// The next piece of what the environments did: some 100 kB, or less if that is all. A reader of much
+    /// needs less memory so.
     ///
     /// # Errors
     /// As [`read`](Follower::read).

@@ -158,7 +158,8 @@ impl EpisodeLog {
         self.episodes.len() == 1 && self.bytes > self.memory.share()
     }
 
-    /// Begins the log of the present episode again, which has filled it. No follower can have the whole episode.
+    /// Begins the log of the present episode again, which has filled it. No follower can have the whole
+    /// episode.
     pub(crate) fn begin_again(&mut self, now: Snapshot) {
         if let Some(last) = self.episodes.back_mut() {
             last.is_cut = true;

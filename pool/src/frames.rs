@@ -10,7 +10,8 @@ use std::collections::VecDeque;
 #[derive(Clone, Copy)]
 pub(crate) struct SlotClaim {
     pub(crate) memory: FrameMemory,
-    /// First claimed slot. In a synchronous lane, whose requests claim all, it is 0, and slot i is environment i.
+    /// First claimed slot. In a synchronous lane, whose requests claim all, it is 0, and slot i is
+    /// environment i.
     pub(crate) first: usize,
     frame: FrameNumber,
     count: usize,
@@ -57,8 +58,8 @@ impl<O: Outlet> Frames<O> {
         });
     }
 
-    /// From now on results are of this epoch. No claimed slot is incomplete: a reset of all environments waits for
-    /// the end of earlier work.
+    /// From now on results are of this epoch. No claimed slot is incomplete: a reset of all environments
+    /// waits for the end of earlier work.
     pub(crate) fn begin_epoch(&mut self, epoch: Epoch) {
         self.epoch = Some(epoch);
         self.open.clear();

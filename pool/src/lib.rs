@@ -1,9 +1,10 @@
 //! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory
 //! through the [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
 //!
-//! The path of a batch: a thread receives a [request](transport::Request) from a lane's inlet, accepts all of it
-//! or nothing, and publishes its environments as work. Threads take chunks of them, step them and write each
-//! result into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the frame.
+//! The path of a batch: a thread receives a [request](transport::Request) from a lane's inlet, accepts all of
+//! it or nothing, and publishes its environments as work. Threads take chunks of them, step them and write
+//! each result into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the
+//! frame.
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 

@@ -1,6 +1,6 @@
-//! The scheduler: worker threads, and learners' threads that work in their place, take environments from the lanes
-//! and carry out their orders. Which environments are left is in `work`, where idle workers wait in `parking`;
-//! ARCHITECTURE.md, "Scheduling", has the picture.
+//! The scheduler: worker threads, and learners' threads that work in their place, take environments from the
+//! lanes and carry out their orders. Which environments are left is in `work`, where idle workers wait in
+//! `parking`; ARCHITECTURE.md, "Scheduling", has the picture.
 
 use crate::lane::{Accepted, Lane, panic_text};
 use crate::lane_settings::LaneSpec;
@@ -156,8 +156,8 @@ impl<T: Transport> Shared<T> {
         true
     }
 
-    /// Accepts the next request of a lane, and wakes the workers for it, but for `present` threads, which serve it
-    /// anyway. Returns whether there was one.
+    /// Accepts the next request of a lane, and wakes the workers for it, but for `present` threads, which
+    /// serve it anyway. Returns whether there was one.
     fn accept(&self, index: usize, present: usize) -> bool {
         let lane = &self.lanes[index];
         match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
@@ -204,8 +204,9 @@ impl<T: Transport> Source for Shared<T> {
 pub struct PoolHandle<T: Transport>(Weak<Shared<T>>);
 
 impl<T: Transport> PoolHandle<T> {
-    /// What a learner of lane `lane` needs to take part. From now on, and until it is dropped or its session ends,
-    /// only the participant accepts the lane's requests. `None` if the session is not the lane's or the pool ends.
+    /// What a learner of lane `lane` needs to take part. From now on, and until it is dropped or its session
+    /// ends, only the participant accepts the lane's requests. `None` if the session is not the lane's or the
+    /// pool ends.
     pub fn participant(&self, lane: usize, session: SessionId) -> Option<Participant<T>> {
         let shared = self.0.upgrade()?;
         let is_current = shared.lanes.get(lane)?.set_accepts_itself(session, true);
@@ -219,8 +220,8 @@ impl<T: Transport> PoolHandle<T> {
     }
 }
 
-/// A learner's thread that works in the pool of its process while it waits (caller runs): it accepts the requests
-/// of its lane, and steps environments of its lane in the place of a worker.
+/// A learner's thread that works in the pool of its process while it waits (caller runs): it accepts the
+/// requests of its lane, and steps environments of its lane in the place of a worker.
 pub struct Participant<T: Transport> {
     pool: Weak<Shared<T>>,
     lane: usize,
@@ -232,8 +233,8 @@ pub struct Participant<T: Transport> {
 }
 
 impl<T: Transport> Participant<T> {
-    /// Substitutes a worker. Without effect if learners have the places of all, or the pool ends. A pool waits until
-    /// its participants have left before it ends.
+    /// Substitutes a worker. Without effect if learners have the places of all, or the pool ends. A pool
+    /// waits until its participants have left before it ends.
     pub fn join(&mut self) {
         if self.place.is_none()
             && let Some(shared) = self.pool.upgrade()
@@ -262,8 +263,8 @@ impl<T: Transport> Participant<T> {
         }
     }
 
-    /// Joins, if it can, and serves some environments of the learner's lane. `false` if none are left to take, or
-    /// the pool ends.
+    /// Joins, if it can, and serves some environments of the learner's lane. `false` if none are left to
+    /// take, or the pool ends.
     pub fn serve(&mut self) -> bool {
         self.join();
         let Some((shared, worker)) = &self.place else { return false };

@@ -43,8 +43,8 @@ impl FrameMemory {
     }
 }
 
-/// The memory of the frame that a parallel loop fills, for all its threads. It publishes nothing: threads load it
-/// after they have taken part of the loop, which they can only after it was stored.
+/// The memory of the frame that a parallel loop fills, for all its threads. It publishes nothing: threads
+/// load it after they have taken part of the loop, which they can only after it was stored.
 pub(crate) struct SharedFrame {
     base: AtomicPtr<u8>,
     len: AtomicUsize,

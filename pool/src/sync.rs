@@ -1,5 +1,5 @@
-//! Synchronisation primitives: those of the standard library and of crossbeam, or loom's where its tests explore
-//! every interleaving (`just loom`).
+//! Synchronisation primitives: those of the standard library and of crossbeam, or loom's where its tests
+//! explore every interleaving (`just loom`).
 
 #[cfg(not(loom))]
 pub(crate) use crossbeam::queue::ArrayQueue;

@@ -90,14 +90,14 @@ pub enum RequestKind {
         /// The seed of environment 0.
         seed: Option<u64>,
     },
-    /// The state of a snapshot; with a seed as after a reset with it, from there on. The body has the snapshots,
-    /// `[count, snapshot_size]` bytes.
+    /// The state of a snapshot; with a seed as after a reset with it, from there on. The body has the
+    /// snapshots, `[count, snapshot_size]` bytes.
     Restore {
         /// The seed of environment 0.
         seed: Option<u64>,
     },
-    /// The state of another environment; with a seed as after a reset with it, from there on. The body has the
-    /// numbers of the others, `[count]`.
+    /// The state of another environment; with a seed as after a reset with it, from there on. The body has
+    /// the numbers of the others, `[count]`.
     Fork {
         /// The seed of environment 0.
         seed: Option<u64>,

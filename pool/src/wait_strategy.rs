@@ -56,8 +56,8 @@ pub struct Polling {
 }
 
 impl Polling {
-    /// Its time starts when the clock is looked at for the first time, so that a thread that finds something at once
-    /// does not look.
+    /// Its time starts when the clock is looked at for the first time, so that a thread that finds something
+    /// at once does not look.
     pub fn begin(self) -> Polls {
         Polls { polling: self, end: None, count: 0 }
     }

@@ -1,19 +1,22 @@
 //! The environments of accepted requests that no thread has taken yet: one [`Work`] per lane.
 //!
-//! A synchronous request names all environments, so it is a parallel loop. The environments are divided into one
-//! range per thread of the pool; a thread takes chunks from the front of its own range, whose environments are in
-//! its core's cache, and then from the back of the others' (work stealing). An asynchronous lane has one queue,
-//! from which every thread takes single environments in the order of the requests.
+//! A synchronous request names all environments, so it is a parallel loop. The environments are divided into
+//! one range per thread of the pool; a thread takes chunks from the front of its own range, whose
+//! environments are in its core's cache, and then from the back of the others' (work stealing). An
+//! asynchronous lane has one queue, from which every thread takes single environments in the order of the
+//! requests.
 //!
 //! Synchronisation: publishing a range or pushing to the queue releases what the publisher wrote before (the
-//! environments' orders, the frame), and taking acquires it. A take that compares with an old value of a range
-//! fails, or finds the same numbers published again; then it takes part in the new request, as any thread may.
+//! environments' orders, the frame), and taking acquires it. A take that compares with an old value of a
+//! range fails, or finds the same numbers published again; then it takes part in the new request, as any
+//! thread may.
 
 use crate::sync::{ArrayQueue, AtomicU64, Ordering};
 use crossbeam::utils::CachePadded;
 use std::ops::Range;
 
-/// Most environments that a thread takes at a time: enough to make taking cheap, few enough that lanes take turns.
+/// Most environments that a thread takes at a time: enough to make taking cheap, few enough that lanes take
+/// turns.
 pub(crate) const CHUNK: usize = 16;
 
 /// What is to be done in a lane.

@@ -57,8 +57,8 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
     }
 }
 
-/// Sends actions and receives the batch, or why they are refused: the client knows which environments exist and are
-/// busy, and the lane everything else.
+/// Sends actions and receives the batch, or why they are refused: the client knows which environments exist
+/// and are busy, and the lane everything else.
 fn step(client: &mut Client, actions: &[i32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
     client.send(actions, env_ids, WaitOptions::forever())?;
     client.recv(WaitOptions::forever()).map(drop)

@@ -62,8 +62,8 @@ fn a_reset_of_all_drops_the_results_of_earlier_requests() {
 }
 
 /// A worker that was busy with another lane once found steps of an old epoch and resets of the new one in its
-/// queue, and gave the resets no slot: the learner never got an answer. Now the reset waits until the steps are
-/// carried out.
+/// queue, and gave the resets no slot: the learner never got an answer. Now the reset waits until the steps
+/// are carried out.
 #[test]
 fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     let gate = Gate::default();

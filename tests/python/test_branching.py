@@ -6,10 +6,13 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import smaclite_pool as sp
+import smaclite_pool.integrations.gymnasium  # registers its ids
 from numpy.typing import NDArray
+from smaclite_pool.integrations.pettingzoo import parallel_env
 
 from conftest import Serve
 from test_recorder import episodes
@@ -182,3 +185,51 @@ def test_recordings_of_battles_that_jump_are_reproduced(tmp_path: Path) -> None:
     found = episodes(path)  # of environment 0
     assert "recorded for 6 steps" in found[0] and "recorded for 4 steps" in found[1], found
     assert "after 15 steps" in found[2], "it began with step 5"
+
+
+def test_gymnasium_saves_and_restores() -> None:
+    env: Any = gymnasium.make("smaclite_pool/3m-v0").unwrapped
+    env.reset(seed=4)
+    env.step([1, 1, 1])
+    saved = env.save()
+    future = [env.step([2, 2, 2]) for _ in range(5)]
+    observation, info = env.restore(saved)
+    assert info["episode_length"] == 1 and observation["obs"].shape == (
+        3,
+        env.observation_space["obs"].shape[1],
+    )
+    for expected, found in zip(future, [env.step([2, 2, 2]) for _ in range(5)], strict=True):
+        np.testing.assert_array_equal(found[0]["obs"], expected[0]["obs"])
+    env.restore(saved, seed=9)
+    env.close()
+    fields = ["obs", "state", "avail_actions", "episode_length", "snapshot"]
+    envs: Any = gymnasium.make_vec("smaclite_pool/2s3z-v0", 3, fields=fields).unwrapped
+    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+        envs.save()
+    envs.reset(seed=1)
+    saved = envs.save()
+    ahead = envs.step(np.ones((3, 5), int))[0]
+    _, infos = envs.restore(saved)
+    assert infos["episode_length"].tolist() == [0] * 3
+    np.testing.assert_array_equal(envs.step(np.ones((3, 5), int))[0]["obs"], ahead["obs"])
+    _, infos = envs.restore(saved[:1], [2], seed=5)
+    assert infos["episode_length"].tolist() == [1, 1, 0]
+    envs.close()
+    plain: Any = gymnasium.make_vec("smaclite_pool/3m-v0", 1).unwrapped
+    with pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"):
+        plain.save()
+    plain.close()
+
+
+def test_pettingzoo_saves_and_restores() -> None:
+    env = parallel_env("3m")
+    env.reset(seed=4)
+    saved = env.save()
+    actions = {agent: 1 for agent in env.agents}
+    ahead = env.step(actions)[0]
+    observations, _ = env.restore(saved)
+    assert set(observations) == set(env.agents) == set(actions)
+    again = env.step(actions)[0]
+    for agent in actions:
+        np.testing.assert_array_equal(again[agent]["observation"], ahead[agent]["observation"])
+    env.close()

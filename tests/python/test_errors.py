@@ -297,3 +297,16 @@ def test_a_missing_framework_names_the_extra_to_install(name: str) -> None:
     assert "ModuleNotFoundError" in done.stderr, done.stderr
     # A framework that needs another one, which is missing too, names its own extra.
     assert f"pip install 'smaclite-pool[{name}]'" in done.stderr, done.stderr
+
+
+def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
+    """The first mistake of everyone who comes from Gymnasium."""
+    batch: Any = envs.reset(seed=1)
+    with pytest.raises(TypeError, match=r"a batch is no tuple: use batch\.obs"):
+        _observations, _infos = batch
+    np.testing.assert_array_equal(batch["obs"], batch.obs)
+    assert set(dict(batch)) == set(batch.keys()) and "obs" in batch and "rewards" not in batch
+    with pytest.raises(KeyError, match="a batch has no field 'rewards'; its fields are env_id, obs"):
+        batch["rewards"]
+    with pytest.raises(sp.InvalidRequest, match="record must be in a folder that exists; there is no"):
+        sp.make("3m", 1, record=tmp_path / "none" / "x.smreplay")

@@ -357,6 +357,9 @@ def test_a_custom_scenario(tmp_path: Path) -> None:
         env.close()
         with pytest.raises(sp.InvalidRequest, match="map_file"):
             make("smaclite_pool/custom-v0")
+        # It played the file, and said 3m.
+        with pytest.raises(sp.InvalidRequest, match="'3m' and map_file cannot be combined"):
+            make("smaclite_pool/3m-v0", map_file=str(file))
 
 
 def test_an_episode_that_runs_out_of_time_is_truncated() -> None:

@@ -152,9 +152,11 @@ def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
             sp.Recorder(envs.name, env_id=-1)
         with sp.Recorder(envs.name) as recorder, pytest.raises(sp.InvalidRequest, match=r"\.smreplay"):
             recorder.save(tmp_path / "a.gif")
+    (tmp_path / "missing").mkdir()
     envs = sp.make("3m", 1, record=tmp_path / "missing" / "a.smreplay")
     envs.reset()
     play(envs, 1)
+    (tmp_path / "missing").rmdir()
     with pytest.raises(OSError, match="missing"):
         envs.close()
 

@@ -116,8 +116,8 @@ impl Learner {
         Ok(())
     }
 
-    /// Continues environments, which must be ready, from snapshots, `[count, snapshot_size]`, that are equal to
-    /// these states; in synchronous mode the rest is unchanged.
+    /// Continues environments, which must be ready, from snapshots, `[count, snapshot_size]`, that are equal
+    /// to these states; in synchronous mode the rest is unchanged.
     ///
     /// # Errors
     /// The client's.

@@ -5,9 +5,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use crate::npy::Array;
 use glam::Vec2;
-use npyz::NpyFile;
-use npyz::TypeChar;
 use serde_json::Value;
 use smaclite_engine::{Battle, Generator, NeighbourOrder, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;
@@ -259,34 +258,25 @@ fn vectors(archive: &mut Archive, name: &str) -> Result<Vec<Vec2>> {
     Ok(singles(archive, name)?.chunks_exact(2).map(Vec2::from_slice).collect())
 }
 
-fn array<'a>(archive: &'a mut Archive, name: &str) -> Result<NpyFile<impl Read + 'a>> {
-    let member = archive.by_name(&format!("{name}.npy")).map_err(|e| format!("{name}: {e}"))?;
-    Ok(NpyFile::new(member)?)
+fn member(archive: &mut Archive, name: &str) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut member = archive.by_name(&format!("{name}.npy")).map_err(|e| format!("{name}: {e}"))?;
+    member.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn singles(archive: &mut Archive, name: &str) -> Result<Vec<f32>> {
-    Ok(array(archive, name)?.into_vec()?)
+    Array::new(&member(archive, name)?)?.singles().map_err(|e| format!("{name}: {e}").into())
 }
 
 fn floats(archive: &mut Archive, name: &str) -> Result<Vec<f64>> {
-    Ok(array(archive, name)?.into_vec()?)
+    Array::new(&member(archive, name)?)?.floats().map_err(|e| format!("{name}: {e}").into())
 }
 
 fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
     Ok(integers(archive, name)?.into_iter().map(|flag| flag != 0).collect())
 }
 
-/// Integers of any width.
 fn integers(archive: &mut Archive, name: &str) -> Result<Vec<i64>> {
-    let array = array(archive, name)?;
-    let npyz::DType::Plain(dtype) = array.dtype() else { return Err(format!("{name} is a record").into()) };
-    Ok(match (dtype.type_char(), dtype.size_field()) {
-        (TypeChar::Bool, _) => array.into_vec::<bool>()?.into_iter().map(i64::from).collect(),
-        (TypeChar::Uint, 1) => array.into_vec::<u8>()?.into_iter().map(i64::from).collect(),
-        (TypeChar::Uint, 2) => array.into_vec::<u16>()?.into_iter().map(i64::from).collect(),
-        (TypeChar::Int, 1) => array.into_vec::<i8>()?.into_iter().map(i64::from).collect(),
-        (TypeChar::Int, 2) => array.into_vec::<i16>()?.into_iter().map(i64::from).collect(),
-        (TypeChar::Int, 4) => array.into_vec::<i32>()?.into_iter().map(i64::from).collect(),
-        _ => array.into_vec::<i64>()?,
-    })
+    Array::new(&member(archive, name)?)?.integers().map_err(|e| format!("{name}: {e}").into())
 }

@@ -17,6 +17,7 @@ mod completions;
 mod doctor;
 mod edit;
 mod evaluate;
+mod licences;
 mod list;
 mod man;
 mod new;
@@ -42,8 +43,9 @@ use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::ParseError;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// What a command returns. An error is printed as one line, or one per problem of a file.
 type CommandResult = Result<(), Box<dyn Error>>;
@@ -54,15 +56,8 @@ type CommandResult = Result<(), Box<dyn Error>>;
 struct Cli {
     /// Log level on standard error: error, warn, info, debug or trace; or a filter such as
     /// `warn,smaclite_pool=debug`
-    #[arg(
-        long,
-        global = true,
-        value_name = "LEVEL",
-        default_value = "warn",
-        env = "SMACLITE_POOL_LOG",
-        value_parser = log_filter
-    )]
-    log: String,
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn", env = "SMACLITE_POOL_LOG")]
+    log: Targets,
     #[command(subcommand)]
     command: Command,
 }
@@ -107,6 +102,8 @@ enum Command {
     Completions(completions::Completions),
     /// Print the man page of the program, or write one per command
     Man(man::Man),
+    /// Print the licences of the software in this program
+    Licences(licences::Licences),
 }
 
 /// A program or library that runs this one, and its version, for `doctor`.
@@ -141,7 +138,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
             return error.exit_code();
         }
     };
-    log_to_stderr(&cli.log);
+    log_to_stderr(cli.log);
     match cli.command.run(&args[0], host) {
         Ok(()) => 0,
         Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
@@ -174,11 +171,13 @@ impl Command {
             Command::Doctor(doctor) => doctor.run(host),
             Command::Completions(completions) => completions.run(program),
             Command::Man(man) => man.run(),
+            Command::Licences(licences) => licences.run(),
         }
     }
 }
 
-/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is closed.
+/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is
+/// closed.
 fn print_usage_error(error: &clap::Error, args: &[OsString]) {
     let is_printable = |arg: &OsString| arg.to_str().is_some_and(|text| printable_text(text) == text);
     if args.iter().all(is_printable) {
@@ -192,15 +191,10 @@ fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
     error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
-/// Checks a filter; `EnvFilter` cannot be cloned, as clap needs it.
-fn log_filter(text: &str) -> Result<String, ParseError> {
-    EnvFilter::try_new(text).map(|_| text.to_owned())
-}
-
-fn log_to_stderr(filter: &str) {
-    let subscriber =
-        tracing_subscriber::fmt().with_env_filter(EnvFilter::new(filter)).with_writer(std::io::stderr);
-    let _ = subscriber.try_init(); // a second run in one process, as from Python, keeps the first subscriber
+fn log_to_stderr(filter: Targets) {
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    // A second run in one process, as from Python, keeps the first subscriber.
+    let _ = tracing_subscriber::registry().with(lines).try_init();
 }
 
 fn runtime_dir() -> Result<RuntimeDir, RuntimeDirError> {

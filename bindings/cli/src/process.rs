@@ -55,8 +55,8 @@ pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-/// As [`interrupt_flag`]; the second signal ends the program at once, with files of its pools left until the next
-/// start.
+/// As [`interrupt_flag`]; the second signal ends the program at once, with files of its pools left until the
+/// next start.
 ///
 /// # Errors
 /// As [`interrupt_flag`].

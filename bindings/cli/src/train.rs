@@ -24,7 +24,8 @@ Examples:
   smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
   smaclite-pool train --resume runs/2s3z --steps 1000000
 
-Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an uninterrupted run.")]
+Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
+uninterrupted run.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],

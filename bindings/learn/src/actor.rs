@@ -5,6 +5,7 @@ use crate::mlp::Workspace;
 use crate::policy::{Choice, choose};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{Network, agent_ids};
+use faer::MatRef;
 use smaclite_engine::Sizes;
 use smaclite_ipc::Batch;
 use smaclite_pool::fields::Field;
@@ -38,8 +39,9 @@ pub(crate) struct Draw {
 impl Actor {
     /// Chooses an action for every agent. A dead agent has only no-op to choose.
     pub fn act(&mut self, network: &Network, sizes: Sizes, batch: &Batch, choice: Choice, draw: Draw) {
-        let Sizes { n_agents, n_actions, .. } = sizes;
-        let x = batch.obs_matrix();
+        let Sizes { n_agents, n_actions, obs_size, .. } = sizes;
+        let obs = batch.obs();
+        let x = MatRef::from_row_major_slice(obs, obs.len() / obs_size, obs_size); // no copy of shared memory
         let (rows, padded) = (x.nrows(), network.mlp.padded_out());
         if self.ids.len() != rows {
             self.ids = agent_ids(rows, n_agents);

@@ -146,8 +146,8 @@ impl Lanes {
         Ok(Lanes { _pool: Some(pool), ..lanes })
     }
 
-    /// Attaches to lanes of a running pool, or to its only one if none is named. `interrupted` ends the wait for
-    /// its answers.
+    /// Attaches to lanes of a running pool, or to its only one if none is named. `interrupted` ends the wait
+    /// for its answers.
     ///
     /// # Errors
     /// If a lane cannot be attached to, plays something else than the scenario, or is stepped in another way.

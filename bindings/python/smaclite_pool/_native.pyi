@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 from os import PathLike
 from types import TracebackType
-from typing import Any, Final, Literal, final, overload
+from typing import Any, Final, Literal, NoReturn, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,6 +144,10 @@ class Batch:
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
         """Return a dict from field names to torch tensors over the same memory. Writing to one raises."""
+    def __getitem__(self, name: str, /) -> NDArray[Any]:
+        """A field by its name."""
+    def __contains__(self, name: str, /) -> bool: ...
+    def __iter__(self) -> NoReturn: ...
     def __len__(self) -> int: ...
 
 @final

@@ -73,7 +73,7 @@ class Scenario(TypedDict):
     height: int
     """In squares."""
     walkable: list[list[bool]]
-    """[height][width], the southern row first."""
+    """`height` rows of `width` booleans, the southern row first."""
     attack_point: list[float]
     """[x, y], where enemies without a target walk."""
     num_unit_types: int

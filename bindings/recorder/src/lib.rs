@@ -9,7 +9,8 @@ use smaclite_view::{Recorder, Replay, ReplayError};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be saved.
+/// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be
+/// saved.
 const MAX_TEXT: usize = 48 << 20;
 
 /// Follows environments and keeps what they did: per environment the newest complete episodes, and the
@@ -105,8 +106,8 @@ impl PoolRecorder {
         self.n_complete
     }
 
-    /// Number of episodes that were lost since the recorder began: the pool dropped them before they were read,
-    /// or this recorder to limit its memory.
+    /// Number of episodes that were lost since the recorder began: the pool dropped them before they were
+    /// read, or this recorder to limit its memory.
     pub fn n_lost(&self) -> u64 {
         self.envs.values().map(|env| env.n_lost).sum()
     }

@@ -42,8 +42,8 @@ pub enum ClientError {
     #[error("this lane has no snapshots: name the field `snapshot` among its fields when it is made")]
     NoSnapshots,
     #[error(
-        "got {given} bytes of snapshots; {envs} environments take {envs} snapshots of {size} bytes (those of another \
-         scenario have another size)"
+        "got {given} bytes of snapshots; {envs} environments take {envs} snapshots of {size} bytes (those of \
+         another scenario have another size)"
     )]
     WrongSnapshots { given: usize, envs: usize, size: usize },
     #[error("a fork takes as many environments to copy as to change, got {from} and {to}")]
@@ -76,8 +76,8 @@ pub enum ClientError {
     #[error("there is no batch to sample actions by; receive one first")]
     NoBatch,
     #[error(
-        "environment {env} is not in the newest batch, which actions are sampled by; pass the `env_id` of that \
-         batch, or some of them"
+        "environment {env} is not in the newest batch, which actions are sampled by; pass the `env_id` of \
+         that batch, or some of them"
     )]
     NotInBatch { env: i32 },
     #[error("actions are sampled by the field `avail_actions`, which this lane leaves out of its batches")]

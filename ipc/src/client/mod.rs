@@ -1,8 +1,8 @@
 //! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads
 //! of this one; in that case the learner's thread steps environments while it waits (caller runs).
 //!
-//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows which
-//! environments work on a request, and `sampler` draws random actions.
+//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows
+//! which environments work on a request, and `sampler` draws random actions.
 
 mod attach;
 mod error;
@@ -71,8 +71,8 @@ use std::time::Instant;
 ///
 /// - **Before the first reset** every step is an error. A later reset of all environments begins a new epoch:
 ///   results of earlier requests that were not received are dropped.
-/// - **An action that is not available** is an error of the `recv` after it, and a request to an environment that
-///   is still busy one of its `send`. Both name it, and nothing of the request happens.
+/// - **An action that is not available** is an error of the `recv` after it, and a request to an environment
+///   that is still busy one of its `send`. Both name it, and nothing of the request happens.
 /// - **A wait** ends with a batch, by its timeout, by `interrupted`, or when the pool dies. A timeout cancels
 ///   nothing: the batch can be received later.
 /// - **Held batches** are limited (`max_held_batches` of the lane): with that many, `recv` is an error until
@@ -149,8 +149,9 @@ impl Client {
         sent
     }
 
-    /// As [`send`](Client::send) of `actions`, which are written straight into shared memory. [`recv`](Client::recv)
-    /// or [`leave`](Client::leave) should follow at once: until then an embedded pool has a worker less.
+    /// As [`send`](Client::send) of `actions`, which are written straight into shared memory.
+    /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once: until then an embedded pool
+    /// has a worker less.
     pub fn begin_step(
         &mut self,
         actions: &mut dyn Actions,
@@ -194,11 +195,11 @@ impl Client {
         self.request(|lane, wait| lane.send_step(&mut actions, env_ids, wait), &mut wait)
     }
 
-    /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`,
-    /// `[count, snapshot_size]`: rows of the field `snapshot`, which the lane must have. With a seed, environment
-    /// `i` draws execution orders from then on as after a reset with `seed + i`, otherwise those that it would
-    /// have drawn. Returns as [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
-    /// [`recv`](Client::recv) says which snapshot is wrong, and why, and no environment changed.
+    /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`, `[count,
+    /// snapshot_size]`: rows of the field `snapshot`, which the lane must have. With a seed, environment `i`
+    /// draws execution orders from then on as after a reset with `seed + i`, otherwise those that it would
+    /// have drawn. Returns as [`send_reset`](Client::send_reset) does. If the lane refuses the request, the
+    /// next [`recv`](Client::recv) says which snapshot is wrong, and why, and no environment changed.
     pub fn send_restore(
         &mut self,
         snapshots: &[u8],
@@ -211,9 +212,9 @@ impl Client {
         sent
     }
 
-    /// Requests that each environment of `to` takes the state of that of `from` in the same place; the states are
-    /// those before the request. An environment may be in `from` several times. Seeds and errors are as in
-    /// [`send_restore`](Client::send_restore).
+    /// Requests that each environment of `to` takes the state of that of `from` in the same place; the states
+    /// are those before the request. An environment may be in `from` several times. Seeds and errors are as
+    /// in [`send_restore`](Client::send_restore).
     pub fn send_fork(
         &mut self,
         from: &[i32],
@@ -266,8 +267,8 @@ impl Client {
         self.lane.newest.as_ref()
     }
 
-    /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of `env_ids`,
-    /// which must be in the newest batch, or for all in order.
+    /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of
+    /// `env_ids`, which must be in the newest batch, or for all in order.
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
         lane.check_length(out.len(), env_ids)?;
@@ -290,8 +291,8 @@ impl Client {
         }
     }
 
-    /// Gives an embedded pool the worker back that this learner's thread substitutes. All other methods do that
-    /// themselves before they return, but [`begin_step`](Client::begin_step).
+    /// Gives an embedded pool the worker back that this learner's thread substitutes. All other methods do
+    /// that themselves before they return, but [`begin_step`](Client::begin_step).
     pub fn leave(&mut self) {
         if let Ok(lane) = self.lane.get_mut()
             && let Some(participant) = &mut lane.participant

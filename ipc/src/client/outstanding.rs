@@ -1,6 +1,6 @@
-//! Which environments of a lane work on an earlier request, so that a request that the lane would refuse for that is
-//! refused before it is sent, with the same error, and so that `recv` never waits for a batch that cannot come.
-//! Whether actions are available only the lane checks.
+//! Which environments of a lane work on an earlier request, so that a request that the lane would refuse for
+//! that is refused before it is sent, with the same error, and so that `recv` never waits for a batch that
+//! cannot come. Whether actions are available only the lane checks.
 
 use smaclite_pool::env_ids::{check_distinct, env_index};
 use smaclite_pool::transport::RequestNumber;
@@ -43,7 +43,8 @@ impl Outstanding {
         self.reserve(number, ids)
     }
 
-    /// Marks the environments of `ids` busy with a request that a synchronous lane, too, takes for some of them.
+    /// Marks the environments of `ids` busy with a request that a synchronous lane, too, takes for some of
+    /// them.
     pub(super) fn reserve_some(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         self.reserve(number, Some(ids))?;
         if self.synchronous {

@@ -17,8 +17,8 @@ impl Sampler {
         Sampler { generator: Pcg64Mcg::seed_from_u64(seed) }
     }
 
-    /// Writes an action for every agent of the environments of `ids`, which must be in the batch; if `None`, of
-    /// those of the batch in order of their ids. `out` is `[count, n_agents]`.
+    /// Writes an action for every agent of the environments of `ids`, which must be in the batch; if `None`,
+    /// of those of the batch in order of their ids. `out` is `[count, n_agents]`.
     pub(super) fn fill(
         &mut self,
         batch: &Batch,

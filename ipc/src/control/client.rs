@@ -186,8 +186,8 @@ impl ControlClient {
         Ok((client, response))
     }
 
-    /// Sends the same request again and returns the response. If the wait for the last one ended before it was
-    /// answered, that response is returned, without another request; the second value is `true` then.
+    /// Sends the same request again and returns the response. If the wait for the last one ended before it
+    /// was answered, that response is returned, without another request; the second value is `true` then.
     pub(crate) fn repeat(
         &mut self,
         request: &ControlRequest,

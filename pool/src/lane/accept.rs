@@ -2,9 +2,10 @@
 //! nothing. First everything is checked, in which nothing changes but memory that is not read yet; then it is
 //! carried out.
 //!
-//! An environment has at most one order at a time: a request to one that has not carried out its last order is
-//! refused. Only a reset of all environments may come at any time. It waits until earlier orders are carried out
-//! (their results are dropped by the learner, since their epoch is over), and later requests wait behind it.
+//! An environment has at most one order at a time: a request to one that has not carried out its last order
+//! is refused. Only a reset of all environments may come at any time. It waits until earlier orders are
+//! carried out (their results are dropped by the learner, since their epoch is over), and later requests wait
+//! behind it.
 
 use super::Lane;
 use crate::autoreset::Autoreset;
@@ -24,15 +25,15 @@ pub(super) struct Intake<I: Inlet> {
     /// A reset of all environments that waits.
     waiting: Option<I::Message>,
     /// `None` while the lane has no learner.
-    epoch: Option<Epoch>,
+    pub(super) epoch: Option<Epoch>,
     /// The session's last request.
     last_request: Option<RequestNumber>,
     /// The environments of the request that is being accepted, each once.
-    envs: Vec<u32>,
+    pub(super) envs: Vec<u32>,
     /// By environment: whether it is one of them.
     named: Vec<bool>,
     /// The snapshot that is being read, as words. The learner could change its own while it is checked.
-    record: Vec<i32>,
+    pub(super) record: Vec<i32>,
 }
 
 impl<I: Inlet> Intake<I> {
@@ -150,8 +151,9 @@ impl<T: Transport> Lane<T> {
         })
     }
 
-    /// Whether this is a reset of all environments and some are outstanding. The thread that carries out the last of
-    /// them accepts it then: it ends them and then looks whether a reset waits; here it is the other way round.
+    /// Whether this is a reset of all environments and some are outstanding. The thread that carries out the
+    /// last of them accepts it then: it ends them and then looks whether a reset waits; here it is the other
+    /// way round.
     fn must_wait(&self, request: &Request<'_>) -> bool {
         if !matches!(request.kind, RequestKind::Reset { .. }) || self.failure().is_some() {
             return false;
@@ -240,83 +242,22 @@ impl<T: Transport> Lane<T> {
     }
 
     /// A synchronous batch has every environment: those that the request does not name are observed again.
-    fn observe_others(&self, intake: &Intake<T::Inlet>) {
+    pub(super) fn observe_others(&self, intake: &Intake<T::Inlet>) {
         if self.is_synchronous() {
             let others = (0..self.num_envs).filter(|env| !intake.named[*env]);
             others.for_each(|env| self.table.order(env, Task::Observe));
         }
     }
 
-    /// Reads every snapshot into the memory of its environment, which takes that state when it is served.
-    fn check_restore(
-        &self,
-        intake: &mut Intake<T::Inlet>,
-        request: &Request<'_>,
-        seed: Option<u64>,
-    ) -> Result<(), Rejection> {
-        self.check_branching(intake, request)?;
-        if intake.record.is_empty() {
-            let what = "the lane has no field `snapshot`, without which nothing can be restored".to_owned();
-            return Err(Rejection::Malformed { what });
-        }
-        let records = request.body.chunks_exact(intake.record.len());
-        for (&env, record) in intake.envs.iter().zip(records) {
-            intake.record.iter_mut().zip(record).for_each(|(own, sent)| *own = sent.load(Relaxed));
-            let mut hosted = lock(&self.envs[env as usize]);
-            let staged = hosted.stage(bytemuck::cast_slice(&intake.record), self.autoreset);
-            staged.map_err(|why| Rejection::BadSnapshot { env: env as usize, why })?;
-        }
-        self.order_restore(intake, seed);
-        Ok(())
-    }
-
-    /// Saves every state that is forked before any environment changes.
-    fn check_fork(
-        &self,
-        intake: &mut Intake<T::Inlet>,
-        request: &Request<'_>,
-        seed: Option<u64>,
-    ) -> Result<(), Rejection> {
-        self.check_branching(intake, request)?;
-        for (&env, from) in intake.envs.iter().zip(request.body) {
-            let from = self.idle_env(from.load(Relaxed))?;
-            let env = env as usize;
-            let mut state = lock(&self.envs[env]).exchange_staged(None).unwrap_or_default();
-            if !lock(&self.envs[from]).save_into(&mut state) {
-                return Err(Rejection::BadSnapshot { env, why: "it is no battle".to_owned() });
-            }
-            lock(&self.envs[env]).exchange_staged(Some(state));
-        }
-        self.order_restore(intake, seed);
-        Ok(())
-    }
-
-    fn check_branching(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
-        if intake.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
-            return Err(Rejection::NotReset);
-        }
-        request.env_ids.iter().try_for_each(|id| self.check_env(intake, id.load(Relaxed)).map(drop))
-    }
-
-    fn order_restore(&self, intake: &Intake<T::Inlet>, seed: Option<u64>) {
-        for &env in &intake.envs {
-            if let Some(seed) = seed {
-                lock(&self.envs[env as usize]).reseed_staged(seed.wrapping_add(u64::from(env)));
-            }
-            self.table.order(env as usize, Task::Restore);
-        }
-        self.observe_others(intake);
-    }
-
     /// Names the environment of this id, if the request may have it.
-    fn check_env(&self, intake: &mut Intake<T::Inlet>, id: i32) -> Result<usize, Rejection> {
+    pub(super) fn check_env(&self, intake: &mut Intake<T::Inlet>, id: i32) -> Result<usize, Rejection> {
         let env = self.idle_env(id)?;
         intake.name(env)?;
         Ok(env)
     }
 
     /// The environment of this id, if it has no order.
-    fn idle_env(&self, id: i32) -> Result<usize, Rejection> {
+    pub(super) fn idle_env(&self, id: i32) -> Result<usize, Rejection> {
         let env = env_index(id, self.num_envs)?;
         let is_busy = match &self.work {
             Work::Synchronous(_) => self.outstanding.load(Ordering::SeqCst) > 0,

@@ -1,12 +1,13 @@
-//! What the thread that accepts requests and the threads that carry them out tell each other of every environment.
+//! What the thread that accepts requests and the threads that carry them out tell each other of every
+//! environment.
 //!
-//! The accepting thread needs this of all environments for every request. An environment's own memory is mostly in
-//! the cache of the core that stepped it last, and its lock would make every access wait for the one before. So
-//! here the environments are side by side, one column per property.
+//! The accepting thread needs this of all environments for every request. An environment's own memory is
+//! mostly in the cache of the core that stepped it last, and its lock would make every access wait for the
+//! one before. So here the environments are side by side, one column per property.
 //!
-//! Orders are written while the environment is idle, reports while it is not. Publishing work releases the orders
-//! to the thread that takes it; the end of the work (`is_busy`, or the lane's count of outstanding environments)
-//! releases the reports. So every access here is relaxed but that to `busy`.
+//! Orders are written while the environment is idle, reports while it is not. Publishing work releases the
+//! orders to the thread that takes it; the end of the work (`is_busy`, or the lane's count of outstanding
+//! environments) releases the reports. So every access here is relaxed but that to `busy`.
 
 use crate::hosted_env::{HostedEnv, Task};
 use crossbeam::atomic::AtomicCell;

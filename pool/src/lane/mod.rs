@@ -1,8 +1,9 @@
-//! A lane: N environments of one scenario with one learner. One thread at a time accepts its requests (`accept`);
-//! any thread takes chunks of environments, steps them and writes their slots of a frame. `scheduler` decides which
-//! thread does what.
+//! A lane: N environments of one scenario with one learner. One thread at a time accepts its requests
+//! (`accept`); any thread takes chunks of environments, steps them and writes their slots of a frame.
+//! `scheduler` decides which thread does what.
 
 mod accept;
+mod branching;
 mod env_table;
 mod stats;
 
@@ -30,7 +31,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100 ms.
+/// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100
+/// ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Environments of one scenario with one learner.
@@ -45,8 +47,8 @@ pub struct Lane<T: Transport> {
     intake: Mutex<Intake<T::Inlet>>,
     frames: Mutex<Frames<T::Outlet>>,
     work: Work,
-    /// Environments with an order that is not carried out. While a synchronous request is carried out there is one
-    /// more, for its frame: the thread that finds only that left publishes it.
+    /// Environments with an order that is not carried out. While a synchronous request is carried out there
+    /// is one more, for its frame: the thread that finds only that left publishes it.
     outstanding: AtomicUsize,
     /// A reset of all environments waits until none is outstanding.
     reset_waits: AtomicBool,
@@ -100,8 +102,9 @@ impl<T: Transport> Lane<T> {
         &self.work
     }
 
-    /// Serves `session` from now on, beginning with a reset; `None` is no learner. Nothing of an earlier session reaches it. Its work is still carried out, so
-    /// that later episodes do not depend on how far the threads had come, but its results get no slots.
+    /// Serves `session` from now on, beginning with a reset; `None` is no learner. Nothing of an earlier
+    /// session reaches it. Its work is still carried out, so that later episodes do not depend on how far the
+    /// threads had come, but its results get no slots.
     pub fn set_session(&self, session: Option<SessionId>) {
         let mut intake = lock(&self.intake);
         intake.begin_session(session);
@@ -110,8 +113,8 @@ impl<T: Transport> Lane<T> {
         lock(&self.frames).begin_session(session);
     }
 
-    /// Whether the learner of `session`, a thread of this process, accepts its requests itself. Changes nothing and
-    /// returns `false` if that is not the lane's session.
+    /// Whether the learner of `session`, a thread of this process, accepts its requests itself. Changes
+    /// nothing and returns `false` if that is not the lane's session.
     pub(crate) fn set_accepts_itself(&self, session: SessionId, accepts: bool) -> bool {
         let intake = lock(&self.intake);
         let is_current = intake.session() == Some(session);
@@ -199,8 +202,8 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    /// Carries out the orders of environments that were taken from [`work`](Lane::work). Returns whether a waiting
-    /// reset can be accepted now.
+    /// Carries out the orders of environments that were taken from [`work`](Lane::work). Returns whether a
+    /// waiting reset can be accepted now.
     pub(crate) fn serve(&self, envs: Range<usize>, scratch: &mut Scratch) -> bool {
         if self.failure().is_some() {
             return false; // after a panic the environments may be in any state
@@ -224,8 +227,8 @@ impl<T: Transport> Lane<T> {
     fn serve_chunk(&self, envs: Range<usize>, scratch: &mut Scratch) -> Result<bool, TransportError> {
         let frame = self.job_frame.load();
         let mut counts = LaneStats::default();
-        // All are locked before the first is written: to lock or unlock is to wait until every earlier write has
-        // reached the cache, and those to a frame take long, since the learner has read it.
+        // All are locked before the first is written: to lock or unlock is to wait until every earlier write
+        // has reached the cache, and those to a frame take long, since the learner has read it.
         let locked = envs.clone().map(|env| lock(&self.envs[env]));
         let mut locked: ArrayVec<_, CHUNK> = locked.collect();
         for (env, hosted) in envs.clone().zip(&mut locked) {
@@ -242,8 +245,8 @@ impl<T: Transport> Lane<T> {
         Ok(is_last)
     }
 
-    /// The environments are idle before the frame is sent, so that the learner's next request finds them so; and a
-    /// request that is accepted in between can send nothing before this frame.
+    /// The environments are idle before the frame is sent, so that the learner's next request finds them so;
+    /// and a request that is accepted in between can send nothing before this frame.
     fn finish_job(&self) {
         let mut frames = lock(&self.frames);
         self.outstanding.store(0, Ordering::SeqCst);
@@ -252,8 +255,8 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    /// An environment of an asynchronous lane; results get slots in the order in which they are ready. Returns
-    /// whether no other is outstanding.
+    /// An environment of an asynchronous lane; results get slots in the order in which they are ready.
+    /// Returns whether no other is outstanding.
     fn serve_one(&self, env: usize, scratch: &mut Scratch) -> Result<bool, TransportError> {
         let mut counts = LaneStats::default();
         let mut hosted = lock(&self.envs[env]);
@@ -292,9 +295,9 @@ impl<T: Transport> Lane<T> {
         scratch: &mut Scratch,
     ) {
         if let Some((memory, index)) = slot {
-            // SAFETY: `Frames` keeps the frame's loan until every claimed slot is complete, which the caller reports
-            // after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and in a
-            // synchronous lane `index` is the environment, which one thread took, once, from `work`.
+            // SAFETY: `Frames` keeps the frame's loan until every claimed slot is complete, which the caller
+            // reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and
+            // in a synchronous lane `index` is the environment, which one thread took, once, from `work`.
             let mut slot = unsafe { memory.slot(&self.layout, index) };
             hosted.write(env, step, self.autoreset, &mut slot, scratch);
         } else {

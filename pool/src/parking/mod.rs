@@ -1,19 +1,19 @@
 //! The one place where workers park, and how they are woken.
 //!
-//! An idle worker *searches*: it polls for work and, if no other worker does, for requests. When its time to poll
-//! is over it *parks*: the worker that polls the lanes parks at the doorbell, which other processes ring, every
-//! other one at a condition variable. A learner's thread of this process that waits for its batch runs environments
-//! itself (caller runs); in that time it *substitutes* a worker, so that a pool of N threads never has more than N
-//! at work.
+//! An idle worker *searches*: it polls for work and, if no other worker does, for requests. When its time to
+//! poll is over it *parks*: the worker that polls the lanes parks at the doorbell, which other processes
+//! ring, every other one at a condition variable. A learner's thread of this process that waits for its batch
+//! runs environments itself (caller runs); in that time it *substitutes* a worker, so that a pool of N
+//! threads never has more than N at work.
 //!
-//! No wake-up is lost, by handshakes in which each side writes first and then reads what the other side writes,
-//! with sequentially consistent fences between:
+//! No wake-up is lost, by handshakes in which each side writes first and then reads what the other side
+//! writes, with sequentially consistent fences between:
 //!
 //! | who | writes | then reads |
 //! | --- | --- | --- |
-//! | a worker that parks | that it is parked, and not searching | whether there is work, who polls, whether to stop |
+//! | a worker that parks | that it is parked, not searching | whether there is work, who polls, if to stop |
 //! | who publishes work | the work | how many search and who is parked |
-//! | a worker that found work | that it searches and polls no more | whether work or polling is left, who is parked |
+//! | a worker that found work | that it searches no more | whether work or polls are left, who is parked |
 //! | a learner that ends its substitution | that it substitutes no more | the same |
 
 use crate::sync::{AtomicBool, AtomicUsize, Condvar, Mutex, Ordering, fence, lock};

@@ -32,9 +32,9 @@ pub fn shown_path(path: &Path) -> String {
     if cut > 0 { format!("...{end}") } else { end }
 }
 
-/// The text without what would change a terminal or the order of what it shows: control characters but line feeds,
-/// and the controls of writing directions. Everything that comes from files and arguments is printed by way of
-/// this.
+/// The text without what would change a terminal or the order of what it shows: control characters but line
+/// feeds, and the controls of writing directions. Everything that comes from files and arguments is printed
+/// by way of this.
 ///
 /// ```
 /// use smaclite_units::file::printable_text;

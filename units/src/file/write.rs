@@ -5,9 +5,9 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-/// Writes a file whole or not at all: under another name in its folder, which replaces the old file when it is
-/// complete and on the disk. A link stays a link, and an old file's permissions stay. Every file is written by this
-/// function; what is no regular file, as a pipe, is written to.
+/// Writes a file whole or not at all: under another name in its folder, which replaces the old file when it
+/// is complete and on the disk. A link stays a link, and an old file's permissions stay. Every file is
+/// written by this function; what is no regular file, as a pipe, is written to.
 ///
 /// # Errors
 /// Those of `write` and of the system; the old file is unchanged.

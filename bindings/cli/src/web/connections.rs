@@ -1,27 +1,91 @@
 //! A listener with a bound on the number of open connections, so that a program that opens many does not use
-//! up the file descriptors of this one.
+//! up the file descriptors of this one, and does not keep others out: a connection that does not show the token
+//! in time is closed, and the oldest of those at once where a new one needs its place.
 
-use axum::serve::Listener;
+use axum::extract::connect_info::Connected;
+use axum::serve::{IncomingStream, Listener};
+use std::collections::VecDeque;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{Shutdown, SocketAddr};
+use std::os::fd::AsFd;
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
 use std::task::{Context, Poll};
+use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{sleep, timeout};
 
-/// Connections that can be open at the same time; the next ones are closed.
+/// Connections that can be open at the same time.
 const MAX_CONNECTIONS: usize = 128;
+
+/// How long a connection may be open before it has shown the token.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// How long a new connection waits for the place of one that is closed.
+const MOST_WAIT: Duration = Duration::from_secs(1);
+
+/// The other end of a connection. Requests have it as connection info.
+#[derive(Clone)]
+pub(super) struct Visitor(Arc<Visit>);
+
+struct Visit {
+    /// Another descriptor of the connection, by which it is closed.
+    stream: std::net::TcpStream,
+    has_shown_token: AtomicBool,
+}
+
+impl Visitor {
+    fn new(stream: &TcpStream) -> io::Result<Visitor> {
+        let stream = std::net::TcpStream::from(stream.as_fd().try_clone_to_owned()?);
+        Ok(Visitor(Arc::new(Visit { stream, has_shown_token: AtomicBool::new(false) })))
+    }
+
+    /// From now on the connection stays open.
+    pub(super) fn shows_token(&self) {
+        self.0.has_shown_token.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Visit {
+    /// Closes the connection, unless it has shown the token; the server then finds it at its end.
+    fn expel(&self) -> bool {
+        let expels = !self.has_shown_token.load(Ordering::Relaxed);
+        expels && self.stream.shutdown(Shutdown::Both).is_ok()
+    }
+}
+
+impl Connected<IncomingStream<'_, Connections>> for Visitor {
+    fn connect_info(stream: IncomingStream<'_, Connections>) -> Visitor {
+        stream.io().visitor.clone()
+    }
+}
 
 pub(super) struct Connections {
     listener: TcpListener,
     free: Arc<Semaphore>,
+    /// The oldest first.
+    visits: VecDeque<Weak<Visit>>,
 }
 
 impl Connections {
     pub(super) fn new(listener: TcpListener) -> Connections {
-        Connections { listener, free: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
+        let free = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        Connections { listener, free, visits: VecDeque::new() }
+    }
+
+    /// A place for a new connection, if need be that of the oldest one that has not shown the token.
+    async fn place(&mut self) -> Option<OwnedSemaphorePermit> {
+        if let Ok(permit) = Arc::clone(&self.free).try_acquire_owned() {
+            return Some(permit);
+        }
+        self.visits.retain(|visit| visit.strong_count() > 0);
+        let expelled =
+            self.visits.iter().position(|visit| visit.upgrade().is_some_and(|visit| visit.expel()))?;
+        self.visits.remove(expelled);
+        timeout(MOST_WAIT, Arc::clone(&self.free).acquire_owned()).await.ok()?.ok()
     }
 }
 
@@ -33,9 +97,17 @@ impl Listener for Connections {
         loop {
             let (stream, address) = Listener::accept(&mut self.listener).await;
             let _ = stream.set_nodelay(true); // a delay is no error
-            if let Ok(permit) = Arc::clone(&self.free).try_acquire_owned() {
-                return (Connection { stream, _permit: permit }, address);
-            }
+            let Some(permit) = self.place().await else { continue };
+            let Ok(visitor) = Visitor::new(&stream) else { continue };
+            let visit = Arc::downgrade(&visitor.0);
+            self.visits.push_back(Weak::clone(&visit));
+            tokio::spawn(async move {
+                sleep(GRACE).await;
+                if let Some(visit) = visit.upgrade() {
+                    visit.expel();
+                }
+            });
+            return (Connection { stream, visitor, _permit: permit }, address);
         }
     }
 
@@ -47,6 +119,7 @@ impl Listener for Connections {
 /// A connection; reads and writes are those of its stream.
 pub(super) struct Connection {
     stream: TcpStream,
+    visitor: Visitor,
     _permit: OwnedSemaphorePermit,
 }
 

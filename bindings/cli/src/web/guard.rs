@@ -1,7 +1,8 @@
 //! What every request must pass, and the headers of every response.
 
+use super::connections::Visitor;
 use super::pages;
-use axum::extract::Request;
+use axum::extract::{ConnectInfo, Request};
 use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::http::{HeaderMap, StatusCode};
 use axum::middleware::Next;
@@ -58,7 +59,12 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
 pub(super) async fn check(guard: Arc<Guard>, request: Request, next: Next) -> Response {
     let mut response = match guard.refusal(&request) {
         Some(refusal) => (StatusCode::FORBIDDEN, format!("{refusal}\n")).into_response(),
-        None => next.run(request).await,
+        None => {
+            if let Some(ConnectInfo(visitor)) = request.extensions().get::<ConnectInfo<Visitor>>() {
+                visitor.shows_token();
+            }
+            next.run(request).await
+        }
     };
     let headers = [
         (header::CONTENT_SECURITY_POLICY, pages::POLICY),

@@ -23,7 +23,7 @@ use axum::middleware;
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use clap::Args;
-use connections::Connections;
+use connections::{Connections, Visitor};
 use guard::Guard;
 use std::fs::File;
 use std::io::Write;
@@ -120,7 +120,7 @@ async fn serve_until_signal(
     }
     let _opened = options.open.then(|| open_in_browser(url));
     tokio::select! {
-        served = axum::serve(listener, routes) => Ok(served?),
+        served = axum::serve(listener, routes.into_make_service_with_connect_info::<Visitor>()) => Ok(served?),
         _ = interrupted.recv() => Ok(()),
         _ = terminated.recv() => Ok(()),
     }

@@ -1,6 +1,7 @@
-//! Which crate may depend on which.
+//! Which crate may depend on which, and with which features.
 
 use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// Every crate depends only on those before it.
@@ -71,6 +72,43 @@ fn libraries_do_not_depend_on_what_only_the_program_needs() {
         assert!(depends(&program, package), "smaclite-cli does not use {package} any more; delete it here");
         for (library, tree) in &libraries {
             assert!(!depends(tree, package), "{library} depends on {package}");
+        }
+    }
+}
+
+/// The features with which the crates of other projects are built, for what cargo is asked to build.
+fn features(arguments: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
+    // In the root folder, where cargo builds what `cargo test` does; here it would be this crate only.
+    let options = ["tree", "--locked", "--manifest-path", "../../Cargo.toml"];
+    let format = ["--prefix", "none", "--format", "{p}|{f}"];
+    let tree = cargo(&[&options[..], &format, arguments].concat());
+    let mut found = BTreeMap::<_, BTreeSet<_>>::new();
+    for line in tree.lines().filter(|line| !line.contains("(/")) {
+        if let Some((package, features)) = line.trim_end_matches(" (*)").split_once('|') {
+            found.entry(package.to_owned()).or_default().insert(features.to_owned());
+        }
+    }
+    found
+}
+
+/// The extension module, the tests and the programs differed in a feature of rand, serde_json and num-complex. Each
+/// of them compiled faer and all of our crates again, for minutes, and the tests read numbers by another algorithm
+/// than users did.
+#[test]
+fn no_crate_is_compiled_again_with_other_features() {
+    let all = features(&["--edges", "normal,build,dev"]);
+    let extension = features(&["--package", "smaclite-bindings", "--edges", "normal,build"]);
+    let program = features(&["--package", "smaclite-cli", "--edges", "normal,build"]);
+    assert!(extension.len() > program.len() && program.len() > 100, "not the trees");
+    assert!(all.keys().any(|package| package.starts_with("proptest ")), "not the tests");
+    for (package, built) in extension.iter().chain(&program) {
+        // In the extension only ndarray uses it, and in the tests only a crate of tests.
+        let is_small = package.starts_with("num-integer ");
+        if let Some(others) = all.get(package).filter(|_| !is_small) {
+            assert!(
+                built.is_subset(others),
+                "{package}: {built:?}, in the tests {others:?}; see bindings/learn"
+            );
         }
     }
 }

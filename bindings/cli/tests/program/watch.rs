@@ -176,6 +176,29 @@ fn many_connections_do_not_exhaust_the_program() {
     drop(pages);
 }
 
+/// Connections that send half a request and nothing more, which needs no token, kept every page out.
+#[test]
+fn half_open_connections_keep_no_page_out() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    let half_open: Vec<TcpStream> = (0..300)
+        .map(|_| {
+            let mut stream = TcpStream::connect(&url.host).expect("it listens");
+            write!(stream, "GET /?tok").ok();
+            stream
+        })
+        .collect();
+    for _ in 0..5 {
+        assert_eq!(url.page().0, 200);
+    }
+    url.open().show("3m", 0, 2);
+    page.show("3m", 0, 2); // it showed the token and stays
+    page.event("lane", |_| true);
+    drop(half_open);
+}
+
 /// A page can stay open while the program is replaced by another release.
 #[test]
 fn a_page_of_another_version_is_told_to_be_reloaded() {

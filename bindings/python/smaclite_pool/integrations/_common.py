@@ -23,6 +23,10 @@ INFO_FIELDS = (*OUTCOME_FIELDS, "episode_return", "episode_length")
 """Fields of a batch in the infos of vector environments. `Envs.fields` has their dtypes."""
 
 
+SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, "snapshot")
+"""Fields of the lane of a single battle."""
+
+
 @dataclass(frozen=True)
 class TimeStep:
     """A battle after a reset or step. Arrays are copies, as a lane limits the batches that can be held."""
@@ -41,6 +45,8 @@ class TimeStep:
     """Sum of rewards so far."""
     episode_length: int
     """Steps so far."""
+    snapshot: NDArray[np.uint8]
+    """uint8 [snapshot_size]: the battle, to restore it later."""
     info: dict[str, Any]
     """`battle_won` (bool), `dead_allies` and `dead_enemies` (int)."""
 
@@ -66,6 +72,7 @@ class TimeStep:
             truncated=batch.truncated[0].item(),
             episode_return=batch.episode_return[0].item(),
             episode_length=batch.episode_length[0].item(),
+            snapshot=batch.snapshot[0].copy(),
             info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
         )
 
@@ -87,9 +94,10 @@ class SingleBattle:
     def __init__(self, scenario: str | PathLike[str], settings: Mapping[str, Any]) -> None:
         if "fields" in settings:
             raise InvalidRequest("a single battle has all fields; remove `fields`")
+        fields = list(SINGLE_BATTLE_FIELDS)
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
-        self.envs = make(scenario, 1, autoreset="disabled", **{**defaults, **settings})
+        self.envs = make(scenario, 1, autoreset="disabled", fields=fields, **{**defaults, **settings})
         self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
         self._next_seed: int | None = None
         self._last: TimeStep | None = None
@@ -116,6 +124,15 @@ class SingleBattle:
         self._next_seed = None
         return self._last
 
+    def restore(self, snapshot: NDArray[np.uint8], seed: int | None = None) -> TimeStep:
+        """Continue from a snapshot; with a seed, with execution orders drawn from it.
+
+        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        """
+        rng = "keep" if seed is None else "reseed"
+        self._last = TimeStep.of(self.envs.restore(snapshot, rng=rng, seed=seed))
+        return self._last
+
     def step(self, actions: Sequence[int | np.integer[Any]] | NDArray[Any]) -> TimeStep:
         """Step by one action per agent, including dead agents.
 
@@ -124,6 +141,9 @@ class SingleBattle:
         """
         if self.last.ended:
             raise InvalidRequest("the battle has ended; call reset first")
+        given, expected = np.asarray(actions).shape, (len(self.agents),)
+        if given != expected:
+            raise InvalidRequest(f"actions must have one integer per agent, shape {expected}, got {given}")
         joint: Any = [actions]
         self._last = TimeStep.of(self.envs.step(joint))
         return self._last

@@ -61,7 +61,8 @@ class _SamplesAvailable:
         return super().seed(seed)  # type: ignore[misc] # of the space that follows in the order of bases
 
 
-class AvailableTuple(_SamplesAvailable, spaces.Tuple):  # type: ignore[type-arg] # not generic at run time before gymnasium 1.4
+# Not generic at run time before gymnasium 1.4.
+class AvailableTuple(_SamplesAvailable, spaces.Tuple):  # type: ignore[type-arg]
     """Joint actions of the published environment, a `Discrete` per agent; `sample()` draws available ones."""
 
     def __init__(self, envs: Envs, sizes: Sequence[int]) -> None:

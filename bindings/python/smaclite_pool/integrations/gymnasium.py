@@ -36,7 +36,7 @@ from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._native import NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
 from .._render import (
@@ -130,7 +130,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy
         self._stops = _stops(illegal_actions)
-        self._last: Batch | None = None  # only with "stop"
+        self._last: Batch | None = None  # only with "stop" or snapshots
         self.num_envs = envs.num_envs
         self.autoreset_mode = AUTORESET_MODES[envs.autoreset]
         self.metadata = {
@@ -184,8 +184,37 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
         return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
 
+    def save(self) -> NDArray[np.uint8]:
+        """The battles as they are now, uint8 [num_envs, snapshot_size], for `restore`.
+
+        Raises InvalidRequest before the first reset, or if the lane has no field `snapshot`.
+        """
+        if "snapshot" not in self._envs.fields:
+            raise InvalidRequest("the lane has no snapshots: name the field `snapshot` among `fields`")
+        if self._last is None:
+            raise InvalidRequest("no battle has begun; call reset first")
+        return self._last.snapshot.copy()
+
+    def restore(
+        self,
+        snapshots: NDArray[np.uint8],
+        env_id: ArrayLike | None = None,
+        *,
+        seed: int | None = None,
+    ) -> tuple[Arrays, dict[str, Any]]:
+        """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
+
+        Returns observations and infos of all environments as after a reset. Without a seed the battles go on
+        as they would have gone on; with one, environment i has the execution orders of seed + i. Raises
+        InvalidRequest as `Envs.restore`.
+        """
+        rng: Literal["keep", "reseed"] = "keep" if seed is None else "reseed"
+        batch = self._envs.restore(snapshots, env_id, rng=rng, seed=seed)
+        self._keep(batch)
+        return self._observations(batch, ""), self._infos(batch, np.ones(self.num_envs, np.bool_))
+
     def _keep(self, batch: Batch) -> None:
-        self._last = batch if self._stops else None
+        self._last = batch if self._stops or "snapshot" in batch.keys() else None
         self._viewer.observe(batch)
 
     def render(self) -> tuple[Picture, ...] | None:  # type: ignore[override]  # the type of gymnasium 1.2
@@ -345,6 +374,23 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         self._show()
         return self._observation(now), now.reward, now.terminated, now.truncated, self._info(now)
 
+    def save(self) -> NDArray[np.uint8]:
+        """The battle as it is now, uint8 [snapshot_size], for `restore` of an environment of this scenario.
+
+        Raises InvalidRequest before the first reset.
+        """
+        return self._battle.last.snapshot.copy()
+
+    def restore(self, snapshot: NDArray[np.uint8], *, seed: int | None = None) -> tuple[Any, dict[str, Any]]:
+        """Continue from a snapshot, and return observation and info as after a reset.
+
+        Without a seed the battle goes on as it would have gone on; with one it has other execution orders.
+        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        """
+        now = self._battle.restore(snapshot, seed)
+        self._show()
+        return self._observation(now), self._info(now)
+
     def _observation(self, now: TimeStep) -> Any:
         mask = now.avail_actions.astype(np.int8)
         return {"obs": now.obs.copy(), "state": now.state.copy(), "action_mask": mask}
@@ -391,6 +437,11 @@ def _stops(illegal_actions: IllegalActions) -> bool:
 
 
 def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
+    if map_file is not None and scenario is not None:
+        raise InvalidRequest(
+            f"scenario {str(scenario)!r} and map_file cannot be combined; for a scenario file use "
+            "smaclite_pool/custom-v0, or leave map_file out"
+        )
     if map_file is not None:
         return map_file
     if scenario is None:

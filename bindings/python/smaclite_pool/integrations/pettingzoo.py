@@ -143,6 +143,26 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     def _infos(self, now: TimeStep) -> dict[str, dict[str, Any]]:
         return {agent: now.info.copy() for agent in self.agents}
 
+    def save(self) -> NDArray[np.uint8]:
+        """The battle as it is now, uint8 [snapshot_size], for `restore`.
+
+        Raises InvalidRequest before the first reset.
+        """
+        return self._battle.last.snapshot.copy()
+
+    def restore(
+        self, snapshot: NDArray[np.uint8], seed: int | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        """Continue from a snapshot, and return observations and infos as after a reset.
+
+        Without a seed the battle goes on as it would have gone on; with one it has other execution orders.
+        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        """
+        now = self._battle.restore(snapshot, seed)
+        self.agents = [] if now.ended else self.possible_agents[:]
+        self._viewer.observe(now.state)
+        return self._observe(now), self._infos(now)
+
     def state(self) -> NDArray[np.float32]:
         """The global state, float32 [state_size], for training only.
 

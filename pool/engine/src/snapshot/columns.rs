@@ -1,5 +1,5 @@
-//! The columns of a snapshot's record, declared once: the code that writes and reads them, Python's view of them and
-//! the page `docs/reference/snapshots.md` derive from [`COLUMNS`].
+//! The columns of a snapshot's record, declared once: the code that writes and reads them, Python's view of
+//! them and the page `docs/reference/snapshots.md` derive from [`COLUMNS`].
 
 /// The type of a column's elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

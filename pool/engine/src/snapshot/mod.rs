@@ -6,6 +6,7 @@ use thiserror::Error;
 
 mod columns;
 mod record;
+mod write;
 
 pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType};
 pub use record::{RECORD_VERSION, RecordLayout, RecordSizes};
@@ -64,7 +65,8 @@ pub enum SnapshotError {
     Checksum,
     /// A record of another scenario or rule set.
     #[error(
-        "the snapshot is of another scenario or rule set: column 'scenario' must be {expected:#018x}, got {given:#018x}"
+        "the snapshot is of another scenario or rule set: column 'scenario' must be {expected:#018x}, got \
+         {given:#018x}"
     )]
     OtherScenario {
         /// The record's hash.
@@ -74,8 +76,8 @@ pub enum SnapshotError {
     },
     /// A record for observations with another number of past actions.
     #[error(
-        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane that it is \
-         from and of this one differ"
+        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane \
+         that it is from and of this one differ"
     )]
     PastActions {
         /// The record's number.
@@ -131,8 +133,8 @@ pub enum SnapshotError {
     },
     /// The neighbour order is not one of the living units.
     #[error(
-        "snapshot columns 'neighbour_rank' and 'neighbour_number' must each contain every living unit of plane \
-         {plane} exactly once, without gaps, got {given:?}"
+        "snapshot columns 'neighbour_rank' and 'neighbour_number' must each contain every living unit of \
+         plane {plane} exactly once, without gaps, got {given:?}"
     )]
     NeighbourOrder {
         /// The plane.

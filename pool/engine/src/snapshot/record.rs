@@ -1,5 +1,5 @@
-//! A snapshot as a record of bytes: its columns, one after the other, at places that follow from the number of
-//! units. So records of one scenario have equal sizes, can be written in place, and can be kept in arrays.
+//! A snapshot as a record of bytes: its columns, one after the other, at places that follow from the number
+//! of units. So records of one scenario have equal sizes, can be written in place, and can be kept in arrays.
 //!
 //! The columns are declared in `columns`.
 
@@ -9,16 +9,14 @@ use serde::{Deserialize, Serialize};
 use super::columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis};
 use super::{Snapshot, SnapshotError};
 use crate::arena::Arena;
-use crate::battle::Battle;
 use crate::buffers::refill;
 use crate::neighbour_order::NeighbourOrder;
 use crate::random::{Generator, StreamPosition};
-use crate::units::Units;
 
 /// Increased when a column or the meaning of one changes.
 pub const RECORD_VERSION: u32 = 1;
 
-const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
+pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
 
 // Columns are copied as the processor has them.
 const _: () = assert!(cfg!(target_endian = "little"), "records are little-endian");
@@ -37,9 +35,9 @@ pub struct RecordSizes {
 /// Where the columns of a record are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordLayout {
-    sizes: RecordSizes,
+    pub(super) sizes: RecordSizes,
     /// By column; the end of the last one is at the end.
-    offsets: [usize; COLUMN_COUNT + 1],
+    pub(super) offsets: [usize; COLUMN_COUNT + 1],
 }
 
 impl RecordLayout {
@@ -118,18 +116,23 @@ impl RecordLayout {
         self.put(record, Column::Checksum, &[checksum]);
     }
 
-    fn put<T: Pod>(&self, record: &mut [u8], column: Column, values: &[T]) {
+    pub(super) fn put<T: Pod>(&self, record: &mut [u8], column: Column, values: &[T]) {
         debug_assert_eq!(size_of::<T>() % column.spec().dtype.size(), 0);
         self.column_mut(record, column).copy_from_slice(bytemuck::cast_slice(values));
     }
 
-    fn put_each<T: Pod>(&self, record: &mut [u8], column: Column, values: impl Iterator<Item = T>) {
+    pub(super) fn put_each<T: Pod>(
+        &self,
+        record: &mut [u8],
+        column: Column,
+        values: impl Iterator<Item = T>,
+    ) {
         for (out, value) in self.column_mut(record, column).chunks_exact_mut(size_of::<T>()).zip(values) {
             out.copy_from_slice(bytemuck::bytes_of(&value));
         }
     }
 
-    fn get<'a, T: Pod>(
+    pub(super) fn get<'a, T: Pod>(
         &self,
         record: &'a [u8],
         column: Column,
@@ -137,7 +140,7 @@ impl RecordLayout {
         self.column(record, column).chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned)
     }
 
-    fn get_one<T: Pod>(&self, record: &[u8], column: Column) -> T {
+    pub(super) fn get_one<T: Pod>(&self, record: &[u8], column: Column) -> T {
         bytemuck::pod_read_unaligned(self.column(record, column))
     }
 }
@@ -155,115 +158,9 @@ fn checksum(record: &[u8]) -> u32 {
     crc32c::crc32c(&record[2 * size_of::<u32>()..])
 }
 
-/// What a record holds, by reference.
-struct State<'a> {
-    units: &'a Units,
-    neighbour_order: &'a NeighbourOrder,
-    last_actions: &'a [Option<u32>],
-    position: StreamPosition,
-    episode_length: u32,
-    episode_return: f64,
-}
-
-impl State<'_> {
-    /// `past_actions` are the last joint actions of the episode, `[n_known, n_agents]`, the newest first.
-    fn write(&self, layout: &RecordLayout, scenario: u64, past_actions: &[i32], record: &mut [u8]) {
-        let RecordSizes { n_agents, n_enemies, n_past } = layout.sizes;
-        let known = (past_actions.len() / n_agents.max(1)) as u32;
-        let header = [MAGIC, 0, RECORD_VERSION, n_agents as u32, n_enemies as u32, n_past as u32];
-        record[..size_of_val(&header)].copy_from_slice(bytemuck::cast_slice(&header));
-        layout.put(record, Column::Scenario, &[scenario]);
-        layout.put(record, Column::Seed, &[self.position.seed]);
-        layout.put(record, Column::Draws, &[self.position.draws]);
-        layout.put(record, Column::EpisodeReturn, &[self.episode_return]);
-        layout.put(record, Column::EpisodeLength, &[self.episode_length]);
-        layout.put(record, Column::NKnown, &[known]);
-        self.write_units(layout, record);
-        let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
-        layout.put_each(record, Column::Target, self.units.target.iter().map(number));
-        layout.put_each(record, Column::LastAction, self.last_actions.iter().map(number));
-        let past = layout.column_mut(record, Column::PastActions);
-        past.fill(0);
-        past[..size_of_val(past_actions)].copy_from_slice(bytemuck::cast_slice(past_actions));
-        self.write_neighbour_order(layout, record);
-        record[layout.offsets[COLUMN_COUNT]..].fill(0);
-        layout.seal(record);
-    }
-
-    fn write_units(&self, layout: &RecordLayout, record: &mut [u8]) {
-        let units = self.units;
-        layout.put(record, Column::Hp, &units.hp);
-        layout.put(record, Column::Shield, &units.shield);
-        layout.put(record, Column::Energy, &units.energy);
-        layout.put(record, Column::Cooldown, &units.cooldown);
-        layout.put(record, Column::ShieldCooldown, &units.shield_cooldown);
-        layout.put(record, Column::Healing, &units.healing);
-        layout.put(record, Column::Pos, &units.pos);
-        layout.put(record, Column::Vel, &units.vel);
-        layout.put(record, Column::PlannedVel, &units.planned_vel);
-        layout.put_each(record, Column::Alive, units.alive.iter().map(|alive| u8::from(*alive)));
-        layout.put_each(record, Column::Declared, units.declared.iter().map(|declared| u8::from(*declared)));
-    }
-
-    fn write_neighbour_order(&self, layout: &RecordLayout, record: &mut [u8]) {
-        for column in [Column::NeighbourRank, Column::NeighbourNumber] {
-            let out = layout.column_mut(record, column);
-            out.fill(0xff); // -1
-            for plane in &self.neighbour_order.planes {
-                let order = if column == Column::NeighbourRank { &plane.list } else { &plane.by_number };
-                for (place, id) in (0i32..).zip(order) {
-                    let at = *id as usize * size_of::<i32>();
-                    out[at..at + size_of::<i32>()].copy_from_slice(&place.to_le_bytes());
-                }
-            }
-        }
-    }
-}
-
-impl Battle {
-    /// Writes the state of the battle, and the last joint actions of the episode, `[n_known, n_agents]`, the
-    /// newest first, as a record of this layout.
-    ///
-    /// # Panics
-    /// If the layout is of other sizes, `record` of another length, or there are more than `n_past` actions.
-    pub fn write_record(&self, layout: &RecordLayout, past_actions: &[i32], record: &mut [u8]) {
-        let state = State {
-            units: self.units(),
-            neighbour_order: self.neighbour_order(),
-            last_actions: self.last_actions(),
-            position: self.generator().position(),
-            episode_length: self.episode_length(),
-            episode_return: self.episode_return(),
-        };
-        state.write(layout, self.arena().scenario_hash(), past_actions, record);
-    }
-}
-
 impl Snapshot {
-    /// Writes the snapshot as [`Battle::write_record`] does.
-    ///
-    /// # Panics
-    /// As [`Battle::write_record`].
-    pub fn write_record(
-        &self,
-        arena: &Arena,
-        layout: &RecordLayout,
-        past_actions: &[i32],
-        record: &mut [u8],
-    ) {
-        let state = State {
-            units: &self.units,
-            neighbour_order: &self.neighbour_order,
-            last_actions: &self.last_actions,
-            position: self.generator.position(),
-            episode_length: self.episode_length,
-            episode_return: self.episode_return,
-        };
-        state.write(layout, arena.scenario_hash(), past_actions, record);
-    }
-
-    /// The snapshot of a record whose columns were edited, and the last joint actions. Where units were killed or
-    /// revived, the order of equally near neighbours begins anew.
+    /// The snapshot of a record whose columns were edited, and the last joint actions. Where units were
+    /// killed or revived, the order of equally near neighbours begins anew.
     ///
     /// # Errors
     /// As [`read_record`](Self::read_record).
@@ -281,11 +178,12 @@ impl Snapshot {
         Ok((snapshot, past_actions))
     }
 
-    /// Replaces the snapshot by that of a record, and `past_actions` by the last joint actions. Memory is kept.
+    /// Replaces the snapshot by that of a record, and `past_actions` by the last joint actions. Memory is
+    /// kept.
     ///
     /// # Errors
-    /// If the bytes are no record of this arena with so many past actions, or a value is impossible. Then snapshot
-    /// and actions are of no use.
+    /// If the bytes are no record of this arena with so many past actions, or a value is impossible. Then
+    /// snapshot and actions are of no use.
     pub fn read_record(
         &mut self,
         arena: &Arena,

@@ -68,7 +68,7 @@ class SMACliteEnv(BattleEnv):
             raise InvalidRequest("map_info must be None; use map_file, the path of a scenario file")
         limit = _default_limit() if episode_limit is None else episode_limit
         super().__init__(
-            scenario,
+            scenario if map_file is None else None,  # as the published package, whose ids set a scenario, too
             map_file=map_file,
             seed=seed,
             episode_limit=limit,

@@ -1,0 +1,17 @@
+//! `smaclite-pool licences`: the licences of the crates in this program.
+
+use super::CommandResult;
+use clap::Args;
+use std::io::Write;
+
+/// `just notices` writes it, and `just lint` checks that it is up to date.
+const NOTICES: &str = include_str!("../../../THIRD-PARTY-LICENSES");
+
+#[derive(Args)]
+pub(super) struct Licences {}
+
+impl Licences {
+    pub(super) fn run(self) -> CommandResult {
+        Ok(std::io::stdout().write_all(NOTICES.as_bytes())?)
+    }
+}
