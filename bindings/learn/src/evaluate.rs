@@ -4,7 +4,7 @@
 use crate::actor::{Actor, Draw};
 use crate::checkpoint::read_actor;
 use crate::collect::ended_episodes;
-use crate::lanes::{LaneError, Lanes};
+use crate::lanes::{LaneBatch, LaneError, Lanes};
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
@@ -117,7 +117,7 @@ pub fn evaluate(
             return Err(ClientError::Interrupted.into());
         }
         for (lane, actor) in actors.iter_mut().enumerate() {
-            let (first_env, batch) = lanes.batch(lane, interrupted)?;
+            let LaneBatch { first_env, batch, .. } = lanes.batch(lane, interrupted)?;
             tally.add_ended(first_env, batch, on_event);
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
             actor.act(&network, run.sizes, batch, choice, draw);

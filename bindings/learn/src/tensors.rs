@@ -46,8 +46,8 @@ impl Number for f32 {
 impl Number for f64 {
     const DTYPE: Dtype = Dtype::F64;
 }
-impl Number for u16 {
-    const DTYPE: Dtype = Dtype::U16;
+impl Number for u8 {
+    const DTYPE: Dtype = Dtype::U8;
 }
 impl Number for u32 {
     const DTYPE: Dtype = Dtype::U32;
@@ -109,6 +109,11 @@ impl<'a> Arrays<'a> {
         let tensors = SafeTensors::deserialize(bytes)
             .map_err(|error| FileError::Damaged { path: path.to_owned(), why: error.to_string() })?;
         Ok(Arrays { path, tensors })
+    }
+
+    /// Whether there is an array of that name.
+    pub fn has(&self, name: &str) -> bool {
+        self.tensors.tensor(name).is_ok()
     }
 
     /// The elements of an array of any length.

@@ -186,6 +186,20 @@ fn a_team_trains_on_the_lane_of_a_running_pool() {
     assert!(complete(run).steps >= 930);
 }
 
+/// Its checkpoints have no snapshots, so a resumed run begins new episodes; with the field it is the
+/// uninterrupted one.
+#[test]
+fn a_run_on_a_lane_without_snapshots_can_be_resumed() {
+    let place = Place::new();
+    let _pool = serve(&place, "3m", |_| {});
+    let lanes = || Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
+    let mut run = Run::begin(&place.path("run"), small(), &scenario(), lanes(), 1).unwrap();
+    run.update(&mut || false).unwrap();
+    run.checkpoint().unwrap();
+    drop(run);
+    assert!(complete(Run::resume(&place.path("run"), None, lanes(), 1).unwrap()).steps >= 930);
+}
+
 #[test]
 fn a_team_observes_its_last_actions() {
     let place = Place::new();

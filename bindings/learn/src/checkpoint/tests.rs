@@ -12,7 +12,8 @@ fn checkpoint(config: &Config) -> Checkpoint {
     team.critic.adam.steps = 7;
     let progress = Progress { updates: 3, steps: 500, episodes: 4, seconds: 1.5, cpu_seconds: 2.5 };
     let recent = vec![Episode { episode_return: 3.5, length: 20, won: true }];
-    Checkpoint { team, progress, recent, actions: vec![5; 3 * 2 * 2] }
+    let envs = Some(SavedEnvs { snapshots: vec![5; 3 * 16], over: vec![0, 1, 0] });
+    Checkpoint { team, progress, recent, envs }
 }
 
 #[test]
@@ -21,6 +22,9 @@ fn a_checkpoint_is_read_as_it_was_written() {
     let path = folder.path().join("checkpoint.safetensors");
     let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
     let written = checkpoint(&config);
+    written.write(&path).unwrap();
+    assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
+    let written = Checkpoint { envs: None, ..written };
     written.write(&path).unwrap();
     assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
