@@ -1,7 +1,7 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
 use super::{CommandResult, THREADS, replay, runtime_dir};
-use crate::number::whole;
+use crate::number::{count, seed};
 use crate::process::interrupt_flag;
 use clap::Args;
 use smaclite_engine::IllegalAction;
@@ -17,16 +17,16 @@ pub(super) struct Evaluate {
     /// Folder of a run of `smaclite-pool train`
     folder: PathBuf,
     /// Number of episodes, 1 to 1000000: of each of up to 64 environments the first ones
-    #[arg(long, default_value_t = 200, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=1_000_000))]
+    #[arg(long, default_value_t = 200, value_name = "N", value_parser = count(1..=1_000_000))]
     episodes: usize,
     /// Environment i is seeded with SEED + i; actions are drawn from the seed too
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0..=u64::MAX))]
+    #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
     /// Take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
     /// Number of threads that step environments, 1 to 1024 [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(THREADS))]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Print one JSON object per episode, and one with the result
     #[arg(long)]

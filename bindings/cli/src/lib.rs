@@ -32,12 +32,13 @@ mod serve;
 mod show;
 mod table;
 mod train;
+mod usage;
 mod watch;
 mod web;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
-use smaclite_units::file::printable_text;
+use smaclite_units::file::{printable_text, without_os_errors};
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -54,9 +55,10 @@ type CommandResult = Result<(), Box<dyn Error>>;
 #[derive(Parser)]
 #[command(name = "smaclite-pool", version, max_term_width = 100)]
 struct Cli {
-    /// Log level on standard error: error, warn, info, debug or trace; or a filter such as
+    /// Log level on standard error: error, warn, info, debug, trace or off; or a filter such as
     /// `warn,smaclite_pool=debug`
-    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn", env = "SMACLITE_POOL_LOG")]
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn", env = "SMACLITE_POOL_LOG",
+        value_parser = usage::log_filter)]
     log: Targets,
     #[command(subcommand)]
     command: Command,
@@ -131,10 +133,10 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
     if let Some(status) = completions::answer(args) {
         return status;
     }
-    let cli = match Cli::try_parse_from(args) {
+    let cli = match usage::parse(args) {
         Ok(cli) => cli,
         Err(error) => {
-            print_usage_error(&error, args);
+            usage::print_error(&error, args);
             return error.exit_code();
         }
     };
@@ -143,7 +145,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         Ok(()) => 0,
         Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
         Err(error) => {
-            eprintln!("smaclite-pool: {}", printable_text(&error.to_string()));
+            eprintln!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
             1
         }
     }
@@ -173,17 +175,6 @@ impl Command {
             Command::Man(man) => man.run(),
             Command::Licences(licences) => licences.run(),
         }
-    }
-}
-
-/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is
-/// closed.
-fn print_usage_error(error: &clap::Error, args: &[OsString]) {
-    let is_printable = |arg: &OsString| arg.to_str().is_some_and(|text| printable_text(text) == text);
-    if args.iter().all(is_printable) {
-        let _ = error.print();
-    } else {
-        eprint!("{}", printable_text(&error.to_string()));
     }
 }
 

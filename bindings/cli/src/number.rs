@@ -4,21 +4,41 @@ use std::ops::RangeInclusive;
 
 /// An argument is no whole number of the range.
 #[derive(Debug, thiserror::Error)]
-#[error("must be a whole number between {min} and {max}, as 2000000, 2_000_000, 2e6 or 2M")]
+#[error("must be a whole number between {min} and {max}{}", if *max < LARGE { "" } else { FORMS })]
 pub(super) struct InvalidNumber {
     min: u64,
     max: u64,
 }
 
-/// A parser of the numbers in `range`. Options that use it set `allow_negative_numbers`, so that clap takes
-/// `-1` for a value and the error names the option and the range, instead of an unknown option `-1`.
-pub(super) fn whole<T>(
-    range: RangeInclusive<T>,
-) -> impl Fn(&str) -> Result<T, InvalidNumber> + Clone + Send + Sync + 'static
+/// Ranges of numbers that people abbreviate.
+const LARGE: u64 = 1_000_000;
+const FORMS: &str = ", such as 2000000, 2_000_000, 2e6 or 2M";
+
+/// A parser of counts.
+pub(super) fn count(range: RangeInclusive<usize>) -> impl Parser<usize> {
+    whole(range)
+}
+
+/// A parser of seeds.
+pub(super) fn seed() -> impl Parser<u64> {
+    whole(0..=u64::MAX)
+}
+
+/// What clap takes for a parser.
+pub(super) trait Parser<T>:
+    Fn(&str) -> Result<T, InvalidNumber> + Clone + Send + Sync + 'static
+{
+}
+
+impl<T, F: Fn(&str) -> Result<T, InvalidNumber> + Clone + Send + Sync + 'static> Parser<T> for F {}
+
+/// A parser of the numbers in `range`. Their type must be that of the argument, which the compiler does not
+/// check.
+pub(super) fn whole<T>(range: RangeInclusive<T>) -> impl Parser<T>
 where
     T: Copy + PartialOrd + TryFrom<u64> + TryInto<u64> + Send + Sync + 'static,
 {
-    move |text| {
+    move |text: &str| {
         let value = parse(text).and_then(|value| T::try_from(value).ok());
         let bound = |bound: T| bound.try_into().unwrap_or(u64::MAX);
         let invalid = || InvalidNumber { min: bound(*range.start()), max: bound(*range.end()) };
@@ -56,27 +76,47 @@ mod tests {
     fn large_numbers_are_read_as_people_write_them() {
         for (text, expected) in [
             ("0", 0),
+            ("007", 7),
             ("1e6", 1_000_000),
             ("1E+6", 1_000_000),
             ("500_000", 500_000),
             ("2M", 2_000_000),
             ("1.5k", 1500),
             ("2.50e1", 25),
+            ("3.0", 3),
             ("18446744073709551615", u64::MAX),
         ] {
             assert_eq!(parse(text), Some(expected), "{text}");
         }
-        for text in
-            ["", "-1", "+1", "1.5", "1e-3", "e6", "M", "_1", "1_", "1e40", "1 000", "0x10", "inf", "1.2_5M"]
-        {
+        for text in [
+            "",
+            "-1",
+            "+1",
+            "1.5",
+            "1e-3",
+            "e6",
+            "M",
+            "_1",
+            "1_",
+            "1e40",
+            "1e99999999999",
+            "1 000",
+            "1,000",
+            "0x10",
+            "inf",
+            "1.2_5M",
+            "18446744073709551616",
+        ] {
             assert_eq!(parse(text), None, "{text}");
         }
     }
 
     #[test]
-    fn errors_name_the_range() {
-        let error = whole(1..=1024_usize)("-5").expect_err("negative").to_string();
-        assert!(error.starts_with("must be a whole number between 1 and 1024"), "{error}");
+    fn errors_name_the_range_and_how_large_numbers_can_be_written() {
+        let error = count(1..=1024)("-5").expect_err("negative").to_string();
+        assert_eq!(error, "must be a whole number between 1 and 1024");
+        let error = seed()("many").expect_err("no number").to_string();
+        assert!(error.ends_with("18446744073709551615, such as 2000000, 2_000_000, 2e6 or 2M"), "{error}");
         assert!(whole(0..=u16::MAX)("70000").is_err());
     }
 }

@@ -2,7 +2,8 @@
 
 use super::process::interrupt_flag;
 use super::{CommandResult, completions, replay, runtime_dir};
-use crate::number::whole;
+use crate::check::warn_of;
+use crate::number::{count, seed};
 use clap::Args;
 use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
@@ -36,16 +37,16 @@ pub(super) struct Record {
     #[arg(long, requires = "pool", value_name = "NAME")]
     lane: Option<String>,
     /// An environment of the lane, several times for several [default: 0]
-    #[arg(long, requires = "pool", value_name = "ID", allow_negative_numbers = true, value_parser = whole(0..=MAX_ENVS - 1))]
+    #[arg(long, requires = "pool", value_name = "ID", value_parser = count(0..=MAX_ENVS - 1))]
     env: Vec<usize>,
     /// The policy of the agents: random, nearest, focus_fire, kite or hold
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
     /// Number of complete episodes, 1 to 10000
-    #[arg(long, default_value_t = 1, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=10_000))]
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = count(1..=10_000))]
     episodes: usize,
     /// Seed of the battle and of the policy `random`
-    #[arg(long, default_value_t = 0, allow_negative_numbers = true, value_parser = whole(0..=u64::MAX))]
+    #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
     /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
     #[arg(long, default_value = "smaclite")]
@@ -70,7 +71,9 @@ impl Record {
 
     /// Plays and writes the episodes of a scripted policy.
     fn play(&self, scenario: &str) -> Result<Replay, Box<dyn Error>> {
-        let mut recorder = Recorder::new(resolve_scenario(scenario, self.rules)?, self.seed)?;
+        let setup = resolve_scenario(scenario, self.rules)?;
+        warn_of(&setup.files);
+        let mut recorder = Recorder::new(setup, self.seed)?;
         let mut policy = Scripted::from_name(&self.policy, self.seed)?;
         let mut actions = vec![0; recorder.scenario().n_agents()];
         for episode in 0..self.episodes {

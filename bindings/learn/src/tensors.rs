@@ -21,6 +21,8 @@ pub enum FileError {
     Read { path: PathBuf, source: io::Error },
     #[error("`{}` is not a regular file of at most {MAX_BYTES} bytes", path.display())]
     NotRegular { path: PathBuf },
+    #[error("`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json", folder.display())]
+    NoRun { folder: PathBuf },
     #[error("`{}` is damaged or not a file of a run: {why}", path.display())]
     Damaged { path: PathBuf, why: String },
     #[error("`{}` does not fit the run: {why}", path.display())]

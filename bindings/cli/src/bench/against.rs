@@ -6,7 +6,7 @@ use super::peers::{Comparison, Found, Peer, PeerError};
 use super::this_program::{python_interpreter, serve_command};
 use super::throughput::{MeasureError, Workload};
 use crate::CommandResult;
-use crate::number::whole;
+use crate::number::count;
 use crate::table::Table;
 use clap::Args;
 use std::error::Error;
@@ -31,7 +31,7 @@ pub(super) struct Against {
     #[arg(long, value_name = "PATH", requires = "against")]
     python: Vec<PathBuf>,
     /// Rounds of measurements in turn; each result is the median over them
-    #[arg(long, value_name = "N", default_value_t = 3, requires = "against", allow_negative_numbers = true, value_parser = whole(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, requires = "against", value_parser = count(1..=1000))]
     rounds: usize,
 }
 

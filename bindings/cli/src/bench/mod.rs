@@ -9,7 +9,7 @@ pub mod play;
 pub(crate) mod this_program;
 pub mod throughput;
 
-use crate::number::whole;
+use crate::number::count;
 use crate::process::{interrupt_flag, resident_bytes};
 use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
@@ -37,17 +37,17 @@ pub(super) struct Bench {
     mode: Mode,
     /// Number of threads of a pool, 1 to 1024 [default: the CPU cores available to this process, in the mode
     /// `attached` minus one for the learner]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(THREADS))]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Number of environments
-    #[arg(long, default_value_t = 64, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=MAX_ENVS))]
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = count(1..=MAX_ENVS))]
     num_envs: usize,
     /// Environments per batch; fewer than --num-envs means asynchronous stepping, which needs the policy
     /// `sampled` [default: --num-envs]
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = whole(1..=MAX_ENVS))]
+    #[arg(long, value_name = "M", value_parser = count(1..=MAX_ENVS))]
     batch_size: Option<usize>,
     /// Seconds to measure per scenario
-    #[arg(long, default_value_t = 3.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 3.0)]
     seconds: f64,
     /// How idle threads wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]

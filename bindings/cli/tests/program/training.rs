@@ -1,6 +1,7 @@
 //! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
 
 use crate::kit::{check_error, output, program};
+use crate::page_kit::Place;
 use serde_json::Value;
 use std::fs;
 use std::process::Stdio;
@@ -97,6 +98,23 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
+/// "say which one" did not say how, and MAP had said it already.
+#[test]
+fn the_lane_of_a_pool_is_the_one_that_plays_the_map() {
+    let place = Place::new();
+    let _pool = place.serve("3m:8 2s3z:8 --name two");
+    let done = place.output("train --pool two --steps 1e2 --out run");
+    let message = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(message.ends_with("several lanes; name one, by `lane=` or --lane: `3m`, `2s3z`\n"), "{message}");
+    let options = "--horizon 16 --hidden 16 --out run";
+    let done = place.output(&format!("train 2s3z --pool two --steps 1e2 {options}"));
+    assert!(done.status.success(), "{done:?}");
+    let run = fs::read_to_string(place.root().join("run/run.json")).expect("the run");
+    assert!(run.contains("2s3z"), "{run}");
+    let done = place.output("train --resume run --pool two --steps 2e2");
+    assert!(done.status.success(), "{done:?}");
+}
+
 /// An update of a large network takes long. It did not react at all, not even to a second signal.
 #[test]
 fn ctrl_c_ends_an_update() {
@@ -163,9 +181,16 @@ fn errors_say_what_is_accepted() {
     );
     check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
     check_error(folder, "train 3m --out run --pool none", 1, "none");
-    check_error(folder, "train --resume nowhere", 1, "cannot read `nowhere/run.json`");
+    check_error(folder, "train --resume nowhere", 1, "`nowhere`");
     check_error(folder, "train --resume nowhere --gamma 0.9", 2, "cannot be used with");
-    check_error(folder, "evaluate nowhere", 1, "cannot read `nowhere/run.json`");
+    check_error(
+        folder,
+        "evaluate .",
+        1,
+        "`.` is not the folder of a run of `smaclite-pool train`: it has no",
+    );
+    fs::write(folder.join("moat.json"), "{}").expect("a file");
+    check_error(folder, "train 3m --out moat.json", 1, "cannot write `moat.json`: File exists\n");
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
