@@ -69,12 +69,13 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
+    "how-to/plan.md": {"python bindings/examples/planning.py 3s_vs_4z": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
         "just figures": CLONE,
     },
     "reference/rust.md": {"just docs": CLONE},
-    "results.md": {"just results-train": "trains for hours"},
+    "results.md": {"just results-train": "trains for hours", "just results-search": CLONE},
     "tutorials/installation.md": {
         "pip install dist": INSTALLS,
         "python3 -m venv": INSTALLS,
