@@ -30,6 +30,7 @@ mod scenarios;
 mod schema;
 mod serve;
 mod show;
+mod snapshot;
 mod table;
 mod train;
 mod usage;
@@ -78,7 +79,7 @@ enum Command {
     Schema(schema::Schema),
     /// Edit a scenario in the browser
     Edit(edit::Edit),
-    /// Draw a scenario as a map of characters or a picture
+    /// Draw a scenario or a snapshot as a map of characters or a picture
     Show(show::Show),
     /// Write a replay: of battles of a scripted policy, or of a running pool
     Record(record::Record),
