@@ -11,8 +11,8 @@ pub(super) struct InvalidNumber {
 }
 
 /// Ranges of numbers that people abbreviate.
-const LARGE: u64 = 1_000_000;
-const FORMS: &str = ", such as 2000000, 2_000_000, 2e6 or 2M";
+const LARGE: u64 = 100_000;
+const FORMS: &str = ", such as 20000, 20_000, 2e4 or 20k";
 
 /// A parser of counts.
 pub(super) fn count(range: RangeInclusive<usize>) -> impl Parser<usize> {
@@ -116,7 +116,7 @@ mod tests {
         let error = count(1..=1024)("-5").expect_err("negative").to_string();
         assert_eq!(error, "must be a whole number between 1 and 1024");
         let error = seed()("many").expect_err("no number").to_string();
-        assert!(error.ends_with("18446744073709551615, such as 2000000, 2_000_000, 2e6 or 2M"), "{error}");
+        assert!(error.ends_with("18446744073709551615, such as 20000, 20_000, 2e4 or 20k"), "{error}");
         assert!(whole(0..=u16::MAX)("70000").is_err());
     }
 }
