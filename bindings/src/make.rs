@@ -9,7 +9,7 @@ use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Opponents, Rules};
 use smaclite_ipc::{
@@ -20,6 +20,7 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::collections::BTreeMap;
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -133,6 +134,7 @@ pub fn make(
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
         let (scenario, files) = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
         let setup = BattleSetup { files, rules, episode_limit, opponents };
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
@@ -160,13 +162,17 @@ pub fn make(
             attach(runtime_dir, record.take(), is_cancelled, |_| supervisor.connect(Some(lane), wait))
         });
         let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
-        Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }))
+        Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }, warnings))
     };
-    let (attached, embedded) = run_on_thread(py, start)??;
+    let (attached, embedded, warnings) = run_on_thread(py, start)??;
     let mut envs = attached
         .into_iter()
         .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
         .collect::<Vec<_>>();
+    for warning in warnings {
+        let text = CString::new(warning.to_string())?;
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
     match lanes {
         None => Ok(Py::new(py, envs.remove(0))?.into_any()),
         Some(_) => envs.into_py_any(py),

@@ -1,6 +1,7 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
-use super::{CommandResult, THREADS, check_range, replay, runtime_dir};
+use super::{CommandResult, THREADS, replay, runtime_dir};
+use crate::number::{count, seed};
 use crate::process::interrupt_flag;
 use clap::Args;
 use smaclite_engine::{IllegalAction, Opponents};
@@ -16,10 +17,10 @@ pub(super) struct Evaluate {
     /// Folder of a run of `smaclite-pool train`
     folder: PathBuf,
     /// Number of episodes, 1 to 1000000: of each of up to 64 environments the first ones
-    #[arg(long, default_value_t = 200, value_name = "N")]
+    #[arg(long, default_value_t = 200, value_name = "N", value_parser = count(1..=1_000_000))]
     episodes: usize,
     /// Environment i is seeded with SEED + i; actions are drawn from the seed too
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
     /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: those of the training]
@@ -29,7 +30,7 @@ pub(super) struct Evaluate {
     #[arg(long)]
     greedy: bool,
     /// Number of threads that step environments, 1 to 1024 [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Print one JSON object per episode, and one with the result
     #[arg(long)]
@@ -46,8 +47,6 @@ impl Evaluate {
     pub(super) fn run(self) -> CommandResult {
         let Evaluate { episodes, seed, greedy, json, .. } = self;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
-        check_range("--episodes", 1..=1_000_000, episodes)?;
-        check_range("--threads", THREADS, threads)?;
         let mut recording = match &self.record {
             Some(file) => {
                 replay::check_suffix("--record", file)?;

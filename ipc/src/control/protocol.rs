@@ -165,7 +165,7 @@ pub enum ControlError {
     NoBattles { lane: String },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
-    #[error("the pool has several lanes; say which one: {}", names(lanes))]
+    #[error("the pool has several lanes; name one, by `lane=` or --lane: {}", names(lanes))]
     WhichLane { lanes: Vec<String> },
     #[error("{message}")]
     OtherRelease { message: String },

@@ -274,7 +274,10 @@ export class EditorPage {
       theme: () => theme.toggle(),
       help: () => byId("keys").showModal(),
       leave: () => this.arena.leave(),
-      state: () => this.checker.problems.length && this.checker.goTo(this.checker.problems[0]),
+      state: () => {
+        const [first] = [...this.checker.problems, ...this.checker.warnings];
+        if (first) this.checker.goTo(first);
+      },
       paint: () => this.togglePaint(),
       fit: () => this.fit(),
       copy: () => this.copyText(),
