@@ -7,7 +7,7 @@ use crate::check::warn_of;
 use crate::number::{count, seed};
 use clap::Args;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
-use smaclite_engine::{BattleSetup, Generator, Rules, Snapshot};
+use smaclite_engine::{BattleSetup, Generator, Opponents, Rules, Snapshot};
 use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
 use smaclite_pool::MAX_ENVS;
@@ -45,9 +45,13 @@ pub(super) struct Record {
     /// An environment of the lane, several times for several [default: 0]
     #[arg(long, requires = "pool", value_name = "ID", value_parser = count(0..=MAX_ENVS - 1))]
     env: Vec<usize>,
-    /// The policy of the agents: random, nearest, focus_fire, kite or hold
+    /// The policy of the agents: random, nearest, focus_fire, kite, hold, line, flank, escort or spread
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with_all = ["pool", "from"], value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = count(1..=10_000))]
     episodes: usize,
@@ -106,7 +110,9 @@ impl Record {
     fn start(&self) -> Result<(BattleSetup, Option<Snapshot>), Box<dyn Error>> {
         let scenario = self.scenario.as_deref();
         let Some(from) = &self.from else {
-            return Ok((resolve_scenario(scenario.unwrap_or_default(), self.rules)?, None));
+            let setup = resolve_scenario(scenario.unwrap_or_default(), self.rules)?;
+            let opponents = self.opponent.clone().unwrap_or_default();
+            return Ok((BattleSetup { opponents, ..setup }, None));
         };
         let SavedBattle { setup, arena, mut snapshot, .. } = SavedBattle::read(from, scenario)?;
         if snapshot.is_over(&arena) {

@@ -6,7 +6,7 @@ use crate::number::{count, seed, whole};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
 use smaclite_ipc::{
     LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
@@ -47,6 +47,10 @@ pub(super) struct Serve {
     /// Steps after which an episode is truncated, or `none` for no limit [default: the scenario's limit]
     #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
     episode_limit: Option<EpisodeLimit>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
@@ -123,7 +127,8 @@ impl Serve {
         let name = name.unwrap_or(scenario.name);
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
-        let setup = BattleSetup { files, rules: self.rules, episode_limit };
+        let opponents = self.opponent.clone().unwrap_or_default();
+        let setup = BattleSetup { files, rules: self.rules, episode_limit, opponents };
         let mut lane = LaneConfig::new(name, setup, num_envs);
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.seed = self.seed;

@@ -6,7 +6,7 @@ use crate::number::{count, seed, whole};
 use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
-use smaclite_engine::{BattleSetup, Rules};
+use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
@@ -36,7 +36,7 @@ pub(super) struct Train {
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
     out: Option<PathBuf>,
     /// Continue the run in this folder, with its hyperparameters
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules", "opponent"])]
     resume: Option<PathBuf>,
     /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
     #[arg(long, value_name = "NAME", add = completions::pool())]
@@ -49,6 +49,10 @@ pub(super) struct Train {
     /// [default: smaclite]
     #[arg(long, conflicts_with = "pool")]
     rules: Option<Rules>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
     /// [default: the CPU cores available to this process]
     #[arg(long, value_name = "N", value_parser = count(THREADS))]
@@ -204,7 +208,10 @@ impl Train {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<BattleSetup, Box<dyn Error>> {
         let rules = self.rules.unwrap_or_default();
-        let of_map = self.map.as_deref().map(|map| resolve_scenario(map, rules)).transpose()?;
+        let mut of_map = self.map.as_deref().map(|map| resolve_scenario(map, rules)).transpose()?;
+        if let Some((setup, opponents)) = of_map.as_mut().zip(self.opponent.clone()) {
+            setup.opponents = opponents;
+        }
         of_map.iter().for_each(|setup| warn_of(&setup.files));
         let Some(pool) = self.pool.clone() else {
             return of_map.ok_or_else(|| "a MAP or --pool is required".into());
@@ -214,7 +221,7 @@ impl Train {
         }
         let lane = self.lane.first().map(String::as_str);
         let of_pool = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
-        // Rules and episode limit are those of the pool, which may have its own.
+        // Rules, episode limit and opponents are those of the pool, which may have its own.
         Ok(match of_map {
             Some(BattleSetup { files, .. }) => BattleSetup { files, ..of_pool },
             None => of_pool,

@@ -50,7 +50,7 @@ impl Place {
     }
 
     fn evaluate(&self, name: &str, episodes: usize) -> (EvaluationResult, Vec<EvaluatedEpisode>) {
-        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1 };
+        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1, opponents: None };
         let mut counted = Vec::new();
         let mut count = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) => counted.push(episode),

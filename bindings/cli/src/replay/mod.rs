@@ -91,7 +91,8 @@ impl Replay {
         let failed = |error| format!("{}: {error}", self.file.display());
         let player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
         let moments = player.collect::<Result<Vec<_>, _>>().map_err(failed)?;
-        let mut options = Options { view: View::around(&moments, MARGIN), ..Options::default() };
+        let mut options =
+            Options { view: View::around(replay.scenario(), &moments, MARGIN), ..Options::default() };
         if let Some(size) = self.size {
             (options.width, options.height) = (size.width, size.height);
         }

@@ -118,9 +118,10 @@ async fn serve_until_signal(
     if !options.host.is_loopback() {
         eprintln!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
     }
+    let service = routes.into_make_service_with_connect_info::<Visitor>();
     let _opened = options.open.then(|| open_in_browser(url));
     tokio::select! {
-        served = axum::serve(listener, routes.into_make_service_with_connect_info::<Visitor>()) => Ok(served?),
+        served = axum::serve(listener, service) => Ok(served?),
         _ = interrupted.recv() => Ok(()),
         _ = terminated.recv() => Ok(()),
     }

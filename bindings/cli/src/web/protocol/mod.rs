@@ -89,6 +89,12 @@ pub(crate) enum PageRequest {
         step: usize,
         agent: usize,
     },
+    /// The state before a step of an episode of the followed environment.
+    GetSnapshot {
+        #[cfg_attr(test, ts(type = "number"))]
+        number: u64,
+        step: usize,
+    },
     /// What the editor needs to know of files and of what is built in.
     GetBuiltins {},
     /// The files to begin with.
@@ -117,6 +123,7 @@ pub(crate) enum PageResponse {
     Unfollow {},
     GetSteps(Steps),
     GetObservation { obs: Vec<f32> },
+    GetSnapshot(SnapshotFile),
     GetBuiltins(Builtins),
     OpenFiles(OpenedFiles),
     CheckFiles(CheckedFiles),
