@@ -68,7 +68,8 @@ fn the_snapshot_of_a_scenario_file_names_it() {
         "`a.snapshot` is of no standard scenario: column 'scenario' is 0x",
     );
     assert!(
-        output(folder, "show a.snapshot --scenario mine.json").starts_with("mine: rules smaclite, opponent attack_move\nstep 2,")
+        output(folder, "show a.snapshot --scenario mine.json")
+            .starts_with("mine: rules smaclite, opponent attack_move\nstep 2,")
     );
     let other = "`a.snapshot`: the snapshot is of another scenario or rule set: column 'scenario' must be";
     check_error(folder, "show a.snapshot --scenario 3m", 1, other);

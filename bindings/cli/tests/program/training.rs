@@ -70,10 +70,9 @@ fn a_team_is_trained_resumed_and_evaluated() {
     assert_eq!(quiet, loud);
 
     let printed = output(folder, "evaluate runs/3m --episodes 5 --greedy");
-    assert!(
-        printed.starts_with("3m: 5 episodes in 5 environments, greedy actions, seed 0\nwin rate"),
-        "{printed}"
-    );
+    let expected =
+        "3m: 5 episodes in 5 environments, greedy actions, seed 0\nopponent     attack_move\nwin rate";
+    assert!(printed.starts_with(expected), "{printed}");
 }
 
 #[test]
