@@ -58,7 +58,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "docker compose": DOCKER,
     },
     "how-to/editor.md": {"smaclite-pool edit": SERVES},
-    "how-to/plan.md": {"kept = np.fromfile": "test_watch.py saves such a file and restores it"},
     "how-to/pytorch-learners.md": {
         "pip install": INSTALLS,
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
@@ -70,7 +69,10 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
-    "how-to/plan.md": {"python bindings/examples/planning.py 3s_vs_4z": CLONE},
+    "how-to/plan.md": {
+        "kept = np.fromfile": "test_watch.py saves such a file and restores it",
+        "python bindings/examples/planning.py 3s_vs_4z": CLONE,
+    },
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
         "just figures": CLONE,
