@@ -336,16 +336,28 @@ def test_every_picture_exists_and_loads_fast() -> None:
         assert picture.stat().st_size < limits.get(picture.name, usual), picture
 
 
+def test_charts_fit_light_and_dark_pages() -> None:
+    """On a dark page, the charts were white boxes. Each is there twice, and the page shows one of them."""
+    for page in PAGES:
+        charts = re.findall(r"^!\[(.*?)\]\((.*?)\.svg(.*?)\)$", page.read_text(), re.M)
+        for light, dark in zip(charts[::2], charts[1::2], strict=True):
+            assert light[2] == "#gh-light-mode-only", page
+            assert dark == (light[0], f"{light[1]}-dark", "#gh-dark-mode-only"), page
+
+
 PICTURES = "https://raw.githubusercontent.com/smaclite-pool/smaclite-pool/main/"
 """Where the README, which PyPI shows too, has the files of the repository."""
 
 
 def pictures(page: Path) -> Iterator[Path]:
     """The pictures of a page, all of which have an alternative text. Badges are elsewhere."""
-    markdown = page.read_text().replace(f"]({PICTURES}", f"]({ROOT}/")
+    source = re.sub(rf'<img alt="(.*?)" src="{PICTURES}(.*?)">', rf"![\1]({ROOT}/\2)", page.read_text())
+    markdown = source.replace(f"]({PICTURES}", f"]({ROOT}/")
     for text, path in re.findall(r"!\[([^]]*)\]\((?!https:)(.+?)\)", markdown):
         assert text, path
         yield (page.parent / path.partition("#")[0]).resolve()
+    for path in re.findall(rf'srcset="{PICTURES}(.*?)"', source):
+        yield ROOT / path
 
 
 def test_the_reference_has_every_public_name() -> None:
