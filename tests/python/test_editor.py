@@ -205,7 +205,7 @@ def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
         editor.field("hp", unit=unit).fill("1e2")
         editor.field("attack_range", unit=unit).fill("many")
         editor.wait_for_state("1 problem")
-        message = "`attack_range` is \"many\", but must be a number from 0 to 1000000 or \"MELEE\""
+        message = '`attack_range` is "many", but must be a number from 0 to 1000000 or "MELEE"'
         assert editor.problem_list()[0].startswith("my_stalker.json:") and message in editor.problem_list()[0]
         editor.field("attack_range", unit=unit).fill("7")
         editor.field("bonuses", unit=unit).locator("select").select_option("LIGHT")
@@ -239,6 +239,15 @@ def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
     assert checked.returncode == 0, checked
 
 
+def test_units_inside_walls_are_warnings_and_can_be_played(browser: Any, file: Path) -> None:
+    file.write_text(file.read_text().replace('"y": 16', '"y": 28'))
+    with Editor(browser, str(file), state="2 warnings") as editor:
+        first, second = editor.problem_list()
+        assert "mine.json:6:" in first and "`groups[0]` puts a STALKER at (" in first
+        assert "on a blocked square that it may never leave, and 4 more" in second
+        assert not editor.page.is_disabled("#play")
+
+
 def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
     # What the editor does not know, and how the text is written, stays.
     odd = file.read_text().replace('"name": "2s3z",', '"name": "odd",   "a.b": [1.50, {"c": null}],')
@@ -264,6 +273,118 @@ def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
         editor.page.click("#format")
         editor.tab("groups")
         assert editor.page.locator(".groups .group >> nth=0").inner_text().endswith("11, 16")
+
+
+def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
+    """Only units were handles: at the centre of a group, where there is none, the view moved instead."""
+    with Editor(browser) as editor:
+
+        def places() -> list[tuple[float, float]]:
+            return [(group["x"], group["y"]) for group in editor.json()["groups"]]
+
+        def goal() -> list[float]:
+            return list(editor.json()["attack_point"])
+
+        assert (places(), goal()) == ([(9, 16), (23, 16)], [9, 16])
+        editor.page.mouse.click(*editor.at(23, 16))
+        editor.settle()
+        assert editor.field("groups", 1, "x").input_value() == "23"
+        editor.drag((23, 16), (25, 18))
+        assert places() == [(9, 16), (25, 18)]
+        # Between the units, in the box of the selected group.
+        editor.drag((25.4, 18.4), (24.4, 16.4))
+        assert places() == [(9, 16), (24, 17)] or places() == [(9, 16), (24, 16)]
+        # The attack point is at the centre of the allies, under its flag.
+        editor.drag((9, 16), (11, 12))
+        assert (places()[0], goal()) == ((11, 12), [9, 16])
+        x, y = editor.at(9, 16)
+        editor.page.mouse.move(x + 6, y - 20)
+        editor.page.mouse.down()
+        editor.page.mouse.move(x + 60, y - 60, steps=6)
+        editor.page.mouse.up()
+        editor.settle()
+        assert goal() != [9, 16] and places()[0] == (11, 12)
+
+        # A new group, dragged where it was just placed.
+        editor.press("h")
+        editor.page.mouse.click(*editor.at(16, 24))
+        editor.drag((16, 24), (18, 26))
+        assert places()[2] == (18, 26)
+        editor.press("ControlOrMeta+z")
+        assert places()[2] == (16, 24)
+        # An empty place still moves the view.
+        editor.drag((28, 28), (29, 29))
+        assert places()[2] == (16, 24)
+
+
+def test_text_that_is_no_json_keeps_the_last_map(browser: Any, file: Path) -> None:
+    """The map was empty while the text had a mistake."""
+    with Editor(browser, str(file)) as editor:
+        editor.press("b")
+        editor.drag((12.5, 12.5), (12.5, 18.5))
+        editor.press("v")
+        editor.tab("json")
+        text = str(editor.page.input_value("#text"))
+        canvas = "document.getElementById('map').toDataURL()"
+        editor.page.mouse.move(5, 5)
+        editor.settle()
+        picture = editor.page.evaluate(canvas)
+        editor.page.fill("#text", text.replace('"groups": [', '"groups": [,'))
+        editor.wait_for_state("1 problem")
+        editor.page.mouse.move(6, 6)
+        editor.settle()
+        assert editor.page.evaluate(canvas) == picture
+        assert editor.page.inner_text("#stale") == "mine.json is no valid JSON: this is its last valid map."
+        opacity = "getComputedStyle(document.getElementById('map')).opacity"
+        assert float(editor.page.evaluate(opacity)) < 1
+        editor.tab("groups")
+        assert editor.page.locator(".groups .group").count() == 2
+        assert editor.page.evaluate("document.getElementById('groups').inert")
+
+        # What is shown cannot be edited, only undone.
+        broken = editor.text()
+        editor.drag((23, 16), (25, 18))
+        editor.press("b")
+        editor.drag((20.5, 12.5), (20.5, 18.5))
+        editor.press("v", "n", "Delete", "ControlOrMeta+d")
+        assert editor.text() == broken
+        editor.press("ControlOrMeta+z")
+        editor.wait_for_state("Valid")
+        assert editor.text() == text and not editor.page.is_visible("#stale")
+        editor.press("m")
+        editor.drag((23, 16.6), (24, 14.1))
+        assert editor.json()["groups"][1]["x"] == 24
+
+
+def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, file: Path) -> None:
+    before = file.read_text()
+    with Editor(browser, str(file)) as editor:
+        editor.tab("types")
+        editor.page.click("#types button:text-is('Stalker')")
+        editor.page.click("text=Copy as new")
+        name = editor.page.locator("#types section input >> nth=0")
+        name.fill("mine")
+        name.press("Enter")
+        editor.page.click("#save")
+        editor.wait(lambda: "the unit type `mine` would be written to" in editor.page.inner_text("#message"))
+        editor.page.click("#download")
+        editor.wait(lambda: "two files would have the name mine.json" in editor.page.inner_text("#message"))
+    assert file.read_text() == before
+
+
+@pytest.mark.parametrize("width", [820, 390])
+def test_nothing_of_the_editor_is_cut_off_in_a_narrow_window(browser: Any, width: int) -> None:
+    """The line below the map ended at "5 agents, 5 enemies, 1"."""
+    with Editor(browser, "2s3z", viewport={"width": width, "height": 900}) as editor:
+        outside = """() => [...document.querySelectorAll("header *, .status span")]
+            .filter((e) => e.getClientRects().length)
+            .filter((e) => e.getBoundingClientRect().right > innerWidth || e.getBoundingClientRect().left < 0)
+            .map((e) => e.id || e.outerHTML.slice(0, 80))"""
+        assert editor.page.evaluate(outside) == []
+        assert editor.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert editor.page.evaluate("document.getElementById('summary').scrollWidth <= innerWidth")
+        help_row = "(id) => document.getElementById(id).getBoundingClientRect().top"
+        assert editor.page.evaluate(help_row, "help") == editor.page.evaluate(help_row, "theme")
 
 
 def test_the_keyboard_alone(browser: Any, file: Path) -> None:

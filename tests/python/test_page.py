@@ -114,6 +114,48 @@ class Page:
         return int(self.page.evaluate(script))
 
 
+def check_step_on_phones(page: Page, shown: str) -> None:
+    """The last step of a battle once read "step 1" on a phone, because the rest of its text was cut off."""
+    script = """() => {
+        const time = document.getElementById("time"), range = document.createRange();
+        range.selectNodeContents(time);
+        const text = range.getBoundingClientRect();
+        const others = [...document.querySelectorAll("footer > :not(#time)")];
+        const covers = ({ left, right, top, bottom }) =>
+            left < text.right && right > text.left && top < text.bottom - 1 && bottom > text.top + 1;
+        return {
+            isWhole: text.left >= 0 && text.right <= innerWidth && time.scrollWidth <= time.clientWidth,
+            lines: Math.round(text.height / parseFloat(getComputedStyle(time).lineHeight)),
+            covered: others.filter((other) => covers(other.getBoundingClientRect())).map((e) => e.className),
+            outside: others.filter((other) => other.getBoundingClientRect().right > innerWidth).length,
+            scrolls: document.documentElement.scrollWidth > innerWidth,
+        };
+    }"""
+    for width in (320, 360, 390, 400, 412, 430, 600, 601, 820):
+        page.page.set_viewport_size({"width": width, "height": 800})
+        page.settle()
+        assert page.text("#time").startswith(shown), width
+        fits = {"isWhole": True, "lines": 1, "covered": [], "outside": 0, "scrolls": False}
+        assert page.page.evaluate(script) == fits, width
+
+
+def test_a_phone_shows_the_whole_step_of_a_replay(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "27m_vs_30m.html") as page:
+        page.press("End")
+        steps = page.last // TICKS_PER_STEP
+        check_step_on_phones(page, f"step {steps} / {steps} \u00b7 tick {page.last} \u00b7 ")
+
+
+def test_every_episode_has_one_line(browser: Any, pages: Path) -> None:
+    """A time limit took two lines, with half of the row empty."""
+    with Page(browser, pages / "2s3z.html") as page:
+        results = "#episodes .dot >> nth={}"
+        one, two = (page.page.locator(results.format(i)) for i in (0, 1))
+        one.evaluate("(cell) => (cell.textContent = 'Time limit')")
+        two.evaluate("(cell) => (cell.textContent = 'Won')")
+        assert one.bounding_box()["height"] == two.bounding_box()["height"]
+
+
 @pytest.mark.parametrize("name", ["2s3z", "27m_vs_30m", "MMM", "bane_vs_bane", "2c_vs_64zg"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_moment_is_drawn_without_an_error(browser: Any, pages: Path, name: str, scheme: str) -> None:

@@ -13,13 +13,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import smaclite_pool as sp
 import test_page
-from test_page import PROGRAM, Page, browser
+from test_page import PROGRAM, Page, browser, check_step_on_phones
 
 pytestmark = test_page.pytestmark
 __all__ = ["browser"]  # a fixture
 
+FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
 LEARNER = Path(__file__).parent / "learner.py"
 
 
@@ -264,6 +267,46 @@ def test_an_agent_shows_its_numbers_and_its_observation_by_name(
         assert page.text("#unit .who") == "enemy 4" and not page.shown("#obs")
         page.press("Escape")
         assert "Click a unit" in page.text("#unit") and page.shown("#battle")
+
+
+def test_a_phone_shows_the_whole_step(browser: Any, programs_of_test: Programs) -> None:
+    programs_of_test.serve("2s3z:4")
+    programs_of_test.learn("2s3z", 60)
+    with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
+        page.wait(lambda: page.last > 100)
+        page.press(" ")
+        page.scrub(97)
+        check_step_on_phones(page, "step 12 / ")
+
+
+def test_a_shown_moment_is_saved_as_the_snapshot_that_the_pool_made(
+    browser: Any, programs_of_test: Programs, tmp_path: Path
+) -> None:
+    with sp.make("2s3z", num_envs=2, name="train", fields=FIELDS, obs_last_actions=2) as envs:
+        envs.reset(seed=1)
+        with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
+            page.wait(lambda: page.page.locator("#episode-list li").count() == 1)
+            snapshots = []
+            for _ in range(12):
+                snapshots.append(envs.step(envs.sample_actions()).snapshot[1].copy())
+            page.wait(lambda: page.last == 12 * 8)
+            page.press(" ")
+            page.scrub(5 * 8 + 3)  # within the sixth step: before it, five are played
+            for step, save in (
+                (5, lambda: page.page.keyboard.press("b")),
+                (12, lambda: page.page.click("#branch")),
+            ):
+                with page.page.expect_download() as download:
+                    save()
+                assert download.value.suggested_filename == f"2s3z-step{step}.snapshot"
+                file = tmp_path / "saved.snapshot"
+                download.value.save_as(file)
+                saved = np.fromfile(file, np.uint8)
+                assert np.array_equal(saved, snapshots[step - 1])
+                page.press("End")
+        programs_of_test.stop(programs_of_test.running[-1])
+        state = envs.restore(saved[None], [0]).state.copy()
+        assert np.array_equal(state[0], state[1]), "environment 1 is still there"
 
 
 def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_of_test: Programs) -> None:

@@ -74,7 +74,7 @@ const DEFAULT_LIMIT: u32 = 1000;
 pub fn resolve_scenario(name: &str, rules: Rules) -> Result<BattleSetup, ScenarioError> {
     let (scenario, files) = ScenarioFiles::resolve(name)?;
     let episode_limit = EpisodeLimit::Steps(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
-    Ok(BattleSetup { files, rules, episode_limit })
+    Ok(BattleSetup { rules, episode_limit, ..BattleSetup::new(files) })
 }
 
 /// Returns `true` when a wait is to end.

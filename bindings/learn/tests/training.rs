@@ -50,7 +50,7 @@ impl Place {
     }
 
     fn evaluate(&self, name: &str, episodes: usize) -> (EvaluationResult, Vec<EvaluatedEpisode>) {
-        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1 };
+        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1, opponents: None };
         let mut counted = Vec::new();
         let mut count = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) => counted.push(episode),
@@ -314,7 +314,7 @@ fn folders_and_settings_that_do_not_fit_are_refused() {
     let error = begin(Config { gamma: 1.5, ..small() }, 10);
     assert!(error.contains("gamma must be between 0 and 1, got 1.5"), "{error}");
     let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).err().unwrap().to_string();
-    assert!(resume().contains("cannot read"), "{}", resume());
+    assert!(resume().contains("it has no run.json"), "{}", resume());
     fs::write(place.path("run").join("run.json"), "{}").unwrap();
     assert!(resume().contains("run.json` is damaged or not a file of a run: missing field"), "{}", resume());
 }

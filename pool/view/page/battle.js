@@ -1,95 +1,70 @@
 // @ts-check
 // BattleView: draws a battle on a canvas at any time between two ticks, and finds units under the pointer.
 
+import { MapView } from "./camera.js";
 import { FACTION_COLOURS, drawDeaths, drawEffects, hitFlashes } from "./effects.js";
 import { clamp } from "./numbers.js";
 import { TerrainLayer } from "./terrain.js";
-import { fitCanvas, theme } from "./theme.js";
+import { theme } from "./theme.js";
 import { Track } from "./track.js";
 
+/** @import { Box, Point } from "./camera.js" */
 /** @import { ScenarioInfo } from "./data.d.ts" */
+
+/** @typedef {ReturnType<Track["unitAt"]>} UnitState */
 
 /** Space around the units when the view is fitted to the battle, in squares. */
 const FIT_MARGIN = 2.2;
-/** The largest scale that fitting chooses, in pixels per square. */
-const LARGEST_FIT = 62;
+/** From the lowest to the highest. */
+const PLANES = ["GROUND", "COLOSSUS", "AIR"];
 /** Corner radius of the hexagon that looks as large as a disc of radius 1. */
 const HEXAGON = 1.1;
 
-export class BattleView {
-  constructor(canvas, /** @type {ScenarioInfo} */ info) {
-    this.canvas = canvas;
-    this.info = info;
+export class BattleView extends MapView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {ScenarioInfo} info
+   */
+  constructor(canvas, info) {
+    super(canvas, info);
     this.track = new Track(info);
-    this.wholeMap = false;
-    /** The rectangle of squares that fitting shows at least, if there is one. */
+    /** @type {Box | null} The rectangle of squares that fitting shows at least, if there is one. */
     this.area = null;
-    this.camera = null;
-    /** Whether the camera is the one of `fit`. */
-    this.isFitted = false;
     this.selected = -1;
     this.hovered = -1;
     this.terrain = new TerrainLayer(this);
-    this.measure();
-    /** Pixels per square, and the pixels at the north-west corner of the map. */
-    this.scale = 1;
-    this.left = this.top = 0;
-    /** What was drawn last, by unit. */
+    /** @type {UnitState[]} What was drawn last, by unit. */
     this.states = [];
   }
 
-  /** Takes the size of the canvas; its context then measures in CSS pixels. */
-  measure() {
-    const { context, width, height, ratio } = fitCanvas(this.canvas);
-    this.context = context;
-    this.width = width;
-    this.height = height;
-    this.ratio = ratio;
-  }
-
+  /** @param {number} unit */
   type(unit) {
     return this.info.types[this.info.units[unit].type];
   }
 
-  /** The radius of a unit in pixels. */
+  /**
+   * The radius of a unit in pixels.
+   * @param {number} unit
+   */
   radius(unit) {
     return this.type(unit).radius * this.scale;
   }
 
-  /** Where a unit is on the canvas. */
+  /**
+   * Where a unit is on the canvas.
+   * @param {number} unit
+   * @param {number} time
+   */
   place(unit, time) {
     const { x, y } = this.track.unitAt(unit, time);
     return this.toCanvas(x, y);
   }
 
-  toCanvas(x, y) {
-    return { x: this.left + x * this.scale, y: this.top + (this.info.height - y) * this.scale };
-  }
-
-  toSquares(x, y) {
-    return { x: (x - this.left) / this.scale, y: this.info.height - (y - this.top) / this.scale };
-  }
-
-  /** Shows the rectangle in which units are at any time of the track, or the whole map. */
-  fit() {
-    const box = this.wholeMap || !this.track.length ? this.mapBox() : this.battleBox();
-    const [w, h] = [box.x1 - box.x0, box.y1 - box.y0];
-    const scale = Math.min(
-      (this.width - 16) / w,
-      (this.height - 16) / h,
-      this.wholeMap ? Infinity : LARGEST_FIT,
-    );
-    this.camera = { x: (box.x0 + box.x1) / 2, y: (box.y0 + box.y1) / 2, scale };
-    this.isFitted = true;
-  }
-
-  mapBox() {
-    return { x0: 0, y0: 0, x1: this.info.width, y1: this.info.height };
-  }
-
-  battleBox() {
-    const { track, info } = this,
-      box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity, ...this.area };
+  /** The rectangle in which units are at any time of the track. */
+  fitBox() {
+    const { track, info } = this;
+    if (this.wholeMap || !track.length) return this.mapBox();
+    const box = { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity, ...this.area };
     for (let at = 0; at < track.length * track.units; at++) {
       if (!track.alive[at]) continue;
       const radius = this.type(at % track.units).radius + FIT_MARGIN;
@@ -107,33 +82,9 @@ export class BattleView {
     };
   }
 
-  zoom(factor, x, y) {
-    const fixed = this.toSquares(x, y),
-      { camera } = this;
-    this.isFitted = false;
-    // The whole of a large map is smaller than the least scale.
-    camera.scale = clamp(camera.scale * factor, Math.min(4, camera.scale), 200);
-    this.aim();
-    const now = this.toSquares(x, y);
-    camera.x += fixed.x - now.x;
-    camera.y += fixed.y - now.y;
-  }
-
-  move(dx, dy) {
-    this.isFitted = false;
-    this.camera.x -= dx / this.scale;
-    this.camera.y += dy / this.scale;
-  }
-
-  aim() {
-    this.scale = this.camera.scale;
-    this.left = this.width / 2 - this.camera.x * this.scale;
-    this.top = this.height / 2 - (this.info.height - this.camera.y) * this.scale;
-  }
-
+  /** @param {number} time */
   draw(time) {
     this.measure();
-    if (!this.camera) this.fit();
     this.aim();
     this.terrain.draw();
     drawDeaths(this, time);
@@ -141,14 +92,19 @@ export class BattleView {
     this.states = this.info.units.map((_, unit) => this.track.unitAt(unit, time));
     if (this.selected >= 0) this.drawRanges(this.states[this.selected]);
     const flashes = hitFlashes(this.track, time);
-    const height_of = { GROUND: 0, COLOSSUS: 1, AIR: 2 };
     const living = this.states.filter((state) => state.alive);
-    living.sort((a, b) => height_of[this.type(a.unit).plane] - height_of[this.type(b.unit).plane]);
+    /** @param {UnitState} state */
+    const height = ({ unit }) => PLANES.indexOf(this.type(unit).plane);
+    living.sort((a, b) => height(a) - height(b));
     for (const state of living) this.drawUnit(state, flashes.get(state.unit) ?? 0);
     drawEffects(this, time, true);
     for (const unit of [this.hovered, this.selected]) if (unit >= 0) this.drawName(this.states[unit]);
   }
 
+  /**
+   * @param {UnitState} state
+   * @param {number} flash
+   */
   drawUnit(state, flash) {
     const type = this.type(state.unit),
       faction = this.info.units[state.unit].faction;
@@ -166,7 +122,11 @@ export class BattleView {
       this.drawMark(at, r + ring * 1.6, state.unit === this.selected);
   }
 
-  /** The shadow of a unit that flies. */
+  /**
+   * The shadow of a unit that flies.
+   * @param {Point} at
+   * @param {number} r
+   */
   drawShadow(at, r) {
     const { context, scale } = this;
     context.beginPath();
@@ -175,7 +135,14 @@ export class BattleView {
     context.fill();
   }
 
-  /** The disc or hexagon of a unit, bright if it was just hit. */
+  /**
+   * The disc or hexagon of a unit, bright if it was just hit.
+   * @param {Point} at
+   * @param {number} r
+   * @param {number} body
+   * @param {number} faction
+   * @param {number} flash
+   */
   drawBody(at, r, body, faction, flash) {
     const { context } = this;
     // The backing keeps units apart in a crowd.
@@ -191,7 +158,12 @@ export class BattleView {
     }
   }
 
-  /** The share of the cooldown that is left, as a sector. */
+  /**
+   * The share of the cooldown that is left, as a sector.
+   * @param {Point} at
+   * @param {number} body
+   * @param {number} share
+   */
   drawCooldown(at, body, share) {
     if (share <= 0.01) return;
     const { context } = this;
@@ -203,7 +175,13 @@ export class BattleView {
     context.fill();
   }
 
-  /** Health on the rim; shield or energy around it. */
+  /**
+   * Health on the rim; shield or energy around it.
+   * @param {UnitState} state
+   * @param {Point} at
+   * @param {number} r
+   * @param {number} ring
+   */
   drawGauges(state, at, r, ring) {
     const { colours } = theme,
       type = this.type(state.unit),
@@ -211,12 +189,21 @@ export class BattleView {
     const empty = theme.dark ? "rgba(255, 255, 255, 0.13)" : "rgba(20, 30, 45, 0.14)";
     this.drawGauge(at, r - ring / 2, ring, 1, empty, faction);
     this.drawGauge(at, r - ring / 2, ring, state.hp / type.hp, colours[FACTION_COLOURS[faction]], faction);
+    /**
+     * @param {number} share
+     * @param {string} colour
+     */
     const gauge = (share, colour) => this.drawGauge(at, r + ring * 0.55, ring * 0.6, share, colour, faction);
     if (type.shield > 0) gauge(state.shield / type.shield, colours.shield);
     if (type.energy > 0) gauge(state.energy / type.energy, colours.energy);
   }
 
-  /** The ring of the selected unit, or of the one under the pointer. */
+  /**
+   * The ring of the selected unit, or of the one under the pointer.
+   * @param {Point} at
+   * @param {number} r
+   * @param {boolean} isSelected
+   */
   drawMark(at, r, isSelected) {
     const { context } = this;
     context.beginPath();
@@ -227,7 +214,11 @@ export class BattleView {
   }
 
   /** Makes the outline of a unit, from its top, clockwise: a disc for allies, a hexagon for enemies.
-   *  Gives its length. */
+   *  Gives its length.
+   * @param {Point} at
+   * @param {number} r
+   * @param {number} faction
+   */
   outline(at, r, faction) {
     const { context } = this;
     context.beginPath();
@@ -244,7 +235,13 @@ export class BattleView {
     return 6 * side;
   }
 
-  /** A wedge at the rim that shows where the unit faces. */
+  /**
+   * A wedge at the rim that shows where the unit faces.
+   * @param {Point} at
+   * @param {number} r
+   * @param {number} facing
+   * @param {string} tone
+   */
   drawPointer(at, r, facing, tone) {
     const { context } = this,
       tip = r + Math.max(3, r * 0.34),
@@ -259,7 +256,15 @@ export class BattleView {
     context.fill();
   }
 
-  /** A part of the outline, from the top, as long as the share. */
+  /**
+   * A part of the outline, from the top, as long as the share.
+   * @param {Point} at
+   * @param {number} r
+   * @param {number} width
+   * @param {number} share
+   * @param {string} colour
+   * @param {number} faction
+   */
   drawGauge(at, r, width, share, colour, faction) {
     if (!(share > 0)) return;
     const { context } = this,
@@ -273,6 +278,11 @@ export class BattleView {
     context.setLineDash([]);
   }
 
+  /**
+   * @param {Point} at
+   * @param {number} r
+   * @param {string} label
+   */
   drawLabel(at, r, label) {
     const { context } = this;
     const size = Math.round(r * 12) / 10;
@@ -284,13 +294,22 @@ export class BattleView {
     context.fillText(label, at.x, at.y + (up - down) / 2);
   }
 
-  /** Sight and attack range of the selected unit, and its target. */
+  /**
+   * Sight and attack range of the selected unit, and its target.
+   * @param {UnitState} state
+   */
   drawRanges(state) {
     if (!state.alive) return;
     const { context, scale } = this,
       type = this.type(state.unit),
       at = this.toCanvas(state.x, state.y);
     const tone = FACTION_COLOURS[this.info.units[state.unit].faction];
+    /**
+     * @param {number} radius
+     * @param {number[]} dash
+     * @param {number} opacity
+     * @param {number} fill
+     */
     const circle = (radius, dash, opacity, fill) => {
       context.beginPath();
       context.arc(at.x, at.y, radius * scale, 0, 2 * Math.PI);
@@ -320,6 +339,7 @@ export class BattleView {
     context.stroke();
   }
 
+  /** @param {UnitState} state */
   drawName(state) {
     if (!state.alive) return;
     const { context } = this,
@@ -342,7 +362,11 @@ export class BattleView {
     context.fillText(text, at.x, y + 11);
   }
 
-  /** The living unit at a point of the canvas, or -1. */
+  /**
+   * The living unit at a point of the canvas, or -1.
+   * @param {number} x
+   * @param {number} y
+   */
   unitAt(x, y) {
     let best = -1,
       nearest = Infinity;
@@ -357,13 +381,18 @@ export class BattleView {
   }
 }
 
+/** @param {string} name */
 export const titleCase = (name) =>
   name
     .toLowerCase()
     .replaceAll("_", " ")
     .replace(/^./, (letter) => letter.toUpperCase());
 
-/** A unit as text: its type, faction and number in it. */
+/**
+ * A unit as text: its type, faction and number in it.
+ * @param {ScenarioInfo} info
+ * @param {number} unit
+ */
 export function unitName(info, unit) {
   const { type, faction, id } = info.units[unit];
   return `${titleCase(info.types[type].name)}, ${faction ? "enemy" : "agent"} ${id}`;

@@ -6,10 +6,18 @@ import { clamp } from "./numbers.js";
 import { fitCanvas, theme } from "./theme.js";
 import { TICKS_PER_SECOND } from "./transport.js";
 
+/** @import { Track } from "./track.js" */
+
 export class HealthChart {
-  constructor(canvas, seek) {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Track} track
+   * @param {(tick: number) => void} seek
+   */
+  constructor(canvas, track, seek) {
     this.canvas = canvas;
-    this.track = null;
+    this.track = track;
+    /** @param {PointerEvent} event */
     const go = (event) => {
       const { left, width } = canvas.getBoundingClientRect();
       seek(
@@ -24,12 +32,15 @@ export class HealthChart {
     this.inset = 38;
   }
 
+  /** @param {number} time */
   draw(time) {
     const { context, width, height } = fitCanvas(this.canvas),
       { track, inset } = this,
       { colours } = theme;
     const [top, bottom] = [8, height - 18];
+    /** @param {number} tick */
     const x = (tick) => inset + (track.last ? tick / track.last : 0) * (width - inset - 4);
+    /** @param {number} share */
     const y = (share) => bottom - share * (bottom - top);
     context.clearRect(0, 0, width, height);
     context.font = '11px system-ui, "DejaVu Sans", sans-serif';
@@ -66,6 +77,13 @@ export class HealthChart {
     }
   }
 
+  /**
+   * @param {CanvasRenderingContext2D} context
+   * @param {number} faction
+   * @param {(tick: number) => number} x
+   * @param {(share: number) => number} y
+   * @param {number} bottom
+   */
   drawCurve(context, faction, x, y, bottom) {
     const values = this.track.health[faction],
       tone = FACTION_COLOURS[faction];
@@ -88,6 +106,11 @@ export class HealthChart {
     context.fill();
   }
 
+  /**
+   * @param {CanvasRenderingContext2D} context
+   * @param {(tick: number) => number} x
+   * @param {number} height
+   */
   drawSeconds(context, x, height) {
     const seconds = this.track.last / TICKS_PER_SECOND;
     const every = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600].find((size) => seconds / size <= 6) ?? 3600;

@@ -19,6 +19,18 @@ export const all = (selector, root = document) => [...root.querySelectorAll(sele
 /** @param {any} node */
 const asElement = (node) => /** @type {HTMLElement} */ (node);
 
+/**
+ * Offers content as a file, which the browser saves.
+ * @param {string} name
+ * @param {BlobPart} content
+ * @param {string} type
+ */
+export function download(name, content, type) {
+  const url = URL.createObjectURL(new Blob([content], { type }));
+  make("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000);
+}
+
 /** @typedef {Node | string} Child */
 
 /**

@@ -4,6 +4,14 @@
 import { clamp, easeOut } from "./numbers.js";
 import { reducedMotion, theme } from "./theme.js";
 
+/** @import { BattleView } from "./battle.js" */
+/** @import { Attack, Track } from "./track.js" */
+/**
+ * Where both units of an attack are on the canvas.
+ * @typedef {{ by: Point, on: Point }} Ends
+ * @typedef {{ x: number, y: number }} Point
+ */
+
 /** Ticks for which an effect is seen. */
 const SHOT_TICKS = 3.2;
 const BEAM_TICKS = 5;
@@ -16,7 +24,12 @@ const MELEE_RANGE = 1;
 
 export const FACTION_COLOURS = ["ally", "enemy"];
 
-/** Calls `draw(attack, age, tick)` for the attacks that are still seen at `time`; age is in ticks. */
+/**
+ * Calls `draw(attack, age, tick)` for the attacks that are still seen at `time`; age is in ticks.
+ * @param {Track} track
+ * @param {number} time
+ * @param {(attack: Attack, age: number, tick: number) => void} draw
+ */
 function recentAttacks(track, time, draw) {
   const newest = Math.min(track.last, Math.ceil(time));
   for (let tick = Math.max(0, newest - BLAST_TICKS); tick <= newest; tick++) {
@@ -25,7 +38,12 @@ function recentAttacks(track, time, draw) {
   }
 }
 
-/** `view` draws at `time`: the effects below units, or those above them. */
+/**
+ * `view` draws at `time`: the effects below units, or those above them.
+ * @param {BattleView} view
+ * @param {number} time
+ * @param {boolean} above
+ */
 export function drawEffects(view, time, above) {
   const { track } = view;
   recentAttacks(track, time, (attack, age, tick) => {
@@ -40,7 +58,12 @@ export function drawEffects(view, time, above) {
   });
 }
 
-/** The points where the line between two units leaves the one and meets the other. */
+/**
+ * The points where the line between two units leaves the one and meets the other.
+ * @param {BattleView} view
+ * @param {Ends} at
+ * @param {Attack} attack
+ */
 function edgePoints(view, at, attack) {
   const dx = at.on.x - at.by.x,
     dy = at.on.y - at.by.y,
@@ -58,6 +81,13 @@ function edgePoints(view, at, attack) {
   };
 }
 
+/**
+ * @param {BattleView} view
+ * @param {Ends} at
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {string} tone
+ */
 function drawShot(view, at, attack, age, tone) {
   if (age > SHOT_TICKS) return;
   const { context } = view,
@@ -81,12 +111,16 @@ function drawShot(view, at, attack, age, tone) {
     tail = clamp((age - 0.6) / 2.4);
   const [hx, hy] = [x0 + (x1 - x0) * head, y0 + (y1 - y0) * head];
   const [tx, ty] = [x0 + (x1 - x0) * tail, y0 + (y1 - y0) * tail];
-  const line = (width, opacity, colour) => {
+  /**
+   * @param {number} width
+   * @param {number} opacity
+   */
+  const line = (width, opacity) => {
     context.beginPath();
     context.moveTo(tx, ty);
     context.lineTo(hx, hy);
     context.lineWidth = width;
-    context.strokeStyle = colour ?? theme.faint(tone, opacity);
+    context.strokeStyle = theme.faint(tone, opacity);
     context.stroke();
   };
   line(Math.max(2.5, size * 0.14), 0.22 * fade);
@@ -94,7 +128,15 @@ function drawShot(view, at, attack, age, tone) {
   if (age > 0.9) spark(view, x1, y1, age - 0.9, tone, Math.atan2(uy, ux));
 }
 
-/** Short lines that fly from where a hit lands. */
+/**
+ * Short lines that fly from where a hit lands.
+ * @param {BattleView} view
+ * @param {number} x
+ * @param {number} y
+ * @param {number} age
+ * @param {string} tone
+ * @param {number} direction
+ */
 function spark(view, x, y, age, tone, direction) {
   const part = clamp(age / 2),
     { context } = view;
@@ -111,6 +153,13 @@ function spark(view, x, y, age, tone, direction) {
   context.stroke();
 }
 
+/**
+ * @param {BattleView} view
+ * @param {Ends} at
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {string} tone
+ */
 function drawRay(view, at, attack, age, tone) {
   if (age > BEAM_TICKS) return;
   const { context } = view,
@@ -129,7 +178,14 @@ function drawRay(view, at, attack, age, tone) {
   }
 }
 
-/** The rectangle that a beam hits. */
+/**
+ * The rectangle that a beam hits.
+ * @param {BattleView} view
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {number} tick
+ * @param {string} tone
+ */
 function drawBurn(view, attack, age, tick, tone) {
   if (age > BEAM_TICKS + 3) return;
   const { context } = view,
@@ -149,6 +205,13 @@ function drawBurn(view, attack, age, tick, tone) {
   context.restore();
 }
 
+/**
+ * @param {BattleView} view
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {number} tick
+ * @param {string} tone
+ */
 function drawBlast(view, attack, age, tick, tone) {
   if (age > BLAST_TICKS) return;
   const { context } = view,
@@ -169,6 +232,13 @@ function drawBlast(view, attack, age, tick, tone) {
   context.stroke();
 }
 
+/**
+ * @param {BattleView} view
+ * @param {Ends} at
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {number} time
+ */
 function drawHeal(view, at, attack, age, time) {
   const { context } = view,
     { x0, y0, x1, y1 } = edgePoints(view, at, attack),
@@ -198,7 +268,11 @@ function drawHeal(view, at, attack, age, time) {
   context.stroke();
 }
 
-/** The share of a flash that a unit that was just hit still has. */
+/**
+ * The share of a flash that a unit that was just hit still has.
+ * @param {Track} track
+ * @param {number} time
+ */
 export function hitFlashes(track, time) {
   const flashes = new Map();
   if (reducedMotion.matches) return flashes;
@@ -210,7 +284,11 @@ export function hitFlashes(track, time) {
   return flashes;
 }
 
-/** Where units died: a ring at first, then a mark that stays. */
+/**
+ * Where units died: a ring at first, then a mark that stays.
+ * @param {BattleView} view
+ * @param {number} time
+ */
 export function drawDeaths(view, time) {
   const { context, track } = view;
   for (const { tick, unit } of track.deaths) {

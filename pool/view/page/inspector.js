@@ -2,11 +2,16 @@
 // Inspector: the rosters of both teams, and the card of the selected unit.
 
 import { titleCase, unitName } from "./battle.js";
-import { all, make } from "./dom.js";
+import { all, byId, make } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
-/** @import { ScenarioInfo } from "./data.d.ts" */
+/** @import { ScenarioInfo, TypeInfo } from "./data.d.ts" */
+/** @import { Track } from "./track.js" */
+/**
+ * A unit in the rosters, and what was shown of it last.
+ * @typedef {{ button: HTMLElement, health: HTMLElement, shield: HTMLElement, last: string }} Chip
+ */
 
 const ACTIONS = ["no-op", "stop", "north", "south", "east", "west"];
 /** Rosters of more units than this would only be noise. */
@@ -15,24 +20,34 @@ const LARGEST_ROSTER = 160;
 const DENSE_ROSTER = 20;
 const TINY_ROSTER = 36;
 
-/** The name of an action of an agent. */
+/**
+ * The name of an action of an agent.
+ * @param {ScenarioInfo} info
+ * @param {number} agent
+ * @param {number} action
+ */
 function actionName(info, agent, action) {
   if (action < 0) return "none";
   if (action < ACTIONS.length) return ACTIONS[action];
-  const heals =
-    info.types[info.units.find((unit) => !unit.faction && unit.id === agent).type].attack === "heal";
+  const unit = info.units.find(({ faction, id }) => !faction && id === agent);
+  const heals = unit !== undefined && info.types[unit.type].attack === "heal";
   return `${heals ? "heal agent" : "attack enemy"} ${action - ACTIONS.length}`;
 }
 
 export class Inspector {
-  constructor(/** @type {ScenarioInfo} */ info, select) {
+  /**
+   * @param {ScenarioInfo} info
+   * @param {(unit: number) => void} select
+   */
+  constructor(info, select) {
     this.info = info;
     this.select = select;
+    /** @type {Chip[]} By unit. */
     this.chips = [];
     this.shown = "";
     for (const faction of [0, 1]) {
       const units = info.units.flatMap((unit, id) => (unit.faction === faction ? [id] : []));
-      const roster = document.getElementById(`roster${faction}`);
+      const roster = byId(`roster${faction}`);
       roster.hidden = units.length > LARGEST_ROSTER;
       roster.classList.toggle("dense", units.length > DENSE_ROSTER);
       roster.classList.toggle("tiny", units.length > TINY_ROSTER);
@@ -40,6 +55,7 @@ export class Inspector {
     }
   }
 
+  /** @param {number} unit */
   makeChip(unit) {
     const type = this.info.types[this.info.units[unit].type];
     const health = make("i"),
@@ -54,18 +70,30 @@ export class Inspector {
     return button;
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} selected
+   */
   update(track, tick, selected) {
     for (const faction of [0, 1]) {
       const share = track.health[faction][tick],
         all = this.info.units.filter((unit) => unit.faction === faction).length;
-      document.getElementById(`bar${faction}`).style.transform = `scaleX(${share})`;
-      const living = document.getElementById(`alive${faction}`);
+      byId(`bar${faction}`).style.transform = `scaleX(${share})`;
+      const living = byId(`alive${faction}`);
       living.replaceChildren(String(track.living[faction][tick]), make("small", {}, ` of ${all}`));
     }
     this.chips.forEach((chip, unit) => this.updateChip(chip, track, tick, unit, unit === selected));
     this.updateCard(track, tick, selected);
   }
 
+  /**
+   * @param {Chip} chip
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} unit
+   * @param {boolean} isSelected
+   */
   updateChip(chip, track, tick, unit, isSelected) {
     const at = tick * track.units + unit,
       type = this.info.types[this.info.units[unit].type],
@@ -81,8 +109,13 @@ export class Inspector {
     chip.button.setAttribute("aria-label", `${unitName(this.info, unit)}, ${health}`);
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} unit
+   */
   updateCard(track, tick, unit) {
-    const card = document.getElementById("unit"),
+    const card = byId("unit"),
       key = [track.serial, tick, unit].join();
     if (key === this.shown) return;
     this.shown = key;
@@ -120,9 +153,16 @@ export class Inspector {
     if (focused) all(`[data-name="${focused}"]`, card)[0]?.focus();
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} unit
+   * @param {TypeInfo} type
+   */
   meters(track, tick, unit, type) {
     const at = tick * track.units + unit,
       alive = track.alive[at] > 0;
+    /** @type {[string, number, number, string, number][]} */
     const rows = [
       ["Health", track.hp[at], type.hp, "", 0],
       ["Shield", track.shield[at], type.shield, "--shield", 0],
@@ -145,6 +185,12 @@ export class Inspector {
       });
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} unit
+   * @param {TypeInfo} type
+   */
   pairs(track, tick, unit, type) {
     const at = tick * track.units + unit,
       target = track.target[at],
@@ -174,7 +220,12 @@ export class Inspector {
     );
   }
 
-  /** The action that the agent carries out, and those that it could choose from. */
+  /**
+   * The action that the agent carries out, and those that it could choose from.
+   * @param {Track} track
+   * @param {number} tick
+   * @param {number} agent
+   */
   decision(track, tick, agent) {
     // Tick 8k + 1 is the first of step k; the moment 8k shows the end of step k - 1.
     const step = clamp(Math.ceil(tick / TICKS_PER_STEP) - 1, 0, Math.max(0, track.decisions.length - 1));

@@ -9,31 +9,52 @@ import { theme } from "./theme.js";
 import { Clock, TICKS_PER_SECOND, TICKS_PER_STEP, Timeline } from "./transport.js";
 
 /** @import { ScenarioInfo } from "./data.d.ts" */
+/** @import { Track } from "./track.js" */
 
 export const RESULTS = { won: "Won", lost: "Lost", truncated: "Time limit", unfinished: "Unfinished" };
 
 export class BattlePlayer {
-  constructor(/** @type {ScenarioInfo} */ info) {
+  /** @param {ScenarioInfo} info */
+  constructor(info) {
+    this.info = info;
     this.clock = new Clock();
-    /** Where the pointer was last while it drags, and whether that moved the map. */
+    /** What is drawn; empty if something else is to be. */
+    this.drawn = "";
+    /**
+     * Where the pointer was last while it drags, and whether that moved the map.
+     * @type {{ from: [number, number], hasMoved: boolean } | null}
+     */
     this.drag = null;
+    this.view = new BattleView(byId("battle"), info);
+    this.inspector = new Inspector(info, (unit) => this.select(unit));
     this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
-    this.chart = new HealthChart(byId("chart"), (tick) => this.seek(tick));
-    this.use(info);
+    this.chart = new HealthChart(byId("chart"), this.view.track, (tick) => this.seek(tick));
+    this.showLegend();
   }
 
-  /** Shows battles of a scenario from now on. */
+  /**
+   * Shows battles of a scenario from now on.
+   * @param {ScenarioInfo} info
+   */
   use(info) {
     this.info = info;
     this.view = new BattleView(byId("battle"), info);
     this.inspector = new Inspector(info, (unit) => this.select(unit));
     this.chart.track = this.view.track;
+    this.showLegend();
     this.redraw();
-    for (const kind of ["shield", "energy"])
-      byId("legend").querySelector(`.${kind}`).hidden = !info.types.some((type) => type[kind] > 0);
   }
 
-  /** Shows a track from its start. */
+  showLegend() {
+    const { types } = this.info;
+    byId("legend").querySelector(".shield").hidden = !types.some((type) => type.shield > 0);
+    byId("legend").querySelector(".energy").hidden = !types.some((type) => type.energy > 0);
+  }
+
+  /**
+   * Shows a track from its start.
+   * @param {Track} track
+   */
   show(track) {
     this.view.track = this.chart.track = track;
     this.view.camera = null;
@@ -42,6 +63,7 @@ export class BattlePlayer {
     this.redraw();
   }
 
+  /** @param {number} tick */
   seek(tick) {
     this.clock.seek(tick);
     this.redraw();
@@ -52,12 +74,16 @@ export class BattlePlayer {
     this.redraw();
   }
 
+  /** @param {number} unit */
   select(unit) {
     this.view.selected = unit === this.view.selected ? -1 : unit;
     this.redraw();
   }
 
-  /** Selects the next living unit in a direction. */
+  /**
+   * Selects the next living unit in a direction.
+   * @param {number} direction
+   */
   selectNext(direction) {
     const { view, clock } = this,
       n = this.info.units.length;
@@ -82,6 +108,7 @@ export class BattlePlayer {
     this.drawn = "";
   }
 
+  /** @param {number} now */
   frame(now) {
     const { clock, view } = this;
     clock.advance(now);
@@ -101,6 +128,10 @@ export class BattlePlayer {
     this.showControls(track, tick);
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} tick
+   */
   showControls(track, tick) {
     const { clock } = this;
     document.body.classList.toggle("playing", clock.playing);
@@ -130,13 +161,14 @@ export class BattlePlayer {
     byId("theme").addEventListener("click", () => theme.toggle());
     byId("help").addEventListener("click", () => byId("keys").showModal());
     theme.listeners.push(() => this.redraw());
+    /** @type {{ [name: string]: () => void }} */
     const moves = {
       home: () => this.seek(0),
       end: () => this.seek(this.clock.end),
       back: () => this.step(-TICKS_PER_STEP),
       forward: () => this.step(TICKS_PER_STEP),
     };
-    all("[data-go]").forEach((button) => button.addEventListener("click", moves[button.dataset.go]));
+    all("[data-go]").forEach((button) => button.addEventListener("click", moves[button.dataset.go ?? ""]));
     all("[data-speed]").forEach((button) =>
       button.addEventListener("click", () => this.changeSpeed(Number(button.dataset.speed))),
     );
@@ -149,16 +181,19 @@ export class BattlePlayer {
     this.listenToPointer(byId("battle"));
   }
 
+  /** @param {number} ticks */
   step(ticks) {
     this.clock.stepTicks(ticks);
     this.redraw();
   }
 
+  /** @param {number} direction */
   changeSpeed(direction) {
     this.clock.changeSpeed(direction);
     this.redraw();
   }
 
+  /** @param {KeyboardEvent} event */
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
     const on = event.target instanceof HTMLElement ? event.target.closest("button") : null;
@@ -170,9 +205,15 @@ export class BattlePlayer {
     command();
   }
 
-  /** What a key does. */
+  /**
+   * What a key does.
+   * @param {string} key
+   * @param {number} ticks
+   * @returns {(() => void) | undefined}
+   */
   command(key, ticks) {
-    return {
+    /** @type {{ [key: string]: () => void }} */
+    const commands = {
       " ": () => this.toggle(),
       ArrowLeft: () => this.step(-ticks),
       ArrowRight: () => this.step(ticks),
@@ -187,16 +228,18 @@ export class BattlePlayer {
       m: () => this.fit(),
       t: () => theme.toggle(),
       "?": () => byId("keys").showModal(),
-    }[key];
+    };
+    return commands[key];
   }
 
+  /** @param {HTMLCanvasElement} canvas */
   listenToPointer(canvas) {
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       this.drag = { from: this.local(event), hasMoved: false };
     });
     canvas.addEventListener("pointermove", (event) =>
-      this.drag ? this.dragTo(this.local(event)) : this.hover(...this.local(event)),
+      this.drag ? this.dragTo(this.drag, this.local(event)) : this.hover(...this.local(event)),
     );
     canvas.addEventListener("pointerup", (event) => {
       if (this.drag && !this.drag.hasMoved) this.click(...this.local(event));
@@ -224,6 +267,10 @@ export class BattlePlayer {
     return [event.clientX - left, event.clientY - top];
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
   hover(x, y) {
     const { view } = this,
       unit = view.unitAt(x, y);
@@ -232,8 +279,12 @@ export class BattlePlayer {
     view.canvas.classList.toggle("over", unit >= 0);
   }
 
-  dragTo(at) {
-    const { drag, view } = this;
+  /**
+   * @param {{ from: [number, number], hasMoved: boolean }} drag
+   * @param {[number, number]} at
+   */
+  dragTo(drag, at) {
+    const { view } = this;
     const [dx, dy] = [at[0] - drag.from[0], at[1] - drag.from[1]];
     // A click that trembles moves nothing.
     if (!drag.hasMoved && Math.hypot(dx, dy) < 4) return;
@@ -243,6 +294,10 @@ export class BattlePlayer {
     this.redraw();
   }
 
+  /**
+   * @param {number} x
+   * @param {number} y
+   */
   click(x, y) {
     const unit = this.view.unitAt(x, y);
     if (unit >= 0 || this.view.selected >= 0) this.select(unit);
@@ -253,6 +308,7 @@ export class BattlePlayer {
     this.view.canvas.classList.remove("moving");
   }
 
+  /** @param {WheelEvent} event */
   wheel(event) {
     event.preventDefault();
     this.view.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));

@@ -1,14 +1,14 @@
 // @ts-check
 // The page of a replay: reads the data in the document, and lists its episodes.
 
-import { byId, make } from "./dom.js";
+import { all, byId, make } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
 import { theme } from "./theme.js";
 import { Track, inflate } from "./track.js";
 import { SPEEDS } from "./transport.js";
 
-/** @import { ReplayData } from "./data.d.ts" */
+/** @import { EpisodeData, ReplayData } from "./data.d.ts" */
 
 class ReplayPage extends BattlePlayer {
   /** @param {ReplayData} data */
@@ -16,6 +16,7 @@ class ReplayPage extends BattlePlayer {
     super(data.scenario);
     this.data = data;
     this.hash = new URLSearchParams(location.hash.slice(1));
+    /** @type {Map<number, Track>} */
     this.tracks = new Map();
     this.episode = -1;
   }
@@ -35,6 +36,7 @@ class ReplayPage extends BattlePlayer {
     const unit = Number(this.hash.get("unit") ?? -1);
     if (unit in info.units) this.select(unit);
     if (this.hash.get("play") === "1") this.toggle();
+    /** @param {number} now */
     const frame = (now) => {
       this.frame(now);
       requestAnimationFrame(frame);
@@ -43,17 +45,25 @@ class ReplayPage extends BattlePlayer {
     document.documentElement.dataset.ready = "";
   }
 
-  /** Shows an episode from its start. */
+  /**
+   * Shows an episode from its start.
+   * @param {number} index
+   */
   async open(index) {
     const episode = this.data.episodes[index];
     if (!episode || index === this.episode) return;
     this.episode = index;
-    if (!this.tracks.has(index)) this.tracks.set(index, await this.decode(episode, index));
+    const track = this.tracks.get(index) ?? (await this.decode(episode, index));
+    this.tracks.set(index, track);
     if (this.episode !== index) return;
-    this.show(this.tracks.get(index));
+    this.show(track);
     this.describe(episode);
   }
 
+  /**
+   * @param {EpisodeData} episode
+   * @param {number} index
+   */
   async decode(episode, index) {
     const track = new Track(this.info);
     track.serial = index;
@@ -62,6 +72,7 @@ class ReplayPage extends BattlePlayer {
     return track;
   }
 
+  /** @param {EpisodeData} episode */
   describe(episode) {
     byId("result").textContent = RESULTS[episode.result];
     byId("result").className = `badge ${episode.result}`;
@@ -77,9 +88,9 @@ class ReplayPage extends BattlePlayer {
       ),
     );
     byId("facts").title = `Recorded by ${this.data.program}`;
-    byId("episodes")
-      .querySelectorAll("button")
-      .forEach((button, i) => button.setAttribute("aria-current", String(i === this.episode)));
+    all("#episodes button").forEach((button, i) =>
+      button.setAttribute("aria-current", String(i === this.episode)),
+    );
   }
 
   listEpisodes() {
@@ -107,6 +118,10 @@ class ReplayPage extends BattlePlayer {
       );
   }
 
+  /**
+   * @param {string} key
+   * @param {number} ticks
+   */
   command(key, ticks) {
     return /^[1-9]$/.test(key) ? () => this.open(Number(key) - 1) : super.command(key, ticks);
   }

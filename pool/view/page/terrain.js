@@ -1,15 +1,20 @@
 // @ts-check
 // TerrainLayer: the map of a battle, painted once for each camera and then copied.
 
-import { theme } from "./theme.js";
+import { contextOf, theme } from "./theme.js";
+
+/** @import { BattleView } from "./battle.js" */
+/** @typedef {[x: number, y: number, width: number, height: number]} Rect */
 
 /** Maps of more obstacles than this are painted without hatching, which is slow then. */
 const MOST_HATCHED = 5000;
 
 export class TerrainLayer {
+  /** @param {BattleView} view */
   constructor(view) {
     this.view = view;
     this.picture = document.createElement("canvas");
+    this.context = contextOf(this.picture);
     this.key = "";
   }
 
@@ -19,7 +24,6 @@ export class TerrainLayer {
     if (key !== this.key) {
       this.key = key;
       [this.picture.width, this.picture.height] = [canvas.width, canvas.height];
-      this.context = this.picture.getContext("2d");
       this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
       this.paint();
     }
@@ -29,14 +33,21 @@ export class TerrainLayer {
     context.restore();
   }
 
-  /** A coordinate at a whole pixel, so that lines are crisp. */
+  /**
+   * A coordinate at a whole pixel, so that lines are crisp.
+   * @param {number} value
+   */
   snap(value) {
     return Math.round(value * this.view.ratio) / this.view.ratio;
   }
 
   /**
    * A rectangle of squares on the canvas: left, top, width, height.
-   * @returns {[number, number, number, number]}
+   * @param {number} x0
+   * @param {number} y0
+   * @param {number} x1
+   * @param {number} y1
+   * @returns {Rect}
    */
   rect(x0, y0, x1, y1) {
     const a = this.view.toCanvas(x0, y1);
@@ -65,6 +76,12 @@ export class TerrainLayer {
     const { context } = this;
     const { info, scale, ratio } = this.view;
     if (scale < 9) return;
+    /**
+     * @param {number} x0
+     * @param {number} y0
+     * @param {number} x1
+     * @param {number} y1
+     */
     const line = (x0, y0, x1, y1) => {
       const a = this.view.toCanvas(x0, y0);
       const b = this.view.toCanvas(x1, y1);
@@ -81,7 +98,7 @@ export class TerrainLayer {
   }
 
   /** The obstacles as one shape: each is stroked first, then all are filled over the inner lines. */
-  paintWalls(/** @type {[number, number, number, number]} */ map) {
+  paintWalls(/** @type {Rect} */ map) {
     const { context } = this;
     const { info, scale } = this.view;
     context.strokeStyle = theme.colours["wall-edge"];
@@ -100,7 +117,10 @@ export class TerrainLayer {
     if (info.obstacles.length <= MOST_HATCHED) this.hatch(map);
   }
 
-  /** Slanted lines over the current path, so that walls differ from floor in more than colour. */
+  /**
+   * Slanted lines over the current path, so that walls differ from floor in more than colour.
+   * @param {Rect} area
+   */
   hatch([x, y, width, height]) {
     const { context } = this;
     const gap = Math.max(6, this.view.scale * 0.5);

@@ -2,8 +2,12 @@
 // Theme: the colours of the style sheet for canvases, and the choice between light and dark.
 
 export const theme = {
+  /** @type {{ [name: string]: string }} */
   colours: {},
+  /** @type {(() => void)[]} Called after the colours have changed. */
   listeners: [],
+  dark: false,
+  toggle() {},
 
   start() {
     const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -60,7 +64,11 @@ export const theme = {
     this.dark = document.documentElement.dataset.theme === "dark";
   },
 
-  /** A colour of the style sheet with an opacity. */
+  /**
+   * A colour of the style sheet with an opacity.
+   * @param {string} name
+   * @param {number} opacity
+   */
   faint(name, opacity) {
     const hex = this.colours[name].slice(1);
     const [r, g, b] = [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16));
@@ -68,6 +76,7 @@ export const theme = {
   },
 };
 
+/** @param {string} key */
 function stored(key) {
   try {
     return localStorage.getItem(key);
@@ -78,13 +87,26 @@ function stored(key) {
 
 export const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 
-/** Fits the pixels of a canvas to its size on the screen; its context then measures in CSS pixels. */
+/**
+ * What draws on a canvas.
+ * @param {HTMLCanvasElement} canvas
+ */
+export function contextOf(canvas) {
+  const context = canvas.getContext("2d");
+  if (!context) throw new Error("this browser draws no canvas");
+  return context;
+}
+
+/**
+ * Fits the pixels of a canvas to its size on the screen; its context then measures in CSS pixels.
+ * @param {HTMLCanvasElement} canvas
+ */
 export function fitCanvas(canvas) {
   const ratio = devicePixelRatio || 1,
     { width, height } = canvas.getBoundingClientRect();
   const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
   if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
-  const context = canvas.getContext("2d");
+  const context = contextOf(canvas);
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   return { context, width, height, ratio };
 }

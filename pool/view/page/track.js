@@ -8,7 +8,7 @@
 
 // The orders of `encode_moments` in pool/view/src/page/data.rs.
 const ATTACK_KINDS = ["shot", "beam", "explosion", "heal"];
-export const COLUMNS = /** @type {const} */ ([
+const COLUMNS = /** @type {const} */ ([
   "x",
   "y",
   "facing",
@@ -169,6 +169,17 @@ export class Track {
       }
       this.decisions.push(step);
     }
+  }
+
+  /**
+   * Forgets the moments before the last ones, but not what was summed up of them.
+   * @param {number} count
+   */
+  keepLast(count) {
+    const kept = Math.min(count, this.length),
+      end = this.length * this.units;
+    for (const name of COLUMNS) this[name].copyWithin(0, end - kept * this.units, end);
+    this.length = kept;
   }
 
   /** @param {number} length */

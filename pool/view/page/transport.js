@@ -4,6 +4,8 @@
 import { clamp } from "./numbers.js";
 import { fitCanvas, theme } from "./theme.js";
 
+/** @import { Track } from "./track.js" */
+
 export const TICKS_PER_SECOND = 16;
 export const TICKS_PER_STEP = 8;
 export const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
@@ -21,7 +23,10 @@ export class Clock {
     this.isOpen = false;
   }
 
-  /** Moves on to now, in milliseconds. */
+  /**
+   * Moves on to now, in milliseconds.
+   * @param {number} now
+   */
   advance(now) {
     const elapsed = Math.min(LONGEST_FRAME, (now - this.before) / 1000);
     this.before = now;
@@ -35,41 +40,61 @@ export class Clock {
     this.playing = !this.playing;
   }
 
+  /** @param {number} time */
   seek(time) {
     this.time = clamp(time, 0, this.end);
   }
 
-  /** Goes by whole ticks, from a time between two to the next one. */
+  /**
+   * Goes by whole ticks, from a time between two to the next one.
+   * @param {number} ticks
+   */
   stepTicks(ticks) {
     this.playing = false;
     const from = ticks > 0 ? Math.floor(this.time) : Math.ceil(this.time);
     this.seek(Math.abs(ticks) === 1 ? from + ticks : this.stepTime(Math.sign(ticks)));
   }
 
+  /** @param {number} direction */
   stepTime(direction) {
     const step = this.time / TICKS_PER_STEP;
     return (direction > 0 ? Math.floor(step) + 1 : Math.ceil(step) - 1) * TICKS_PER_STEP;
   }
 
+  /** @param {number} direction */
   changeSpeed(direction) {
     this.speed = SPEEDS[clamp(SPEEDS.indexOf(this.speed) + direction, 0, SPEEDS.length - 1)];
   }
 }
 
 export class Timeline {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {HTMLInputElement} input
+   * @param {(tick: number) => void} seek
+   */
   constructor(canvas, input, seek) {
     this.canvas = canvas;
     this.input = input;
     input.addEventListener("input", () => seek(Number(input.value)));
   }
 
+  /**
+   * @param {Track} track
+   * @param {number} time
+   */
   draw(track, time) {
     const { context, width, height } = fitCanvas(this.canvas),
       { colours } = theme,
       middle = height / 2;
     // The thumb of the input moves within the track by half its width.
+    /** @param {number} tick */
     const x = (tick) => 7 + (track.last ? tick / track.last : 0) * (width - 14);
     context.clearRect(0, 0, width, height);
+    /**
+     * @param {number} to
+     * @param {string} colour
+     */
     const bar = (to, colour) => {
       context.beginPath();
       context.roundRect(5, middle - 2.5, Math.max(4, to - 5), 5, 2.5);

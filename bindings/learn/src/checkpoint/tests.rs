@@ -85,3 +85,26 @@ fn damaged_and_foreign_files_are_refused() {
     let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
     assert!(error.contains("it has no `actor.0.weight`"), "{error}");
 }
+
+/// `evaluate` played with whatever weights a damaged disk had made of the right ones.
+#[test]
+fn weights_with_flipped_bits_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("weights.safetensors");
+    let config = Config { hidden: vec![8], ..Config::default() };
+    let team = checkpoint(&config).team;
+    write_weights(&path, &team).unwrap();
+    let good = fs::read(&path).unwrap();
+    let (header, _) = safetensors::SafeTensors::read_metadata(&good).unwrap();
+    for at in size_of::<u64>() + header..good.len() {
+        let mut flipped = good.clone();
+        flipped[at] ^= 1;
+        fs::write(&path, flipped).unwrap();
+        let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
+        assert!(error.contains("weights.safetensors` is damaged") && error.contains("checksum"), "{error}");
+    }
+    // Learners in Python write files without a checksum.
+    let tensors = safetensors::SafeTensors::deserialize(&good).unwrap();
+    fs::write(&path, safetensors::serialize(tensors.tensors(), None).unwrap()).unwrap();
+    assert_eq!(read_actor(&path, team.actor.mlp.clone()).unwrap().params, team.actor.params);
+}

@@ -34,6 +34,7 @@ macro_rules! modules {
 /// The modules that show battles; pages import them as `#view/name.js`.
 const MODULES: &[Module] = modules![
     "battle.js",
+    "camera.js",
     "chart.js",
     "dom.js",
     "effects.js",

@@ -29,14 +29,22 @@ pub enum View {
 
 impl View {
     /// The part of the map where units are alive in these moments, with `margin` squares around their
-    /// positions. With no living unit it is the [`Battlefield`](View::Battlefield).
-    pub fn around<'a>(moments: impl IntoIterator<Item = &'a Moment>, margin: f32) -> View {
+    /// positions, as far as the map reaches. With no living unit it is the [`Battlefield`](View::Battlefield).
+    pub fn around<'a>(
+        scenario: &Scenario,
+        moments: impl IntoIterator<Item = &'a Moment>,
+        margin: f32,
+    ) -> View {
         let units = moments.into_iter().flat_map(|moment| &moment.units).filter(|unit| unit.alive);
         let bounds = units.fold(None, |bounds: Option<(Vec2, Vec2)>, unit| {
             let (min, max) = bounds.unwrap_or((unit.pos, unit.pos));
             Some((min.min(unit.pos), max.max(unit.pos)))
         });
-        bounds.map_or(View::Battlefield, |(min, max)| View::Squares { min: min - margin, max: max + margin })
+        let map = Region::map(&scenario.terrain);
+        bounds.map_or(View::Battlefield, |(min, max)| View::Squares {
+            min: (min - margin).max(map.min).min(min),
+            max: (max + margin).min(map.max).max(max),
+        })
     }
 
     /// The squares that are visible at least.
@@ -100,6 +108,16 @@ impl Region {
         Region { min: region.min.max(map.min), max: region.max.min(map.max) }
     }
 
+    /// The middle of a picture of `visible` squares that contains this region: its own, but moved so that the
+    /// picture ends where the map does. Where the map is smaller than the picture, the map is in the middle.
+    fn middle_within(self, map: Region, visible: Vec2) -> Vec2 {
+        // The region itself is shown, also where it extends beyond the map.
+        let (min, max) = (self.min.min(map.min), self.max.max(map.max));
+        let half = visible / 2.0;
+        let moved = ((self.min + self.max) / 2.0).max(min + half).min(max - half);
+        Vec2::select(visible.cmple(max - min), moved, (min + max) / 2.0)
+    }
+
     fn include(&mut self, point: Vec2) {
         self.min = self.min.min(point);
         self.max = self.max.max(point);
@@ -153,11 +171,12 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// Shows a region in the middle of a picture, as large as possible.
-    pub fn new(region: Region, width: u32, height: u32) -> Camera {
+    /// Shows a region as large as possible. A picture of another shape shows more of the map around it, and what
+    /// is beyond the map only if the map is smaller than the picture.
+    pub fn new(region: Region, map: Region, width: u32, height: u32) -> Camera {
         let size = Vec2::new(width as f32, height as f32);
         let scale = (size / (region.max - region.min)).min_element();
-        let middle = (region.min + region.max) / 2.0;
+        let middle = region.middle_within(map, size / scale);
         let corner = middle.floor();
         // Whole pixels keep the edges of squares sharp where the scale is a whole number.
         let corner_pixel = (size / 2.0 + (corner - middle) * Vec2::new(scale, -scale)).round();

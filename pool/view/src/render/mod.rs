@@ -19,8 +19,8 @@ use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, UnitType};
 use tiny_skia::Pixmap;
 
-use camera::Camera;
 pub use camera::View;
+use camera::{Camera, Region};
 pub(crate) use canvas::Canvas;
 pub(crate) use font::{Font, Place};
 pub use letters::type_letters;
@@ -150,7 +150,8 @@ impl Renderer {
     pub fn new(scenario: &Scenario, options: Options) -> Result<Renderer, SizeError> {
         let Options { width, height, .. } = options;
         SizeError::check(width, height)?;
-        let camera = Camera::new(options.view.region(scenario), width, height);
+        let camera =
+            Camera::new(options.view.region(scenario), Region::map(&scenario.terrain), width, height);
         let palette = options.theme.palette();
         let letters = type_letters(&scenario.unit_types);
         let look = |unit: &Placement| {

@@ -55,7 +55,7 @@ fn gif_frames(bytes: &[u8]) -> Vec<(Vec<u8>, u16)> {
 fn pictures() -> Vec<Picture> {
     let scenario = standard("bane_vs_bane");
     let moments = play(&scenario, 9);
-    let options = Options { view: View::around(&moments[40..], 1.0), ..size(120, 80) };
+    let options = Options { view: View::around(&scenario, &moments[40..], 1.0), ..size(120, 80) };
     let renderer = Renderer::new(&scenario, options).unwrap();
     (40..moments.len()).map(|end| renderer.render_recent(&moments[..end])).collect()
 }

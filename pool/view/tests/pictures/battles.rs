@@ -1,7 +1,7 @@
 //! Pictures of the standard scenarios, and what they show.
 
 use glam::Vec2;
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::Plane;
 use smaclite_view::{Moment, Options, Picture, Renderer, Theme, View};
 
@@ -93,7 +93,7 @@ fn every_option_changes_the_picture() {
         draw(Options { show_targets: true, ..plain }),
         draw(Options { show_ids: true, ..plain }),
         draw(Options { theme: Theme::Light, ..plain }),
-        draw(Options { view: View::around(&moments, 1.0), ..plain }),
+        draw(Options { view: View::around(&scenario, &moments, 1.0), ..plain }),
         render(&scenario, plain, &[]),
     ];
     for (i, picture) in pictures.iter().enumerate() {
@@ -197,13 +197,50 @@ fn north_is_up_and_pixels_map_back() {
     }
 }
 
+/// An animation of a map of 24 x 20 squares showed 125 rows of pixels below its south edge, because the units were
+/// near it.
+#[test]
+fn a_picture_ends_where_the_map_does() {
+    let zealots = |x: f64, y: f64| {
+        [(Faction::Ally, unit_type("ZEALOT"), [x, y]), (Faction::Enemy, unit_type("ZEALOT"), [x + 8.0, y])]
+    };
+    let corners = |scenario: &Scenario, view: View, pixels: Vec2| {
+        let options = Options { view, ..size(pixels.x as u32, pixels.y as u32) };
+        let renderer = Renderer::new(scenario, options).unwrap();
+        let (north_west, south_east) = (renderer.square_at(Vec2::ZERO), renderer.square_at(pixels));
+        (Vec2::new(north_west.x, south_east.y), Vec2::new(south_east.x, north_west.y))
+    };
+    let square = Vec2::splat(512.0);
+    for (x, y) in [(2.0, 2.0), (12.0, 18.0), (7.0, 10.0)] {
+        let scenario = open_field(24, 20, &zealots(x, y));
+        let (min, max) = corners(&scenario, View::around(&scenario, [&start(&scenario)], 2.0), square);
+        let rounding = 0.05; // squares have whole pixels in the middle of the picture
+        assert!(min.cmpge(Vec2::splat(-rounding)).all(), "{x} {y}: from {min}");
+        assert!(max.cmple(Vec2::new(24.0, 20.0) + rounding).all(), "{x} {y}: to {max}");
+        for Placement { position: [x, y], .. } in &scenario.units {
+            let unit = Vec2::new(*x as f32, *y as f32);
+            assert!(unit.cmpgt(min + 1.0).all() && unit.cmplt(max - 1.0).all(), "{unit}: {min} to {max}");
+        }
+    }
+    // A map that does not fill the picture is in its middle.
+    let scenario = open_field(24, 20, &zealots(2.0, 2.0));
+    for view in [View::Battlefield, View::Map] {
+        let (min, max) = corners(&scenario, view, square);
+        assert!((min + max).abs_diff_eq(Vec2::new(24.0, 20.0), 0.1), "{view:?}: {min} to {max}");
+    }
+    // What is asked for is shown, also beyond the map.
+    let view = View::Squares { min: Vec2::new(-6.0, 4.0), max: Vec2::new(2.0, 12.0) };
+    let (min, max) = corners(&scenario, view, square);
+    assert!(min.abs_diff_eq(Vec2::new(-6.0, 4.0), 0.05) && max.abs_diff_eq(Vec2::new(2.0, 12.0), 0.05));
+}
+
 /// One small picture, compared exactly. Run with the environment variable `UPDATE_GOLDEN` to accept a new
 /// one.
 #[test]
 fn the_golden_picture_is_unchanged() {
     let scenario = standard("MMM");
     let moments = play(&scenario, 9);
-    let view = View::around(&moments[60..], 1.0);
+    let view = View::around(&scenario, &moments[60..], 1.0);
     let picture = render(&scenario, Options { view, ..size(192, 96) }, &moments);
     let mut png = Vec::new();
     picture.write_png(&mut png).unwrap();

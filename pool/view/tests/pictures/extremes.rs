@@ -37,7 +37,7 @@ fn sizes_beyond_the_limits_are_errors() {
 /// Draws the start of a scenario in all views and themes, with everything optional.
 fn check_drawable(scenario: &Scenario) {
     let moment = start(scenario);
-    let views = [View::Battlefield, View::Map, View::around([&moment], 0.0)];
+    let views = [View::Battlefield, View::Map, View::around(scenario, [&moment], 0.0)];
     let themes = [Theme::Dark, Theme::Light];
     for (view, theme) in views.into_iter().flat_map(|view| themes.map(|theme| (view, theme))) {
         let plain = Options { view, theme, ..size(300, 200) };

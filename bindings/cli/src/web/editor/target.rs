@@ -37,6 +37,10 @@ pub(crate) enum TargetError {
          download the files instead"
     )]
     Outside(String),
+    #[error(
+        "the unit type `{unit}` would be written to {file}, which is another file of this scenario; rename it"
+    )]
+    SameFile { unit: String, file: String },
     #[error("{file}: has {bytes} bytes, but must have at most {max}")]
     TooLarge { file: String, bytes: usize, max: u64 },
 }
@@ -137,19 +141,7 @@ impl Target {
 
     fn save(&self, SaveFiles { files, replace }: SaveFiles) -> Result<SavedFiles, TargetError> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut writes = Vec::new();
-        for unit in &files.unit_files {
-            let path =
-                match known.units.iter().find(|(name, keys, _)| {
-                    *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
-                }) {
-                    Some((.., path)) => path.clone(),
-                    None => self.new_unit_path(&unit.name, &files.text)?,
-                };
-            writes.push((path, &unit.text, MAX_UNIT_BYTES));
-        }
-        // The scenario file is the last one: it never names a unit file that is not there yet.
-        writes.push((self.path.clone(), &files.text, MAX_SCENARIO_BYTES));
+        let writes = self.writes(&known, &files)?;
         let mut conflicts = Vec::new();
         let mut changed = Vec::new();
         for (path, text, max) in writes {
@@ -181,6 +173,32 @@ impl Target {
         Ok(SavedFiles::Saved(saved))
     }
 
+    /// What is to be written: path, text, and the most bytes that it may have.
+    fn writes<'a>(
+        &self,
+        known: &Known,
+        files: &'a ScenarioFiles,
+    ) -> Result<Vec<(PathBuf, &'a String, u64)>, TargetError> {
+        let mut writes: Vec<(PathBuf, &String, u64)> = Vec::new();
+        for unit in &files.unit_files {
+            let is_same = |(name, keys, _): &&(String, Vec<String>, PathBuf)| {
+                *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
+            };
+            let path = match known.units.iter().find(is_same) {
+                Some((.., path)) => path.clone(),
+                None => self.new_unit_path(&unit.name, &files.text)?,
+            };
+            let others = writes.iter().map(|(path, ..)| path).chain([&self.path]);
+            if others.map(|other| identity(other)).any(|other| other == identity(&path)) {
+                return Err(TargetError::SameFile { unit: unit.name.clone(), file: shown_path(&path) });
+            }
+            writes.push((path, &unit.text, MAX_UNIT_BYTES));
+        }
+        // The scenario file is the last one: it never names a unit file that is not there yet.
+        writes.push((self.path.clone(), &files.text, MAX_SCENARIO_BYTES));
+        Ok(writes)
+    }
+
     /// Where a unit type without a file gets one: in the scenario's `custom_unit_path`, or beside it.
     fn new_unit_path(&self, name: &str, scenario: &str) -> Result<PathBuf, TargetError> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
@@ -209,6 +227,15 @@ impl Target {
             _ => Err(TargetError::Outside(shown_path(path))),
         }
     }
+}
+
+/// The same for every path of a file, which need not exist.
+fn identity(path: &Path) -> PathBuf {
+    let in_folder = || {
+        let parent = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+        Some(parent.canonicalize().ok()?.join(path.file_name()?))
+    };
+    path.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
 fn read(path: &Path, max_bytes: u64) -> Result<String, Problems> {

@@ -3,7 +3,9 @@
 use super::battles::Battles;
 use super::episodes::{Episode, Episodes};
 use super::simulation::{Simulation, SimulationError};
-use crate::web::protocol::{EpisodeInfo, Steps};
+use crate::web::protocol::{EpisodeInfo, SnapshotFile, Steps};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use smaclite_ipc::{Follower, RuntimeDir};
 use std::sync::Arc;
 
@@ -19,7 +21,7 @@ pub(super) struct Follow {
     episodes: Episodes,
     /// The episode that is shown, as far as the page has it.
     shown: Option<(u64, Simulation)>,
-    /// An episode at the step whose observations were requested last.
+    /// An episode at the step whose observations or snapshot were requested last.
     observed: Option<(u64, Simulation)>,
 }
 
@@ -101,6 +103,16 @@ impl Follow {
         let episode = self.episodes.get(number).ok_or(FollowError::Forgotten(number))?;
         let simulation = at_step(&mut self.observed, &self.battles, episode, step)?;
         Ok(simulation.observation(agent))
+    }
+
+    /// The state before a step, as a file that environments of this lane restore.
+    pub(super) fn snapshot(&mut self, number: u64, step: usize) -> Result<SnapshotFile, FollowError> {
+        let Battles { scenario, n_past, .. } = &*self.battles;
+        let episode = self.episodes.get(number).ok_or(FollowError::Forgotten(number))?;
+        let simulation = at_step(&mut self.observed, &self.battles, episode, step)?;
+        let record = STANDARD.encode(simulation.record(*n_past, &episode.actions));
+        let played = episode.start.episode_length as usize + step;
+        Ok(SnapshotFile { name: format!("{}-step{played}.snapshot", scenario.name), record })
     }
 }
 

@@ -52,12 +52,10 @@ impl WatchedLane {
             }
             connected => Ok(connected?),
         };
-        let battles = Arc::new(Battles::of(&lane_scenario(
-            runtime_dir,
-            &pool.pool,
-            Some(lane),
-            WaitOptions::interrupted_by(&mut || false),
-        )?)?);
+        let mut never = || false;
+        let wait = WaitOptions::interrupted_by(&mut never);
+        let setup = lane_scenario(runtime_dir, &pool.pool, Some(lane), wait)?;
+        let battles = Arc::new(Battles::of(&setup, description.settings.obs_last_actions)?);
         let cells = Cells::new(description.settings.num_envs);
         Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
     }

@@ -105,6 +105,7 @@ impl<'a> Session<'a> {
             }
             PageRequest::GetSteps { number, step } => self.steps(number, step),
             PageRequest::GetObservation { number, step, agent } => self.observation(number, step, agent),
+            PageRequest::GetSnapshot { number, step } => self.snapshot(number, step),
             _ => Err("this request is one of the editor".to_owned()),
         };
         self.page.respond(id, response)
@@ -149,6 +150,11 @@ impl<'a> Session<'a> {
         let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
         let obs = follow.observation(number, step, agent).map_err(|error| error.to_string())?;
         Ok(PageResponse::GetObservation { obs })
+    }
+
+    fn snapshot(&mut self, number: u64, step: usize) -> Result<PageResponse, String> {
+        let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
+        follow.snapshot(number, step).map(PageResponse::GetSnapshot).map_err(|error| error.to_string())
     }
 
     fn send_due(&mut self) -> Result<(), Closed> {

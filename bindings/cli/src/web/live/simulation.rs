@@ -4,7 +4,7 @@ use super::battles::Battles;
 use crate::web::protocol::{EpisodeResult, Steps};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use smaclite_engine::{Battle, ExecutionOrder, Scratch, Snapshot, Step};
+use smaclite_engine::{Battle, ExecutionOrder, RecordLayout, RecordSizes, Scratch, Sizes, Snapshot, Step};
 use smaclite_view::page::{encode_moments, encode_step};
 use smaclite_view::{Moment, Observer};
 
@@ -86,6 +86,17 @@ impl Simulation {
         self.newest = Some(played.map_err(|error| SimulationError::Action { step: self.step, error })?);
         self.step += 1;
         Ok(())
+    }
+
+    /// The present state as a record, with the last joint actions, `n_past` at most, of the whole episode's.
+    pub(super) fn record(&self, n_past: usize, actions: &[u16]) -> Vec<u8> {
+        let Sizes { n_agents, n_enemies, .. } = self.battle.arena().sizes();
+        let played = actions.chunks_exact(n_agents).take(self.step);
+        let past: Vec<i32> = played.rev().take(n_past).flatten().map(|&action| action.into()).collect();
+        let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past });
+        let mut record = vec![0; layout.size()];
+        self.battle.write_record(&layout, &past, &mut record);
+        record
     }
 
     /// What an agent observes now.

@@ -25,6 +25,7 @@ const MODULES: &[Module] = modules![
     "editor/files.js",
     "editor/formats.js",
     "editor/groups.js",
+    "editor/handles.js",
     "editor/json.js",
     "editor/map.js",
     "editor/problems.js",

@@ -2,7 +2,7 @@
 // SMACLITE_WRITE=1 cargo test protocol
 import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 1;
+export type Version = 2;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -45,8 +45,8 @@ count: number,
 /**
  * Whether the page is.
  */
-visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles;
-export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles;
+visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_snapshot", number: number, step: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles;
+export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles;
 export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
 export type Group = { x: number, y: number, faction: string, 
 /**
@@ -88,6 +88,11 @@ result: EpisodeResult | null,
  * Whether the episode has no more steps.
  */
 is_over: boolean, };
+export type SnapshotFile = { name: string, 
+/**
+ * In base64.
+ */
+record: string, };
 export type EpisodeResult = "won" | "lost" | "truncated";
 export type Builtins = { 
 /**
@@ -130,6 +135,10 @@ target: string | null,
  */
 exists: boolean, };
 export type CheckedFiles = { problems: Problem[], 
+/**
+ * What is probably a mistake in a valid scenario.
+ */
+warnings: Problem[], 
 /**
  * Of a valid scenario.
  */

@@ -30,6 +30,15 @@ pub(crate) struct Steps {
     pub(in crate::web) is_over: bool,
 }
 
+/// A file from which environments continue.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct SnapshotFile {
+    pub(in crate::web) name: String,
+    /// In base64.
+    pub(in crate::web) record: String,
+}
+
 /// How an episode ended.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]

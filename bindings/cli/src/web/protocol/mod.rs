@@ -18,7 +18,7 @@ use ts_rs::TS;
 
 /// The version of these messages. It changes with them, because a page can stay open while the program is
 /// replaced; such a page is told to be reloaded.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]
@@ -89,6 +89,12 @@ pub(crate) enum PageRequest {
         step: usize,
         agent: usize,
     },
+    /// The state before a step of an episode of the followed environment.
+    GetSnapshot {
+        #[cfg_attr(test, ts(type = "number"))]
+        number: u64,
+        step: usize,
+    },
     /// What the editor needs to know of files and of what is built in.
     GetBuiltins {},
     /// The files to begin with.
@@ -117,6 +123,7 @@ pub(crate) enum PageResponse {
     Unfollow {},
     GetSteps(Steps),
     GetObservation { obs: Vec<f32> },
+    GetSnapshot(SnapshotFile),
     GetBuiltins(Builtins),
     OpenFiles(OpenedFiles),
     CheckFiles(CheckedFiles),

@@ -52,6 +52,7 @@ fn description() -> String {
         PlayBattle,
         SaveFiles,
         Steps,
+        SnapshotFile,
         EpisodeResult,
         Builtins,
         NamedText,

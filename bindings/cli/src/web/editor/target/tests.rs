@@ -94,6 +94,27 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     assert!(matches!(&saved, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")), "{saved:?}");
 }
 
+/// A unit type of the scenario's own name was written to the scenario file, and then replaced by the scenario.
+#[test]
+fn two_files_are_not_written_to_one() {
+    let (folder, start) = folder();
+    let before = fs::read_to_string(folder.path().join("s.json")).unwrap();
+    std::os::unix::fs::symlink("scout.json", folder.path().join("link.json")).unwrap();
+    for (name, written) in [("s", "s.json"), ("scout", "scout.json"), ("link", "link.json")] {
+        let mut files = opened(&start);
+        files.text += "\n";
+        files.unit_files.push(UnitFile { keys: Vec::new(), text: "{}".into(), ..unit(name) });
+        for replace in [false, true] {
+            let save = SaveFiles { files: files.clone(), replace };
+            let error = start.save(save).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("the unit type `{name}` would be written to")), "{error}");
+            assert!(error.contains(written) && error.ends_with("rename it"), "{error}");
+        }
+        assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), before);
+        assert_eq!(fs::read_to_string(folder.path().join("scout.json")).unwrap(), SCOUT);
+    }
+}
+
 #[test]
 fn nothing_is_written_outside_the_folder() {
     let (folder, start) = folder();

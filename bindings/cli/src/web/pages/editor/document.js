@@ -13,7 +13,12 @@ const MOST_CHARACTERS = 60e6;
 export const isNumber = (value) => typeof value === "number";
 export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 
-/** The map of a scenario file, as far as it can be read: { width, height, preset, blocked }. */
+/**
+ * The map of a scenario file, as far as it can be read.
+ * @typedef {{ width: number, height: number, preset?: string | null, blocked: Uint8Array }} EditedMap
+ */
+
+/** Reads the map of a scenario file. */
 function readMap(file, presets, { missing, longest }) {
   const side = (key) => {
     const value = file.value([key]);
@@ -75,9 +80,11 @@ export class ScenarioDocument {
 
   /** Begins with the texts of other files: { source, text, unit_files: [{ name, keys, text }] }. */
   load({ source, text, unit_files: units }) {
+    const scenario = this.scenarioText(text);
     this.state = {
       source,
-      scenario: this.scenarioText(text),
+      scenario,
+      shown: scenario,
       units: units.map(({ name, keys, text: unitText }) => ({ name, keys, file: this.unitText(unitText) })),
     };
     this.past = [];
@@ -95,6 +102,16 @@ export class ScenarioDocument {
     return this.state.scenario;
   }
 
+  /** The scenario file as map and forms show it: its newest text that was JSON. */
+  get shown() {
+    return this.state.shown;
+  }
+
+  /** Whether the text of the scenario file is no JSON, so that map and forms show an older one. */
+  get isStale() {
+    return !this.scenario.isObject;
+  }
+
   get units() {
     return this.state.units;
   }
@@ -107,6 +124,7 @@ export class ScenarioDocument {
   change(next, merge = null) {
     const state = { ...this.state, ...next };
     if (Object.keys(next).every((key) => next[key] === this.state[key])) return;
+    if (state.scenario.isObject) state.shown = state.scenario;
     if (merge === null || merge !== this.merge) this.past.push(this.state);
     this.merge = merge;
     this.future = [];
@@ -142,7 +160,7 @@ export class ScenarioDocument {
 
   /** Changes the scenario file. */
   edit(change, merge) {
-    if (this.scenario.isObject) this.change({ scenario: change(this.scenario) }, merge);
+    if (!this.isStale) this.change({ scenario: change(this.scenario) }, merge);
   }
 
   /** The files as the program takes them. */
@@ -163,7 +181,7 @@ export class ScenarioDocument {
 
   /** Every key of the scenario file that names a unit type. */
   unitKeys() {
-    const ids = this.scenario.value(["unit_type_ids"]);
+    const ids = this.shown.value(["unit_type_ids"]);
     const keys = this.groups().flatMap((group) => group.units.map(([key]) => key));
     return [...new Set([...keys, ...(ids instanceof Map ? ids.keys() : [])])];
   }
@@ -203,15 +221,15 @@ export class ScenarioDocument {
 
   /** The groups as far as they can be read: { x, y, faction, units: [[key, count]] }. */
   groups() {
-    const { scenario } = this.state;
-    if (this.groupsOf !== scenario) {
-      const list = scenario.value(["groups"]);
+    const { shown } = this;
+    if (this.groupsOf !== shown) {
+      const list = shown.value(["groups"]);
       const read = (group) => {
         const get = (key) => (group instanceof Map ? group.get(key) : undefined);
         const units = get("units") instanceof Map ? [...get("units")] : [];
         return { x: get("x"), y: get("y"), faction: get("faction"), units };
       };
-      [this.groupsOf, this.groupsRead] = [scenario, Array.isArray(list) ? list.map(read) : []];
+      [this.groupsOf, this.groupsRead] = [shown, Array.isArray(list) ? list.map(read) : []];
     }
     return this.groupsRead;
   }
@@ -297,9 +315,9 @@ export class ScenarioDocument {
   // The map
 
   map() {
-    const { scenario } = this.state;
-    if (this.mapOf !== scenario)
-      [this.mapOf, this.mapRead] = [scenario, readMap(scenario, this.builtins.presets, this.formats.side)];
+    const { shown } = this;
+    if (this.mapOf !== shown)
+      [this.mapOf, this.mapRead] = [shown, readMap(shown, this.builtins.presets, this.formats.side)];
     return this.mapRead;
   }
 

@@ -15,6 +15,21 @@ const open = () => {
   return new ScenarioDocument(builtins, { source: "s.json", text, unit_files: [] });
 };
 
+test("while the text is no JSON, the last map and groups are shown and cannot be edited", () => {
+  const doc = open();
+  const [map, groups] = [doc.map(), doc.groups()];
+  doc.setText(-1, `${doc.scenario.text},`, null);
+  assert.deepEqual([doc.isStale, doc.map(), doc.groups()], [true, map, groups]);
+  doc.moveGroup(0, 1, 2, null);
+  doc.setMap({ ...map, blocked: map.blocked.map(() => 1) });
+  doc.removeGroup(0);
+  assert.ok(doc.scenario.text.endsWith(","));
+  doc.setText(-1, '{ "width": 7 }', null);
+  assert.deepEqual([doc.isStale, doc.map().width, doc.groups()], [false, 7, []]);
+  doc.undo();
+  assert.deepEqual([doc.isStale, doc.map(), doc.groups()], [true, map, groups], "those before that text");
+});
+
 test("what is undone is redone, to the letter", () => {
   const doc = open();
   const texts = [doc.scenario.text];

@@ -114,7 +114,7 @@ export class EditorPage {
   refresh() {
     const { doc } = this;
     if (this.group >= doc.groups().length) this.group = -1;
-    const name = doc.scenario.value(["name"]);
+    const name = doc.shown.value(["name"]);
     byId("name").textContent = typeof name === "string" && name ? name : stemOf(doc.state.source);
     document.title = `${doc.isSaved ? "" : "\u2022 "}${byId("name").textContent} - scenario editor`;
     byId("undo").disabled = !doc.past.length;
@@ -130,10 +130,21 @@ export class EditorPage {
     byId("size").textContent = String(this.map.brush.size);
     byId("hint").textContent = TOOL_HINTS[this.map.brush.tool];
     byId("map").classList.toggle("drawing", this.map.brush.tool !== "select");
+    this.showStale();
     this.panels[this.tab].refresh();
     this.checker.show();
     this.showMap();
     if (doc.state !== this.checker.checked) this.checker.soon();
+  }
+
+  /** While the text is no JSON, map and forms show the last one that was, and cannot be edited. */
+  showStale() {
+    const { isStale, shown, state } = this.doc;
+    const consequence = shown.isObject ? "this is its last valid map" : "it has no map to show";
+    document.body.classList.toggle("stale", isStale);
+    for (const name of ["groups", "scenario"]) byId(name).inert = isStale;
+    byId("stale").hidden = !isStale;
+    byId("stale").textContent = `${stemOf(state.source)}.json is no valid JSON: ${consequence}.`;
   }
 
   /** @param {{ square: number[] }} point */
@@ -263,7 +274,10 @@ export class EditorPage {
       theme: () => theme.toggle(),
       help: () => byId("keys").showModal(),
       leave: () => this.arena.leave(),
-      state: () => this.checker.problems.length && this.checker.goTo(this.checker.problems[0]),
+      state: () => {
+        const [first] = [...this.checker.problems, ...this.checker.warnings];
+        if (first) this.checker.goTo(first);
+      },
       paint: () => this.togglePaint(),
       fit: () => this.fit(),
       copy: () => this.copyText(),

@@ -1,7 +1,7 @@
 // @ts-check
 // FileStore: opens files of the browser's user, and saves: in place through the program, or by download.
 
-import { make } from "#view/dom.js";
+import { download } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { JsonText } from "./json.js";
 
@@ -85,11 +85,13 @@ export class FileStore {
   download() {
     const { source, text, unit_files: units } = this.page.doc.files();
     const files = [[stemOf(source), text], ...units.map((unit) => [unit.name, unit.text])];
-    for (const [name, content] of files) {
-      const url = URL.createObjectURL(new Blob([content], { type: "application/json" }));
-      make("a", { href: url, download: `${name}.json` }).click();
-      setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    const clash = files.find(([name], i) => files.findIndex(([other]) => other === name) < i);
+    if (clash) {
+      const message = `Not downloaded: two files would have the name ${clash[0]}.json; rename the unit type.`;
+      this.page.tell(message, true);
+      return;
     }
+    for (const [name, content] of files) download(`${name}.json`, content, "application/json");
     this.page.doc.saved = this.page.doc.state;
     this.page.refresh();
   }

@@ -29,7 +29,7 @@ export class GroupsPanel extends Panel {
   signature() {
     const { doc, group } = this.page;
     const shape = doc.groups().map(({ faction, units }) => [faction, units.map(([key]) => key)]);
-    return JSON.stringify([group, shape, this.typeNames(), doc.scenario.isObject]);
+    return JSON.stringify([group, shape, this.typeNames()]);
   }
 
   /** Every unit type that can be chosen. */
@@ -87,7 +87,7 @@ export class GroupsPanel extends Panel {
         path: ["groups", index, key],
         step: SNAP,
         hint,
-        read: () => doc.scenario.value(["groups", index, key]),
+        read: () => doc.shown.value(["groups", index, key]),
         write: (value, merge) => doc.setKey(["groups", index, key], value, merge),
       });
     const faction = this.field("select", {
@@ -142,7 +142,7 @@ export class GroupsPanel extends Panel {
       path: [...path, key],
       step: 1,
       min: 1,
-      read: () => doc.scenario.value([...path, key]),
+      read: () => doc.shown.value([...path, key]),
       write: (value, merge) => value !== undefined && doc.setCount(index, key, value, merge),
     });
     const name = typeTitle(key, doc);
@@ -166,12 +166,11 @@ export class ScenarioPanel extends Panel {
   }
 
   signature() {
-    const { doc } = this.page;
-    return JSON.stringify([this.typeIds().map(([key]) => key), doc.scenario.isObject]);
+    return JSON.stringify(this.typeIds().map(([key]) => key));
   }
 
   typeIds() {
-    const ids = this.page.doc.scenario.value(["unit_type_ids"]);
+    const ids = this.page.doc.shown.value(["unit_type_ids"]);
     return ids instanceof Map ? [...ids] : [];
   }
 
@@ -181,7 +180,7 @@ export class ScenarioPanel extends Panel {
     return this.field(kind, {
       label,
       path,
-      read: () => doc.scenario.value(path),
+      read: () => doc.shown.value(path),
       write: (value, merge) => doc.setKey(path, value, kind === "check" ? null : merge),
       ...doc.formats.scenario.field(path[0]),
       ...options,
@@ -226,7 +225,7 @@ export class ScenarioPanel extends Panel {
     const presets = doc.builtins.presets.map(({ name }) => [name, titleCase(name)]);
     return this.key("select", "Terrain", ["terrain_preset"], {
       options: [["", "Custom map"], ...presets],
-      read: () => doc.map().preset ?? doc.scenario.value(["terrain_preset"]) ?? "",
+      read: () => doc.map().preset ?? doc.shown.value(["terrain_preset"]) ?? "",
       write: (value) => doc.setPreset(value),
     });
   }
@@ -243,9 +242,9 @@ export class ScenarioPanel extends Panel {
       label: axis,
       path: ["attack_point", i],
       step: SNAP,
-      read: () => doc.scenario.value(["attack_point", i]),
+      read: () => doc.shown.value(["attack_point", i]),
       write: (value, merge) => {
-        const point = doc.scenario.value(["attack_point"]);
+        const point = doc.shown.value(["attack_point"]);
         const next = Array.isArray(point) ? [...point] : [0, 0];
         next[i] = value ?? 0;
         doc.setKey(["attack_point"], next, merge);

@@ -6,14 +6,23 @@ import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Brush, LARGEST_BRUSH } from "./brush.js";
 import { isNumber, rectanglesOf } from "./document.js";
+import { Handles } from "./handles.js";
 import { StartTrack, infoOf } from "./start.js";
 
 /** @import { EditorPage } from "./editor.js" */
 
+/** @import { EditedMap } from "./document.js" */
+/** @typedef {[number, number]} Point */
+/**
+ * What the pointer does while it is down; `from` is where it went down, until it has moved.
+ * @typedef {{ kind: "pan", last: Point, clears?: boolean }} PanDrag
+ * @typedef {{ kind: "draw", from: Point, map: EditedMap, blocked: boolean }} DrawDrag
+ * @typedef {{ kind: "group", index: number, dx: number, dy: number, from: Point | null }} GroupDrag
+ * @typedef {{ kind: "goal", dx: number, dy: number, from: Point | null }} GoalDrag
+ */
+
 /** Points snap to multiples of this, in squares, unless Alt is held. */
 export const SNAP = 0.5;
-/** How far from the attack point a click still means it, in squares. */
-const GOAL_REACH = 0.6;
 
 export class MapEditor extends BattleView {
   /**
@@ -26,12 +35,15 @@ export class MapEditor extends BattleView {
     this.page = page;
     this.wholeMap = true;
     this.brush = new Brush();
-    /** The square that the keyboard draws at; the pointer moves it too. */
+    this.handles = new Handles(this);
+    /** @type {Point | null} The square that the keyboard draws at; the pointer moves it too. */
     this.square = null;
-    /** The first corner of a rectangle or line. */
+    /** @type {Point | null} The first corner of a rectangle or line. */
     this.corner = null;
-    /** The map while it is drawn on. */
+    /** @type {EditedMap | null} The map while it is drawn on. */
     this.draft = null;
+    /** @type {PanDrag | DrawDrag | GroupDrag | GoalDrag | null} */
+    this.drag = null;
     this.serial = 0;
     this.listen();
   }
@@ -39,7 +51,7 @@ export class MapEditor extends BattleView {
   /** Shows the document; `layout` is the program's last answer about the units of its groups. */
   update(doc, layout) {
     const map = this.draft ?? doc.map();
-    const goal = doc.scenario.value(["attack_point"]);
+    const goal = doc.shown.value(["attack_point"]);
     const isPoint = Array.isArray(goal) && goal.length === 2 && goal.every(isNumber);
     if (map.width !== this.info.width || map.height !== this.info.height) this.camera = null;
     const units = [],
@@ -75,94 +87,8 @@ export class MapEditor extends BattleView {
     const box = this.canvas.getBoundingClientRect();
     if (this.isFitted && (box.width !== this.width || box.height !== this.height)) this.camera = null;
     super.draw(0);
-    this.drawUnplaced();
-    this.drawSelection();
-    this.drawGoal();
+    this.handles.draw();
     this.drawBrush();
-  }
-
-  /** Groups whose units are unknown, because their types are. */
-  drawUnplaced() {
-    const { context } = this;
-    for (const index of this.unplaced) {
-      const { x, y, faction } = this.page.doc.groups()[index];
-      if (!isNumber(x) || !isNumber(y)) continue;
-      const at = this.toCanvas(x, y);
-      context.beginPath();
-      context.arc(at.x, at.y, 13, 0, 2 * Math.PI);
-      context.setLineDash([4, 3]);
-      context.lineWidth = 2;
-      context.strokeStyle = theme.colours[faction === "ENEMY" ? "enemy" : "ally"];
-      context.stroke();
-      context.setLineDash([]);
-      context.fillStyle = theme.colours.text;
-      context.font = "700 14px system-ui, sans-serif";
-      [context.textAlign, context.textBaseline] = ["center", "middle"];
-      context.fillText("?", at.x, at.y + 1);
-    }
-  }
-
-  drawSelection() {
-    const group = this.page.doc.groups()[this.page.group];
-    if (!group || !isNumber(group.x) || !isNumber(group.y)) return;
-    const { context, states } = this;
-    const box = [group.x, group.x, group.y, group.y];
-    states.forEach(({ unit, x, y }) => {
-      if (this.groupOf[unit] !== this.page.group) return;
-      const { radius } = this.type(unit);
-      box[0] = Math.min(box[0], x - radius);
-      box[1] = Math.max(box[1], x + radius);
-      box[2] = Math.min(box[2], y - radius);
-      box[3] = Math.max(box[3], y + radius);
-    });
-    const from = this.toCanvas(box[0], box[3]),
-      to = this.toCanvas(box[1], box[2]),
-      gap = 9;
-    context.beginPath();
-    context.roundRect(from.x - gap, from.y - gap, to.x - from.x + 2 * gap, to.y - from.y + 2 * gap, 8);
-    context.setLineDash([6, 4]);
-    context.lineWidth = 2;
-    context.strokeStyle = theme.colours.focus;
-    context.stroke();
-    context.setLineDash([]);
-    const at = this.toCanvas(group.x, group.y);
-    context.beginPath();
-    for (const [dx, dy] of [
-      [1, 0],
-      [0, 1],
-    ]) {
-      context.moveTo(at.x - 7 * dx, at.y - 7 * dy);
-      context.lineTo(at.x + 7 * dx, at.y + 7 * dy);
-    }
-    context.lineWidth = 4;
-    context.strokeStyle = theme.colours.bg;
-    context.stroke();
-    context.lineWidth = 2;
-    context.strokeStyle = theme.colours.focus;
-    context.stroke();
-  }
-
-  drawGoal() {
-    const [x, y] = this.info.attack_point;
-    if (Number.isNaN(x)) return;
-    const { context } = this,
-      at = this.toCanvas(x, y),
-      isSelected = this.page.goalSelected || this.brush.tool === "goal";
-    // A flag above the units, which may stand on the point.
-    context.beginPath();
-    context.moveTo(at.x, at.y);
-    context.lineTo(at.x, at.y - 26);
-    context.lineTo(at.x + 15, at.y - 20.5);
-    context.lineTo(at.x, at.y - 15);
-    context.lineJoin = "round";
-    context.lineWidth = 4;
-    context.strokeStyle = theme.colours.panel;
-    context.stroke();
-    context.fillStyle = theme.colours[isSelected ? "focus" : "enemy"];
-    context.fill();
-    context.lineWidth = 2;
-    context.strokeStyle = context.fillStyle;
-    context.stroke();
   }
 
   drawBrush() {
@@ -206,14 +132,24 @@ export class MapEditor extends BattleView {
       this.page.redraw();
     });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener("dblclick", (event) => this.page.doubleClick(this.unitAt(...this.local(event))));
+    canvas.addEventListener("dblclick", (event) => this.doubleClick(this.local(event)));
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
+  /**
+   * @param {MouseEvent} event
+   * @returns {Point}
+   */
   local({ clientX, clientY }) {
     const { left, top } = this.canvas.getBoundingClientRect();
     return [clientX - left, clientY - top];
+  }
+
+  /** @param {Point} at */
+  doubleClick([x, y]) {
+    const unit = this.unitAt(x, y);
+    if (unit >= 0 || !this.handles.at(x, y)) this.page.doubleClick(unit);
   }
 
   wheel(event) {
@@ -222,7 +158,11 @@ export class MapEditor extends BattleView {
     this.page.redraw();
   }
 
-  /** The point of the map under the pointer, and its square. */
+  /**
+   * The point of the map under the pointer, and its square.
+   * @param {MouseEvent} event
+   * @returns {{ x: number, y: number, square: Point }}
+   */
   point(event) {
     const { x, y } = this.toSquares(...this.local(event));
     return { x, y, square: [Math.floor(x), Math.floor(y)] };
@@ -233,12 +173,12 @@ export class MapEditor extends BattleView {
     this.canvas.setPointerCapture(event.pointerId);
     const at = this.point(event);
     this.serial++;
-    const isPan = event.button === 1 || event.shiftKey;
+    const isPan = event.button === 1 || event.shiftKey || this.page.doc.isStale;
     const { x, y } = at;
     if (isPan) this.drag = { kind: "pan", last: this.local(event) };
     else if (this.brush.isDrawing) this.beginDrawing(at, event.button === 2);
     else if (event.button !== 0) this.drag = null;
-    else if (this.brush.tool === "goal") this.drag = { kind: "goal", dx: 0, dy: 0 };
+    else if (this.brush.tool === "goal") this.drag = { kind: "goal", dx: 0, dy: 0, from: null };
     else if (this.brush.tool !== "select")
       this.page.addGroup(this.brush.tool.toUpperCase(), ...this.snap(x, y, event));
     else this.pick(event, at);
@@ -247,46 +187,35 @@ export class MapEditor extends BattleView {
 
   /** Begins to move what is under the pointer, or else the map. */
   pick(event, { x, y }) {
-    const unit = this.unitAt(...this.local(event));
-    const goal = this.info.attack_point,
-      { doc } = this.page;
-    const marker = this.unplaced.find((index) => {
-      const group = doc.groups()[index];
-      return Math.hypot(group.x - x, group.y - y) * this.scale < 14;
-    });
-    const index = unit >= 0 ? this.groupOf[unit] : marker;
-    const flag = this.toCanvas(...goal),
-      [px, py] = this.local(event);
-    const onFlag = px > flag.x - 5 && px < flag.x + 17 && py > flag.y - 28 && py < flag.y - 12;
-    if (index !== undefined && !onFlag) {
-      const group = doc.groups()[index];
-      this.page.selectGroup(index);
-      this.drag = { kind: "group", index, dx: group.x - x, dy: group.y - y, from: this.local(event) };
-    } else if (onFlag || Math.hypot(goal[0] - x, goal[1] - y) < GOAL_REACH) {
-      this.page.selectGoal();
-      this.drag = { kind: "goal", dx: goal[0] - x, dy: goal[1] - y, from: this.local(event) };
-    } else {
-      this.drag = { kind: "pan", last: this.local(event), clears: true };
+    const here = this.local(event),
+      handle = this.handles.at(...here);
+    if (!handle) {
+      this.drag = { kind: "pan", last: here, clears: true };
+      return;
     }
+    if (handle.kind === "group") this.page.selectGroup(handle.index);
+    else this.page.selectGoal();
+    this.drag = { ...handle, dx: handle.x - x, dy: handle.y - y, from: here };
   }
 
   beginDrawing({ square }, isRight) {
-    const map = this.page.doc.map();
-    this.drag = {
-      kind: "draw",
-      from: square,
-      map,
-      blocked: isRight ? !this.brush.paints : this.brush.paints,
-    };
+    const map = this.page.doc.map(),
+      blocked = isRight ? !this.brush.paints : this.brush.paints;
+    /** @type {DrawDrag} */
+    const drag = { kind: "draw", from: square, map, blocked };
+    this.drag = drag;
     this.corner = ["rectangle", "line"].includes(this.brush.tool) ? square : null;
     this.draft = map;
-    if (!this.corner) this.extend(square);
+    if (!this.corner) this.extend(drag, square);
   }
 
-  extend(square) {
-    const { from, blocked } = this.drag;
-    this.draft = this.brush.drawn(this.draft, from, square, blocked);
-    this.drag.from = square;
+  /**
+   * @param {DrawDrag} drag
+   * @param {Point} square
+   */
+  extend(drag, square) {
+    this.draft = this.brush.drawn(this.draft, drag.from, square, drag.blocked);
+    drag.from = square;
     this.page.showMap();
   }
 
@@ -298,38 +227,56 @@ export class MapEditor extends BattleView {
     return [tidy(x, width), tidy(y, height)];
   }
 
+  /** @param {PointerEvent} event */
   moved(event) {
-    const at = this.point(event),
-      { drag } = this;
+    const at = this.point(event);
     this.square = at.square;
     this.page.showPointer(at);
-    if (!drag) {
-      this.hovered = this.brush.tool === "select" ? this.unitAt(...this.local(event)) : -1;
-      this.canvas.classList.toggle("over", this.hovered >= 0);
+    if (this.drag) this.dragged(this.drag, at, event);
+    else this.hover(this.local(event));
+  }
+
+  /** @param {Point} here */
+  hover(here) {
+    const selects = this.brush.tool === "select",
+      isHandle = selects && !this.page.doc.isStale && this.handles.at(...here) !== null;
+    this.hovered = selects ? this.unitAt(...here) : -1;
+    this.canvas.classList.toggle("over", isHandle);
+    this.page.redraw();
+  }
+
+  /**
+   * @param {PanDrag | DrawDrag | GroupDrag | GoalDrag} drag
+   * @param {{ x: number, y: number, square: Point }} at
+   * @param {PointerEvent} event
+   */
+  dragged(drag, at, event) {
+    const here = this.local(event);
+    if (drag.kind === "pan") return this.pan(drag, here);
+    if (drag.kind === "draw") {
+      if (!this.corner && this.brush.tool !== "fill") this.extend(drag, at.square);
       return this.page.redraw();
     }
-    const here = this.local(event);
-    if (drag.from && drag.kind !== "draw") {
-      // A click that trembles moves nothing.
-      if (Math.hypot(here[0] - drag.from[0], here[1] - drag.from[1]) < 4) return;
-      drag.from = null;
-    }
-    if (drag.kind === "pan") {
-      const [dx, dy] = [here[0] - drag.last[0], here[1] - drag.last[1]];
-      if (drag.clears && Math.hypot(dx, dy) < 4) return;
-      drag.clears = false;
-      this.move(dx, dy);
-      drag.last = here;
-      this.page.redraw();
-    } else if (drag.kind === "draw") {
-      if (!this.corner && this.brush.tool !== "fill") this.extend(at.square);
-      this.page.redraw();
-    } else {
-      const [x, y] = this.snap(at.x + drag.dx, at.y + drag.dy, event);
-      const merge = `drag ${this.serial}`;
-      if (drag.kind === "group") this.page.doc.moveGroup(drag.index, x, y, merge);
-      else this.page.doc.setKey(["attack_point"], [x, y], merge);
-    }
+    // A click that trembles moves nothing.
+    if (drag.from && Math.hypot(here[0] - drag.from[0], here[1] - drag.from[1]) < 4) return;
+    drag.from = null;
+    const [x, y] = this.snap(at.x + drag.dx, at.y + drag.dy, event);
+    const merge = `drag ${this.serial}`;
+    if (drag.kind === "group") this.page.doc.moveGroup(drag.index, x, y, merge);
+    else this.page.doc.setKey(["attack_point"], [x, y], merge);
+  }
+
+  /**
+   * @param {PanDrag} drag
+   * @param {Point} here
+   */
+  pan(drag, here) {
+    const [dx, dy] = [here[0] - drag.last[0], here[1] - drag.last[1]];
+    if (drag.clears && Math.hypot(dx, dy) < 4) return;
+    drag.clears = false;
+    this.move(dx, dy);
+    drag.last = here;
+    this.page.redraw();
   }
 
   release(event) {

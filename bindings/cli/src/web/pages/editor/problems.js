@@ -39,12 +39,19 @@ class Layout {
   }
 }
 
+/** As in "2 problems". */
+function counted(n, word) {
+  return `${n} ${word}${n > 1 ? "s" : ""}`;
+}
+
 export class Checker {
   /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
     /** What is wrong with the files, as far as the program has responded. */
     this.problems = [];
+    /** What is probably a mistake in valid files. */
+    this.warnings = [];
     /** The state of the document that it is about. */
     this.checked = null;
     /** Sizes of a valid scenario. */
@@ -73,6 +80,7 @@ export class Checker {
       this.checked = state;
       this.page.layout = new Layout(groups, checked);
       this.problems = checked.problems.map((problem) => this.placed(problem));
+      this.warnings = checked.warnings.map((warning) => this.placed(warning));
       this.summary = checked.summary;
     } catch (error) {
       if (this.page.connection.isOpen) this.page.tell(`The files cannot be checked: ${error.message}`, true);
@@ -108,16 +116,17 @@ export class Checker {
   }
 
   show() {
-    const { problems } = this,
+    const { problems, warnings } = this,
       n = problems.length;
     const state = byId("state");
     const isCurrent = this.checked === this.page.doc.state;
     state.className = `badge ${n ? "invalid" : isCurrent ? "valid" : ""}`;
-    state.textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : isCurrent ? "Valid" : "checking\u2026";
+    const found = n ? counted(n, "problem") : warnings.length ? counted(warnings.length, "warning") : "";
+    state.textContent = isCurrent || n ? found || "Valid" : "checking\u2026";
     byId("play").disabled = n > 0;
-    byId("problems").classList.toggle("invalid", n > 0);
-    byId("problems").querySelector("h2").textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : "No problems";
-    const key = JSON.stringify(problems);
+    byId("problems").classList.toggle("invalid", found !== "");
+    byId("problems").querySelector("h2").textContent = found || "No problems";
+    const key = JSON.stringify([problems, warnings]);
     if (key !== this.listed) {
       this.listed = key;
       const item = (problem) => {
@@ -131,7 +140,7 @@ export class Checker {
       };
       byId("problems")
         .querySelector("ol")
-        .replaceChildren(...problems.map(item));
+        .replaceChildren(...problems.map(item), ...warnings.map(item));
     }
     const { summary } = this;
     byId("summary").textContent =

@@ -2,12 +2,12 @@
 // FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
 
 import { titleCase } from "#view/battle.js";
-import { byId, make } from "#view/dom.js";
+import { byId, download, make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
 import { BattlePlayer, RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_STEP } from "#view/transport.js";
-import { ConnectionLost } from "../connection.js";
+import { ConnectionLost, messageOf } from "../connection.js";
 
 /** @import { ScenarioInfo } from "#view/data.d.ts" */
 /** @import { EpisodeInfo, Features, Steps } from "../protocol.d.ts" */
@@ -162,10 +162,12 @@ export class FollowPlayer extends BattlePlayer {
    * @param {Steps} response
    */
   append(entry, response) {
-    const { track } = entry;
     byId("message").hidden = true;
-    this.isStalled = response.steps === 0 && response.n_moments === 0;
+    this.isStalled = response.steps === 0 && (response.n_moments === 0 || entry.track.length > 0);
     if (response.step !== entry.steps || this.tracks.get(response.number) !== entry) return;
+    // The start comes with the first steps; while there are none it comes alone, and then again with them.
+    if (response.step === 0 && entry.track.length) this.replaceTrack(entry);
+    const { track } = entry;
     if (response.n_moments) track.append(bytesOf(response.moments), response.n_moments);
     track.appendDecisions(bytesOf(response.decisions));
     entry.steps += response.steps;
@@ -181,6 +183,13 @@ export class FollowPlayer extends BattlePlayer {
     if (this.view.isFitted) this.view.camera = null;
     this.listEpisodes();
     this.redraw();
+  }
+
+  /** Begins the track of an episode anew. */
+  replaceTrack(entry) {
+    const { serial } = entry.track;
+    entry.track = Object.assign(new Track(this.info), { serial });
+    if (entry === this.entry) this.view.track = this.chart.track = entry.track;
   }
 
   seek(tick) {
@@ -272,9 +281,24 @@ export class FollowPlayer extends BattlePlayer {
       item.firstElementChild?.setAttribute("aria-current", String(number === this.number));
   }
 
+  /** Saves the state before the shown step as a file, from which battles can branch. */
+  async branch() {
+    const { entry, number } = this;
+    if (!entry?.track.length) return;
+    const step = Math.min(Math.floor(this.clock.time / TICKS_PER_STEP), entry.steps);
+    try {
+      const { name, record } = await this.request({ type: "get_snapshot", number, step });
+      download(name, bytesOf(record), "application/octet-stream");
+    } catch (error) {
+      byId("message").hidden = false;
+      byId("message").textContent = `The snapshot cannot be saved: ${messageOf(error)}`;
+    }
+  }
+
   command(key, ticks) {
     return (
       {
+        b: () => this.branch(),
         n: () => this.newest(),
         PageUp: () => this.openNext(-1),
         PageDown: () => this.openNext(1),

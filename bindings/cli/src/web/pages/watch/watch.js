@@ -237,6 +237,7 @@ field `state` is left out. Click a battle to follow it.");
   listen() {
     byId("back").addEventListener("click", () => this.overview());
     byId("newest").addEventListener("click", () => this.player.newest());
+    byId("branch").addEventListener("click", () => this.player.branch());
     byId("previous").addEventListener("click", () => this.turn(-1));
     byId("next").addEventListener("click", () => this.turn(1));
     byId("lane").addEventListener("change", (event) => this.chooseLane(event.target.value));
