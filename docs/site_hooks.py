@@ -22,14 +22,14 @@ COLUMNS = "90"
 
 
 def on_config(config: Any) -> Any:
-    """Called by MkDocs first. Without mike, which sets this variable, no versions.json is there to be loaded."""
+    """Called by MkDocs first. Without mike, which sets this variable, there is no versions.json to load."""
     if "MIKE_DOCS_VERSION" not in os.environ:
         config.extra.pop("version", None)
     return config
 
 
 def on_post_page(output: str, **_: Any) -> str:
-    """Called by MkDocs with every whole page. Pages load nothing of others, such as GitHub's count of stars."""
+    """Called by MkDocs with every whole page. Pages load nothing of others, such as GitHub's stars."""
     return output.replace(' data-md-component="source"', "")
 
 

@@ -1,7 +1,7 @@
 """The curves of docs/results.md, as SVG. A line is the median over the seeds, a band is their range.
 
-Every chart is drawn twice, for light and for dark pages, with a transparent background. Equal data gives equal
-files.
+Every chart is drawn twice, for light and for dark pages, with a transparent background. Equal data gives
+equal files.
 """
 
 from __future__ import annotations

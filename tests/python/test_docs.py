@@ -71,7 +71,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
     "how-to/plan.md": {
-        "import numpy as np\n\nimport smaclite_pool as sp\n\nFIELDS": "test_watch.py saves such a file and restores it",
+        "import numpy as np\n\nimport smaclite_pool as sp\n\nFIELDS": "test_watch.py restores such a file",
         "python bindings/examples/planning.py 3s_vs_4z": CLONE,
     },
     "reference/opponents.md": {"just figures": CLONE},
@@ -181,7 +181,7 @@ class Session:
         """Runs a block, checks that it is what the block before printed, or that it is data of its kind."""
         code = block.code
         if block.is_printed:
-            assert self.missing or code in self.printed, f"the page shows:\n{code}\nThis was printed:\n{self.printed}"
+            assert self.missing or code in self.printed, f"shown:\n{code}\nprinted:\n{self.printed}"
         elif block.language == "python":
             self.execute([sys.executable, "-c", code], code)
         elif block.language == "sh" and code.startswith("smaclite-pool serve"):
