@@ -5,11 +5,12 @@
 
 use crate::engine::{Plays, record};
 use smaclite_cli::bench::play::{Player, Policy, Recording};
-use smaclite_engine::Scratch;
-use smaclite_scenarios::ScenarioError;
+use smaclite_engine::{Arena, Battle, RecordLayout, RecordSizes, Rules, Scratch, Snapshot};
+use smaclite_scenarios::{Scenario, ScenarioError};
 use std::collections::HashMap;
 use std::error::Error;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 
 /// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
 /// have the names of the engine's modules.
@@ -73,8 +74,9 @@ pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<
     Ok(())
 }
 
-/// How the name of [`play_counted`] ends.
+/// How the names of [`play_counted`] and [`play_counted_fork`] end.
 const COUNTED: &str = "instructions::play_counted";
+const COUNTED_FORK: &str = "instructions::play_counted_fork";
 
 /// Not inlined: callgrind counts inside this function only.
 #[inline(never)]
@@ -92,15 +94,57 @@ pub(crate) fn under_valgrind(options: &[&str], second: &[&str]) -> Result<Comman
     Ok(command)
 }
 
+/// What a fork costs the worker that does it, once `steps` times, in the process that callgrind runs: the state is
+/// saved, another battle takes it, and writes its snapshot.
+pub(crate) fn fork_once(scenario: &str, forks: usize) -> Result<(), Box<dyn Error>> {
+    let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
+    let (n_agents, n_enemies) = (arena.sizes().n_agents, arena.sizes().n_enemies);
+    let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+    let [mut from, mut to] = [1, 2].map(|seed| Battle::new(Arc::clone(&arena), seed));
+    let (mut scratch, mut snapshot, mut record) =
+        (Scratch::new(), Snapshot::default(), vec![0; layout.size()]);
+    let east: Vec<i32> = vec![4; n_agents];
+    from.step(&east, &mut scratch)?;
+    for _ in 0..forks {
+        play_counted_fork(&from, &mut to, &mut snapshot, &layout, &mut record);
+    }
+    Ok(())
+}
+
+/// As [`play_counted`].
+#[inline(never)]
+fn play_counted_fork(
+    from: &Battle,
+    to: &mut Battle,
+    snapshot: &mut Snapshot,
+    layout: &RecordLayout,
+    record: &mut [u8],
+) {
+    from.save_into(snapshot);
+    to.restore_checked(snapshot);
+    to.write_record(layout, &[], record);
+}
+
+/// Instructions of a fork per unit.
+pub(crate) fn per_fork_and_unit(scenario: &str, forks: usize) -> Result<f64, CountError> {
+    let n_units = Scenario::resolve(scenario)?.units.len();
+    let counts = count_second(&["fork", scenario, &forks.to_string()])?;
+    Ok(counts.total() / (n_units * forks) as f64)
+}
+
 fn count(scenario: &str, policy: Policy, steps: usize) -> Result<Counts, CountError> {
+    count_second(&["play", scenario, &policy.name(), &steps.to_string()])
+}
+
+/// The counts of this program as `second`.
+fn count_second(second: &[&str]) -> Result<Counts, CountError> {
     let folder = std::env::temp_dir();
     let options = [
         "--tool=callgrind",
         &format!("--toggle-collect=*{COUNTED}*"),
         &format!("--callgrind-out-file={}/callgrind-%p", folder.display()), // %p: id of the process
     ];
-    let second = ["play", scenario, &policy.name(), &steps.to_string()];
-    let child = under_valgrind(&options, &second)?.spawn().map_err(CountError::NotStarted)?;
+    let child = under_valgrind(&options, second)?.spawn().map_err(CountError::NotStarted)?;
     let file = folder.join(format!("callgrind-{}", child.id()));
     let output = child.wait_with_output()?;
     if !output.status.success() {
@@ -136,7 +180,7 @@ impl Counts {
 
     /// Everything that was counted.
     fn total(&self) -> f64 {
-        self.of(COUNTED)
+        self.of(COUNTED) + self.of(COUNTED_FORK)
     }
 
     fn of(&self, function: &str) -> f64 {

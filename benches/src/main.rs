@@ -85,6 +85,8 @@ enum SecondProcess {
     Pong { name: String, wait: WaitStrategy },
     /// Plays a battle once, under callgrind
     Play { scenario: String, policy: Policy, steps: usize },
+    /// Forks a battle, under callgrind
+    Fork { scenario: String, forks: usize },
     /// Prints which extensions of the instruction set the processor has
     Extensions,
     /// Serves environments that do nothing
@@ -133,6 +135,7 @@ fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
     match process {
         SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
         SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, policy, steps),
+        SecondProcess::Fork { scenario, forks } => instructions::fork_once(&scenario, forks),
         SecondProcess::Extensions => {
             recorded_instructions::print_extensions();
             Ok(())

@@ -4,7 +4,7 @@
 //! They depend on the compiler and on the instruction set of the processor, so these conditions are recorded
 //! too, and every check says which of them differ.
 
-use crate::instructions::{CountError, per_unit_tick, under_valgrind};
+use crate::instructions::{CountError, per_fork_and_unit, per_unit_tick, under_valgrind};
 use smaclite_cli::bench::play::Policy;
 use smaclite_scenarios::Scenario;
 use std::error::Error;
@@ -19,15 +19,42 @@ const STEPS: usize = 200;
 /// A count may grow by this share of the recorded count.
 const TOLERANCE: f64 = 0.03;
 
+/// What is counted in a scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Work {
+    /// Steps with this policy, per living unit and tick.
+    Steps(Policy),
+    /// Forks, per unit.
+    Forks,
+}
+
+impl Work {
+    const ALL: [Work; 3] = [Work::Steps(Policy::Nearest), Work::Steps(Policy::Random), Work::Forks];
+
+    fn name(self) -> String {
+        match self {
+            Work::Steps(policy) => policy.name(),
+            Work::Forks => "fork".to_owned(),
+        }
+    }
+
+    fn count(self, scenario: &str) -> Result<f64, CountError> {
+        match self {
+            Work::Steps(policy) => per_unit_tick(scenario, policy, STEPS),
+            Work::Forks => per_fork_and_unit(scenario, STEPS),
+        }
+    }
+}
+
 /// What a count is of.
-type Play = (String, Policy);
+type Play = (String, Work);
 
 /// Counts, and the conditions under which they were counted.
 #[derive(Debug, PartialEq)]
 struct Recorded {
     /// Names and values.
     conditions: Vec<(String, String)>,
-    /// Instructions per living unit and tick.
+    /// Instructions per living unit and tick, of forks per unit.
     counts: Vec<(Play, f64)>,
 }
 
@@ -69,7 +96,7 @@ fn report(comparison: &Comparison, counts: usize) -> Result<(), Box<dyn Error>> 
         return Ok(());
     }
     Err(format!(
-        "more instructions per living unit and tick than recorded in benches/instructions.csv:\n{}\
+        "more instructions than recorded in benches/instructions.csv:\n{}\
          Find the cause: `just figures instructions SCENARIO --policy POLICY` shows the phases of a step.\n\
          If the growth is intended, record it with `just figures instructions --record` and give the reason \
          in the commit message.\n{}",
@@ -79,10 +106,9 @@ fn report(comparison: &Comparison, counts: usize) -> Result<(), Box<dyn Error>> 
     .into())
 }
 
-/// All standard scenarios with both policies.
+/// All standard scenarios with both policies, and their forks.
 fn all_plays() -> Vec<Play> {
-    let policies = [Policy::Nearest, Policy::Random];
-    Scenario::standard_names().flat_map(|name| policies.map(|policy| (name.to_owned(), policy))).collect()
+    Scenario::standard_names().flat_map(|name| Work::ALL.map(|work| (name.to_owned(), work))).collect()
 }
 
 /// Counts on all cores.
@@ -91,12 +117,12 @@ fn count_all(plays: &[Play]) -> Result<Vec<f64>, Box<dyn Error>> {
     let mut counts = Vec::with_capacity(plays.len());
     for plays in plays.chunks(cores) {
         let results: Vec<Result<f64, CountError>> = std::thread::scope(|scope| {
-            let count = |(scenario, policy): &Play| per_unit_tick(scenario, *policy, STEPS);
+            let count = |(scenario, work): &Play| work.count(scenario);
             let threads: Vec<_> = plays.iter().map(|play| scope.spawn(move || count(play))).collect();
             threads.into_iter().map(|thread| thread.join().expect("counting does not panic")).collect()
         });
-        for (result, (scenario, policy)) in results.into_iter().zip(plays) {
-            counts.push(result.map_err(|error| format!("{scenario}, {}: {error}", policy.name()))?);
+        for (result, (scenario, work)) in results.into_iter().zip(plays) {
+            counts.push(result.map_err(|error| format!("{scenario}, {}: {error}", work.name()))?);
         }
     }
     Ok(counts)
@@ -146,15 +172,15 @@ pub(crate) fn print_extensions() {
 impl Recorded {
     fn write(&self) -> String {
         let mut text =
-            "# Instructions per living unit and tick; written by `just figures instructions --record`, \
+            "# Instructions per living unit and tick, of forks per unit; written by `just figures instructions --record`, \
                         compared by `--check`.\n"
                 .to_owned();
         for (name, value) in &self.conditions {
             let _ = writeln!(text, "# {name}: {value}");
         }
-        text.push_str("scenario,policy,instructions\n");
-        for ((scenario, policy), count) in &self.counts {
-            let _ = writeln!(text, "{scenario},{},{count:.0}", policy.name());
+        text.push_str("scenario,work,instructions\n");
+        for ((scenario, work), count) in &self.counts {
+            let _ = writeln!(text, "{scenario},{},{count:.0}", work.name());
         }
         text
     }
@@ -163,7 +189,7 @@ impl Recorded {
         let (header, rows): (Vec<_>, Vec<_>) = text.lines().partition(|line| line.starts_with('#'));
         let condition = |line: &str| line.trim_start_matches("# ").split_once(": ").map(owned);
         let counts = rows.iter().skip(1).map(|row| {
-            parse_row(row).ok_or_else(|| format!("{FILE}: expected `scenario,policy,count`, got `{row}`"))
+            parse_row(row).ok_or_else(|| format!("{FILE}: expected `scenario,work,count`, got `{row}`"))
         });
         Ok(Recorded {
             conditions: header.into_iter().filter_map(condition).collect(),
@@ -178,9 +204,9 @@ fn owned((name, value): (&str, &str)) -> (String, String) {
 
 fn parse_row(row: &str) -> Option<(Play, f64)> {
     let mut cells = row.split(',');
-    let (scenario, policy, count) = (cells.next()?, cells.next()?, cells.next()?);
-    let policy = [Policy::Nearest, Policy::Random].into_iter().find(|known| known.name() == policy)?;
-    Some(((scenario.to_owned(), policy), count.parse().ok()?))
+    let (scenario, work, count) = (cells.next()?, cells.next()?, cells.next()?);
+    let work = Work::ALL.into_iter().find(|known| known.name() == work)?;
+    Some(((scenario.to_owned(), work), count.parse().ok()?))
 }
 
 /// Lines about the counts that differ by more than the tolerance, and about the conditions that differ.
@@ -194,9 +220,9 @@ struct Comparison {
 fn compare(recorded: &Recorded, now: &Recorded) -> Comparison {
     let mut comparison = Comparison::default();
     for (play, count) in &now.counts {
-        let (scenario, policy) = (&play.0, play.1.name());
+        let (scenario, work) = (&play.0, play.1.name());
         let Some((_, before)) = recorded.counts.iter().find(|(recorded, _)| recorded == play) else {
-            let _ = writeln!(comparison.larger, "  {scenario}, {policy}: nothing recorded, {count:.1} now");
+            let _ = writeln!(comparison.larger, "  {scenario}, {work}: nothing recorded, {count:.1} now");
             continue;
         };
         let growth = count / before - 1.0;
@@ -207,7 +233,7 @@ fn compare(recorded: &Recorded, now: &Recorded) -> Comparison {
         };
         let percent = growth * 100.0;
         let _ =
-            writeln!(lines, "  {scenario}, {policy}: {before:.1} recorded, {count:.1} now, {percent:+.1} %");
+            writeln!(lines, "  {scenario}, {work}: {before:.1} recorded, {count:.1} now, {percent:+.1} %");
     }
     for (name, value) in &now.conditions {
         let before = recorded.conditions.iter().find(|(recorded, _)| recorded == name);
@@ -227,7 +253,7 @@ mod tests {
     use super::*;
 
     fn counted(compiler: &str, nearest: f64, random: f64) -> Recorded {
-        let play = |policy| ("2s3z".to_owned(), policy);
+        let play = |policy| ("2s3z".to_owned(), Work::Steps(policy));
         Recorded {
             conditions: vec![owned(("compiler", compiler)), owned(("steps per count", "200"))],
             counts: vec![(play(Policy::Nearest), nearest), (play(Policy::Random), random)],
@@ -267,7 +293,7 @@ mod tests {
     fn the_file_is_read_as_it_was_written() {
         let recorded = counted("rustc 1", 1000.0, 2000.0);
         assert_eq!(Recorded::parse(&recorded.write()).unwrap(), recorded);
-        assert!(Recorded::parse("scenario,policy,instructions\n2s3z,furthest,1.0\n").is_err());
+        assert!(Recorded::parse("scenario,work,instructions\n2s3z,furthest,1.0\n").is_err());
     }
 
     #[test]

@@ -7,6 +7,7 @@ use glam::Vec2;
 use super::World;
 use super::target_choice::{self, Choice};
 use crate::arena::{Approach, Arena, Matchup};
+use crate::command::Command;
 use crate::distance::distance_squared;
 
 /// Sets the preferred velocity, the target and the declared attack of every unit.
@@ -41,7 +42,7 @@ pub(super) fn decide(world: &mut World) {
     for &(id, target) in &scratch.targeting {
         plans.approach(id, target, plans.approaches[id as usize].speed);
     }
-    for &(id, destination) in &scratch.attack_moving {
+    for &id in &scratch.attack_moving {
         let i = id as usize;
         let own = &plans.approaches[i];
         // The speed depends on whether the unit had a target before it chooses one (R3).
@@ -49,7 +50,11 @@ pub(super) fn decide(world: &mut World) {
         targets[i] = choice.target(targets, id, own);
         match targets[i] {
             Some(target) => plans.approach(id, target, speed),
-            None => plans.walk(id, destination, speed),
+            None => {
+                if let Command::AttackMove(destination) = scratch.commands[i] {
+                    plans.walk(id, destination, speed);
+                }
+            }
         }
     }
 }

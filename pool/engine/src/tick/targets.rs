@@ -41,7 +41,7 @@ pub(super) fn drop_lost(world: &mut World) {
     for &(id, target) in &scratch.targeting {
         targets[id as usize] = now.if_alive(target);
     }
-    for &(id, _) in &scratch.attack_moving {
+    for &id in &scratch.attack_moving {
         targets[id as usize] = now.kept(targets, id);
     }
 }
