@@ -21,6 +21,18 @@ COLUMNS = "90"
 """Characters per line of the help."""
 
 
+def on_config(config: Any) -> Any:
+    """Called by MkDocs first. Without mike, which sets this variable, there is no versions.json to load."""
+    if "MIKE_DOCS_VERSION" not in os.environ:
+        config.extra.pop("version", None)
+    return config
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Called by MkDocs with every whole page. Pages load nothing of others, such as GitHub's stars."""
+    return output.replace(' data-md-component="source"', "")
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Called by MkDocs with the text of every page."""
     return re.sub(r"^<!-- insert: (\S+) -->$", lambda found: INSERTS[found[1]](), markdown, flags=re.M)

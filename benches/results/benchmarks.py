@@ -21,8 +21,6 @@ PAGE = data.REPOSITORY / "docs" / "benchmarks.md"
 DETAILS = data.REPOSITORY / "benches" / "README.md"
 DETAILED = ["engine", "pool"]
 """The files with a table in benches/README.md."""
-COLOURS = ["#0060a8", "#e08214", "#208040", "#8a3fa0", "#888888"]
-"""Of the bars of a group, by their order."""
 
 
 @dataclass(frozen=True)
@@ -110,24 +108,29 @@ def cells(row: list[str]) -> list[str]:
 
 
 def draw(benchmark: Benchmark, header: list[str], rows: list[list[str]], path: Path) -> None:
+    """Writes the chart of these rows."""
+    from . import charts  # needs matplotlib
+
+    charts.write(lambda: figure(benchmark, header, rows), path)
+
+
+def figure(benchmark: Benchmark, header: list[str], rows: list[list[str]]) -> Any:
     """Groups of horizontal bars, one group per row."""
     import matplotlib.pyplot as plt
-
-    from . import charts  # sets the style
 
     series = header[1:]
     thickness = 0.8 / len(series)
     height = 0.9 + 0.19 * len(rows) * (len(series) + 1)
-    figure, axes = plt.subplots(figsize=(7.5, height), layout="constrained")
+    chart, axes = plt.subplots(figsize=(7.5, height), layout="constrained")
     for index, label in enumerate(series):
         values = [float(row[index + 1] or 0) for row in rows]
         places = [group + (index - (len(series) - 1) / 2) * thickness for group in range(len(rows))]
-        bars = axes.barh(places, values, thickness, label=label, color=COLOURS[index % len(COLOURS)])
+        bars = axes.barh(places, values, thickness, label=label)  # in the next colour of the palette
         labels = [cells(row)[index + 1] for row in rows]
         axes.bar_label(bars, labels, padding=3, fontsize=8)
     smallest = min(float(cell) for row in rows for cell in row[1:] if cell)
     decorate(axes, benchmark, [row[0] for row in rows], len(series), smallest)
-    charts.write(figure, path)
+    return chart
 
 
 def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int, smallest: float) -> None:

@@ -1,18 +1,20 @@
 """The curves of docs/results.md, as SVG. A line is the median over the seeds, a band is their range.
 
-The pictures have a white background, so that they can be read on dark pages too, and equal data gives equal
-files.
+Every chart is drawn twice, for light and for dark pages, with a transparent background. Equal data gives
+equal files.
 """
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.rcsetup import cycler
 from numpy.typing import NDArray
 
 from . import data
@@ -28,16 +30,28 @@ mpl.rcParams.update({
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "axes.grid.axis": "y",
-    "grid.color": "#dddddd",
     "path.simplify_threshold": 0.5,
 })  # fmt: skip
 
 POINTS = 41
 """Of a curve."""
-COLOURS = ["#0060a8", "#c04000", "#208040"]
-"""Of the curves in a panel, by their order."""
-REFERENCE = "#555555"
+REFERENCE = {"color": "C4", "linestyle": "--", "linewidth": 1.2}
+"""The style of lines that are not curves."""
+
+
+def palette(text: str, grid: str, series: list[str]) -> Any:
+    """Settings for the colours of text and axes, of the grid, and of bars and curves by their order."""
+    names = ["text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"]
+    return {"axes.prop_cycle": cycler(color=series), "grid.color": grid, **dict.fromkeys(names, text)}
+
+
+PALETTES = {
+    "": palette("#24292f", "#dddddd", ["#0060a8", "#d9730d", "#208040", "#8a3fa0", "#808080"]),
+    "-dark": palette("#d8dae0", "#434853", ["#58a6f0", "#f0984c", "#58b878", "#c490e4", "#9a9da6"]),
+}
+"""By what they add to the name of a file."""
 
 Lines = list[tuple[str, Runs]]
 """The curves of a panel, with their names."""
@@ -81,9 +95,14 @@ def save(folder: Path, name: str, panels: list[Panel], columns: int) -> None:
     """Draws the panels in rows of `columns`. Without panels, there is no picture."""
     if not panels:
         return
+    columns = min(columns, len(panels))
+    write(lambda: drawn(folder, panels, columns), folder / f"{name}.svg")
+
+
+def drawn(folder: Path, panels: list[Panel], columns: int) -> Any:
+    """A figure of these panels."""
     import matplotlib.pyplot as plt
 
-    columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     width = 9.0 / max(columns, 2)
     figure, grid = plt.subplots(
@@ -93,20 +112,22 @@ def save(folder: Path, name: str, panels: list[Panel], columns: int) -> None:
     for axes, (lines, column) in zip(grid.flat, panels):
         draw_panel(axes, folder, lines, column)
         if legend != (legend := axes.get_legend_handles_labels()[1]):  # or it is that of the panel before
-            axes.legend(loc="lower right", fontsize=8, framealpha=0.8)
+            axes.legend(loc="lower right", fontsize=8, frameon=False)
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
-    write(figure, folder / f"{name}.svg")
+    return figure
 
 
-def write(figure: Any, path: Path) -> None:
-    """Writes a figure as a small SVG file, and closes it."""
+def write(draw_figure: Callable[[], Any], path: Path) -> None:
+    """Writes what the function draws as small SVG files, one per palette: NAME.svg and NAME-dark.svg."""
     import matplotlib.pyplot as plt
 
-    svg = io.StringIO()
-    figure.savefig(svg, facecolor="white", metadata={"Date": None, "Creator": None})
-    plt.close(figure)
-    path.write_text(compact(svg.getvalue()))
+    for suffix, colours in PALETTES.items():
+        with mpl.rc_context(colours):
+            figure, svg = draw_figure(), io.StringIO()
+            figure.savefig(svg, transparent=True, metadata={"Date": None, "Creator": None})
+            plt.close(figure)
+        path.with_stem(path.stem + suffix).write_text(compact(svg.getvalue()))
 
 
 def compact(svg: str) -> str:
@@ -125,22 +146,22 @@ def compact(svg: str) -> str:
 def draw_panel(axes: Any, folder: Path, lines: Lines, column: str) -> None:
     """One scenario."""
     scale = 100.0 if column == "win_rate" else 1.0
-    for (label, runs), colour in zip(lines, COLOURS):
+    for index, (label, runs) in enumerate(lines):
+        colour = f"C{index}"
         if found := curves(folder, runs):
             steps, values = on_one_grid(found, column)
             low, mid, high = scale * values.min(0), scale * np.median(values, 0), scale * values.max(0)
             axes.fill_between(steps, low, high, color=colour, alpha=0.25, linewidth=0)
             axes.plot(steps, mid, color=colour, linewidth=1.6, label=label)
     (_, runs), title = lines[-1], lines[-1][1].scenario
-    reference = {"color": REFERENCE, "linestyle": "--", "linewidth": 1.2}
     if runs.group == "default":
-        axes.axhline(100 * data.REACHED, label="90 %", **reference)
+        axes.axhline(100 * data.REACHED, label="90 %", **REFERENCE)
     if column == "win_rate":
         axes.set(ylim=(-3, 103), yticks=(0, 50, 100), ylabel="won episodes (%)")
     else:
         if runs.group == "paper":
             theirs = PAPER[title]
-            axes.axhline(theirs.test_return, label=f"paper, {theirs.algorithm}", **reference)
+            axes.axhline(theirs.test_return, label=f"paper, {theirs.algorithm}", **REFERENCE)
         axes.set(ylim=(0, max(22, axes.get_ylim()[1])), ylabel="return")
     axes.locator_params(axis="x", nbins=4)
     axes.set(title=title, xlabel="million steps", xlim=(0, None))

@@ -63,6 +63,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
     },
     "how-to/ray.md": {"ray start": "needs a cluster", "python bindings": "test_ray.py runs the program"},
+    "how-to/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
     "how-to/slurm.md": {"sbatch": "needs a cluster"},
     "how-to/systemd.md": {
         "[Unit]": "needs systemd",
@@ -70,9 +71,10 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
     "how-to/plan.md": {
-        "kept = np.fromfile": "test_watch.py saves such a file and restores it",
+        "import numpy as np\n\nimport smaclite_pool as sp\n\nFIELDS": "test_watch.py restores such a file",
         "python bindings/examples/planning.py 3s_vs_4z": CLONE,
     },
+    "reference/opponents.md": {"just figures": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
         "just figures": CLONE,
@@ -84,7 +86,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "python3 -m venv": INSTALLS,
         "pip install '.[": INSTALLS,
     },
-    "tutorials/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
     "tutorials/watching.md": {
         "smaclite-pool watch": SERVES,
         "ssh": "needs another machine",
@@ -105,7 +106,10 @@ NOT_RUN: dict[str, dict[str, str]] = {
 }
 """The beginnings of blocks that are not run, by page, and why."""
 
-BEFORE = {"tutorials/watching.md": "smaclite-pool new scenario my_scenario.json"}
+BEFORE = {
+    "how-to/training.md": "smaclite-pool train 2s3z --steps 500000 --out runs/2s3z",
+    "how-to/pictures.md": "smaclite-pool new scenario my_scenario.json",
+}
 """Commands whose results a page takes for granted."""
 
 SHORTER = {r"--steps \d+": "--steps 5000", r"--threads 16": "--threads 2", r"--seconds \d": "--seconds 0.2"}
@@ -123,6 +127,11 @@ class Block(NamedTuple):
         """What a program prints, not code."""
         return self.language == "text" or self.language.startswith("{ .text")
 
+    @property
+    def is_printed(self) -> bool:
+        """What the block before prints: everywhere the same (`.printed`), or with other numbers (`.like`)."""
+        return ".printed" in self.language or ".like" in self.language
+
 
 def place(page: Path) -> str:
     return str(page.relative_to(DOCS))
@@ -138,6 +147,12 @@ def blocks(text: str) -> list[Block]:
     return found
 
 
+def without_numbers(text: str) -> str:
+    """Tables without the widths of their columns, and battles without their outcome."""
+    numbers, outcomes = r"\d[\d,.:]*|(?<= )-(?= )", r"\b(won|lost|truncated)\b"
+    return re.sub(r" +", " ", re.sub(outcomes, "", re.sub(numbers, "0", text)))
+
+
 def reason(where: str, code: str) -> str | None:
     """Why a block of a page or module is not run."""
     return next((why for start, why in NOT_RUN.get(where, {}).items() if code.startswith(start)), None)
@@ -150,6 +165,7 @@ class Session:
         self.folder = folder
         self.servers: list[subprocess.Popen[str]] = []
         self.missing: set[str] = set()
+        self.printed = ""
         commands = folder / "bin"
         commands.mkdir()
         python = shlex.quote(sys.executable)
@@ -168,9 +184,14 @@ class Session:
         }
 
     def run(self, block: Block) -> None:
-        """Runs a block, or checks that it is data of its kind."""
+        """Runs a block, checks that it is what the block before printed, or that it is data of its kind."""
         code = block.code
-        if block.language == "python":
+        if block.is_printed:
+            shown = [code] if ".printed" in block.language else re.split(r"^\.\.\.\n", code, flags=re.M)
+            change = str if ".printed" in block.language else without_numbers
+            same = all(change(part) in change(self.printed) for part in shown)
+            assert self.missing or same, f"shown:\n{code}\nprinted:\n{self.printed}"
+        elif block.language == "python":
             self.execute([sys.executable, "-c", code], code)
         elif block.language == "sh" and code.startswith("smaclite-pool serve"):
             self.serve(code)
@@ -204,6 +225,7 @@ class Session:
             self.missing.add(missing[1])
         else:
             assert done.returncode == 0, f"{code}\n{done.stdout}\n{done.stderr}"
+            self.printed = done.stdout
 
     def end(self) -> None:
         for pool in self.servers:
@@ -225,8 +247,8 @@ def session() -> Iterator[Session]:
 
 
 def runnable(page: Path) -> list[Block]:
-    """The blocks of a page that are run; `text` is output and not code."""
-    found = [block for block in blocks(page.read_text()) if not block.is_output]
+    """The blocks of a page that are run, and what they print; other `text` is output of another kind."""
+    found = [block for block in blocks(page.read_text()) if block.is_printed or not block.is_output]
     return [block for block in found if not reason(place(page), block.code)]
 
 
@@ -283,9 +305,12 @@ def test_what_is_not_run_is_there() -> None:
 
 
 def test_code_fits_the_column_of_the_site() -> None:
+    """Lines that do not fit are broken anywhere, which commands stand better than expressions."""
     for page in PAGES:
-        code = [block.code for block in blocks(page.read_text()) if not block.is_output]
-        assert not [line for line in "".join(code).splitlines() if len(line) > 100], page
+        for block in blocks(page.read_text()):
+            limit = 90 if block.language == "python" else 100
+            lines = [] if block.is_output else block.code.splitlines()
+            assert not [line for line in lines if len(line) > limit], page
 
 
 def test_the_site_names_every_page() -> None:
@@ -339,16 +364,28 @@ def test_every_picture_exists_and_loads_fast() -> None:
         assert picture.stat().st_size < limits.get(picture.name, usual), picture
 
 
+def test_charts_fit_light_and_dark_pages() -> None:
+    """On a dark page, the charts were white boxes. Each is there twice, and the page shows one of them."""
+    for page in PAGES:
+        charts = re.findall(r"^!\[(.*?)\]\((.*?)\.svg(.*?)\)$", page.read_text(), re.M)
+        for light, dark in zip(charts[::2], charts[1::2], strict=True):
+            assert light[2] == "#gh-light-mode-only", page
+            assert dark == (light[0], f"{light[1]}-dark", "#gh-dark-mode-only"), page
+
+
 PICTURES = "https://raw.githubusercontent.com/smaclite-pool/smaclite-pool/main/"
 """Where the README, which PyPI shows too, has the files of the repository."""
 
 
 def pictures(page: Path) -> Iterator[Path]:
     """The pictures of a page, all of which have an alternative text. Badges are elsewhere."""
-    markdown = page.read_text().replace(f"]({PICTURES}", f"]({ROOT}/")
+    source = re.sub(rf'<img alt="(.*?)" src="{PICTURES}(.*?)">', rf"![\1]({ROOT}/\2)", page.read_text())
+    markdown = source.replace(f"]({PICTURES}", f"]({ROOT}/")
     for text, path in re.findall(r"!\[([^]]*)\]\((?!https:)(.+?)\)", markdown):
         assert text, path
         yield (page.parent / path.partition("#")[0]).resolve()
+    for path in re.findall(rf'srcset="{PICTURES}(.*?)"', source):
+        yield ROOT / path
 
 
 def test_the_reference_has_every_public_name() -> None:

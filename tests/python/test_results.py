@@ -185,7 +185,8 @@ def test_equal_data_gives_equal_and_small_pictures(tmp_path: Path) -> None:
         assert page.main(["--data", str(tmp_path), "--page", str(text)]) == 0
         drawn.append({path.name: path.read_text() for path in tmp_path.glob("*.svg")})
     assert drawn[0] == drawn[1]
-    assert set(drawn[0]) == {f"{name}.svg" for name in ("paper", "paper-wins", "default", "others", "rules")}
+    names = {"paper", "paper-wins", "default", "others", "rules"}
+    assert set(drawn[0]) == {f"{name}{suffix}.svg" for name in names for suffix in ("", "-dark")}
     for name, svg in drawn[0].items():
         assert len(svg) < 60_000, name
     for theirs in PAPER.values():
