@@ -200,7 +200,7 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
     };
     refusal(&mut learner, &changed(size - 9, 1), "environment 2 cannot be restored: the snapshot is damaged");
     refusal(&mut learner, &changed(0, 1), "environment 2 cannot be restored: these bytes are no snapshot");
-    refusal(&mut learner, &changed(8, 2), "environment 2 cannot be restored: the snapshot has version 3");
+    refusal(&mut learner, &changed(8, 1), "environment 2 cannot be restored: the snapshot has version 3");
     let layout = RecordLayout::of(&good[..size]).expect("a snapshot");
     let mut edited = good.clone();
     layout.column_mut(&mut edited[size..2 * size], Column::Shield)[16..24]

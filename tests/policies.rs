@@ -1,6 +1,6 @@
 //! The scripted policies: what each of them promises, in battles on every standard map.
 
-use smaclite_engine::policy::{Scripted, Situation, UnknownPolicy};
+use smaclite_engine::policy::{Scripted, Situation, Tactic, UnknownPolicy};
 use smaclite_engine::{Arena, Battle, Rules, Scratch, action};
 use smaclite_ipc::{Client, WaitOptions};
 use smaclite_pool::fields::Field;
@@ -130,7 +130,7 @@ fn a_batch_with_too_few_states_is_refused() {
     let sizes = arena.sizes();
     let (state, mask) = (vec![0.0; sizes.state_size], vec![1; 2 * sizes.n_agents * sizes.n_actions]);
     let mut actions = vec![0; 2 * sizes.n_agents];
-    Scripted::FocusFire.act_batch(&arena, &state, &mask, &mut actions);
+    Scripted::new(Tactic::FocusFire, 0).act_batch(&arena, &state, &mask, &mut actions);
 }
 
 /// Squares between the centres of a marine and its farthest target: range 5 and twice the radius.
@@ -203,6 +203,7 @@ fn focus_fire_wins_more_than_nearest() {
 fn an_unknown_policy_is_named_with_the_known_ones() {
     let error = Scripted::from_name("greedy", 0).unwrap_err();
     assert_eq!(error, UnknownPolicy("greedy".to_owned()));
-    let expected = "unknown policy `greedy`; the policies are random, nearest, focus_fire, kite, hold";
+    let expected = "unknown policy `greedy`; the policies are random, nearest, focus_fire, kite, hold, line, \
+                    flank, escort, spread";
     assert_eq!(error.to_string(), expected);
 }

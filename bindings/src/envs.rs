@@ -19,6 +19,7 @@ use smaclite_ipc::{
 };
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::Duration;
 
@@ -692,6 +693,12 @@ impl Envs {
     #[getter]
     fn rules(&self) -> &str {
         &self.description.rules
+    }
+
+    /// Who plays the enemies: names of `OPPONENTS`, and their weights.
+    #[getter]
+    fn opponents(&self) -> BTreeMap<String, f64> {
+        self.description.opponents.clone().into()
     }
 
     /// A dict from the name of each field in a batch to its dtype and shape.

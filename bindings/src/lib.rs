@@ -92,6 +92,8 @@ mod _native {
         super::errors::load_classes(module.py());
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
+        let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
+        module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)
     }

@@ -9,9 +9,9 @@ use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Opponents, Rules};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy, check_name,
@@ -19,6 +19,8 @@ use smaclite_ipc::{
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
+use std::collections::BTreeMap;
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -48,6 +50,8 @@ const MAX_LANES: usize = 64;
 ///     episode_limit: number of steps after which an episode is truncated, at least 1; None for no limit;
 ///         "default" for the scenario's limit.
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
+///     opponent: who plays the enemies: a name of `OPPONENTS`, or a dictionary of names and weights, of which each
+///         episode draws one from the environment's generator. See `docs/reference/opponents.md`.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
@@ -77,12 +81,12 @@ const MAX_LANES: usize = 64;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
-    rules="smaclite", fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
+    rules="smaclite", opponent=OpponentArg::Name("attack_move".to_owned()), fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
     max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
     wait="adaptive", name=None, record=None, lanes=None))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', fields=None, obs_last_actions=0, \
-    obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None, \
+    autoreset='next_step', episode_limit='default', rules='smaclite', \
+    opponent='attack_move', fields=None, obs_last_actions=0, obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None, \
     lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
@@ -95,6 +99,7 @@ pub fn make(
     autoreset: &str,
     episode_limit: Option<LimitArg>,
     rules: &str,
+    opponent: OpponentArg,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
     obs_agent_id: bool,
@@ -116,6 +121,7 @@ pub fn make(
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
     let episode_limit = to_episode_limit(episode_limit)?;
+    let opponents = opponent.opponents()?;
     let fields = match fields {
         Some(names) => {
             FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?
@@ -128,7 +134,8 @@ pub fn make(
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
         let (scenario, files) = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
-        let setup = BattleSetup { files, rules, episode_limit };
+        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
+        let setup = BattleSetup { files, rules, episode_limit, opponents };
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let count = lanes.unwrap_or(1);
@@ -155,13 +162,17 @@ pub fn make(
             attach(runtime_dir, record.take(), is_cancelled, |_| supervisor.connect(Some(lane), wait))
         });
         let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
-        Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }))
+        Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }, warnings))
     };
-    let (attached, embedded) = run_on_thread(py, start)??;
+    let (attached, embedded, warnings) = run_on_thread(py, start)??;
     let mut envs = attached
         .into_iter()
         .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
         .collect::<Vec<_>>();
+    for warning in warnings {
+        let text = CString::new(warning.to_string())?;
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
     match lanes {
         None => Ok(Py::new(py, envs.remove(0))?.into_any()),
         Some(_) => envs.into_py_any(py),
@@ -193,6 +204,25 @@ pub enum LimitArg {
     Name(String),
     #[pyo3(annotation = "int")]
     Steps(IntArg),
+}
+
+/// The name of an opponent, or names and weights.
+#[derive(FromPyObject)]
+pub enum OpponentArg {
+    #[pyo3(annotation = "str")]
+    Name(String),
+    #[pyo3(annotation = "dict of str and float")]
+    Weights(BTreeMap<String, f64>),
+}
+
+impl OpponentArg {
+    fn opponents(self) -> PyResult<Opponents> {
+        let opponents = match self {
+            OpponentArg::Name(name) => Opponent::from_name(&name).map(Opponents::from),
+            OpponentArg::Weights(weights) => Opponents::new(weights),
+        };
+        opponents.map_err(|error| invalid_request(error.to_string()))
+    }
 }
 
 /// `None` is no limit.

@@ -30,7 +30,8 @@ pub(crate) fn setup_in(response: ControlResponse) -> Result<(LaneDescription, Ba
             let rules = lane.rules.parse().map_err(|error| ControlError::Malformed {
                 what: format!("rules of lane `{}`: {error}", lane.lane),
             })?;
-            let setup = BattleSetup { files: *files, rules, episode_limit: lane.episode_limit.into() };
+            let (episode_limit, opponents) = (lane.episode_limit.into(), lane.opponents.clone());
+            let setup = BattleSetup { files: *files, rules, episode_limit, opponents };
             Ok((*lane, setup))
         }
         ControlResponse::Refused(refusal) => Err(refusal),

@@ -132,6 +132,10 @@ pub trait Environment: Send {
     fn episode_return(&self) -> f64;
     /// Steps of this episode so far.
     fn episode_length(&self) -> u32;
+    /// What plays the enemies in this episode: an index in [`Opponent::ALL`](smaclite_engine::Opponent::ALL).
+    fn opponent(&self) -> usize {
+        0
+    }
     /// The battle that the environment is, if it is one. Only battles can be followed, saved and restored.
     fn battle(&self) -> Option<&Battle> {
         None
@@ -181,6 +185,9 @@ impl Environment for Battle {
     }
     fn episode_length(&self) -> u32 {
         Battle::episode_length(self)
+    }
+    fn opponent(&self) -> usize {
+        Battle::opponent(self).index()
     }
     fn battle(&self) -> Option<&Battle> {
         Some(self)

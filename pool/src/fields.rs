@@ -75,10 +75,11 @@ pub enum Field {
     FinalState,
     FinalAvailActions,
     Snapshot,
+    Opponent,
 }
 
 /// How many fields there are.
-pub const FIELD_COUNT: usize = 18;
+pub const FIELD_COUNT: usize = 19;
 
 /// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
 #[derive(Clone, Copy, Debug)]
@@ -182,6 +183,13 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         &[Axis::Snapshot],
         "the battle as bytes, to restore it later; only in lanes that name this field",
     ),
+    spec(
+        Field::Opponent,
+        "opponent",
+        I32,
+        &[],
+        "what plays the enemies in the episode: index in `OPPONENTS`; only in lanes that name this field",
+    ),
 ];
 
 impl Field {
@@ -217,8 +225,11 @@ impl FieldSet {
     /// Every field.
     pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
 
-    /// What a lane has that names no fields: every field but the snapshot.
-    pub const DEFAULT: FieldSet = FieldSet(FieldSet::ALL.0 & !(1 << Field::Snapshot as usize));
+    /// What a lane has that names no fields: every field but the snapshot and the opponent.
+    pub const DEFAULT: FieldSet = {
+        let others = 1 << Field::Snapshot as usize | 1 << Field::Opponent as usize;
+        FieldSet(FieldSet::ALL.0 & !others)
+    };
 
     /// The default fields but the `final_*` ones.
     pub fn without_final() -> FieldSet {

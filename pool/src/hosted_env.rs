@@ -260,6 +260,7 @@ impl HostedEnv {
         slot.set(Field::DeadEnemies, self.env.dead_enemies() as i32);
         slot.set(Field::EpisodeReturn, self.env.episode_return() as f32);
         slot.set(Field::EpisodeLength, self.env.episode_length() as i32);
+        slot.set(Field::Opponent, self.env.opponent() as i32);
     }
 
     fn write_view(&mut self, [obs, state, avail]: [Field; 3], slot: &mut Slot<'_>, scratch: &mut Scratch) {

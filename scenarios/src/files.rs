@@ -38,7 +38,10 @@ pub struct UnitFile {
 
 impl ScenarioFiles {
     /// As [`Scenario::load`], with the texts that the scenario was read from.
-    pub(crate) fn load(path: &Path) -> Result<(Scenario, ScenarioFiles), Problems> {
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn load(path: &Path) -> Result<(Scenario, ScenarioFiles), Problems> {
         let (base_dir, source) = (path.parent().unwrap_or(Path::new("")), shown_path(path));
         let report = Report::default();
         let read = read_text(path, MAX_SCENARIO_BYTES, &report).and_then(|text| {

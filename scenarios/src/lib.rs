@@ -30,6 +30,7 @@ mod sight;
 mod standard;
 mod terrain;
 mod unit_files;
+mod warnings;
 
 pub use error::ScenarioError;
 pub use files::{ScenarioFiles, UnitFile};

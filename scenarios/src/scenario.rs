@@ -12,6 +12,16 @@ pub enum Faction {
     Enemy,
 }
 
+impl Faction {
+    /// The faction that this one fights.
+    pub const fn opponent(self) -> Faction {
+        match self {
+            Faction::Ally => Faction::Enemy,
+            Faction::Enemy => Faction::Ally,
+        }
+    }
+}
+
 impl Keyword for Faction {
     const KEYWORDS: &'static [(&'static str, Faction)] =
         &[("ALLY", Faction::Ally), ("ENEMY", Faction::Enemy)];

@@ -65,6 +65,11 @@ impl ScenarioFiles {
         Some(ScenarioFiles { source, text: (*text).into(), unit_files: Vec::new() })
     }
 
+    /// Whether this is the file of a standard scenario.
+    pub fn is_standard(&self) -> bool {
+        STANDARD.iter().any(|(_, text)| *text == self.text)
+    }
+
     /// As [`Scenario::resolve`], with the texts that the scenario was read from.
     ///
     /// # Errors

@@ -404,7 +404,7 @@ fn names_and_paths_that_lead_nowhere() {
             "`2s3zz` is neither a standard scenario nor the path of a file, as in `./my_scenario.json`; did \
              you mean `2s3z`?",
         ),
-        ("no/where.json", "no/where.json: cannot be read: No such file or directory (os error 2)"),
+        ("no/where.json", "no/where.json: cannot be read: No such file or directory"),
     ];
     for (name, message) in cases {
         assert_eq!(Scenario::resolve(name).unwrap_err().to_string(), message);
@@ -464,4 +464,73 @@ fn a_scenario_has_a_short_name() {
     assert_eq!(named(&"n".repeat(101)), Err(error));
     let error = "`name` is \"two?lines\", but must be a string of 1 to 100 bytes, on one line";
     assert_eq!(named("two\nlines"), Err(error.into()));
+}
+
+/// The files of the valid scenario with `changes`.
+fn texts(changes: &[(&str, &str)], unit_files: Vec<UnitFile>) -> ScenarioFiles {
+    ScenarioFiles { source: "duel.json".into(), text: file(changes), unit_files }
+}
+
+/// Units that start inside walls, and sides that nothing connects, were valid without a word.
+#[test]
+fn what_is_probably_a_mistake_is_a_warning() {
+    let check = |changes: &[(&str, &str)], expected: &[&str]| {
+        let files = texts(changes, Vec::new());
+        files.scenario().expect("a valid scenario");
+        let warnings = files.warnings();
+        let messages: Vec<&str> = warnings.iter().map(|warning| warning.message.as_str()).collect();
+        assert_eq!(messages, expected, "{changes:?}");
+        assert!(warnings.iter().all(|warning| warning.file == "duel.json" && warning.line.is_some()));
+    };
+    let groups = |ally: &str, enemy: &str| {
+        let group = |place: &str, faction: &str| {
+            let (at, units) = place.split_once(' ').expect("a place and units");
+            format!("{{{at}, \"faction\": \"{faction}\", \"units\": {{{units}}}}}")
+        };
+        format!("[{}, {}]", group(ally, "ALLY"), group(enemy, "ENEMY"))
+    };
+    let one = ("num_enemy_units", "1");
+    let walled = groups(r#""x":9,"y":30 "ZEALOT":1"#, r#""x":23,"y":16 "ZEALOT":1"#);
+    let in_wall = "`groups[0]` puts a ZEALOT at (9, 30), on a blocked square that it may never leave";
+    check(&[("groups", &walled), one], &[in_wall]);
+    let three = groups(r#""x":9,"y":30 "ZEALOT":3"#, r#""x":23,"y":16 "ZEALOT":1"#);
+    let [allies, more] = [("num_allied_units", "3"), ("groups", three.as_str())];
+    let warnings = texts(&[allies, more, one], Vec::new()).warnings();
+    assert!(warnings[0].message.ends_with("never leave, and 2 more"), "{warnings:?}");
+    // What flies may start on walls, and reaches everything.
+    let flying = groups(r#""x":9,"y":30 "MEDIVAC":1"#, r#""x":23,"y":30 "MEDIVAC":1"#);
+    check(&[("groups", &flying), one], &[]);
+
+    let rows = ["______", "______", "______", "XXXXXX", "______", "______"];
+    let sides = |rows: &[&str]| {
+        let (width, height) = (rows[0].len().to_string(), rows.len().to_string());
+        [("width", width), ("height", height), ("terrain", format!("{rows:?}"))]
+    };
+    let on_map = |rows: &[&str], units: &str, expected: &[&str]| {
+        let groups = groups(&format!(r#""x":2,"y":1.5 {units}"#), r#""x":2,"y":5 "ZEALOT":1"#);
+        let sides = sides(rows);
+        let mut changes: Vec<(&str, &str)> = sides.iter().map(|(key, text)| (*key, text.as_str())).collect();
+        changes.extend([("terrain_preset", ""), ("attack_point", "[1, 1]"), ("groups", &groups), one]);
+        check(&changes, expected);
+    };
+    let separated = "`groups` are separated by walls: no path connects the agents with the enemies";
+    on_map(&rows, r#""ZEALOT":1"#, &[separated]);
+    on_map(&rows, r#""MEDIVAC":1"#, &[]);
+    let with_gap = ["______", "______", "______", "XXX_XX", "______", "______"];
+    on_map(&with_gap, r#""ZEALOT":1"#, &[]);
+    let with_corner = ["______", "______", "______", "XXX_XX", "___X__", "_____X"];
+    on_map(&with_corner, r#""ZEALOT":1"#, &[separated]);
+
+    // A zealot cannot reach what flies.
+    let helpless = groups(r#""x":9,"y":16 "MARINE":1,"ZEALOT":1"#, r#""x":23,"y":16 "MEDIVAC":1"#);
+    let no_target =
+        "`groups[0].units.ZEALOT` can attack none of the enemies: its `valid_targets` lack their planes";
+    check(&[("num_allied_units", "2"), ("groups", &helpless), one], &[no_target]);
+}
+
+#[test]
+fn an_invalid_scenario_has_problems_and_no_warnings() {
+    assert_eq!(texts(&[("num_enemy_units", "7")], Vec::new()).warnings(), []);
+    let (_, files) = ScenarioFiles::resolve("2s3z").unwrap();
+    assert!(files.is_standard() && !texts(&[], Vec::new()).is_standard());
 }

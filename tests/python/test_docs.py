@@ -70,12 +70,13 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
+    "how-to/plan.md": {"python bindings/examples/planning.py 3s_vs_4z": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
         "just figures": CLONE,
     },
     "reference/rust.md": {"just docs": CLONE},
-    "results.md": {"just results-train": "trains for hours"},
+    "results.md": {"just results-train": "trains for hours", "just results-search": CLONE},
     "tutorials/installation.md": {
         "pip install dist": INSTALLS,
         "python3 -m venv": INSTALLS,
@@ -336,11 +337,16 @@ def test_every_picture_exists_and_loads_fast() -> None:
         assert picture.stat().st_size < limits.get(picture.name, usual), picture
 
 
+PICTURES = "https://raw.githubusercontent.com/smaclite-pool/smaclite-pool/main/"
+"""Where the README, which PyPI shows too, has the files of the repository."""
+
+
 def pictures(page: Path) -> Iterator[Path]:
     """The pictures of a page, all of which have an alternative text. Badges are elsewhere."""
-    for text, path in re.findall(r"!\[([^]]*)\]\((?!https:)(.+?)\)", page.read_text()):
+    markdown = page.read_text().replace(f"]({PICTURES}", f"]({ROOT}/")
+    for text, path in re.findall(r"!\[([^]]*)\]\((?!https:)(.+?)\)", markdown):
         assert text, path
-        yield (page.parent / path).resolve()
+        yield (page.parent / path.partition("#")[0]).resolve()
 
 
 def test_the_reference_has_every_public_name() -> None:

@@ -239,6 +239,15 @@ def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
     assert checked.returncode == 0, checked
 
 
+def test_units_inside_walls_are_warnings_and_can_be_played(browser: Any, file: Path) -> None:
+    file.write_text(file.read_text().replace('"y": 16', '"y": 28'))
+    with Editor(browser, str(file), state="2 warnings") as editor:
+        first, second = editor.problem_list()
+        assert "mine.json:6:" in first and "`groups[0]` puts a STALKER at (" in first
+        assert "on a blocked square that it may never leave, and 4 more" in second
+        assert not editor.page.is_disabled("#play")
+
+
 def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
     # What the editor does not know, and how the text is written, stays.
     odd = file.read_text().replace('"name": "2s3z",', '"name": "odd",   "a.b": [1.50, {"c": null}],')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -310,3 +311,16 @@ def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
         batch["rewards"]
     with pytest.raises(sp.InvalidRequest, match="record must be in a folder that exists; there is no"):
         sp.make("3m", 1, record=tmp_path / "none" / "x.smreplay")
+
+
+def test_what_is_probably_a_mistake_in_a_scenario_is_a_warning(runtime_dir: Path) -> None:
+    path = runtime_dir / "wall.json"
+    text = (Path(__file__).parents[2] / "scenarios/data/3m.json").read_text()
+    path.write_text(text.replace('"x": 9, "y": 16', '"x": 9, "y": 28'))
+    with pytest.warns(UserWarning, match=r"wall.json:6:9: `groups\[0\]` puts a MARINE at .* on a blocked square"):
+        sp.make(path, 1).close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match="blocked square"):
+            sp.make(path, 1, name="walled")
+        sp.make("3m", 1, name="walled").close()  # the pool that was refused has ended

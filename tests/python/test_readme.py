@@ -1,4 +1,4 @@
-"""Checks the tables of the README, and runs its code and commands."""
+"""Checks links and the table of the README, and runs its code and commands."""
 
 import os
 import re
@@ -11,22 +11,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import smaclite_pool
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
+FILES = [
+    "https://github.com/smaclite-pool/smaclite-pool/blob/main/",
+    "https://raw.githubusercontent.com/smaclite-pool/smaclite-pool/main/",
+]
+"""What the addresses of files in the repository begin with."""
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
 def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
-
-
-def table(heading: str) -> list[list[str]]:
-    """The rows of the table with this heading of the first column."""
-    head = re.search(rf"^\| {heading} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)", README, re.MULTILINE)
-    assert head, f"no table with {heading}"
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in head[1].splitlines()]
 
 
 @pytest.fixture
@@ -42,16 +39,19 @@ def run(argv: list[str], environment: dict[str, str]) -> str:
     return done.stdout
 
 
-def test_the_table_of_fields_is_the_one_in_the_code() -> None:
-    listed = {
-        name.strip("`"): f"{dtype} {shape}: {meaning}." for name, dtype, shape, meaning in table("field")
-    }
-    members = vars(smaclite_pool.Batch).items()
-    documented = {name: getattr(member, "__doc__", None) or "" for name, member in members}
-    actual = {name: text for name, text in documented.items() if re.match(r"\w+ \[M", text)}
-    assert list(listed) == list(actual)
-    for name, text in actual.items():
-        assert text.startswith(listed[name]), name
+def test_links_and_pictures_work_where_there_is_no_repository() -> None:
+    """PyPI shows the README too. Links relative to the repository or to a heading, which were in it, lead
+    nowhere there, and relative pictures are missing."""
+    text = re.sub(r"^```.*?^```", "", README, flags=re.MULTILINE | re.DOTALL)
+    defined = dict(re.findall(r"^\[([^]]+)\]: (\S+)$", text, re.MULTILINE))
+    inline, html = re.findall(r"\]\(([^)\s]+)\)", text), re.findall(r'(?:href|src|srcset)="([^"]+)"', text)
+    targets = [*inline, *html, *defined.values()]
+    assert len(targets) > 20
+    assert not [target for target in targets if not target.startswith("https://")]
+    files = {target.removeprefix(each) for target in targets for each in FILES if target.startswith(each)}
+    assert "docs/pictures/maps.png" in files
+    assert not [path for path in files if not (ROOT / path).exists()]
+    assert set(re.findall(r"\]\[([^]]+)\]", text)) == set(defined)
 
 
 def test_the_first_example_runs(environment: dict[str, str]) -> None:
@@ -105,9 +105,11 @@ def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Pat
 
 
 def test_every_command_of_the_program_is_listed(environment: dict[str, str]) -> None:
-    documented = {re.sub(r"`smaclite-pool (\S+).*`", r"\1", command) for command, _ in table("command")}
+    table = re.search(r"^\| commands of .*\n\|[-| ]+\|\n((?:\|.*\n)+)", README, re.MULTILINE)
+    assert table
+    documented = [name for row in table[1].splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])]
     listed = run([*PROGRAM, "--help"], environment).split("Commands:")[1].split("Options:")[0]
-    assert documented == set(re.findall(r"^  (\w+)", listed, re.MULTILINE)) - {"help"}
+    assert sorted(documented) == sorted({*re.findall(r"^  (\w+)", listed, re.MULTILINE)} - {"help"})
 
 
 def test_ci_runs_the_test_command() -> None:

@@ -125,4 +125,7 @@ impl Environment for FaultyEnv {
     fn episode_length(&self) -> u32 {
         self.env.episode_length()
     }
+    fn opponent(&self) -> usize {
+        self.env.opponent()
+    }
 }

@@ -1,5 +1,6 @@
-//! Reads the arrays of recorded battles: NumPy's file format, version 1, without records and in C order. The crates
-//! that read all of it bring a parser generator, which takes as long to compile as everything else of the tests.
+//! Reads the arrays of recorded battles: NumPy's file format, version 1, without records and in C order. The
+//! crates that read all of it bring a parser generator, which takes as long to compile as everything else of
+//! the tests.
 
 use std::error::Error;
 

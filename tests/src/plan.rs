@@ -3,7 +3,7 @@
 use crate::fault::{Fault, FaultyEnv};
 use crate::toy_env::{SIZES, TOY, ToyEnv};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, Battle, BattleSetup, Rules, Sizes};
+use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Sizes};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::MakeEnvironment;
 use smaclite_pool::fields::FieldSet;
@@ -39,6 +39,8 @@ pub struct LanePlan {
     pub autoreset: Autoreset,
     /// Largest number of steps per episode, for battles.
     pub episode_limit: Option<u32>,
+    /// Who plays the enemies of battles.
+    pub opponents: Opponents,
     /// Names of the fields; `None` for the default.
     pub fields: Option<Vec<String>>,
     /// Own last actions in an observation.
@@ -88,6 +90,7 @@ impl LanePlan {
             seed: 7,
             autoreset: Autoreset::NextStep,
             episode_limit: Some(30),
+            opponents: Opponents::default(),
             fields: None,
             obs_last_actions: 0,
             obs_agent_id: false,
@@ -177,7 +180,8 @@ impl LanePlan {
 
     fn setup(&self) -> BattleSetup {
         let (_, files) = ScenarioFiles::resolve(&self.scenario).expect("a standard scenario");
-        BattleSetup { files, rules: Rules::Smaclite, episode_limit: self.episode_limit.into() }
+        let (episode_limit, opponents) = (self.episode_limit.into(), self.opponents.clone());
+        BattleSetup { episode_limit, opponents, ..BattleSetup::new(files) }
     }
 
     fn field_set(&self) -> FieldSet {

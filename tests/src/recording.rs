@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::npy::Array;
 use glam::Vec2;
 use serde_json::Value;
-use smaclite_engine::{Battle, Generator, NeighbourOrder, Snapshot, TICKS_PER_STEP, Units};
+use smaclite_engine::{Battle, Generator, NeighbourOrder, Opponent, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;
 use zip::ZipArchive;
 
@@ -199,6 +199,7 @@ impl Recording {
             units,
             neighbour_order,
             last_actions: (0..self.sizes[0]).map(|agent| last.map(|actions| actions[agent] as u32)).collect(),
+            opponent: Opponent::default(),
             generator: Generator::new(self.seed),
             episode_length: t as u32,
             episode_return: self.rewards[..t].iter().sum(),

@@ -46,6 +46,7 @@ impl Row {
         row.set(Field::DeadEnemies, int(env.dead_enemies()));
         row.set(Field::EpisodeReturn, floats(&[env.episode_return() as f32]));
         row.set(Field::EpisodeLength, int(env.episode_length() as usize));
+        row.set(Field::Opponent, int(env.opponent()));
         row.set_view(env, own, scratch);
         row
     }

@@ -247,18 +247,57 @@ fn text_that_is_not_a_unit() {
     let cases = [
         ("1", "1:1: the whole file is 1, but must be an object, { ... }"),
         (" []", "1:2: the whole file is a list of length 0, but must be an object, { ... }"),
-        ("{\"hp\": 45\n \"armor\": 0}", "2:2: expected `,` or `}`"),
-        ("{\"ä\": NaN}", "1:7: expected value"),
         ("{\"hp\": 1e400}", "1:8: number out of range"),
         ("{\"hp\": \"\\ud800\"}", "1:8: unexpected end of hex escape"),
-        ("{\"hp\": 45}\n]", "2:1: trailing characters"),
-        ("", "1:1: EOF while parsing a value"),
-        ("{\n", "2:1: EOF while parsing an object"),
     ];
-    for (text, message) in cases {
-        let error = UnitType::from_json(text, "scout", "scout.json").unwrap_err().to_string();
-        assert_eq!(error, format!("scout.json:{message}"));
-    }
+    check_texts(&cases);
+}
+
+fn check_texts(cases: &[(&str, &str)]) {
+    let error = |text: &str| UnitType::from_json(text, "scout", "scout.json").unwrap_err().to_string();
+    let wrong = cases.iter().filter(|(text, message)| error(text) != format!("scout.json:{message}"));
+    let wrong: Vec<String> =
+        wrong.map(|(text, message)| format!("{text}: expected {message}, got {}", error(text))).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// `{"hp": 45,}` was "key must be a string", a comment "expected value": the words of a parser, which never
+/// name what people do wrong when they write JSON by hand.
+#[test]
+fn syntax_errors_say_what_to_change() {
+    let double = "strings are written in double quotes, as \"name\"";
+    let string = "a string must end in its line: `\"` is missing, or a line break must be written `\\n`";
+    check_texts(&[
+        ("{\"hp\": 45,\n}", "2:1: remove the comma before `}`"),
+        ("{\"attributes\": [1, ]}", "1:20: remove the comma before `]`"),
+        ("{\"hp\": 45 // health\n}", "1:11: JSON has no comments; remove this one"),
+        ("{ /* health */ \"hp\": 45}", "1:3: JSON has no comments; remove this one"),
+        ("# a marine\n{}", "1:1: JSON has no comments; remove this one"),
+        ("{'hp': 45}", &format!("1:2: {double}")),
+        ("{\"plane\": “AIR”}", &format!("1:11: {double}")),
+        ("{\"ä\": NaN}", "1:7: JSON has no number `NaN`"),
+        ("{\"hp\": -Infinity}", "1:9: JSON has no number `-Infinity`"),
+        ("{\"hp\": nan}", "1:9: JSON has no number `nan`"),
+        ("{\"hp\": True}", "1:8: write `true` instead of `True`"),
+        ("{\"hp\": None}", "1:8: write `null` instead of `None`"),
+        ("{\"hp\": .5}", "1:8: `.5` is no number of JSON; those are written as 12, -0.5 or 1e6"),
+        ("{\"hp\": 0x1F}", "1:9: `0x1F` is no number of JSON; those are written as 12, -0.5 or 1e6"),
+        ("{\"hp\": 1.}", "1:10: `1.` is no number of JSON; those are written as 12, -0.5 or 1e6"),
+        ("{\"plane\": AIR}", "1:11: strings are written in double quotes, \"AIR\""),
+        ("{hp: 45}", "1:2: keys are written in double quotes, \"hp\""),
+        ("name: scout\nhp: 45\n", "1:2: keys are written in double quotes, \"name\""),
+        ("{\"hp\": 45\n \"armor\": 0}", "2:2: a comma is missing before this"),
+        ("{\"hp\" 45}", "1:7: `:` is missing between a key and its value"),
+        ("{\"hp\": }", "1:8: expected a value, got `}`"),
+        ("{\"hp\": 45)", "1:10: expected `,` or `}`, got `)`"),
+        ("{\"plane\": \"AIR,\n\"hp\": 45}", &format!("1:15: {string}")),
+        ("{\"path\": \"C:\\maps\"}", "1:14: after `\\` this is no escape; a backslash is written `\\\\`"),
+        ("{\"hp\": 45}\n]", "2:1: the JSON value ends before this; a file holds only one"),
+        ("", "1:1: the file is empty"),
+        ("{\n", "2:1: the file ends, but `{` of line 1 is not closed"),
+        ("{\n \"a\": [1,\n 2}", "3:3: expected `,` or `]`, got `}`"),
+        ("{\"plane\": \"AI", "1:14: the file ends within the string that begins in line 1"),
+    ]);
 }
 
 /// The stack of a reader that calls itself is limited.
@@ -273,7 +312,7 @@ fn deep_nesting_is_refused() {
         assert_eq!(nested(depth), "deep.json:1:135: lists and objects are nested more than 128 deep");
     }
     let error = UnitType::from_json(&"[".repeat(100_000), "deep", "deep.json").unwrap_err().to_string();
-    assert_eq!(error, "deep.json:1:100001: EOF while parsing a list");
+    assert_eq!(error, "deep.json:1:100001: the file ends, but `[` of line 1 is not closed");
 }
 
 #[test]

@@ -5,9 +5,11 @@ use super::schema::Kind;
 use clap::Args;
 use serde_json::json;
 use smaclite_engine::{Arena, Rules};
-use smaclite_scenarios::{Problems, Scenario};
+use smaclite_scenarios::{Problem, Problems, Scenario, ScenarioFiles};
 use smaclite_units::UnitType;
-use smaclite_units::file::{Document, MAX_SCENARIO_BYTES, Report, Reported, read_text, shown_path};
+use smaclite_units::file::{
+    Document, MAX_SCENARIO_BYTES, Report, Reported, printable_text, read_text, shown_path,
+};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -31,7 +33,10 @@ impl Check {
                 continue;
             }
             match content {
-                Ok(content) => out!("{}: valid {content}", shown_path(file))?,
+                Ok(content) => {
+                    out!("{}: valid {content}", shown_path(file))?;
+                    print_warnings(content.warnings());
+                }
                 Err(problems) => eprintln!("{problems}"),
             }
         }
@@ -42,8 +47,30 @@ impl Check {
 
 /// What a valid file contains.
 pub(super) enum Content {
-    Scenario(Box<Scenario>),
+    /// A scenario, and what is probably a mistake in it.
+    Scenario(Box<Scenario>, Vec<Problem>),
     Unit(Box<UnitType>),
+}
+
+impl Content {
+    fn warnings(&self) -> &[Problem] {
+        if let Content::Scenario(_, warnings) = self { warnings } else { &[] }
+    }
+}
+
+/// Prints what is probably a mistake in a valid scenario, to standard error.
+pub(super) fn print_warnings(warnings: &[Problem]) {
+    for warning in warnings {
+        let warning = Problem { message: format!("warning: {}", warning.message), ..warning.clone() };
+        eprintln!("{}", printable_text(&warning.to_string()));
+    }
+}
+
+/// Prints the warnings of a scenario that is going to be played. The standard ones are as they are.
+pub(super) fn warn_of(files: &ScenarioFiles) {
+    if !files.is_standard() {
+        print_warnings(&files.warnings());
+    }
 }
 
 /// One line that describes a valid file.
@@ -55,7 +82,7 @@ impl std::fmt::Display for Content {
                 "unit type: {} hp, {} damage, range {}, speed {}",
                 unit.hp, unit.damage, unit.attack_range, unit.speed
             ),
-            Content::Scenario(scenario) => {
+            Content::Scenario(scenario, _) => {
                 let s = Arena::new(scenario, Rules::default()).sizes();
                 write!(
                     f,
@@ -76,7 +103,8 @@ pub(super) fn read(file: &Path) -> (Option<Kind>, Result<Content, Problems>) {
     };
     // Duplicate keys, which `kind_of` reports too, are found by the reader again.
     let content = match kind {
-        Kind::Scenario => Scenario::load(file).map(|scenario| Content::Scenario(scenario.into())),
+        Kind::Scenario => ScenarioFiles::load(file)
+            .map(|(scenario, files)| Content::Scenario(scenario.into(), files.warnings())),
         Kind::Unit => UnitType::load(file).map(|unit| Content::Unit(unit.into())),
     };
     (Some(kind), content)
@@ -101,7 +129,7 @@ fn kind_of(file: &Path, report: &Report) -> Result<Kind, Reported> {
 
 fn to_json(file: &Path, kind: Option<Kind>, content: &Result<Content, Problems>) -> serde_json::Value {
     let mut object = match content {
-        Ok(Content::Scenario(scenario)) => {
+        Ok(Content::Scenario(scenario, _)) => {
             let arena = Arena::new(scenario, Rules::default());
             let s = arena.sizes();
             json!({
@@ -123,6 +151,9 @@ fn to_json(file: &Path, kind: Option<Kind>, content: &Result<Content, Problems>)
     object["kind"] = json!(kind.map(Kind::name));
     object["problems"] = json!(problems);
     object["n_problems"] = n_problems.into();
+    if kind == Some(Kind::Scenario) {
+        object["warnings"] = json!(content.as_ref().map_or(&[][..], Content::warnings));
+    }
     object
 }
 
@@ -162,7 +193,7 @@ mod tests {
             check(&file, kind, message);
         };
         check("1", None, "1:1: the whole file is 1, but must be a unit or a scenario, { ... }");
-        check("{", None, "1:2: EOF while parsing an object");
+        check("{", None, "1:2: the file ends, but `{` of line 1 is not closed");
         let name = "1:1: `name` is missing; it must be the scenario's name";
         check("{\"groups\": 3}", Some(Kind::Scenario), name);
         // A scenario without its most important key is still one.

@@ -1,9 +1,10 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
-use super::{CommandResult, THREADS, check_range, replay, runtime_dir};
+use super::{CommandResult, THREADS, replay, runtime_dir};
+use crate::number::{count, seed};
 use crate::process::interrupt_flag;
 use clap::Args;
-use smaclite_engine::IllegalAction;
+use smaclite_engine::{IllegalAction, Opponents};
 use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, evaluate};
 use smaclite_pool::PoolOptions;
 use smaclite_view::Recorder;
@@ -16,16 +17,20 @@ pub(super) struct Evaluate {
     /// Folder of a run of `smaclite-pool train`
     folder: PathBuf,
     /// Number of episodes, 1 to 1000000: of each of up to 64 environments the first ones
-    #[arg(long, default_value_t = 200, value_name = "N")]
+    #[arg(long, default_value_t = 200, value_name = "N", value_parser = count(1..=1_000_000))]
     episodes: usize,
     /// Environment i is seeded with SEED + i; actions are drawn from the seed too
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: those of the training]
+    #[arg(long, value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
     /// Number of threads that step environments, 1 to 1024 [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Print one JSON object per episode, and one with the result
     #[arg(long)]
@@ -42,17 +47,16 @@ impl Evaluate {
     pub(super) fn run(self) -> CommandResult {
         let Evaluate { episodes, seed, greedy, json, .. } = self;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
-        check_range("--episodes", 1..=1_000_000, episodes)?;
-        check_range("--threads", THREADS, threads)?;
         let mut recording = match &self.record {
             Some(file) => {
                 replay::check_suffix("--record", file)?;
-                Some(Recording::new(&self.folder, seed)?)
+                Some(Recording::new(&self.folder, self.opponent.as_ref(), seed)?)
             }
             None => None,
         };
         let interrupted = interrupt_flag()?;
-        let evaluation = Evaluation { episodes, seed, greedy, threads };
+        let opponents = self.opponent.clone();
+        let evaluation = Evaluation { episodes, seed, greedy, threads, opponents };
         let (mut printed, mut recorded) = (Ok(()), Ok(()));
         let mut on_event = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) if json && printed.is_ok() => printed = print_json(&episode),
@@ -82,8 +86,10 @@ struct Recording(Recorder);
 
 impl Recording {
     /// Of the run in a folder.
-    fn new(folder: &Path, seed: u64) -> Result<Recording, Box<dyn Error>> {
-        Ok(Recording(Recorder::new(RunDescription::read(folder)?.setup, seed)?))
+    fn new(folder: &Path, opponents: Option<&Opponents>, seed: u64) -> Result<Recording, Box<dyn Error>> {
+        let mut setup = RunDescription::read(folder)?.setup;
+        setup.opponents = opponents.cloned().unwrap_or(setup.opponents);
+        Ok(Recording(Recorder::new(setup, seed)?))
     }
 
     fn step(&mut self, actions: &[i32]) -> Result<(), IllegalAction> {
@@ -110,6 +116,7 @@ fn print_text(result: &EvaluationResult) -> CommandResult {
         if result.greedy { "greedy" } else { "sampled" },
         result.seed
     )?;
+    out!("opponent     {}", result.opponents)?;
     out!("win rate     {:.1} %", 100.0 * result.win_rate)?;
     out!("mean return  {:.2} (standard deviation {:.2})", result.mean_return, result.return_deviation)?;
     out!("mean length  {:.1} steps", result.mean_length)?;

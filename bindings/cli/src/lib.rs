@@ -21,6 +21,7 @@ mod licences;
 mod list;
 mod man;
 mod new;
+mod number;
 mod picture;
 pub mod process;
 mod record;
@@ -29,14 +30,16 @@ mod scenarios;
 mod schema;
 mod serve;
 mod show;
+mod snapshot;
 mod table;
 mod train;
+mod usage;
 mod watch;
 mod web;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
-use smaclite_units::file::printable_text;
+use smaclite_units::file::{printable_text, without_os_errors};
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -53,9 +56,10 @@ type CommandResult = Result<(), Box<dyn Error>>;
 #[derive(Parser)]
 #[command(name = "smaclite-pool", version, max_term_width = 100)]
 struct Cli {
-    /// Log level on standard error: error, warn, info, debug or trace; or a filter such as
+    /// Log level on standard error: error, warn, info, debug, trace or off; or a filter such as
     /// `warn,smaclite_pool=debug`
-    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn", env = "SMACLITE_POOL_LOG")]
+    #[arg(long, global = true, value_name = "LEVEL", default_value = "warn", env = "SMACLITE_POOL_LOG",
+        value_parser = usage::log_filter)]
     log: Targets,
     #[command(subcommand)]
     command: Command,
@@ -75,7 +79,7 @@ enum Command {
     Schema(schema::Schema),
     /// Edit a scenario in the browser
     Edit(edit::Edit),
-    /// Draw a scenario as a map of characters or a picture
+    /// Draw a scenario or a snapshot as a map of characters or a picture
     Show(show::Show),
     /// Write a replay: of battles of a scripted policy, or of a running pool
     Record(record::Record),
@@ -130,10 +134,10 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
     if let Some(status) = completions::answer(args) {
         return status;
     }
-    let cli = match Cli::try_parse_from(args) {
+    let cli = match usage::parse(args) {
         Ok(cli) => cli,
         Err(error) => {
-            print_usage_error(&error, args);
+            usage::print_error(&error, args);
             return error.exit_code();
         }
     };
@@ -142,7 +146,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         Ok(()) => 0,
         Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
         Err(error) => {
-            eprintln!("smaclite-pool: {}", printable_text(&error.to_string()));
+            eprintln!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
             1
         }
     }
@@ -172,17 +176,6 @@ impl Command {
             Command::Man(man) => man.run(),
             Command::Licences(licences) => licences.run(),
         }
-    }
-}
-
-/// Prints an error of the arguments, or the help that they ask for. Printing fails only if the output is
-/// closed.
-fn print_usage_error(error: &clap::Error, args: &[OsString]) {
-    let is_printable = |arg: &OsString| arg.to_str().is_some_and(|text| printable_text(text) == text);
-    if args.iter().all(is_printable) {
-        let _ = error.print();
-    } else {
-        eprint!("{}", printable_text(&error.to_string()));
     }
 }
 

@@ -18,9 +18,9 @@ pub(super) struct List {
 
 #[derive(Args)]
 pub(super) struct Status {
-    /// Name of the pool
-    #[arg(default_value = "default", add = completions::pool())]
-    name: String,
+    /// Name of the pool [default: the only one that runs]
+    #[arg(add = completions::pool())]
+    name: Option<String>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -65,7 +65,8 @@ pub(super) fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
 
 impl Status {
     pub(super) fn run(self) -> CommandResult {
-        let pool = status(&runtime_dir()?, &self.name)?;
+        let runtime_dir = runtime_dir()?;
+        let pool = status(&runtime_dir, &given_or_only_pool(self.name, &runtime_dir)?)?;
         if self.json {
             out!("{}", serde_json::to_string_pretty(&pool)?)?;
             return Ok(());
@@ -85,6 +86,31 @@ impl Status {
             }
         }
         Ok(())
+    }
+}
+
+/// No pool is named, and it is not clear which one is meant.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NoPoolNamed {
+    #[error("no pool is running; start one with `smaclite-pool serve`")]
+    NoPool,
+    #[error("several pools run; name one of them: {}", .0.join(", "))]
+    SeveralPools(Vec<String>),
+}
+
+/// The pool that was named, or the only one that runs.
+pub(super) fn given_or_only_pool(
+    name: Option<String>,
+    runtime_dir: &RuntimeDir,
+) -> Result<String, NoPoolNamed> {
+    if let Some(name) = name {
+        return Ok(name);
+    }
+    let mut pools = running_pools(runtime_dir);
+    match pools.len() {
+        0 => Err(NoPoolNamed::NoPool),
+        1 => Ok(pools.remove(0)),
+        _ => Err(NoPoolNamed::SeveralPools(pools)),
     }
 }
 

@@ -1,12 +1,16 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
 use super::process::interrupt_flag;
-use super::{CommandResult, check_range, completions, replay, runtime_dir};
+use super::snapshot::SavedBattle;
+use super::{CommandResult, completions, replay, runtime_dir};
+use crate::check::warn_of;
+use crate::number::{count, seed};
 use clap::Args;
-use smaclite_engine::Rules;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_engine::{BattleSetup, Generator, Opponents, Rules, Snapshot};
 use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
+use smaclite_pool::MAX_ENVS;
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::{Recorder, Replay};
 use std::error::Error;
@@ -18,13 +22,18 @@ use std::time::Duration;
 #[command(after_help = "\
 Examples:
   smaclite-pool record 2s3z --policy focus_fire --out 2s3z.smreplay
+  smaclite-pool record 2s3z --from crisis.snapshot --policy kite --out crisis.smreplay
   smaclite-pool record --pool train --env 0 --env 1 --episodes 10 --out train.smreplay
 
 `smaclite-pool replay 2s3z.smreplay --to 2s3z.html` makes a page of a replay.")]
 pub(super) struct Record {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    #[arg(required_unless_present = "pool", add = completions::scenario())]
+    #[arg(required_unless_present_any = ["pool", "from"], add = completions::scenario())]
     scenario: Option<String>,
+    /// Begin every episode in the state of this snapshot, which tells the rules and, if it is a standard one,
+    /// the scenario. Later episodes and --seed draw other execution orders than the snapshot's
+    #[arg(long, value_name = "FILE.snapshot", conflicts_with_all = ["pool", "rules"])]
+    from: Option<PathBuf>,
     /// Record this running pool, instead of battles of a scripted policy, until the episodes are complete or
     /// Ctrl-C; its learner does not notice
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "policy", "seed", "rules"],
@@ -34,17 +43,21 @@ pub(super) struct Record {
     #[arg(long, requires = "pool", value_name = "NAME")]
     lane: Option<String>,
     /// An environment of the lane, several times for several [default: 0]
-    #[arg(long, requires = "pool", value_name = "ID")]
+    #[arg(long, requires = "pool", value_name = "ID", value_parser = count(0..=MAX_ENVS - 1))]
     env: Vec<usize>,
-    /// The policy of the agents: random, nearest, focus_fire, kite or hold
+    /// The policy of the agents: random, nearest, focus_fire, kite, hold, line, flank, escort or spread
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with_all = ["pool", "from"], value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = count(1..=10_000))]
     episodes: usize,
-    /// Seed of the battle and of the policy `random`
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    /// Seed of the battle and of the policy `random` [default: 0]
+    #[arg(long, value_parser = seed())]
+    seed: Option<u64>,
     /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
@@ -58,32 +71,57 @@ const READ_INTERVAL: Duration = Duration::from_millis(50);
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        check_range("--episodes", 1..=10_000, self.episodes)?;
         replay::check_suffix("--out", &self.out)?;
-        let recorded = match &self.scenario {
-            Some(scenario) => self.play(scenario)?,
-            None => self.follow(self.pool.as_deref().unwrap_or_default())?,
+        let recorded = match &self.pool {
+            Some(pool) => self.follow(pool)?,
+            None => self.play()?,
         };
         replay::print_recorded(&recorded, &self.out)
     }
 
     /// Plays and writes the episodes of a scripted policy.
-    fn play(&self, scenario: &str) -> Result<Replay, Box<dyn Error>> {
-        let mut recorder = Recorder::new(resolve_scenario(scenario, self.rules)?, self.seed)?;
-        let mut policy = Scripted::from_name(&self.policy, self.seed)?;
+    fn play(&self) -> Result<Replay, Box<dyn Error>> {
+        let (setup, mut start) = self.start()?;
+        warn_of(&setup.files);
+        let seed = self.seed.unwrap_or(0);
+        let mut recorder = Recorder::new(setup, seed)?;
+        let mut policy = Scripted::from_name(&self.policy, seed)?;
         let mut actions = vec![0; recorder.scenario().n_agents()];
         for episode in 0..self.episodes {
-            if episode > 0 {
+            if let Some(snapshot) = &start {
+                recorder.begin_at(snapshot)?;
+            } else if episode > 0 {
                 recorder.reset();
             }
             while !recorder.battle().is_over() {
                 policy.act(recorder.battle(), &mut actions);
                 recorder.step(&actions)?;
             }
+            if let Some(snapshot) = &mut start {
+                snapshot.generator = recorder.battle().generator().clone();
+            }
         }
         let recorded = recorder.finish();
         recorded.write(&self.out)?;
         Ok(recorded)
+    }
+
+    /// What is played, and the state in which episodes begin, if that is not the one after a reset.
+    fn start(&self) -> Result<(BattleSetup, Option<Snapshot>), Box<dyn Error>> {
+        let scenario = self.scenario.as_deref();
+        let Some(from) = &self.from else {
+            let setup = resolve_scenario(scenario.unwrap_or_default(), self.rules)?;
+            let opponents = self.opponent.clone().unwrap_or_default();
+            return Ok((BattleSetup { opponents, ..setup }, None));
+        };
+        let SavedBattle { setup, arena, mut snapshot, .. } = SavedBattle::read(from, scenario)?;
+        if snapshot.is_over(&arena) {
+            return Err(format!("`{}`: the battle is over; nothing can be recorded", from.display()).into());
+        }
+        if let Some(seed) = self.seed {
+            snapshot.generator = Generator::new(seed);
+        }
+        Ok((setup, Some(snapshot)))
     }
 
     /// Follows environments of a running pool, and writes what they did also if the pool ends.

@@ -1,15 +1,17 @@
 //! `smaclite-pool serve`: run a pool until SIGINT or SIGTERM.
 
-use super::{CommandResult, THREADS, check_range, completions, megabytes, runtime_dir};
+use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
+use crate::check::warn_of;
+use crate::number::{count, seed, whole};
 use clap::Args;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
 use smaclite_ipc::{
     LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_pool::{Autoreset, MAX_ENVS, MAX_LAST_ACTIONS, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::error::Error;
 
@@ -28,13 +30,13 @@ pub(super) struct Serve {
     name: String,
     /// Number of worker threads, 1 to 1024 [default: the CPU cores available to this process, minus one for
     /// the learner]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Environments per batch; fewer than the lane has means asynchronous stepping [default: all of the lane]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = count(1..=MAX_ENVS))]
     batch_size: Option<usize>,
     /// Environment i of every lane is seeded with SEED + i
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
     /// What happens at the end of an episode: next_step, same_step or disabled
     #[arg(long, default_value = "next_step", value_name = "MODE")]
@@ -45,20 +47,24 @@ pub(super) struct Serve {
     /// Steps after which an episode is truncated, or `none` for no limit [default: the scenario's limit]
     #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
     episode_limit: Option<EpisodeLimit>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
     /// How many of its own last actions an agent observes, 0 to 16: one-hot vectors after its other features
-    #[arg(long, default_value_t = 0, value_name = "K")]
+    #[arg(long, default_value_t = 0, value_name = "K", value_parser = count(0..=MAX_LAST_ACTIONS))]
     obs_last_actions: usize,
     /// Let an agent observe its own number: a one-hot vector at the end
     #[arg(long)]
     obs_agent_id: bool,
     /// Batches that a learner can hold at once, 2 to 1024
-    #[arg(long, default_value_t = 4, value_name = "K")]
+    #[arg(long, default_value_t = 4, value_name = "K", value_parser = count(2..=1024))]
     max_held_batches: usize,
     /// Spectators per lane, 0 to 64
-    #[arg(long, default_value_t = 1, value_name = "K")]
+    #[arg(long, default_value_t = 1, value_name = "K", value_parser = count(0..=64))]
     spectators: usize,
     /// How idle threads wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
@@ -70,10 +76,9 @@ pub(super) struct Serve {
 struct InvalidEpisodeLimit;
 
 fn episode_limit(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
-    match text.parse::<u32>() {
-        Ok(steps) if steps > 0 => Ok(EpisodeLimit::Steps(steps)),
-        _ if text == "none" => Ok(EpisodeLimit::None),
-        _ => Err(InvalidEpisodeLimit),
+    match text {
+        "none" => Ok(EpisodeLimit::None),
+        _ => whole(1..=u32::MAX)(text).map(EpisodeLimit::Steps).map_err(|_| InvalidEpisodeLimit),
     }
 }
 
@@ -99,7 +104,6 @@ impl Serve {
     fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
         let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
         let threads = self.threads.unwrap_or(PoolOptions::for_other_processes().threads);
-        check_range("--threads", THREADS, threads)?;
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
     }
@@ -110,19 +114,21 @@ impl Serve {
             None => (None, text),
         };
         let (scenario, num_envs) = match rest.rsplit_once(':') {
-            Some((scenario, count)) => {
-                let count = count.parse::<usize>().map_err(|_| {
-                    format!("lane `{text}`: expected a number of environments after `:`, got `{count}`")
+            Some((scenario, given)) => {
+                let num_envs = count(1..=MAX_ENVS)(given).map_err(|error| {
+                    format!("lane `{text}`: the number of environments after `:` {error}; got `{given}`")
                 })?;
-                (scenario, count)
+                (scenario, num_envs)
             }
             None => (rest, DEFAULT_ENVS),
         };
         let (scenario, files) = ScenarioFiles::resolve(scenario)?;
+        warn_of(&files);
         let name = name.unwrap_or(scenario.name);
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
-        let setup = BattleSetup { files, rules: self.rules, episode_limit };
+        let opponents = self.opponent.clone().unwrap_or_default();
+        let setup = BattleSetup { files, rules: self.rules, episode_limit, opponents };
         let mut lane = LaneConfig::new(name, setup, num_envs);
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.seed = self.seed;

@@ -1,11 +1,13 @@
 //! `smaclite-pool train`: train a team and show the progress. The learner is `smaclite_learn`.
 
-use super::{CommandResult, THREADS, check_range, completions, runtime_dir};
+use super::{CommandResult, THREADS, completions, runtime_dir};
+use crate::check::warn_of;
+use crate::number::{count, seed, whole};
 use crate::process::interrupt_flag_once;
 use clap::Args;
 use serde_json::Value;
-use smaclite_engine::{BattleSetup, Rules};
-use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario};
+use smaclite_engine::{BattleSetup, Opponents, Rules};
+use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
     Activation, Algorithm, Config, Lanes, Record, Run, RunDescription, TrainError, resolve_scenario,
 };
@@ -34,27 +36,32 @@ pub(super) struct Train {
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
     out: Option<PathBuf>,
     /// Continue the run in this folder, with its hyperparameters
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules"])]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules", "opponent"])]
     resume: Option<PathBuf>,
     /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
     #[arg(long, value_name = "NAME", add = completions::pool())]
     pool: Option<String>,
-    /// Lane of the pool, several times for several; their environments are joined [default: its only lane]
+    /// Lane of the pool, several times for several; their environments are joined [default: its only
+    /// lane, or the only one that plays MAP]
     #[arg(long, requires = "pool", value_name = "NAME")]
     lane: Vec<String>,
     /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
     /// [default: smaclite]
     #[arg(long, conflicts_with = "pool")]
     rules: Option<Rules>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
+    opponent: Option<Opponents>,
     /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
     /// [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Print one JSON object per update
     #[arg(long)]
     json: bool,
-    /// Environment steps after which the run is complete [default: 1000000]
-    #[arg(long, value_name = "N")]
+    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M [default: 1000000]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1_u64 << 48))]
     steps: Option<u64>,
     #[command(flatten)]
     hyperparameters: Hyperparameters,
@@ -62,14 +69,15 @@ pub(super) struct Train {
 
 /// Declares the options of the hyperparameters, each of which replaces a field of [`Config`].
 macro_rules! hyperparameters {
-    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+) => {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty $(= $parser:expr)?,)+) => {
         #[derive(Args)]
         #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
         #[command(next_help_heading = "Hyperparameters (docs/tutorials/training.md)")]
         struct Hyperparameters {
-            $($(#[doc = $doc])+ #[arg(long, allow_negative_numbers = true)] $name: Option<$type>,)+
+            $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
+                $name: Option<$type>,)+
             /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]
-            #[arg(long, value_delimiter = ',', value_name = "N,...")]
+            #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
             hidden: Option<Vec<usize>>,
         }
 
@@ -84,20 +92,20 @@ macro_rules! hyperparameters {
 
 hyperparameters! {
     /// Seed of weights, environments, actions and minibatches [default: 0]
-    seed: u64,
+    seed: u64 = seed(),
     /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
     /// [default: 0]
-    last_actions: usize,
+    last_actions: usize = count(0..=MAX_LAST_ACTIONS),
     /// Number of environments; those of the pool, if --pool is given [default: 64]
-    num_envs: usize,
+    num_envs: usize = count(1..=1 << 16),
     /// Steps of each environment per update [default: 64]
-    horizon: usize,
+    horizon: usize = count(1..=1 << 16),
     /// Passes over the data of an update [default: 4]
-    epochs: usize,
+    epochs: usize = count(1..=1000),
     /// Gradient steps per epoch [default: 4]
-    minibatches: usize,
+    minibatches: usize = count(1..=1000),
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
     /// Step size of the actor [default: 0.0007]
@@ -135,7 +143,6 @@ impl Train {
     pub(super) fn run(self) -> CommandResult {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         let threads = self.threads.unwrap_or(cores);
-        check_range("--threads", THREADS, threads)?;
         let json = self.json;
         let interrupted = interrupt_flag_once()?;
         let (mut run, name) = self.open(threads, &mut || interrupted.load(Ordering::Relaxed))?;
@@ -164,23 +171,22 @@ impl Train {
 
     /// Begins or resumes the run. Also returns the name of the scenario.
     fn open(
-        self,
+        mut self,
         threads: usize,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(Run, String), Box<dyn Error>> {
         let runtime_dir = runtime_dir()?;
-        if let Some(folder) = &self.resume {
-            let run = RunDescription::read(folder)?;
+        if let Some(folder) = self.resume.take() {
+            let run = RunDescription::read(&folder)?;
+            self.choose_lane(&run.name, &runtime_dir, interrupted)?;
             let Config { num_envs, last_actions, .. } = run.config;
             let lanes = self.lanes(&run.setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
-            return Ok((Run::resume(folder, self.steps, lanes, threads)?, run.name));
+            return Ok((Run::resume(&folder, self.steps, lanes, threads)?, run.name));
         }
         let setup = self.setup(&runtime_dir, interrupted)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);
-        check_range("--num-envs", 1..=1 << 16, num_envs)?;
         let last_actions = self.hyperparameters.last_actions.unwrap_or(0);
-        check_range("--last-actions", 0..=MAX_LAST_ACTIONS, last_actions)?;
         let lanes = self.lanes(&setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
         let mut config =
             Config { num_envs: lanes.num_envs(), last_actions: lanes.last_actions(), ..Config::default() };
@@ -193,23 +199,47 @@ impl Train {
     }
 
     fn setup(
-        &self,
+        &mut self,
         runtime_dir: &RuntimeDir,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<BattleSetup, Box<dyn Error>> {
-        let lane = self.lane.first().map(String::as_str);
-        let wait = WaitOptions::interrupted_by(interrupted);
-        let of_pool = self.pool.as_deref().map(|pool| lane_scenario(runtime_dir, pool, lane, wait));
-        let of_pool = of_pool.transpose()?;
-        let Some(map) = &self.map else {
-            return of_pool.ok_or_else(|| "a MAP or --pool is required".into());
-        };
-        let rules = of_pool.as_ref().map(|setup| setup.rules).or(self.rules).unwrap_or_default();
-        let mut setup = resolve_scenario(map, rules)?;
-        if let Some(of_pool) = of_pool {
-            setup.episode_limit = of_pool.episode_limit; // of the pool, which may have its own
+        let rules = self.rules.unwrap_or_default();
+        let mut of_map = self.map.as_deref().map(|map| resolve_scenario(map, rules)).transpose()?;
+        if let Some((setup, opponents)) = of_map.as_mut().zip(self.opponent.clone()) {
+            setup.opponents = opponents;
         }
-        Ok(setup)
+        of_map.iter().for_each(|setup| warn_of(&setup.files));
+        let Some(pool) = self.pool.clone() else {
+            return of_map.ok_or_else(|| "a MAP or --pool is required".into());
+        };
+        if let Some(of_map) = &of_map {
+            self.choose_lane(&of_map.files.scenario()?.name, runtime_dir, interrupted)?;
+        }
+        let lane = self.lane.first().map(String::as_str);
+        let of_pool = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
+        // Rules, episode limit and opponents are those of the pool, which may have its own.
+        Ok(match of_map {
+            Some(BattleSetup { files, .. }) => BattleSetup { files, ..of_pool },
+            None => of_pool,
+        })
+    }
+
+    /// If no lane was named, takes the one of the pool that plays this scenario, unless several do.
+    fn choose_lane(
+        &mut self,
+        scenario: &str,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> CommandResult {
+        if let (Some(pool), []) = (&self.pool, &self.lane[..]) {
+            let status = status_within(runtime_dir, pool, WaitOptions::interrupted_by(interrupted))?;
+            let lanes = status.lanes.into_iter().map(|lane| lane.description);
+            let mut fitting = lanes.filter(|lane| lane.scenario == scenario).map(|lane| lane.lane);
+            if let (Some(lane), None) = (fitting.next(), fitting.next()) {
+                self.lane = vec![lane];
+            }
+        }
+        Ok(())
     }
 
     fn lanes(

@@ -1,11 +1,12 @@
 //! `smaclite-pool watch`: a page in the browser that shows the battles of a running pool.
 
+use crate::list::given_or_only_pool;
 use crate::web::editor::{Editor, Start};
 use crate::web::live::Live;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions, runtime_dir};
 use clap::Args;
-use smaclite_ipc::{ControlError, RuntimeDir, running_pools, status};
+use smaclite_ipc::{ControlError, status};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool watch train --open\n  \
@@ -24,22 +25,10 @@ pub(super) struct Watch {
     serve: ServeOptions,
 }
 
-/// Why there is nothing to watch.
-#[derive(Debug, thiserror::Error)]
-enum WatchError {
-    #[error("no pool is running; start one with `smaclite-pool serve`")]
-    NoPool,
-    #[error("several pools run; name one of them: {}", .0.join(", "))]
-    SeveralPools(Vec<String>),
-}
-
 impl Watch {
     pub(super) fn run(self) -> CommandResult {
         let runtime_dir = runtime_dir()?;
-        let pool = match self.pool {
-            Some(pool) => pool,
-            None => only_pool(&runtime_dir)?,
-        };
+        let pool = given_or_only_pool(self.pool, &runtime_dir)?;
         let lanes = status(&runtime_dir, &pool)?.lanes;
         let mut lanes = lanes.into_iter().map(|lane| lane.description.lane).collect::<Vec<_>>();
         let lane = match self.lane {
@@ -50,14 +39,5 @@ impl Watch {
         let live = Live::new(runtime_dir, pool, lane);
         let editor = Editor::new(Start::New);
         serve(&self.serve, vec![("/", Box::new(live)), ("/edit/", Box::new(editor))])
-    }
-}
-
-fn only_pool(runtime_dir: &RuntimeDir) -> Result<String, WatchError> {
-    let mut pools = running_pools(runtime_dir);
-    match pools.len() {
-        0 => Err(WatchError::NoPool),
-        1 => Ok(pools.remove(0)),
-        _ => Err(WatchError::SeveralPools(pools)),
     }
 }

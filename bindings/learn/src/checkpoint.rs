@@ -1,11 +1,11 @@
 //! What a run is resumed from, in `checkpoint.safetensors`, and what others read, in `weights.safetensors`.
 //!
 //! A resumed run continues with the same bits. So a checkpoint has the networks and their optimisers and the
-//! statistics of the returns; and since a pool cannot be set to a state, it has the actions of all
-//! environments since their last restart, which are played again.
+//! statistics of the returns, and snapshots of all environments.
 
 use crate::adam::Adam;
 use crate::config::Config;
+use crate::lanes::SavedEnvs;
 use crate::mlp::Mlp;
 use crate::normaliser::Normaliser;
 use crate::rollout::Episode;
@@ -35,21 +35,18 @@ pub(crate) struct Checkpoint {
     pub progress: Progress,
     /// The newest episodes that ended, the oldest first.
     pub recent: Vec<Episode>,
-    /// `[steps since the last restart, num_envs, n_agents]`.
-    pub actions: Vec<u16>,
+    /// `None` before the first update, and if a lane does not serve snapshots.
+    pub envs: Option<SavedEnvs>,
 }
 
 impl Checkpoint {
     /// Writes the file whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        let mut arrays = self.arrays();
-        let checksum = Array::checksum(&arrays);
-        arrays.push(Array::flat("checksum", &[checksum]));
-        write_arrays(path, &arrays)
+        write_arrays(path, &self.arrays())
     }
 
     fn arrays(&self) -> Vec<Array> {
-        let Checkpoint { team, progress, recent, actions } = self;
+        let Checkpoint { team, progress, recent, envs } = self;
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
         let Normaliser { mean, square, weight } = team.normaliser;
         let counts = [updates, steps, episodes, team.actor.adam.steps, team.critic.adam.steps];
@@ -64,8 +61,11 @@ impl Checkpoint {
             Array::flat("times", &[seconds, cpu_seconds]),
             Array::flat("normaliser", &[mean, square, weight]),
             Array::flat("recent_episodes", &recent),
-            Array::flat("actions", actions),
         ];
+        if let Some(SavedEnvs { snapshots, over }) = envs {
+            arrays.push(Array::flat("snapshots", snapshots));
+            arrays.push(Array::flat("over", over));
+        }
         for (name, network) in [("actor", &team.actor), ("critic", &team.critic)] {
             arrays.push(Array::flat(format!("{name}.params"), &network.params));
             arrays.push(Array::flat(format!("{name}.adam.mean"), &network.adam.mean));
@@ -99,17 +99,13 @@ impl Checkpoint {
             cpu_seconds: times[1],
         };
         let recent = recent.chunks_exact(3).map(episode).collect();
-        let checkpoint = Checkpoint { team, progress, recent, actions: arrays.values("actions")? };
-        let per_step = config.num_envs * sizes.n_agents;
-        if !checkpoint.actions.len().is_multiple_of(per_step) {
-            let why = format!("its actions are not those of {per_step} agents");
-            return Err(FileError::OtherRun { path: path.to_owned(), why });
-        }
-        let stored: Vec<u32> = arrays.shaped("checksum", &[1])?;
-        if stored[0] != Array::checksum(&checkpoint.arrays()) {
-            return Err(arrays.damaged("its checksum differs"));
-        }
-        Ok(checkpoint)
+        let envs = if arrays.has("snapshots") {
+            let over = arrays.shaped("over", &[config.num_envs])?;
+            Some(SavedEnvs { snapshots: arrays.values("snapshots")?, over })
+        } else {
+            None
+        };
+        Ok(Checkpoint { team, progress, recent, envs })
     }
 }
 

@@ -2,7 +2,7 @@
 //! sent. The workers step one lane while the policy acts on the other.
 
 use crate::actor::{Actor, Draw};
-use crate::lanes::Lanes;
+use crate::lanes::{LaneBatch, Lanes};
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::{Episode, Rollout};
@@ -37,7 +37,7 @@ impl Collector {
             }
             for (lane, actor) in self.actors.iter_mut().enumerate() {
                 let begin = Instant::now();
-                let (first_env, batch) = lanes.batch(lane, interrupted)?;
+                let LaneBatch { first_env, batch, over } = lanes.batch(lane, interrupted)?;
                 waited += begin.elapsed();
                 rollout.store_inputs(t, first_env, batch);
                 if t > 0 {
@@ -47,7 +47,7 @@ impl Collector {
                     let step = first_step + t as u64;
                     let draw = Draw { seed, purpose: Purpose::Actions, step, first_env };
                     actor.act(network, rollout.sizes, batch, Choice::Sampled, draw);
-                    rollout.store_actions(t, first_env, batch, actor);
+                    rollout.store_actions(t, first_env, over, actor);
                     lanes.send(lane, &actor.actions)?;
                 }
             }
@@ -72,19 +72,16 @@ impl Rollout {
         }
     }
 
-    /// Stores what the policy chose at time `t`. If the batch is the last one of an episode, next-step
-    /// autoreset ignores the choice.
-    fn store_actions(&mut self, t: usize, first_env: usize, batch: &Batch, actor: &Actor) {
+    /// Stores what the policy chose at time `t`. Where the episode is over, next-step autoreset ignores the
+    /// choice.
+    fn store_actions(&mut self, t: usize, first_env: usize, over: &[bool], actor: &Actor) {
         let sample = t * self.num_envs + first_env;
         let row = sample * self.sizes.n_agents;
         store(&mut self.masks, row, self.padded_actions, &actor.masks);
         store(&mut self.log_probs, row, 1, &actor.log_probs);
         let actions = self.actions[row..].iter_mut().zip(&actor.actions);
         actions.for_each(|(to, action)| *to = *action as u16);
-        let ends = batch.terminated().iter().zip(batch.truncated());
-        for (is_reset, (terminated, truncated)) in self.is_reset[sample..].iter_mut().zip(ends) {
-            *is_reset = terminated | truncated != 0;
-        }
+        store(&mut self.is_reset, sample, 1, over);
     }
 
     /// Stores what the step of time `t` led to.

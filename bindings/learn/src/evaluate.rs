@@ -4,7 +4,7 @@
 use crate::actor::{Actor, Draw};
 use crate::checkpoint::read_actor;
 use crate::collect::ended_episodes;
-use crate::lanes::{LaneError, Lanes};
+use crate::lanes::{LaneBatch, LaneError, Lanes};
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
@@ -12,6 +12,7 @@ use crate::run::RunDescription;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use serde::Serialize;
+use smaclite_engine::Opponents;
 use smaclite_ipc::{Batch, ClientError, RuntimeDir};
 use std::path::Path;
 
@@ -19,7 +20,7 @@ use std::path::Path;
 const MAX_ENVS: usize = 64;
 
 /// How to evaluate.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Evaluation {
     /// Number of episodes, at least 1.
     pub episodes: usize,
@@ -29,6 +30,8 @@ pub struct Evaluation {
     pub greedy: bool,
     /// Worker threads of the pool.
     pub threads: usize,
+    /// Who plays the enemies; `None` for those of the training.
+    pub opponents: Option<Opponents>,
 }
 
 /// An episode that counts.
@@ -66,6 +69,8 @@ pub struct EvaluationResult {
     pub episodes: usize,
     /// Environments that they were played in.
     pub num_envs: usize,
+    /// Who played the enemies.
+    pub opponents: Opponents,
     /// The seed.
     pub seed: u64,
     /// Whether the actions were the most probable ones.
@@ -102,8 +107,9 @@ pub fn evaluate(
     interrupted: &mut dyn FnMut() -> bool,
     on_event: &mut dyn FnMut(EvaluationEvent),
 ) -> Result<EvaluationResult, EvaluateError> {
-    let Evaluation { episodes, seed, greedy, threads } = evaluation;
-    let run = RunDescription::read(folder)?;
+    let Evaluation { episodes, seed, greedy, threads, .. } = evaluation;
+    let mut run = RunDescription::read(folder)?;
+    run.setup.opponents = evaluation.opponents.clone().unwrap_or(run.setup.opponents);
     let network = read_network(folder, &run)?;
     let num_envs = episodes.clamp(1, MAX_ENVS);
     let mut lanes = Lanes::start(&run.setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
@@ -117,7 +123,7 @@ pub fn evaluate(
             return Err(ClientError::Interrupted.into());
         }
         for (lane, actor) in actors.iter_mut().enumerate() {
-            let (first_env, batch) = lanes.batch(lane, interrupted)?;
+            let LaneBatch { first_env, batch, .. } = lanes.batch(lane, interrupted)?;
             tally.add_ended(first_env, batch, on_event);
             let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
             actor.act(&network, run.sizes, batch, choice, draw);
@@ -133,7 +139,7 @@ pub fn evaluate(
         }
         step += 1;
     }
-    Ok(result(run.name, evaluation, num_envs, &tally.counted))
+    Ok(result(&run, &evaluation, num_envs, &tally.counted))
 }
 
 fn read_network(folder: &Path, run: &RunDescription) -> Result<Network, FileError> {
@@ -171,20 +177,21 @@ impl Tally {
 }
 
 fn result(
-    scenario: String,
-    evaluation: Evaluation,
+    run: &RunDescription,
+    evaluation: &Evaluation,
     num_envs: usize,
     counted: &[Episode],
 ) -> EvaluationResult {
-    let Evaluation { episodes, seed, greedy, .. } = evaluation;
+    let Evaluation { episodes, seed, greedy, .. } = *evaluation;
     let mean = |value: &dyn Fn(&Episode) -> f64| {
         counted.iter().map(value).sum::<f64>() / counted.len().max(1) as f64
     };
     let mean_return = mean(&|episode| f64::from(episode.episode_return));
     EvaluationResult {
-        scenario,
+        scenario: run.name.clone(),
         episodes,
         num_envs,
+        opponents: run.setup.opponents.clone(),
         seed,
         greedy,
         win_rate: mean(&|episode| f64::from(u8::from(episode.won))),

@@ -74,7 +74,7 @@ const DEFAULT_LIMIT: u32 = 1000;
 pub fn resolve_scenario(name: &str, rules: Rules) -> Result<BattleSetup, ScenarioError> {
     let (scenario, files) = ScenarioFiles::resolve(name)?;
     let episode_limit = EpisodeLimit::Steps(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
-    Ok(BattleSetup { files, rules, episode_limit })
+    Ok(BattleSetup { rules, episode_limit, ..BattleSetup::new(files) })
 }
 
 /// Returns `true` when a wait is to end.
@@ -91,6 +91,28 @@ struct Lane {
     settings: LaneSettings,
     /// The last batch, until it was acted on.
     batch: Option<Arc<Batch>>,
+    /// By environment of the last batch, whether its episode is over.
+    over: Vec<bool>,
+    /// The next batch answers [`Lanes::restore`], which set `over`: in its batch no episode ends.
+    is_restored: bool,
+}
+
+/// A batch of a lane.
+pub(crate) struct LaneBatch<'a> {
+    /// The number of the lane's first environment.
+    pub first_env: usize,
+    pub batch: &'a Batch,
+    /// By environment, whether its episode is over, so that the next step resets it.
+    pub over: &'a [bool],
+}
+
+/// The states of all environments between two steps.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct SavedEnvs {
+    /// u8 `[num_envs, snapshot_size]`.
+    pub snapshots: Vec<u8>,
+    /// u8 `[num_envs]`: whether the episode is over.
+    pub over: Vec<u8>,
 }
 
 /// The lanes of a run. Fields are dropped in order: the clients before the pool.
@@ -198,7 +220,8 @@ impl Lanes {
             }
             let settings = description.settings;
             sizes = sizes_with_history(arena.sizes(), settings.obs_last_actions);
-            lanes.push(Lane { client, first_env, settings, batch: None });
+            let over = vec![false; settings.num_envs];
+            lanes.push(Lane { client, first_env, settings, batch: None, over, is_restored: false });
             first_env += settings.num_envs;
         }
         Ok(Lanes { lanes, sizes, _pool: None })
@@ -244,26 +267,53 @@ impl Lanes {
     /// Resets all environments; environment `i` gets the seed `seed + i`.
     pub(crate) fn reset(&mut self, seed: u64) -> Result<(), ClientError> {
         for lane in &mut self.lanes {
-            lane.batch = None;
+            (lane.batch, lane.is_restored) = (None, false);
             let seed = seed.wrapping_add(lane.first_env as u64);
             lane.client.send_reset(Some(seed), None, WaitOptions::forever())?;
         }
         Ok(())
     }
 
-    /// The next batch of a lane, for which it waits if it is not there yet, and the number of the lane's
-    /// first environment. It is kept until [`send`](Lanes::send) replaces it.
+    /// The next batch of a lane, for which it waits if it is not there yet. It is kept until
+    /// [`send`](Lanes::send) replaces it.
     pub(crate) fn batch(
         &mut self,
         lane: usize,
         interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<(usize, &Batch), ClientError> {
-        let lane = &mut self.lanes[lane];
-        let batch = match lane.batch.take() {
-            Some(batch) => batch,
-            None => lane.client.recv(WaitOptions { timeout: Some(TIMEOUT), interrupted })?,
-        };
-        Ok((lane.first_env, lane.batch.insert(batch)))
+    ) -> Result<LaneBatch<'_>, ClientError> {
+        self.lanes[lane].next_batch(interrupted)
+    }
+
+    /// The states of all environments; `None` if a lane does not serve the field `snapshot`.
+    pub(crate) fn save(
+        &mut self,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<SavedEnvs>, ClientError> {
+        let mut saved = SavedEnvs::default();
+        for lane in &mut self.lanes {
+            let LaneBatch { batch, over, .. } = lane.next_batch(interrupted)?;
+            let Some(snapshots) = batch.field(Field::Snapshot) else { return Ok(None) };
+            saved.snapshots.extend_from_slice(snapshots);
+            saved.over.extend(over.iter().map(|over| u8::from(*over)));
+        }
+        Ok(Some(saved))
+    }
+
+    /// Sets all environments to states of [`save`](Lanes::save) on lanes like these.
+    pub(crate) fn restore(&mut self, saved: &SavedEnvs) -> Result<(), ClientError> {
+        self.reset(0)?; // a session begins with a reset
+        let size = saved.snapshots.len() / self.num_envs();
+        for index in 0..self.count() {
+            self.batch(index, &mut || false)?;
+            let lane = &mut self.lanes[index];
+            let envs = lane.first_env..lane.first_env + lane.settings.num_envs;
+            let snapshots = &saved.snapshots[envs.start * size..envs.end * size];
+            lane.client.send_restore(snapshots, None, None, WaitOptions::forever())?;
+            lane.over = saved.over[envs].iter().map(|over| *over != 0).collect();
+            (lane.batch, lane.is_restored) = (None, true);
+            self.batch(index, &mut || false)?;
+        }
+        Ok(())
     }
 
     /// Sends the actions of a lane, `[environments, n_agents]`.
@@ -272,16 +322,23 @@ impl Lanes {
         lane.batch = None;
         lane.client.send(actions, None, WaitOptions::forever())
     }
+}
 
-    /// Steps all environments with the actions, `[num_envs, n_agents]`.
-    pub(crate) fn step(&mut self, actions: &[i32]) -> Result<(), ClientError> {
-        for lane in 0..self.count() {
-            self.batch(lane, &mut || false)?;
-            let Lane { first_env, settings: LaneSettings { num_envs, .. }, .. } = self.lanes[lane];
-            let n_agents = self.sizes.n_agents;
-            self.send(lane, &actions[first_env * n_agents..][..num_envs * n_agents])?;
-        }
-        Ok(())
+impl Lane {
+    fn next_batch(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<LaneBatch<'_>, ClientError> {
+        let batch = match self.batch.take() {
+            Some(batch) => batch,
+            None => {
+                let batch = self.client.recv(WaitOptions { timeout: Some(TIMEOUT), interrupted })?;
+                if !std::mem::take(&mut self.is_restored) {
+                    let ends = batch.terminated().iter().zip(batch.truncated());
+                    self.over.clear();
+                    self.over.extend(ends.map(|(terminated, truncated)| terminated | truncated != 0));
+                }
+                batch
+            }
+        };
+        Ok(LaneBatch { first_env: self.first_env, batch: self.batch.insert(batch), over: &self.over })
     }
 }
 
@@ -290,10 +347,10 @@ pub(crate) fn sizes_with_history(sizes: Sizes, last_actions: usize) -> Sizes {
     LaneSettings { obs_last_actions: last_actions, ..LaneSettings::new(1) }.frame_sizes(sizes)
 }
 
-/// A lane with the fields that a team reads.
+/// A lane with the fields that a team reads, and the snapshots by which a run is resumed.
 fn lane_config(setup: &BattleSetup, name: &str, num_envs: usize) -> LaneConfig {
     let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
-    let is_read = |field: &Field| FIELDS.contains(field) || !field.is_optional();
+    let is_read = |field: &Field| FIELDS.contains(field) || *field == Field::Snapshot || !field.is_optional();
     lane.settings.fields = FieldSet::ALL.iter().filter(is_read).collect();
     lane
 }

@@ -10,7 +10,7 @@ use rand_pcg::Pcg64Mcg;
 pub(crate) enum Purpose {
     /// First weights; the counter is the network.
     Weights = 1,
-    /// Seeds of the environments; the counter is the number of the restart.
+    /// Seeds of the environments; the counters are the number of the restart and the updates since then.
     Environments = 2,
     /// Actions; the counters are the step and the environment.
     Actions = 3,

@@ -58,6 +58,9 @@ impl RunDescription {
             let (path, why) = (path.clone(), why.to_string());
             FileError::Damaged { path, why }
         };
+        if !path.exists() {
+            return Err(FileError::NoRun { folder: folder.to_owned() });
+        }
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
         let (scenario, arena) = file.setup.arena().map_err(|error| damaged(&error))?;

@@ -4,6 +4,7 @@ use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use smaclite_units::file::write_whole;
+use std::collections::HashMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,8 @@ pub enum FileError {
     Read { path: PathBuf, source: io::Error },
     #[error("`{}` is not a regular file of at most {MAX_BYTES} bytes", path.display())]
     NotRegular { path: PathBuf },
+    #[error("`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json", folder.display())]
+    NoRun { folder: PathBuf },
     #[error("`{}` is damaged or not a file of a run: {why}", path.display())]
     Damaged { path: PathBuf, why: String },
     #[error("`{}` does not fit the run: {why}", path.display())]
@@ -46,11 +49,8 @@ impl Number for f32 {
 impl Number for f64 {
     const DTYPE: Dtype = Dtype::F64;
 }
-impl Number for u16 {
-    const DTYPE: Dtype = Dtype::U16;
-}
-impl Number for u32 {
-    const DTYPE: Dtype = Dtype::U32;
+impl Number for u8 {
+    const DTYPE: Dtype = Dtype::U8;
 }
 impl Number for u64 {
     const DTYPE: Dtype = Dtype::U64;
@@ -66,11 +66,17 @@ impl Array {
     pub fn flat<T: Number>(name: impl Into<String>, values: &[T]) -> Array {
         Array::new(name, &[values.len()], values)
     }
+}
 
-    /// The CRC-32C of the bytes of arrays, by which damage is detected.
-    pub fn checksum(arrays: &[Array]) -> u32 {
-        arrays.iter().fold(0, |crc, array| crc32c::crc32c_append(crc, &array.bytes))
-    }
+/// The key in a file's metadata of the CRC-32C of names and elements. Files that learners in Python write do
+/// not have it.
+const CHECKSUM: &str = "crc32c";
+
+fn checksum<'a>(arrays: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {
+    let mut arrays: Vec<_> = arrays.collect();
+    arrays.sort_unstable_by_key(|(name, _)| *name); // a file has them in another order
+    let parts = arrays.into_iter().flat_map(|(name, bytes)| [name.as_bytes(), bytes]);
+    format!("{:08x}", parts.fold(0, crc32c::crc32c_append))
 }
 
 /// The file's bytes.
@@ -79,7 +85,8 @@ pub(crate) fn encode(arrays: &[Array]) -> Result<Vec<u8>, SafeTensorError> {
         Ok((array.name.as_str(), TensorView::new(array.dtype, array.shape.clone(), &array.bytes)?))
     });
     let views = views.collect::<Result<Vec<_>, SafeTensorError>>()?;
-    safetensors::serialize(views, None)
+    let checksum = checksum(arrays.iter().map(|array| (array.name.as_str(), &array.bytes[..])));
+    safetensors::serialize(views, Some(HashMap::from([(CHECKSUM.to_owned(), checksum)])))
 }
 
 /// Writes a file whole or not at all.
@@ -106,9 +113,26 @@ pub(crate) struct Arrays<'a> {
 
 impl<'a> Arrays<'a> {
     pub fn decode(path: &'a Path, bytes: &'a [u8]) -> Result<Arrays<'a>, FileError> {
-        let tensors = SafeTensors::deserialize(bytes)
-            .map_err(|error| FileError::Damaged { path: path.to_owned(), why: error.to_string() })?;
-        Ok(Arrays { path, tensors })
+        let damaged =
+            |error: SafeTensorError| FileError::Damaged { path: path.to_owned(), why: error.to_string() };
+        let tensors = SafeTensors::deserialize(bytes).map_err(damaged)?;
+        let arrays = Arrays { path, tensors };
+        let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
+        let stored = metadata.metadata().as_ref().and_then(|metadata| metadata.get(CHECKSUM));
+        if stored.is_some_and(|stored| *stored != arrays.checksum()) {
+            return Err(arrays.damaged("its checksum differs"));
+        }
+        Ok(arrays)
+    }
+
+    fn checksum(&self) -> String {
+        let names = self.tensors.names().into_iter();
+        checksum(names.filter_map(|name| Some((name, self.tensors.tensor(name).ok()?.data()))))
+    }
+
+    /// Whether there is an array of that name.
+    pub fn has(&self, name: &str) -> bool {
+        self.tensors.tensor(name).is_ok()
     }
 
     /// The elements of an array of any length.

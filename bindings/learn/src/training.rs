@@ -1,8 +1,7 @@
 //! A run in memory: from first weights or a checkpoint, update after update.
 //!
-//! All environments restart every [`RESTART_INTERVAL`] updates, with seeds that the run's seed decides. A
-//! resumed run begins with the last restart and plays the actions since then again; so what must be kept and
-//! played again is bounded.
+//! All environments restart every [`RESTART_INTERVAL`] updates, with seeds that the run's seed decides.
+//! Between restarts a run is resumed from snapshots of its environments.
 
 use crate::checkpoint::{Checkpoint, Progress};
 use crate::collect::Collector;
@@ -38,10 +37,10 @@ pub enum TrainError {
     #[error("another process trains in `{0}`; wait until it ends, or choose another folder")]
     FolderLocked(String),
     #[error(
-        "the checkpoint could not be continued: the environments do not repeat its actions ({0}); it is of \
+        "the checkpoint could not be continued: the environments do not take its snapshots ({0}); it is of \
          another release or another pool"
     )]
-    NotRepeated(ClientError),
+    NotRestored(ClientError),
 }
 
 /// A run in memory.
@@ -116,12 +115,12 @@ impl Training {
         config.check()?;
         let lanes = lanes.for_run(&config)?;
         let team = Team::new(&config, lanes.sizes());
-        let state =
-            Checkpoint { team, progress: Progress::default(), recent: Vec::new(), actions: Vec::new() };
+        let state = Checkpoint { team, progress: Progress::default(), recent: Vec::new(), envs: None };
         Ok(Training::with_state(config, lanes, threads, state))
     }
 
-    /// Continues a run on the lanes of its configuration: plays the actions since the last restart again.
+    /// Continues a run on the lanes of its configuration, in the states of the checkpoint's environments. If
+    /// it has none, because a lane does not serve snapshots, the environments begin new episodes.
     pub fn resume(
         config: Config,
         lanes: Lanes,
@@ -130,13 +129,10 @@ impl Training {
     ) -> Result<Training, TrainError> {
         config.check()?;
         let mut training = Training::with_state(config, lanes, threads, state);
-        if !training.state.progress.updates.is_multiple_of(RESTART_INTERVAL) {
-            training.restart_environments()?;
-            let per_step = training.config.num_envs * training.lanes.sizes().n_agents;
-            for actions in training.state.actions.chunks(per_step) {
-                let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
-                training.lanes.step(&actions).map_err(TrainError::NotRepeated)?;
-            }
+        let Training { lanes, state, .. } = &mut training;
+        match &state.envs {
+            Some(envs) => lanes.restore(envs).map_err(TrainError::NotRestored)?,
+            None => training.restart_environments()?,
         }
         Ok(training)
     }
@@ -164,7 +160,6 @@ impl Training {
         let updates = self.state.progress.updates;
         if updates.is_multiple_of(RESTART_INTERVAL) {
             self.restart_environments()?;
-            self.state.actions.clear();
         }
         let Training { config, lanes, state, rollout, collector, ppo } = self;
         let draws = (config.seed, updates * config.horizon as u64);
@@ -180,7 +175,7 @@ impl Training {
             }
         })?;
         let (learnt, elapsed) = (learn_begin.elapsed(), begin.elapsed());
-        state.actions.extend_from_slice(&rollout.actions);
+        state.envs = lanes.save(&mut || false)?;
         state.recent.extend_from_slice(&rollout.episodes);
         state.recent.drain(..state.recent.len().saturating_sub(RECENT));
         state.progress.updates += 1;
@@ -220,8 +215,9 @@ impl Training {
     }
 
     fn restart_environments(&mut self) -> Result<(), ClientError> {
-        let restart = self.state.progress.updates / RESTART_INTERVAL;
-        self.lanes.reset(seed(self.config.seed, Purpose::Environments, [restart, 0]))
+        let updates = self.state.progress.updates;
+        let counters = [updates / RESTART_INTERVAL, updates % RESTART_INTERVAL];
+        self.lanes.reset(seed(self.config.seed, Purpose::Environments, counters))
     }
 }
 

@@ -50,7 +50,7 @@ impl Place {
     }
 
     fn evaluate(&self, name: &str, episodes: usize) -> (EvaluationResult, Vec<EvaluatedEpisode>) {
-        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1 };
+        let evaluation = Evaluation { episodes, seed: 5, greedy: false, threads: 1, opponents: None };
         let mut counted = Vec::new();
         let mut count = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) => counted.push(episode),
@@ -186,6 +186,20 @@ fn a_team_trains_on_the_lane_of_a_running_pool() {
     assert!(complete(run).steps >= 930);
 }
 
+/// Its checkpoints have no snapshots, so a resumed run begins new episodes; with the field it is the
+/// uninterrupted one.
+#[test]
+fn a_run_on_a_lane_without_snapshots_can_be_resumed() {
+    let place = Place::new();
+    let _pool = serve(&place, "3m", |_| {});
+    let lanes = || Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
+    let mut run = Run::begin(&place.path("run"), small(), &scenario(), lanes(), 1).unwrap();
+    run.update(&mut || false).unwrap();
+    run.checkpoint().unwrap();
+    drop(run);
+    assert!(complete(Run::resume(&place.path("run"), None, lanes(), 1).unwrap()).steps >= 930);
+}
+
 #[test]
 fn a_team_observes_its_last_actions() {
     let place = Place::new();
@@ -300,7 +314,7 @@ fn folders_and_settings_that_do_not_fit_are_refused() {
     let error = begin(Config { gamma: 1.5, ..small() }, 10);
     assert!(error.contains("gamma must be between 0 and 1, got 1.5"), "{error}");
     let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).err().unwrap().to_string();
-    assert!(resume().contains("cannot read"), "{}", resume());
+    assert!(resume().contains("it has no run.json"), "{}", resume());
     fs::write(place.path("run").join("run.json"), "{}").unwrap();
     assert!(resume().contains("run.json` is damaged or not a file of a run: missing field"), "{}", resume());
 }

@@ -24,6 +24,7 @@ None of them is imported with this package, and each docstring begins with an ex
 
 from ._evaluation import Evaluation, evaluate
 from ._native import (
+    OPPONENTS,
     Batch,
     Envs,
     Frame,
@@ -63,6 +64,7 @@ from .errors import (
 )
 
 __all__ = [
+    "OPPONENTS",
     "Batch",
     "Busy",
     "ChangedBatch",

@@ -1,7 +1,7 @@
 # Written by hand, because generated stubs lack the element types of arrays. `mypy.stubtest` checks that
 # names, parameters and defaults match the module. Full docstrings are in the module.
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from types import TracebackType
 from typing import Any, Final, Literal, NoReturn, final, overload
@@ -18,6 +18,7 @@ __all__ = [
     "KILL_REWARD",
     "NORTH",
     "NO_OP",
+    "OPPONENTS",
     "REWARD_SCALE",
     "SIGHT_RANGE",
     "SNAPSHOT_COLUMNS",
@@ -58,6 +59,7 @@ FIRST_TARGET: Final[int]
 
 # In squares.
 SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
+OPPONENTS: tuple[str, ...]
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 
@@ -258,6 +260,8 @@ class Envs:
     @property
     def rules(self) -> _Rules: ...
     @property
+    def opponents(self) -> dict[str, float]: ...
+    @property
     def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
     @property
     def description(self) -> LaneDescription: ...
@@ -355,6 +359,7 @@ def make(
     autoreset: _Autoreset = "next_step",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
+    opponent: str | Mapping[str, float] = "attack_move",
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -376,6 +381,7 @@ def make(
     autoreset: _Autoreset = "next_step",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
+    opponent: str | Mapping[str, float] = "attack_move",
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,

@@ -129,6 +129,8 @@ class LaneDescription(TypedDict):
     episode_limit: int | None
     """Steps, None for no limit."""
     rules: Literal["smaclite", "paper"]
+    opponents: dict[str, float]
+    """Who plays the enemies, with weights."""
     layout_hash: int
     """Equal if two programs agree on every offset of a batch."""
     capacity: Capacity

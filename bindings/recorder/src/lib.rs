@@ -3,7 +3,7 @@
 
 #![forbid(unsafe_code)]
 
-use smaclite_engine::{Battle, Snapshot, SnapshotError, StreamPosition, Units};
+use smaclite_engine::{Battle, Opponent, Snapshot, SnapshotError, StreamPosition, Units};
 use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir, WaitOptions};
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::collections::{BTreeMap, VecDeque};
@@ -43,8 +43,8 @@ struct RecordedEpisode {
 
 /// How an episode begins.
 enum Start {
-    /// As after a reset, with the generator at this position.
-    Reset(StreamPosition),
+    /// As after a reset, with the generator at this position, against this opponent.
+    Reset(StreamPosition, Opponent),
     /// In the state of a restore or fork.
     Restored(Box<Snapshot>),
 }
@@ -173,7 +173,7 @@ impl PoolRecorder {
         for episode in self.envs.values().flat_map(|env| &env.episodes) {
             match episode.start.as_ref().filter(|_| episode.is_complete || with_incomplete) {
                 None => continue,
-                Some(Start::Reset(position)) => recorder.begin(*position),
+                Some(Start::Reset(position, opponent)) => recorder.begin(*position, *opponent),
                 Some(Start::Restored(snapshot)) => recorder.begin_at(snapshot)?,
             }
             for actions in episode.actions.chunks(n_agents) {
@@ -193,7 +193,7 @@ impl Fresh {
     fn start_of(&self, start: &Snapshot, is_first: bool) -> Option<Start> {
         let is_fresh = self.0.as_ref().is_none_or(|fresh| *fresh == start.units);
         if start.episode_length == 0 && is_fresh {
-            Some(Start::Reset(start.generator.position()))
+            Some(Start::Reset(start.generator.position(), start.opponent))
         } else if is_first && start.episode_length > 0 {
             None
         } else {

@@ -3,7 +3,6 @@
 //! use it.
 
 pub(crate) mod client;
-pub(crate) mod following;
 pub mod protocol;
 pub(crate) mod served_lane;
 pub(crate) mod server;

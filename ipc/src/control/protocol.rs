@@ -3,7 +3,7 @@
 
 use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::Sizes;
+use smaclite_engine::{Opponents, Sizes};
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
@@ -165,7 +165,7 @@ pub enum ControlError {
     NoBattles { lane: String },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
-    #[error("the pool has several lanes; say which one: {}", names(lanes))]
+    #[error("the pool has several lanes; name one, by `lane=` or --lane: {}", names(lanes))]
     WhichLane { lanes: Vec<String> },
     #[error("{message}")]
     OtherRelease { message: String },
@@ -250,6 +250,8 @@ pub struct LaneDescription {
     pub episode_limit: Option<u32>,
     /// The rules of its battles: `smaclite` or `paper`.
     pub rules: String,
+    /// Who plays the enemies.
+    pub opponents: Opponents,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
     /// How many frames and requests its memory has room for.
@@ -299,6 +301,7 @@ mod tests {
             settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
+            opponents: Opponents::default(),
             layout_hash: 0,
             capacity: Capacity::new(&settings, 1, 2, 0),
             threads: 2,

@@ -2,7 +2,6 @@
 //! the end of a learner's process, and has iceoryx2 reclaim what dead processes left.
 
 use super::client::{has_ended, peer_of, watch_process};
-use super::following::Followed;
 use super::protocol::{
     ControlError, ControlRequest, ControlResponse, MAX_REQUEST, Message, PROTOCOL_VERSION, PoolStatus,
     RELEASE, Sender, release_text,
@@ -19,6 +18,9 @@ use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
+
+mod following;
+use following::Followed;
 
 /// The most connections at once that are neither a learner's nor a spectator's: enough for all status
 /// requests, too few to use up the process's file descriptors. Learners and spectators have separate
@@ -42,7 +44,7 @@ pub(crate) struct ControlServer {
     pub(crate) ipc_node: IpcNode,
 }
 
-pub(super) struct Connection {
+struct Connection {
     /// Non-blocking.
     stream: UnixStream,
     /// The peer's process; `None` if it is in another process namespace.
@@ -60,7 +62,7 @@ pub(super) struct Connection {
 
 /// What a connection holds; lanes by index.
 #[derive(PartialEq)]
-pub(super) enum Role {
+enum Role {
     None,
     Learner(usize),
     Spectator(usize),
@@ -304,7 +306,7 @@ impl ControlServer {
     }
 
     /// The process of a connection that may become a learner or spectator.
-    pub(super) fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
+    fn candidate(&self, connection: &Connection) -> Result<u32, ControlError> {
         if connection.role != Role::None {
             return Err(ControlError::Malformed { what: "this connection already has a lane".to_owned() });
         }

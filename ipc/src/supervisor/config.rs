@@ -135,6 +135,7 @@ impl LaneConfig {
             settings,
             episode_limit,
             rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
+            opponents: setup.as_ref().map(|setup| setup.opponents.clone()).unwrap_or_default(),
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,

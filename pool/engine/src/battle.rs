@@ -9,15 +9,19 @@ use std::sync::Arc;
 use crate::arena::{Arena, Sizes};
 use crate::buffers::refill;
 use crate::command::{Command, IllegalAction, action};
+use crate::distance::{distance_squared, square_within};
 use crate::encode::{self, Available, UnitFeatures, UnitTables};
 use crate::neighbour_order::NeighbourOrder;
+use crate::opponents::Opponent;
+use crate::policy::{EnemySituation, Tactic};
 use crate::random::Generator;
-use crate::scratch::Scratch;
+use crate::scratch::{EnemyScratch, Scratch};
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::step::{ExecutionOrder, Step, Tick};
 use crate::tick::{self, World};
 use crate::units::{AliveIds, Units};
-use crate::{TICKS_PER_STEP, WIN_REWARD};
+use crate::{SIGHT_RANGE, TICKS_PER_STEP, WIN_REWARD};
+use smaclite_scenarios::Faction;
 
 /// One battle. A clone continues independently, with the same bits.
 #[derive(Clone, Debug)]
@@ -29,6 +33,9 @@ pub struct Battle {
     last_actions: Vec<Option<u32>>,
     tables: UnitTables,
     available: Available,
+    /// Of the enemies; computed where a scripted policy plays them, before it chooses.
+    enemy_available: Available,
+    opponent: Opponent,
     generator: Generator,
     episode_length: u32,
     episode_return: f64,
@@ -40,7 +47,9 @@ impl Battle {
     pub fn new(arena: Arc<Arena>, seed: u64) -> Battle {
         let mut battle = Battle {
             tables: UnitTables::new(&arena),
-            available: Available::new(&arena.sizes()),
+            available: Available::new(&arena, Faction::Ally),
+            enemy_available: Available::new(&arena, Faction::Enemy),
+            opponent: Opponent::default(),
             arena,
             units: Units::default(),
             alive_ids: AliveIds::default(),
@@ -74,8 +83,15 @@ impl Battle {
         self.generator = generator;
     }
 
-    /// Begins a new episode. The generator is not reset.
+    /// Begins a new episode, with an opponent that is drawn if there are several. The generator is not reset.
     pub fn reset(&mut self) {
+        let opponent = self.arena.opponents().draw(&mut self.generator);
+        self.reset_against(opponent);
+    }
+
+    /// Begins a new episode against this opponent; nothing is drawn.
+    pub fn reset_against(&mut self, opponent: Opponent) {
+        self.opponent = opponent;
         self.units.reset(&self.arena);
         self.neighbour_order.reset(&self.arena, &self.units);
         refill(&mut self.last_actions, self.arena.agents.iter().map(|_| None));
@@ -220,24 +236,66 @@ impl Battle {
         refill(&mut self.last_actions, all.take(n_agents));
     }
 
-    /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once, and
-    /// enemies attack-move whatever the agents do.
-    fn give_commands(&self, scratch: &mut Scratch) {
+    /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once.
+    fn give_commands(&mut self, scratch: &mut Scratch) {
         let arena = &*self.arena;
-        let scratch = &mut scratch.tick;
-        scratch.prepare(arena);
+        scratch.tick.prepare(arena);
         for (&id, action) in arena.agents.iter().zip(&self.last_actions) {
             if !self.units.alive[id as usize] {
                 continue;
             }
-            let targets = if arena.stats(id).is_healer { &arena.agents } else { &arena.enemies };
-            let position = self.units.pos[id as usize];
             let action = action.map_or(action::NO_OP, |action| action as usize);
-            scratch.command(id, Command::from_action(action, position, targets));
+            let position = self.units.pos[id as usize];
+            scratch.tick.command(id, Command::from_action(action, position, arena.targets_of(id)));
         }
-        for &id in self.alive_ids.all.iter().filter(|&&id| arena.is_enemy(id)) {
-            scratch.command(id, Command::AttackMove);
+        match self.opponent {
+            Opponent::AttackMove => self.march(scratch, |_| arena.attack_point),
+            Opponent::AttackNearest => self.march(scratch, |id| self.nearest_agent(id)),
+            Opponent::Scripted(tactic) => self.play_tactic(tactic, scratch),
         }
+    }
+
+    /// Lets all enemies attack-move.
+    fn march(&self, scratch: &mut Scratch, destination: impl Fn(u32) -> [f64; 2]) {
+        for &id in self.alive_ids.all.iter().filter(|&&id| self.arena.is_enemy(id)) {
+            scratch.tick.command(id, Command::AttackMove(destination(id)));
+        }
+    }
+
+    /// The position of the living agent that is nearest to a unit; of equally near ones that with the lowest
+    /// id.
+    fn nearest_agent(&self, id: u32) -> [f64; 2] {
+        let pos = |id: u32| self.units.pos[id as usize];
+        let distance = |agent: &u32| distance_squared(pos(id), pos(*agent));
+        let agents = self.alive_ids.allies.iter();
+        let nearest = agents.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        nearest.map_or(self.arena.attack_point, |&agent| pos(agent).as_dvec2().into())
+    }
+
+    /// Lets a scripted policy choose the actions of the enemies.
+    #[inline(never)]
+    fn play_tactic(&mut self, tactic: Tactic, scratch: &mut Scratch) {
+        self.enemy_available.update(&self.arena, &self.units, &self.tables);
+        let arena = &*self.arena;
+        let EnemyScratch { actions, seen, policy } = &mut scratch.enemies;
+        let within = square_within(SIGHT_RANGE.next_down());
+        let pos = |id: u32| self.units.pos[id as usize];
+        let is_seen = |&agent: &u32| {
+            let mut eyes = self.alive_ids.enemies.iter();
+            eyes.any(|&id| distance_squared(pos(id), pos(agent)) <= within)
+        };
+        refill(seen, arena.agents.iter().map(is_seen));
+        refill(actions, arena.enemies.iter().map(|_| 0));
+        let mut generator = self.generator.clone();
+        let situation = EnemySituation { battle: self, available: &self.enemy_available, seen };
+        tactic.act(&situation, actions, policy, || u64::from(generator.next_word()) << 32);
+        for (&id, &action) in arena.enemies.iter().zip(&*actions) {
+            if self.units.alive[id as usize] {
+                let command = Command::from_action(action as usize, pos(id), arena.targets_of(id));
+                scratch.tick.command(id, command);
+            }
+        }
+        self.generator = generator;
     }
 
     /// Sets the execution order of a tick: which unit moves and acts first in phase 4.
@@ -295,6 +353,15 @@ impl Battle {
     /// The actions available to all agents: [`available`](Self::available), agent by agent.
     pub fn available_bits(&self) -> &[u64] {
         self.available.all()
+    }
+
+    pub(crate) fn agents_available(&self) -> &Available {
+        &self.available
+    }
+
+    /// What plays the enemies in this episode.
+    pub fn opponent(&self) -> Opponent {
+        self.opponent
     }
 
     /// Whether an action is available to an agent; false if there is no such agent or action.
@@ -357,12 +424,13 @@ impl Battle {
         }
     }
 
-    /// The features of a unit as in [the state](Self::write_state), by battle-wide id.
+    /// The features of a unit as a side sees it, by battle-wide id: those in [the state](Self::write_state),
+    /// if that is the side of the agents.
     ///
     /// # Panics
     /// If there is no such unit.
-    pub fn unit_features(&self, id: u32) -> UnitFeatures {
-        UnitFeatures::of(&self.view(), id)
+    pub fn unit_features(&self, id: u32, side: Faction) -> UnitFeatures {
+        UnitFeatures::of(&self.view(), id, self.arena.is_enemy(id) == (side == Faction::Enemy))
     }
 
     fn view(&self) -> encode::View<'_> {
@@ -420,6 +488,7 @@ impl Battle {
         snapshot.units.copy_from(&self.units);
         snapshot.neighbour_order.copy_from(&self.neighbour_order);
         snapshot.last_actions.clone_from(&self.last_actions);
+        snapshot.opponent = self.opponent;
         snapshot.generator.clone_from(&self.generator);
         snapshot.episode_length = self.episode_length;
         snapshot.episode_return = self.episode_return;
@@ -442,6 +511,7 @@ impl Battle {
         self.units.copy_from(&snapshot.units);
         self.neighbour_order.copy_from(&snapshot.neighbour_order);
         self.last_actions.clone_from(&snapshot.last_actions);
+        self.opponent = snapshot.opponent;
         self.generator = snapshot.generator.clone();
         self.episode_length = snapshot.episode_length;
         self.episode_return = snapshot.episode_return;

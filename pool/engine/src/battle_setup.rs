@@ -1,10 +1,11 @@
 //! What battles are played with: the one record that pools, replays and training runs keep of it.
 
-use crate::{Arena, Rules};
+use crate::{Arena, Opponents, Rules};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 
-/// What battles are played with. As JSON, the keys `files`, `rules` and `episode_limit`.
+/// What battles are played with. As JSON, the keys `files`, `rules`, `episode_limit` and, if they
+/// are others than attack-move, `opponents`.
 ///
 /// ```
 /// use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
@@ -17,7 +18,7 @@ use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 /// assert_eq!((scenario.episode_limit, arena.episode_limit()), (Some(120), Some(30)));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BattleSetup {
     /// The texts of the scenario file and of its unit files.
     pub files: ScenarioFiles,
@@ -25,6 +26,9 @@ pub struct BattleSetup {
     pub rules: Rules,
     /// When an episode is truncated.
     pub episode_limit: EpisodeLimit,
+    /// Who plays the enemies.
+    #[serde(default, skip_serializing_if = "Opponents::is_default")]
+    pub opponents: Opponents,
 }
 
 /// When an episode is truncated. As JSON `"scenario"`, a number or `null`.
@@ -43,9 +47,10 @@ pub enum EpisodeLimit {
 }
 
 impl BattleSetup {
-    /// A scenario with the default rules and its own episode limit.
+    /// A scenario with the default rules and opponent and its own episode limit.
     pub fn new(files: ScenarioFiles) -> BattleSetup {
-        BattleSetup { files, rules: Rules::default(), episode_limit: EpisodeLimit::default() }
+        let (rules, episode_limit) = (Rules::default(), EpisodeLimit::default());
+        BattleSetup { files, rules, episode_limit, opponents: Opponents::default() }
     }
 
     /// The scenario, and the arena in which the battles are played.
@@ -54,7 +59,7 @@ impl BattleSetup {
     /// If the texts are no valid scenario.
     pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
         let scenario = self.files.scenario()?;
-        let arena = Arena::new(&scenario, self.rules);
+        let arena = Arena::new(&scenario, self.rules).with_opponents(self.opponents.clone());
         let arena = match self.episode_limit {
             EpisodeLimit::Scenario => arena,
             EpisodeLimit::Steps(steps) => arena.with_episode_limit(Some(steps)),

@@ -36,9 +36,8 @@ pub(crate) enum Command {
     MoveTo([f64; 2]),
     /// Attack or heal a unit, by battle-wide id.
     Target(u32),
-    /// March to the scenario's attack point and attack opponents in scan range; healers heal. All enemies do
-    /// this.
-    AttackMove,
+    /// March to a point and attack opponents in scan range; healers heal.
+    AttackMove([f64; 2]),
 }
 
 impl Command {

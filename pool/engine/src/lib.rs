@@ -5,7 +5,8 @@
 //! only error in play is an [`IllegalAction`].
 //!
 //! Equal seeds and actions give equal bits on every machine: arithmetic is in f32 or f64 as the rules say,
-//! and never fused, and the execution order of each tick is all that is drawn at random.
+//! and never fused. The execution order of each tick is drawn at random, and so are opponents and their
+//! actions where a lane says so; nothing else is.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -30,6 +31,7 @@
 //! | where a unit wants to go, and when it is within attack range | `tick/preferred.rs` |
 //! | collision avoidance between units and at walls (ORCA) | `tick/avoid/` |
 //! | execution order of the units of a tick | `battle.rs` (`set_execution_order`), `random.rs` |
+//! | what the enemies do | `battle.rs` (`command_enemies`), `opponents.rs`, `policy/` |
 //! | movement, start of the cooldown, regeneration of shields, health and energy | `tick/execute.rs` |
 //! | damage, shields and armor, explosions, lasers, healing and its energy | `tick/targeters.rs` |
 //! | death, and what a dead unit keeps | `tick/deaths.rs` |
@@ -60,6 +62,7 @@ mod encode;
 mod fast_math;
 pub mod fnv;
 mod neighbour_order;
+mod opponents;
 pub mod policy;
 mod random;
 mod rules;
@@ -76,6 +79,7 @@ pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
 pub use encode::{FeatureBlock, UnitFeatures, obs_features, state_features};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
+pub use opponents::{Opponent, Opponents, OpponentsError};
 pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;

@@ -1,7 +1,8 @@
 //! The battle's random generator: NumPy's `SeedSequence` and `PCG64`, and the shuffle of NumPy's `Generator`,
 //! so that a seed gives the same episodes as in the published environment.
 //!
-//! Only the execution order of phase 4 is drawn from it, in `battle`.
+//! The execution orders of phase 4 are drawn from it, in `battle`; and where a lane has several opponents or
+//! random ones, which of them plays, and its actions.
 
 use std::hint::select_unpredictable;
 
@@ -79,6 +80,21 @@ impl Generator {
     /// How far it has come.
     pub fn position(&self) -> StreamPosition {
         self.position
+    }
+
+    /// The next 32 random bits.
+    pub fn next_word(&mut self) -> u32 {
+        self.position.draws = self.position.draws.wrapping_add(1);
+        self.high_half.take().unwrap_or_else(|| {
+            let (low, high) = halves(self.pcg.next_u64());
+            self.high_half = Some(high);
+            low
+        })
+    }
+
+    /// A number from 0 to less than 1, a multiple of 2^-32.
+    pub(crate) fn next_share(&mut self) -> f64 {
+        f64::from(self.next_word()) / 4_294_967_296.0
     }
 
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.

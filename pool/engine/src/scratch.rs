@@ -1,6 +1,7 @@
 //! The working memory of a step.
 
 use crate::encode::ObsScratch;
+use crate::policy::PolicyMemory;
 use crate::tick::TickScratch;
 
 /// Working memory of steps and encoders: one per thread, for battles of any arena in turn.
@@ -11,6 +12,16 @@ use crate::tick::TickScratch;
 pub struct Scratch {
     pub(crate) tick: TickScratch,
     pub(crate) obs: ObsScratch,
+    pub(crate) enemies: EnemyScratch,
+}
+
+/// Working memory of the choice of the enemies' actions.
+#[derive(Debug, Default)]
+pub(crate) struct EnemyScratch {
+    pub actions: Vec<i32>,
+    /// Which agents the enemies see, by in-faction id.
+    pub seen: Vec<bool>,
+    pub policy: PolicyMemory,
 }
 
 impl Scratch {

@@ -112,8 +112,8 @@ impl Source for Pool {
 /// end.
 fn model(workers: usize, synchronous: bool, is_polled: bool, expected: usize, learner: fn(&Arc<Pool>)) {
     let mut builder = Builder::new();
-    // Enough for every handshake between two threads; all interleavings of three would take hours. `just loom`
-    // with LOOM_MAX_PREEMPTIONS=3 takes five minutes.
+    // Enough for every handshake between two threads; all interleavings of three would take hours. `just
+    // loom` with LOOM_MAX_PREEMPTIONS=3 takes five minutes.
     let default = if workers == 1 { 2 } else { 1 };
     builder.preemption_bound = builder.preemption_bound.or(Some(default));
     builder.check(move || {

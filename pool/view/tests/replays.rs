@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use flate2::{Compression, bufread::GzDecoder, write::GzEncoder};
 use serde_json::{Value, json};
 use smaclite_engine::policy::Random;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, StreamPosition};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Rules, StreamPosition};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_view::{MAX_JSON_BYTES, Moment, Observer, Recorder, Replay, ReplayError};
 
@@ -146,7 +146,7 @@ fn episodes_start_anywhere_in_the_stream_of_a_seed() {
 
     // The second episode alone, as by a spectator who begins there.
     let mut recorder = Recorder::new(setup("3m"), 99).unwrap();
-    recorder.begin(starts[1]);
+    recorder.begin(starts[1], Opponent::default());
     let second = &replay.episodes()[1];
     for actions in second.actions.chunks(3) {
         recorder.step(&actions.iter().map(|&action| action.into()).collect::<Vec<i32>>()).unwrap();

@@ -72,7 +72,7 @@ fn read_response(line: &[u8]) {
         Ok(ControlResponse::Scenario { lane, files }) => {
             drop((lane.layout().map_err(|e| e.to_string()), files.scenario().map_err(|e| e.to_string())))
         }
-        Ok(ControlResponse::Episodes { parts }) => {
+        Ok(ControlResponse::Episodes { parts, .. }) => {
             parts.into_iter().for_each(|part| drop(FollowedPart::try_from(part).map_err(|e| e.to_string())))
         }
         Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),

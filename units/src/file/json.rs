@@ -4,6 +4,7 @@
 //! position. A list or object is read as its pieces, which are then read themselves: every level of nesting
 //! is scanned once more, at most [`MAX_DEPTH`] times, and files nest three or four deep.
 
+use super::syntax::{explain, without_position};
 use super::{Problem, Report, Reported, shortened};
 use serde::Deserializer;
 use serde::de::{MapAccess, Visitor};
@@ -77,7 +78,7 @@ impl<'a> Source<'a> {
     pub(super) fn parse(&self) -> Result<Json, Reported> {
         let raw: &RawValue = serde_json::from_str(self.text).map_err(|error| {
             let at = if error.is_eof() { self.text.len() } else { self.index(error.line(), error.column()) };
-            self.problem(at, "", without_position(&error))
+            self.problem(at, "", explain(self.text, at, &error))
         })?;
         self.value(raw, MAX_DEPTH)
     }
@@ -147,12 +148,6 @@ impl<'a> Source<'a> {
         }
         Ok(entries)
     }
-}
-
-/// serde_json ends its messages with the line and column.
-fn without_position(error: &serde_json::Error) -> String {
-    let message = error.to_string();
-    message.rsplit_once(" at line ").map_or(message.as_str(), |(reason, _)| reason).into()
 }
 
 /// An entry of an object as pieces of the text.

@@ -10,6 +10,7 @@ mod key;
 mod node;
 mod problem;
 mod shown;
+mod syntax;
 mod write;
 
 pub use hint::did_you_mean;
@@ -19,7 +20,7 @@ pub use key::{
 };
 pub use node::{Document, Node, Object};
 pub use problem::{Problem, Problems, Report, Reported};
-pub use shown::{printable_text, shortened, shown_path};
+pub use shown::{printable_text, shortened, shown_path, without_os_errors};
 pub use write::write_whole;
 
 use rustix::fs::{Mode, OFlags};
@@ -39,7 +40,7 @@ pub const MAX_UNIT_BYTES: u64 = 64 << 10;
 /// # Errors
 /// [`Reported`] if it is no regular file, too large, not UTF-8, or cannot be opened.
 pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String, Reported> {
-    let unreadable = |reason: String| report.add_unreadable(shown_path(path), reason);
+    let unreadable = |reason: String| report.add_unreadable(shown_path(path), without_os_errors(&reason));
     let metadata = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));

@@ -45,6 +45,22 @@ pub fn printable_text(text: &str) -> String {
     text.chars().map(|c| if c == '\n' { c } else { printable(c) }).collect()
 }
 
+/// The message without the numbers of the system's errors, which say nothing that the words before them do
+/// not.
+///
+/// ```
+/// use smaclite_units::file::without_os_errors;
+///
+/// let error = std::io::Error::from_raw_os_error(2);
+/// assert_eq!(without_os_errors(&format!("{error}; try again")), "No such file or directory; try again");
+/// ```
+pub fn without_os_errors(message: &str) -> String {
+    let mut pieces = message.split(" (os error ");
+    let first = pieces.next().unwrap_or_default().to_owned();
+    let after = |piece: &str| piece.split_once(')').map_or(String::new(), |(_, after)| after.to_owned());
+    pieces.fold(first, |text, piece| text + &after(piece))
+}
+
 fn printable(c: char) -> char {
     const DIRECTIONS: [char; 3] = ['\u{200e}', '\u{200f}', '\u{61c}'];
     let is_direction = DIRECTIONS.contains(&c)

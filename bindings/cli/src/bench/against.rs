@@ -6,10 +6,10 @@ use super::peers::{Comparison, Found, Peer, PeerError};
 use super::this_program::{python_interpreter, serve_command};
 use super::throughput::{MeasureError, Workload};
 use crate::CommandResult;
+use crate::number::count;
 use crate::table::Table;
 use clap::Args;
 use std::error::Error;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,8 +31,8 @@ pub(super) struct Against {
     #[arg(long, value_name = "PATH", requires = "against")]
     python: Vec<PathBuf>,
     /// Rounds of measurements in turn; each result is the median over them
-    #[arg(long, value_name = "N", default_value = "3", requires = "against")]
-    rounds: NonZeroUsize,
+    #[arg(long, value_name = "N", default_value_t = 3, requires = "against", value_parser = count(1..=1000))]
+    rounds: usize,
 }
 
 impl Against {
@@ -71,7 +71,7 @@ impl Against {
         interrupted: &AtomicBool,
         report: &mut Report,
     ) -> CommandResult {
-        let rounds = self.rounds.get();
+        let rounds = self.rounds;
         let Some(scenarios) = found.scenarios() else {
             let Some(Workload { options, num_envs, time, .. }) = workloads.first().cloned() else {
                 return Ok(());

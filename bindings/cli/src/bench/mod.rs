@@ -9,6 +9,7 @@ pub mod play;
 pub(crate) mod this_program;
 pub mod throughput;
 
+use crate::number::count;
 use crate::process::{interrupt_flag, resident_bytes};
 use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
@@ -16,7 +17,7 @@ use against::Against;
 use clap::Args;
 use play::Policy;
 use smaclite_ipc::WaitStrategy;
-use smaclite_pool::PoolOptions;
+use smaclite_pool::{MAX_ENVS, PoolOptions};
 use smaclite_scenarios::Scenario;
 use std::error::Error;
 use std::time::Duration;
@@ -36,17 +37,17 @@ pub(super) struct Bench {
     mode: Mode,
     /// Number of threads of a pool, 1 to 1024 [default: the CPU cores available to this process, in the mode
     /// `attached` minus one for the learner]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// Number of environments
-    #[arg(long, default_value_t = 64, value_name = "N")]
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = count(1..=MAX_ENVS))]
     num_envs: usize,
     /// Environments per batch; fewer than --num-envs means asynchronous stepping, which needs the policy
     /// `sampled` [default: --num-envs]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = count(1..=MAX_ENVS))]
     batch_size: Option<usize>,
     /// Seconds to measure per scenario
-    #[arg(long, default_value_t = 3.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 3.0)]
     seconds: f64,
     /// How idle threads wait: adaptive, spin or block
     #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
@@ -110,8 +111,6 @@ impl Bench {
         let threads = self.threads.unwrap_or(default.threads);
         let num_envs = self.num_envs;
         let batch_size = self.batch_size.unwrap_or(num_envs);
-        check_range("--threads", THREADS, threads)?;
-        check_range("--num-envs", 1..=smaclite_pool::MAX_ENVS, num_envs)?;
         check_range("--batch-size", 1..=num_envs, batch_size)?;
         let time = Duration::try_from_secs_f64(self.seconds).map_err(|error| {
             format!("--seconds must be a number of at least 0, got {} ({error})", self.seconds)

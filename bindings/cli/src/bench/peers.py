@@ -44,6 +44,7 @@ class Peer(NamedTuple):
 
 
 def import_published() -> list[str]:
+    import smaclite as _  # registers its scenarios
 
     return ["smaclite", "gymnasium", "numpy", *(["pyrvo2"] if has_addon() else [])]
 
@@ -83,6 +84,7 @@ def make_published(scenario: str) -> list[Configuration]:
 
 
 def import_smax() -> list[str]:
+    import jaxmarl as _
 
     return ["jaxmarl", "jax"]
 
@@ -141,6 +143,7 @@ def smax_configuration(scenario: str, num_envs: int) -> Configuration:
 
 
 def import_envpool() -> list[str]:
+    import envpool as _
 
     return ["envpool", "gymnasium", "numpy"]
 
@@ -170,6 +173,8 @@ def envpool_step(batch_size: int) -> Step:
 
 
 def import_pufferlib() -> list[str]:
+    import pufferlib as _
+    import pufferlib.vector as _
 
     return ["pufferlib", "numpy"]
 

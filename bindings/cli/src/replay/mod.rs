@@ -4,6 +4,7 @@ mod export;
 
 use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
+use crate::number::count;
 use clap::Args;
 use export::Format;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
@@ -23,13 +24,13 @@ pub(super) struct Replay {
     #[arg(long, value_name = "OUT")]
     to: Option<PathBuf>,
     /// The episode of an animation or folder, counted from 0 [default: 0]
-    #[arg(long, value_name = "N", requires = "to")]
+    #[arg(long, value_name = "N", requires = "to", value_parser = count(0..=usize::MAX))]
     episode: Option<usize>,
     /// Width and height of pictures in pixels [default: 512x512]
     #[arg(long, value_name = "WxH", requires = "to")]
     size: Option<Size>,
     /// Frames per second of an animation, one frame per tick: 16 is the speed of the battle [default: 16]
-    #[arg(long, value_name = "F", requires = "to", allow_negative_numbers = true)]
+    #[arg(long, value_name = "F", requires = "to")]
     fps: Option<f64>,
     /// Background of pictures [default: dark]
     #[arg(long, requires = "to")]

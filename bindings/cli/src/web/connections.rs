@@ -1,6 +1,6 @@
 //! A listener with a bound on the number of open connections, so that a program that opens many does not use
-//! up the file descriptors of this one, and does not keep others out: a connection that does not show the token
-//! in time is closed, and the oldest of those at once where a new one needs its place.
+//! up the file descriptors of this one, and does not keep others out: a connection that does not show the
+//! token in time is closed, and the oldest of those at once where a new one needs its place.
 
 use axum::extract::connect_info::Connected;
 use axum::serve::{IncomingStream, Listener};

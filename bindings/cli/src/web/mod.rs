@@ -13,6 +13,7 @@ mod protocol;
 pub(crate) use page::{Closed, Page};
 
 use crate::CommandResult;
+use crate::number::whole;
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{FromRequestParts, State};
@@ -53,7 +54,7 @@ pub(crate) struct ServeOptions {
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     host: IpAddr,
     /// Port to listen on; 0 means any free one
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = whole(0..=u16::MAX))]
     port: u16,
     /// Open the page in the default browser, by xdg-open
     #[arg(long)]
@@ -117,9 +118,10 @@ async fn serve_until_signal(
     if !options.host.is_loopback() {
         eprintln!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
     }
+    let service = routes.into_make_service_with_connect_info::<Visitor>();
     let _opened = options.open.then(|| open_in_browser(url));
     tokio::select! {
-        served = axum::serve(listener, routes.into_make_service_with_connect_info::<Visitor>()) => Ok(served?),
+        served = axum::serve(listener, service) => Ok(served?),
         _ = interrupted.recv() => Ok(()),
         _ = terminated.recv() => Ok(()),
     }

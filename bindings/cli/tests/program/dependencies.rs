@@ -91,9 +91,9 @@ fn features(arguments: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
     found
 }
 
-/// The extension module, the tests and the programs differed in a feature of rand, serde_json and num-complex. Each
-/// of them compiled faer and all of our crates again, for minutes, and the tests read numbers by another algorithm
-/// than users did.
+/// The extension module, the tests and the programs differed in a feature of rand, serde_json and
+/// num-complex. Each of them compiled faer and all of our crates again, for minutes, and the tests read
+/// numbers by another algorithm than users did.
 #[test]
 fn no_crate_is_compiled_again_with_other_features() {
     let all = features(&["--edges", "normal,build,dev"]);

@@ -53,7 +53,7 @@ fn check_reports_every_problem_with_its_position() {
 fn check_prints_json() {
     let folder = invalid_files();
     output(folder.path(), "new scenario valid.json");
-    fs::write(folder.path().join("broken.json"), "{\n,").expect("a file");
+    fs::write(folder.path().join("broken.json"), "{\"hp\": 1,\n}").expect("a file");
     let done = run(folder.path(), "check --json valid.json sniper.json broken.json absent.json");
     assert_eq!(done.status.code(), Some(1));
     let printed = String::from_utf8(done.stdout).expect("text");
@@ -66,7 +66,7 @@ fn check_prints_json() {
         json!({
             "file": "valid.json", "valid": true, "kind": "scenario", "n_agents": 3, "n_enemies": 3,
             "n_actions": 9, "obs_size": 30, "state_size": 48, "episode_limit": 120, "problems": [],
-            "n_problems": 0,
+            "n_problems": 0, "warnings": [],
         }),
         json!({
             "file": "sniper.json", "valid": false, "kind": "unit", "n_problems": 3, "problems": [
@@ -79,15 +79,36 @@ fn check_prints_json() {
         }),
         json!({
             "file": "broken.json", "valid": false, "kind": null, "n_problems": 1,
-            "problems": [problem("broken.json", Some((2, 1)), "", "key must be a string")],
+            "problems": [problem("broken.json", Some((2, 1)), "", "remove the comma before `}`")],
         }),
         json!({
             "file": "absent.json", "valid": false, "kind": null, "n_problems": 1,
             "problems": [problem("absent.json", None, "",
-                "cannot be read: No such file or directory (os error 2)")],
+                "cannot be read: No such file or directory")],
         }),
     ];
     assert_eq!(lines, expected);
+}
+
+/// `check` found nothing wrong with units inside walls, two of which could never move.
+#[test]
+fn check_warns_of_what_is_probably_a_mistake() {
+    let folder = tempfile::tempdir().expect("a folder");
+    output(folder.path(), "new scenario wall.json");
+    let file = folder.path().join("wall.json");
+    let text = fs::read_to_string(&file).expect("the file");
+    let text = text.replace("\"x\": 9, \"y\": 16", "\"x\": 9, \"y\": 28"); // in the wall of the north
+    fs::write(&file, text).expect("a file");
+    let expected = "warning: `groups[0]` puts a MARINE at (";
+    for command in ["check wall.json", "record wall.json --out a.smreplay"] {
+        let done = run(folder.path(), command);
+        let message = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success() && message.contains(expected), "{command}: {message}");
+        assert!(message.starts_with("wall.json:"), "{command}: {message}");
+    }
+    let printed: Value =
+        serde_json::from_str(&output(folder.path(), "check wall.json --json")).expect("JSON");
+    assert_eq!((&printed["valid"], &printed["warnings"][0]["path"]), (&json!(true), &json!("groups[0]")));
 }
 
 #[test]

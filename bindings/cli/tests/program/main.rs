@@ -7,5 +7,6 @@ mod kit;
 mod page_kit;
 mod recording;
 mod shells;
+mod snapshots;
 mod training;
 mod watch;

@@ -3,7 +3,7 @@
 use crate::kit::program;
 use serde_json::{Value, json};
 use smaclite_ipc::RuntimeDir;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -154,7 +154,7 @@ impl Url {
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
         let mut page = OpenPage { socket, next: 1, events: Vec::new() };
-        page.request("hello", json!({"version": 1}));
+        page.request("hello", json!({"version": 2}));
         page
     }
 }
@@ -174,8 +174,11 @@ impl OpenPage {
 
     pub fn receive(&mut self) -> Value {
         loop {
-            if let Message::Text(text) = self.socket.read().expect("it is open") {
-                return serde_json::from_str(&text).expect("JSON");
+            match self.socket.read() {
+                Ok(Message::Text(text)) => return serde_json::from_str(&text).expect("JSON"),
+                // This process was suspended for a while.
+                Err(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+                read => _ = read.expect("it is open"),
             }
         }
     }

@@ -146,7 +146,12 @@ fn what_cannot_be_recorded_is_an_error() {
     let policies = "unknown policy `greedy`; the policies are random, nearest, focus_fire, kite, hold";
     error("record 3m --policy greedy --out a.smreplay", 2, policies);
     error("record 3m --out a.json", 1, "--out must end in .smreplay, got `a.json`");
-    error("record 3m --episodes 0 --out a.smreplay", 1, "--episodes must be between 1 and 10000, got 0");
+    error("record 3m --episodes 0 --out a.smreplay", 2, "number between 1 and 10000");
+    error(
+        "record 3m --seed -1 --out a.smreplay",
+        2,
+        "invalid value '-1' for '--seed <SEED>': must be a whole number",
+    );
     error("record 3mm --out a.smreplay", 1, "did you mean `3m`?");
     error("record 3m --out absent/a.smreplay", 1, "absent/a.smreplay: No such file or directory");
     error("record 3m --rules chess --out a.smreplay", 2, "chess");

@@ -100,8 +100,8 @@ fn there_is_a_man_page_per_command() {
     assert_eq!(refused.status.code(), Some(1));
 }
 
-/// The wheel installs man pages and completions where man and the shells look for them. `SMACLITE_WRITE=1` (`just
-/// wheel-files`) writes them anew.
+/// The wheel installs man pages and completions where man and the shells look for them. `SMACLITE_WRITE=1`
+/// (`just wheel-files`) writes them anew.
 #[test]
 fn the_files_of_the_wheel_are_up_to_date() {
     let share = Path::new(env!("CARGO_MANIFEST_DIR")).join("../wheel/data/share");

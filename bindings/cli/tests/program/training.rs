@@ -1,6 +1,7 @@
 //! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
 
 use crate::kit::{check_error, output, program};
+use crate::page_kit::Place;
 use serde_json::Value;
 use std::fs;
 use std::process::Stdio;
@@ -97,6 +98,23 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
+/// "say which one" did not say how, and MAP had said it already.
+#[test]
+fn the_lane_of_a_pool_is_the_one_that_plays_the_map() {
+    let place = Place::new();
+    let _pool = place.serve("3m:8 2s3z:8 --name two");
+    let done = place.output("train --pool two --steps 1e2 --out run");
+    let message = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(message.ends_with("several lanes; name one, by `lane=` or --lane: `3m`, `2s3z`\n"), "{message}");
+    let options = "--horizon 16 --hidden 16 --out run";
+    let done = place.output(&format!("train 2s3z --pool two --steps 1e2 {options}"));
+    assert!(done.status.success(), "{done:?}");
+    let run = fs::read_to_string(place.root().join("run/run.json")).expect("the run");
+    assert!(run.contains("2s3z"), "{run}");
+    let done = place.output("train --resume run --pool two --steps 2e2");
+    assert!(done.status.success(), "{done:?}");
+}
+
 /// An update of a large network takes long. It did not react at all, not even to a second signal.
 #[test]
 fn ctrl_c_ends_an_update() {
@@ -133,9 +151,9 @@ fn a_run_that_could_not_begin_can_be_begun_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     fs::create_dir_all(folder.join("run/checkpoint.safetensors")).expect("a folder in the way");
-    check_error(folder, &format!("train 3m --steps 100 --out run {SMALL}"), 1, "checkpoint.safetensors");
+    check_error(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"), 1, "checkpoint.safetensors");
     fs::remove_dir(folder.join("run/checkpoint.safetensors")).expect("no folder in the way");
-    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
 }
 
 #[test]
@@ -144,7 +162,10 @@ fn errors_say_what_is_accepted() {
     let folder = folder.path();
     check_error(folder, "train 3m", 2, "--out <FOLDER>");
     check_error(folder, "train 3n --out run", 1, "3n");
-    check_error(folder, "train 3m --out run --last-actions 17", 1, "--last-actions must be between 0 and 16");
+    check_error(folder, "train 3m --out run --last-actions 17", 2, "number between 0 and 16");
+    // A negative number was "unexpected argument '-5' found".
+    check_error(folder, "train 3m --out run --steps -5", 2, "invalid value '-5' for '--steps <N>': must be");
+    check_error(folder, "train 3m --out run --steps 1.5", 2, "number between 1 and 281474976710656");
     check_error(
         folder,
         "train 3m --out run --advantage-floor -1",
@@ -155,20 +176,27 @@ fn errors_say_what_is_accepted() {
     check_error(
         folder,
         "train 3m --out run --num-envs 0",
-        1,
-        "--num-envs must be between 1 and 65536, got 0",
+        2,
+        "invalid value '0' for '--num-envs <NUM_ENVS>': must be a whole number between 1 and 65536",
     );
     check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
     check_error(folder, "train 3m --out run --pool none", 1, "none");
-    check_error(folder, "train --resume nowhere", 1, "cannot read `nowhere/run.json`");
+    check_error(folder, "train --resume nowhere", 1, "`nowhere`");
     check_error(folder, "train --resume nowhere --gamma 0.9", 2, "cannot be used with");
-    check_error(folder, "evaluate nowhere", 1, "cannot read `nowhere/run.json`");
+    check_error(
+        folder,
+        "evaluate .",
+        1,
+        "`.` is not the folder of a run of `smaclite-pool train`: it has no",
+    );
+    fs::write(folder.join("moat.json"), "{}").expect("a file");
+    check_error(folder, "train 3m --out moat.json", 1, "cannot write `moat.json`: File exists\n");
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
-    output(folder, &format!("train 3m --steps 100 --out run {SMALL}"));
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
-    check_error(folder, "evaluate run --episodes 0", 1, "--episodes must be between 1 and 1000000, got 0");
+    check_error(folder, "evaluate run --episodes 0", 2, "number between 1 and 1000000");
     check_error(folder, "evaluate run --record run.gif", 1, "--record must end in .smreplay, got `run.gif`");
 }
 

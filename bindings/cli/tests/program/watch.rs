@@ -20,11 +20,16 @@ fn what_cannot_be_watched_is_an_error() {
         assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
     };
     check("watch", "no pool is running; start one with `smaclite-pool serve`");
+    check("status", "no pool is running; start one with `smaclite-pool serve`");
     check("watch train", "no pool named `train` runs here; start one with `smaclite-pool serve");
     let _one = place.serve("3m:2 2s3z:2 --name one");
     check("watch two", "no pool named `two` runs here; running: one");
     check("watch --lane 4m", "there is no lane `4m`; the pool has `3m`, `2s3z`");
+    // It asked for a pool `default`, though there was only this one.
+    let status = place.output("status");
+    assert!(status.stdout.starts_with(b"pool `one`: process "), "{status:?}");
     let _two = place.serve("3m:2 --name two");
+    check("status", "several pools run; name one of them: one, two");
     check("watch", "several pools run; name one of them: one, two");
     let (_watch, url) = place.watch("two");
     let port = url.host.split_once(':').expect("a port").1;
@@ -208,7 +213,7 @@ fn a_page_of_another_version_is_told_to_be_reloaded() {
     let mut page = url.open();
     assert!(page.error("hello", json!({"version": 1_000_000})).ends_with("reload the page"));
     assert!(page.error("unfollow", json!({})).ends_with("reload the page"));
-    page.request("hello", json!({"version": 1}));
+    page.request("hello", json!({"version": 2}));
     page.request("unfollow", json!({}));
 }
 

@@ -12,7 +12,8 @@ fn checkpoint(config: &Config) -> Checkpoint {
     team.critic.adam.steps = 7;
     let progress = Progress { updates: 3, steps: 500, episodes: 4, seconds: 1.5, cpu_seconds: 2.5 };
     let recent = vec![Episode { episode_return: 3.5, length: 20, won: true }];
-    Checkpoint { team, progress, recent, actions: vec![5; 3 * 2 * 2] }
+    let envs = Some(SavedEnvs { snapshots: vec![5; 3 * 16], over: vec![0, 1, 0] });
+    Checkpoint { team, progress, recent, envs }
 }
 
 #[test]
@@ -21,6 +22,9 @@ fn a_checkpoint_is_read_as_it_was_written() {
     let path = folder.path().join("checkpoint.safetensors");
     let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
     let written = checkpoint(&config);
+    written.write(&path).unwrap();
+    assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
+    let written = Checkpoint { envs: None, ..written };
     written.write(&path).unwrap();
     assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
@@ -80,4 +84,27 @@ fn damaged_and_foreign_files_are_refused() {
     assert!(error.contains("`actor.0.weight` contains NaN"), "{error}");
     let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
     assert!(error.contains("it has no `actor.0.weight`"), "{error}");
+}
+
+/// `evaluate` played with whatever weights a damaged disk had made of the right ones.
+#[test]
+fn weights_with_flipped_bits_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("weights.safetensors");
+    let config = Config { hidden: vec![8], ..Config::default() };
+    let team = checkpoint(&config).team;
+    write_weights(&path, &team).unwrap();
+    let good = fs::read(&path).unwrap();
+    let (header, _) = safetensors::SafeTensors::read_metadata(&good).unwrap();
+    for at in size_of::<u64>() + header..good.len() {
+        let mut flipped = good.clone();
+        flipped[at] ^= 1;
+        fs::write(&path, flipped).unwrap();
+        let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
+        assert!(error.contains("weights.safetensors` is damaged") && error.contains("checksum"), "{error}");
+    }
+    // Learners in Python write files without a checksum.
+    let tensors = safetensors::SafeTensors::deserialize(&good).unwrap();
+    fs::write(&path, safetensors::serialize(tensors.tensors(), None).unwrap()).unwrap();
+    assert_eq!(read_actor(&path, team.actor.mlp.clone()).unwrap().params, team.actor.params);
 }

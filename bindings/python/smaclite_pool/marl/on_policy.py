@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ class ShareVecEnv:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: number of environments (B).
         seed: environment i is seeded with seed + i.
-        threads, episode_limit, rules, max_held_batches, record: as in `smaclite_pool.make`.
+        threads, episode_limit, rules, opponent, max_held_batches, record: as in `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -99,6 +100,7 @@ class ShareVecEnv:
         threads: int | None = None,
         episode_limit: int | Literal["default"] | None = "default",
         rules: Literal["smaclite", "paper"] = "smaclite",
+        opponent: str | Mapping[str, float] = "attack_move",
         max_held_batches: int = 4,
         record: str | PathLike[str] | None = None,
     ) -> None:
@@ -111,6 +113,7 @@ class ShareVecEnv:
                 autoreset="same_step",
                 episode_limit=episode_limit,
                 rules=rules,
+                opponent=opponent,
                 max_held_batches=max_held_batches,
                 record=record,
             )

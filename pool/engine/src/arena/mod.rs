@@ -19,6 +19,7 @@ pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
 use crate::fnv::Fnv1a;
+use crate::opponents::Opponents;
 use crate::rules::Rules;
 use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
 use moves::Moves;
@@ -60,8 +61,10 @@ pub struct Arena {
     /// The largest radius of all units in the scenario.
     pub(crate) largest_radius: f64,
     sizes: Sizes,
+    n_enemy_actions: usize,
     max_reward: f64,
     episode_limit: Option<u32>,
+    opponents: Opponents,
     scenario_hash: u64,
 }
 
@@ -133,6 +136,7 @@ impl Arena {
             matchups: matchups.collect(),
             largest_radius,
             sizes: sizes(scenario, &features),
+            n_enemy_actions: n_actions(scenario, Faction::Enemy),
             features,
             avoidance: all_stats.iter().map(|stats| stats.avoid).collect(),
             max_reward: max_reward(scenario, &enemies),
@@ -140,6 +144,7 @@ impl Arena {
             enemies,
             all_stats,
             episode_limit: scenario.episode_limit,
+            opponents: Opponents::default(),
             scenario_hash: scenario_hash(scenario, rules),
         }
     }
@@ -169,6 +174,16 @@ impl Arena {
         Arena { episode_limit, ..self }
     }
 
+    /// Who plays the enemies.
+    pub fn opponents(&self) -> &Opponents {
+        &self.opponents
+    }
+
+    /// The same arena with other opponents.
+    pub fn with_opponents(self, opponents: Opponents) -> Arena {
+        Arena { opponents, ..self }
+    }
+
     /// The unscaled return of a win without enemy regeneration: all health and shields of the enemies, a
     /// reward per kill, and the reward for winning. It is scaled to a return of 20.
     pub fn max_reward(&self) -> f64 {
@@ -179,6 +194,28 @@ impl Arena {
     pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
         // Two divisions, as in the published environment: the last bit depends on it.
         earned / (self.max_reward / REWARD_SCALE)
+    }
+
+    /// The battle-wide ids of a faction's units, by in-faction id.
+    pub(crate) fn ids(&self, faction: Faction) -> &[u32] {
+        match faction {
+            Faction::Ally => &self.agents,
+            Faction::Enemy => &self.enemies,
+        }
+    }
+
+    /// The units that the target actions of a unit mean, by in-faction id: those that it heals or attacks.
+    pub(crate) fn targets_of(&self, id: u32) -> &[u32] {
+        let own = if self.is_enemy(id) { Faction::Enemy } else { Faction::Ally };
+        self.ids(if self.stats(id).is_healer { own } else { own.opponent() })
+    }
+
+    /// Actions of a unit of a faction, available or not.
+    pub(crate) fn n_actions(&self, faction: Faction) -> usize {
+        match faction {
+            Faction::Ally => self.sizes.n_actions,
+            Faction::Enemy => self.n_enemy_actions,
+        }
     }
 
     /// The battle-wide ids of all units.
@@ -316,7 +353,7 @@ fn scenario_hash(scenario: &Scenario, rules: Rules) -> u64 {
 
 fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let n_actions = n_actions(scenario);
+    let n_actions = n_actions(scenario, Faction::Ally);
     let (ally, enemy) = (features.ally_body(), features.enemy_body());
     Sizes {
         n_agents,
@@ -328,20 +365,21 @@ fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
     }
 }
 
-/// Actions of an agent, available or not.
-pub(crate) fn n_actions(scenario: &Scenario) -> usize {
-    crate::action::FIRST_TARGET + n_targets(scenario)
+/// Actions of a unit of a faction, available or not.
+pub(crate) fn n_actions(scenario: &Scenario, faction: Faction) -> usize {
+    crate::action::FIRST_TARGET + n_targets(scenario, faction)
 }
 
-/// Number of target actions: enough for every enemy, and if an agent is a healer for every ally that it can
-/// heal.
-fn n_targets(scenario: &Scenario) -> usize {
-    let allies = || scenario.units.iter().filter(|unit| unit.faction == Faction::Ally);
-    // A target action is numbered by in-faction id, so the last ally that can be healed decides.
+/// Number of target actions: enough for every opponent, and if a unit of the faction is a healer for all that
+/// it can heal.
+fn n_targets(scenario: &Scenario, faction: Faction) -> usize {
+    let of = |faction| scenario.units.iter().filter(move |unit| unit.faction == faction);
+    // A target action is numbered by in-faction id, so the last unit that can be healed decides.
     let heals = |unit_type: usize| scenario.unit_types[unit_type].is_healer();
-    let healable = allies().filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
+    let healable = of(faction).filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
+    let n_opponents = of(faction.opponent()).count();
     match healable {
-        Some(healable) if allies().any(|unit| heals(unit.unit_type)) => healable.max(scenario.n_enemies()),
-        _ => scenario.n_enemies(),
+        Some(healable) if of(faction).any(|unit| heals(unit.unit_type)) => healable.max(n_opponents),
+        _ => n_opponents,
     }
 }

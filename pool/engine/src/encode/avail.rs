@@ -1,23 +1,28 @@
-//! The available actions of each agent, as bits; computed once after each step, reset or restore.
+//! The available actions of the units of a faction, as bits: those of the agents are computed once after each
+//! step, reset or restore, those of the enemies where their actions are chosen.
 
 use super::unit_tables::{UNITS_PER_WORD, UnitTables, within_targeting_range};
-use crate::arena::{Arena, Sizes};
+use crate::arena::Arena;
 use crate::command::action;
 use crate::units::Units;
+use smaclite_scenarios::Faction;
 
-/// One row of bits per agent: bit `a % 64` of word `a / 64` says whether action `a` is available.
+/// One row of bits per unit of the faction, by in-faction id: bit `a % 64` of word `a / 64` says whether
+/// action `a` is available.
 #[derive(Clone, Debug)]
 pub(crate) struct Available {
+    faction: Faction,
     bits: Vec<u64>,
     words: usize,
     n_actions: usize,
 }
 
 impl Available {
-    /// Rows for all agents and actions, without a bit set.
-    pub fn new(sizes: &Sizes) -> Available {
-        let words = sizes.n_actions.div_ceil(64);
-        Available { bits: vec![0; words * sizes.n_agents], words, n_actions: sizes.n_actions }
+    /// Rows for all units and actions, without a bit set.
+    pub fn new(arena: &Arena, faction: Faction) -> Available {
+        let n_actions = arena.n_actions(faction);
+        let words = n_actions.div_ceil(64);
+        Available { faction, bits: vec![0; words * arena.ids(faction).len()], words, n_actions }
     }
 
     /// All rows.
@@ -25,19 +30,37 @@ impl Available {
         &self.bits
     }
 
-    /// The row of an agent.
-    pub fn of(&self, agent: usize) -> &[u64] {
-        &self.bits[agent * self.words..(agent + 1) * self.words]
+    /// The row of a unit.
+    pub fn of(&self, unit: usize) -> &[u64] {
+        &self.bits[unit * self.words..(unit + 1) * self.words]
     }
 
-    /// The first word of the row of an agent.
-    pub fn first_bits(&self, agent: usize) -> u64 {
-        self.bits[agent * self.words]
+    /// The first word of the row of a unit.
+    pub fn first_bits(&self, unit: usize) -> u64 {
+        self.bits[unit * self.words]
     }
 
-    /// Whether an action is available to an agent.
-    pub fn has(&self, agent: usize, action: usize) -> bool {
-        action < self.n_actions && self.of(agent)[action / 64] >> (action % 64) & 1 == 1
+    /// Whether an action is available to a unit.
+    pub fn has(&self, unit: usize, action: usize) -> bool {
+        action < self.n_actions && self.of(unit)[action / 64] >> (action % 64) & 1 == 1
+    }
+
+    /// How many actions are available to a unit.
+    pub fn count(&self, unit: usize) -> u32 {
+        self.of(unit).iter().map(|bits| bits.count_ones()).sum()
+    }
+
+    /// The available action of a unit that has `n` others before it; 0 if there is none.
+    pub fn nth(&self, unit: usize, mut n: u32) -> usize {
+        for (i, &bits) in self.of(unit).iter().enumerate() {
+            if n < bits.count_ones() {
+                // Clears the lowest bit `n` times.
+                let rest = (0..n).fold(bits, |bits, _| bits & (bits - 1));
+                return i * 64 + rest.trailing_zeros() as usize;
+            }
+            n -= bits.count_ones();
+        }
+        0
     }
 
     /// Writes all rows as bytes of 0 or 1.
@@ -68,7 +91,12 @@ impl Available {
     /// Computes all rows.
     #[inline(never)]
     pub fn update(&mut self, arena: &Arena, units: &Units, tables: &UnitTables) {
-        for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(&arena.agents) {
+        let own = arena.ids(self.faction);
+        let (own_table, other_table) = match self.faction {
+            Faction::Ally => (&tables.allies, &tables.enemies),
+            Faction::Enemy => (&tables.enemies, &tables.allies),
+        };
+        for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(own) {
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {
                 row.iter_mut().for_each(|word| *word = 0);
@@ -78,13 +106,13 @@ impl Available {
             let position = units.pos[id as usize];
             let is_healer = arena.stats(id).is_healer;
             // Planes do not matter here: a target that the unit cannot attack is available, too.
-            let targets = if is_healer { &tables.allies } else { &tables.enemies };
+            let targets = if is_healer { own_table } else { other_table };
             // Bits of the next word, which precede those of the next targets.
             let mut first_bits = 1 << action::STOP | u64::from(arena.moves(position)) << action::NORTH;
             for (i, word) in row.iter_mut().enumerate() {
                 let mut in_range = within_targeting_range(position, targets, i * UNITS_PER_WORD);
                 if is_healer {
-                    in_range &= !healers(arena, i * UNITS_PER_WORD);
+                    in_range &= !healers(arena, own, i * UNITS_PER_WORD);
                 }
                 *word = first_bits | in_range << action::FIRST_TARGET;
                 first_bits = in_range >> (UNITS_PER_WORD - action::FIRST_TARGET);
@@ -103,10 +131,10 @@ fn spread(bits: u16) -> [u8; 16] {
     }))
 }
 
-/// Which of [`UNITS_PER_WORD`] agents, from this one on, are healers. Healers heal neither themselves nor
+/// Which of [`UNITS_PER_WORD`] units, from this one on, are healers. Healers heal neither themselves nor
 /// other healers.
 #[inline(never)]
-fn healers(arena: &Arena, first: usize) -> u64 {
+fn healers(arena: &Arena, ids: &[u32], first: usize) -> u64 {
     let bit = |(bit, &id): (usize, &u32)| u64::from(arena.stats(id).is_healer) << bit;
-    arena.agents.iter().skip(first).take(UNITS_PER_WORD).enumerate().map(bit).sum()
+    ids.iter().skip(first).take(UNITS_PER_WORD).enumerate().map(bit).sum()
 }

@@ -3,7 +3,7 @@
 //! This describes what `obs` and `state` write, for readers that pick single features by name. Sizes do not
 //! derive from it; the tests compare the two.
 
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Faction, Scenario};
 
 use crate::action;
 use crate::arena::n_actions;
@@ -38,9 +38,9 @@ pub fn obs_features(scenario: &Scenario) -> Vec<FeatureBlock> {
     let seen = |mark| [mark, "distance", "dx", "dy"];
     in_sequence([
         ("moves", None, names(&["north", "south", "east", "west"])),
-        ("enemies", Some(scenario.n_enemies()), unit(scenario, &seen("targetable"), Side::Enemies)),
-        ("allies", Some(others), unit(scenario, &seen("visible"), Side::Allies)),
-        ("own", None, unit(scenario, &[], Side::Allies)),
+        ("enemies", Some(scenario.n_enemies()), unit(scenario, &seen("targetable"), Faction::Enemy)),
+        ("allies", Some(others), unit(scenario, &seen("visible"), Faction::Ally)),
+        ("own", None, unit(scenario, &[], Faction::Ally)),
     ])
 }
 
@@ -51,15 +51,15 @@ pub fn obs_features(scenario: &Scenario) -> Vec<FeatureBlock> {
 /// have zeros only.
 pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
     // Health is the first feature of a unit in the state, and the others follow what stands between.
-    let in_state = |between: &[&str], side| {
-        let mut features = unit(scenario, &[], side);
+    let in_state = |between: &[&str], faction| {
+        let mut features = unit(scenario, &[], faction);
         features.splice(1..1, names(between));
         features
     };
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let allies = in_state(&["energy/cooldown", "rel_x", "rel_y"], Side::Allies);
-    let enemies = in_state(&["rel_x", "rel_y"], Side::Enemies);
-    let actions = (0..n_actions(scenario)).map(action_name).collect();
+    let allies = in_state(&["energy/cooldown", "rel_x", "rel_y"], Faction::Ally);
+    let enemies = in_state(&["rel_x", "rel_y"], Faction::Enemy);
+    let actions = (0..n_actions(scenario, Faction::Ally)).map(action_name).collect();
     in_sequence([
         ("allies", Some(n_agents), allies),
         ("enemies", Some(n_enemies), enemies),
@@ -67,17 +67,11 @@ pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
     ])
 }
 
-#[derive(Clone, Copy)]
-enum Side {
-    Allies,
-    Enemies,
-}
-
 /// `first`, then health, \[shield\], \[type\].
-fn unit(scenario: &Scenario, first: &[&str], side: Side) -> Vec<String> {
-    let has_shield = match side {
-        Side::Allies => scenario.ally_has_shields,
-        Side::Enemies => scenario.enemy_has_shields,
+fn unit(scenario: &Scenario, first: &[&str], faction: Faction) -> Vec<String> {
+    let has_shield = match faction {
+        Faction::Ally => scenario.ally_has_shields,
+        Faction::Enemy => scenario.enemy_has_shields,
     };
     let shield = if has_shield { &["shield"][..] } else { &[] };
     let types = (0..scenario.num_unit_types).map(|i| format!("type_{i}"));

@@ -58,7 +58,7 @@ fn energy_or_cooldown(view: &View, id: u32) -> f32 {
 pub struct UnitFeatures {
     /// Health divided by its maximum.
     pub health: f32,
-    /// Energy of a healer or cooldown of another unit, divided by its maximum; 0 for enemies.
+    /// Energy of a healer or cooldown of another unit, divided by its maximum; 0 for units of the other side.
     pub energy_or_cooldown: f32,
     /// Offset from the centre of the map to the east, divided by the width of the map.
     pub x: f32,
@@ -69,18 +69,18 @@ pub struct UnitFeatures {
 }
 
 impl UnitFeatures {
-    /// The features that [`write_state`] writes.
-    pub(crate) fn of(view: &View, id: u32) -> UnitFeatures {
+    /// The features of a unit as its opponents see it, or as its own side does: those that [`write_state`]
+    /// writes of an enemy, or of an agent.
+    pub(crate) fn of(view: &View, id: u32, is_own: bool) -> UnitFeatures {
         let (stats, units, i) = (view.arena.stats(id), view.units, id as usize);
         if !units.alive[i] {
             return UnitFeatures::default();
         }
-        let is_enemy = view.arena.is_enemy(id);
-        let has_shield = view.arena.features.has_shield(is_enemy);
+        let has_shield = view.arena.features.has_shield(view.arena.is_enemy(id));
         let [x, y] = view.arena.features.relative(units.pos[i]);
         UnitFeatures {
             health: ratio(units.hp[i], stats.hp),
-            energy_or_cooldown: if is_enemy { 0.0 } else { energy_or_cooldown(view, id) },
+            energy_or_cooldown: if is_own { energy_or_cooldown(view, id) } else { 0.0 },
             x,
             y,
             shield: if has_shield { ratio(units.shield[i], stats.shield) } else { 0.0 },

@@ -1,7 +1,7 @@
 //! The encoders compared, to the bit, with the definition of every feature, computed one by one.
 
 use glam::Vec2;
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Faction, Scenario};
 
 use super::{Available, ObsScratch, UnitTables, View, write_obs, write_state};
 use crate::arena::Arena;
@@ -56,8 +56,8 @@ impl Definition<'_> {
                 self.arena.terrain.is_walkable(x.floor() as i64, y.floor() as i64)
             }
             _ => {
-                let is_healer = self.arena.stats(id).is_healer;
-                let targets = if is_healer { &self.arena.agents } else { &self.arena.enemies };
+                let (is_healer, is_enemy) = (self.arena.stats(id).is_healer, self.arena.is_enemy(id));
+                let targets = if is_healer == is_enemy { &self.arena.enemies } else { &self.arena.agents };
                 targets.get(action - action::FIRST_TARGET).is_some_and(|&target| {
                     let is_healed = !(is_healer && self.arena.stats(target).is_healer);
                     self.alive(target) && is_healed && self.distance(id, target) <= 6.0
@@ -165,7 +165,8 @@ fn check(scenario: &Scenario, extra: usize, numbers: &mut Numbers, scratch: &mut
     let sizes = arena.sizes();
     let mut units = Units::default();
     units.reset(&arena);
-    let (mut tables, mut available) = (UnitTables::new(&arena), Available::new(&sizes));
+    let (mut tables, mut available) = (UnitTables::new(&arena), Available::new(&arena, Faction::Ally));
+    let mut of_enemies = Available::new(&arena, Faction::Enemy);
     for _ in 0..4 {
         numbers.place(&arena, &mut units);
         tables.update(&arena, &units);
@@ -194,6 +195,13 @@ fn check(scenario: &Scenario, extra: usize, numbers: &mut Numbers, scratch: &mut
             let expected: Vec<u8> =
                 (0..sizes.n_actions).map(|action| u8::from(definition.is_available(id, action))).collect();
             assert_eq!(row, expected, "{} {id}", which("unit"));
+        }
+        of_enemies.update(&arena, &units, &tables);
+        for (enemy, &id) in arena.enemies.iter().enumerate() {
+            let n_actions = arena.n_actions(Faction::Enemy);
+            let expected = |action: &usize| definition.is_available(id, *action);
+            let given: Vec<usize> = (0..n_actions).filter(|&action| of_enemies.has(enemy, action)).collect();
+            assert_eq!(given, (0..n_actions).filter(expected).collect::<Vec<_>>(), "{} {id}", which("unit"));
         }
     }
 }

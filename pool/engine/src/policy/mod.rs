@@ -1,51 +1,149 @@
-//! Scripted policies: random, nearest, focus fire, kite and hold.
+//! Scripted policies: rules of thumb that choose actions, for the agents or for the enemies.
 //!
-//! They are part of the public interface: users compare learners with them, and benches and tests play with
-//! them. They see a battle through [`Situation`], which a [`Battle`](crate::Battle) implements, and
-//! [`LearnerView`] for the fields of a batch.
+//! They are part of the public interface: users compare learners with them and play against them, and benches
+//! and tests play with them. They see one side of a battle through [`Situation`]: that of the agents in a
+//! [`Battle`](crate::Battle) and, for the fields of a batch, in a [`LearnerView`].
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `choice` | the decision of one unit: what it targets, and where it goes |
+//! | `tactics` | policies in which every unit decides for itself, and focus fire |
+//! | `formations` | policies in which units keep places in their team |
 
+mod choice;
+mod formations;
 mod random;
 mod situation;
 mod tactics;
 
+use serde::{Deserialize, Serialize};
+
 use crate::arena::Arena;
+use tactics::Fire;
 
 pub use random::{Random, uniform_below};
+pub(crate) use situation::EnemySituation;
 pub use situation::{LearnerView, Situation};
-pub use tactics::{focus_fire, hold, kite, nearest};
+pub use tactics::nearest;
+
+/// The rule of a scripted policy. All of them let healers heal the available ally with the smallest share of
+/// its health, but for random.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Tactic {
+    /// Uniformly random available actions.
+    Random,
+    /// [`nearest`].
+    Nearest,
+    /// Kills one opponent after the other: a unit targets the opponent within its attack range that will have
+    /// the least health and shield left after the attacks of the units before it, and at equality the nearest
+    /// one. Opponents that those attacks will kill are left out. Units without such a target play `Nearest`.
+    FocusFire,
+    /// Plays `FocusFire`, but a unit with a longer attack range than its nearest opponent steps away from
+    /// that opponent while its own cooldown lasts and the opponent could attack it after its next step.
+    Kite,
+    /// Waits: targets the nearest opponent within attack range, otherwise stops. Healers heal those in reach.
+    Hold,
+    /// Advances in a line: units that are ahead of the last one wait for it, and all attack the opponent that
+    /// is nearest to the middle of the team.
+    Line,
+    /// In two groups, which pass the opponents on either side, and then attack the weaker of the two nearest.
+    Flank,
+    /// The units with the most health and shield go ahead; the others, and healers, stay behind them.
+    Escort,
+    /// One attacker per opponent, as far as there are enough: the nearest that no unit before has chosen.
+    Spread,
+}
+
+impl Tactic {
+    /// All of them.
+    pub const ALL: [Tactic; 9] = [
+        Tactic::Random,
+        Tactic::Nearest,
+        Tactic::FocusFire,
+        Tactic::Kite,
+        Tactic::Hold,
+        Tactic::Line,
+        Tactic::Flank,
+        Tactic::Escort,
+        Tactic::Spread,
+    ];
+
+    /// Its name in commands, files and Python.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Tactic::Random => "random",
+            Tactic::Nearest => "nearest",
+            Tactic::FocusFire => "focus_fire",
+            Tactic::Kite => "kite",
+            Tactic::Hold => "hold",
+            Tactic::Line => "line",
+            Tactic::Flank => "flank",
+            Tactic::Escort => "escort",
+            Tactic::Spread => "spread",
+        }
+    }
+
+    /// Writes an action for each agent; `draw` gives 64 random bits.
+    pub(crate) fn act(
+        self,
+        situation: &impl Situation,
+        actions: &mut [i32],
+        memory: &mut PolicyMemory,
+        draw: impl FnMut() -> u64,
+    ) {
+        match self {
+            Tactic::Random => random::random(situation, actions, draw),
+            Tactic::Nearest => nearest(situation, actions),
+            Tactic::FocusFire => tactics::focus_fire(situation, actions, &mut memory.fire),
+            Tactic::Kite => tactics::kite(situation, actions, &mut memory.fire),
+            Tactic::Hold => tactics::hold(situation, actions),
+            Tactic::Line => formations::line(situation, actions),
+            Tactic::Flank => formations::flank(situation, actions),
+            Tactic::Escort => formations::escort(situation, actions),
+            Tactic::Spread => formations::spread(situation, actions, &mut memory.is_taken),
+        }
+    }
+}
+
+/// Working memory of policies. It holds no state: a choice does not depend on what it was used for before.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PolicyMemory {
+    fire: Fire,
+    is_taken: Vec<bool>,
+}
 
 /// A scripted policy, chosen by name.
 #[derive(Clone, Debug)]
-pub enum Scripted {
-    /// Uniformly random available actions.
-    Random(Random),
-    /// [`nearest`].
-    Nearest,
-    /// [`focus_fire`].
-    FocusFire,
-    /// [`kite`].
-    Kite,
-    /// [`hold`].
-    Hold,
+pub struct Scripted {
+    tactic: Tactic,
+    random: Random,
+    memory: PolicyMemory,
 }
 
 impl Scripted {
     /// The names of all policies.
-    pub const NAMES: [&str; 5] = ["random", "nearest", "focus_fire", "kite", "hold"];
+    pub const NAMES: [&str; Tactic::ALL.len()] = {
+        let mut names = [""; Tactic::ALL.len()];
+        let mut i = 0;
+        while i < names.len() {
+            names[i] = Tactic::ALL[i].name();
+            i += 1;
+        }
+        names
+    };
 
-    /// The policy of that name. The seed matters for `random` only.
+    /// The policy with that rule. The seed matters for `random` only.
+    pub fn new(tactic: Tactic, seed: u64) -> Scripted {
+        Scripted { tactic, random: Random::new(seed), memory: PolicyMemory::default() }
+    }
+
+    /// The policy of that name.
     ///
     /// # Errors
     /// If there is no policy of that name.
     pub fn from_name(name: &str, seed: u64) -> Result<Scripted, UnknownPolicy> {
-        match name {
-            "random" => Ok(Scripted::Random(Random::new(seed))),
-            "nearest" => Ok(Scripted::Nearest),
-            "focus_fire" => Ok(Scripted::FocusFire),
-            "kite" => Ok(Scripted::Kite),
-            "hold" => Ok(Scripted::Hold),
-            _ => Err(UnknownPolicy(name.to_owned())),
-        }
+        let tactic = Tactic::ALL.into_iter().find(|tactic| tactic.name() == name);
+        tactic.map(|tactic| Scripted::new(tactic, seed)).ok_or_else(|| UnknownPolicy(name.to_owned()))
     }
 
     /// Writes an action for each agent.
@@ -53,13 +151,8 @@ impl Scripted {
     /// # Panics
     /// If `actions` is longer than there are agents.
     pub fn act(&mut self, situation: &impl Situation, actions: &mut [i32]) {
-        match self {
-            Scripted::Random(random) => random.act(situation, actions),
-            Scripted::Nearest => nearest(situation, actions),
-            Scripted::FocusFire => focus_fire(situation, actions),
-            Scripted::Kite => kite(situation, actions),
-            Scripted::Hold => hold(situation, actions),
-        }
+        let Scripted { tactic, random, memory } = self;
+        tactic.act(situation, actions, memory, || random.next());
     }
 
     /// Writes an action for each agent of every environment of a batch, `[M, n_agents]`, from its fields

@@ -22,10 +22,19 @@ impl Random {
     /// # Panics
     /// If `actions` is longer than there are agents.
     pub fn act(&mut self, situation: &impl Situation, actions: &mut [i32]) {
-        for (agent, action) in actions.iter_mut().enumerate() {
-            let n = uniform_below(situation.n_available(agent), self.generator.next_u64());
-            *action = situation.nth_available(agent, n) as i32;
-        }
+        random(situation, actions, || self.next());
+    }
+
+    pub(super) fn next(&mut self) -> u64 {
+        self.generator.next_u64()
+    }
+}
+
+/// Writes a uniformly random available action for each agent; `draw` gives 64 random bits.
+pub(super) fn random(situation: &impl Situation, actions: &mut [i32], mut draw: impl FnMut() -> u64) {
+    for (agent, action) in actions.iter_mut().enumerate() {
+        let n = uniform_below(situation.n_available(agent), draw());
+        *action = situation.nth_available(agent, n) as i32;
     }
 }
 

@@ -2,20 +2,34 @@
 //! policies decide alike with the battle itself and with the fields of a batch.
 
 use glam::Vec2;
+use smaclite_scenarios::Faction;
 
 use crate::arena::Arena;
 use crate::battle::Battle;
-use crate::encode::UnitFeatures;
+use crate::encode::{Available, UnitFeatures};
 
-/// What a policy sees of a battle. Units are given by battle-wide id.
+/// What a policy sees of a battle, for one side of it. Units are given by battle-wide id; an agent is a unit
+/// of the own side, by in-faction id.
 ///
 /// All numbers of units are those of the state, in f32 and without the shields that the scenario hides. A
 /// battle rounds its own numbers in the same way.
 pub trait Situation {
     /// What no battle of the scenario changes.
     fn arena(&self) -> &Arena;
+    /// The side for which the policy chooses actions.
+    fn faction(&self) -> Faction {
+        Faction::Ally
+    }
     /// The features of a unit in the state; zeros for the dead.
     fn features(&self, id: u32) -> UnitFeatures;
+    /// Whether the side knows of a living opponent. Agents' policies see the state, which has all.
+    fn is_seen(&self, _id: u32) -> bool {
+        true
+    }
+    /// Where the side goes while it sees no opponent.
+    fn attack_point(&self) -> Option<Vec2> {
+        None
+    }
     /// Whether an action is available to an agent.
     fn is_available(&self, agent: usize, action: usize) -> bool;
     /// How many actions are available to an agent.
@@ -58,7 +72,7 @@ impl Situation for Battle {
     }
 
     fn features(&self, id: u32) -> UnitFeatures {
-        self.unit_features(id)
+        self.unit_features(id, Faction::Ally)
     }
 
     fn is_available(&self, agent: usize, action: usize) -> bool {
@@ -66,19 +80,53 @@ impl Situation for Battle {
     }
 
     fn n_available(&self, agent: usize) -> u32 {
-        self.available(agent).iter().map(|bits| bits.count_ones()).sum()
+        self.agents_available().count(agent)
     }
 
-    fn nth_available(&self, agent: usize, mut n: u32) -> usize {
-        for (i, &bits) in self.available(agent).iter().enumerate() {
-            if n < bits.count_ones() {
-                // Clears the lowest bit `n` times.
-                let rest = (0..n).fold(bits, |bits, _| bits & (bits - 1));
-                return i * 64 + rest.trailing_zeros() as usize;
-            }
-            n -= bits.count_ones();
-        }
-        0
+    fn nth_available(&self, agent: usize, n: u32) -> usize {
+        self.agents_available().nth(agent, n)
+    }
+}
+
+/// What the enemies see of a battle: the agents within sight range of one of them.
+pub(crate) struct EnemySituation<'a> {
+    pub battle: &'a Battle,
+    pub available: &'a Available,
+    /// Which agents they see, by in-faction id.
+    pub seen: &'a [bool],
+}
+
+impl Situation for EnemySituation<'_> {
+    fn arena(&self) -> &Arena {
+        self.battle.arena()
+    }
+
+    fn faction(&self) -> Faction {
+        Faction::Enemy
+    }
+
+    fn features(&self, id: u32) -> UnitFeatures {
+        self.battle.unit_features(id, Faction::Enemy)
+    }
+
+    fn is_seen(&self, id: u32) -> bool {
+        self.seen[self.arena().id_in_faction(id)]
+    }
+
+    fn attack_point(&self) -> Option<Vec2> {
+        Some(Vec2::from(self.arena().attack_point.map(|x| x as f32)))
+    }
+
+    fn is_available(&self, agent: usize, action: usize) -> bool {
+        self.available.has(agent, action)
+    }
+
+    fn n_available(&self, agent: usize) -> u32 {
+        self.available.count(agent)
+    }
+
+    fn nth_available(&self, agent: usize, n: u32) -> usize {
+        self.available.nth(agent, n)
     }
 }
 

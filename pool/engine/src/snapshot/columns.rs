@@ -65,6 +65,7 @@ pub enum Column {
     Draws,
     EpisodeReturn,
     EpisodeLength,
+    Opponent,
     NKnown,
     Hp,
     Shield,
@@ -85,7 +86,7 @@ pub enum Column {
 }
 
 /// How many columns there are.
-pub const COLUMN_COUNT: usize = 28;
+pub const COLUMN_COUNT: usize = 29;
 
 /// Name, type, shape and meaning of a column.
 #[derive(Clone, Copy, Debug)]
@@ -130,10 +131,11 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         "joint actions kept for observations: the lane's obs_last_actions",
     ),
     spec(Column::Scenario, "scenario", U64, &[], "hash of the scenario, its unit types and the rule set"),
-    spec(Column::Seed, "seed", U64, &[], "seed of the generator of execution orders"),
+    spec(Column::Seed, "seed", U64, &[], "seed of the generator"),
     spec(Column::Draws, "draws", U64, &[], "32-bit words that were drawn from it since seeding"),
     spec(Column::EpisodeReturn, "episode_return", F64, &[], "sum of the episode's rewards"),
     spec(Column::EpisodeLength, "episode_length", U32, &[], "steps of the episode"),
+    spec(Column::Opponent, "opponent", U32, &[], "what plays the enemies: index in `OPPONENTS`"),
     spec(Column::NKnown, "n_known", U32, &[], "how many of past_actions are of this episode, the first ones"),
     spec(Column::Hp, "hp", F64, &[Unit], "health, 0 to the type's maximum"),
     spec(Column::Shield, "shield", F64, &[Unit], "shield, 0 to the type's maximum"),

@@ -13,6 +13,7 @@ pub use record::{RECORD_VERSION, RecordLayout, RecordSizes};
 
 use crate::arena::{Arena, UnitStats};
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
+use crate::opponents::Opponent;
 use crate::random::Generator;
 use crate::units::Units;
 use glam::Vec2;
@@ -30,6 +31,8 @@ pub struct Snapshot {
     pub neighbour_order: NeighbourOrder,
     /// The last action of each agent; `None` after a reset.
     pub last_actions: Vec<Option<u32>>,
+    /// What plays the enemies in this episode.
+    pub opponent: Opponent,
     /// The generator of execution orders.
     pub generator: Generator,
     /// Number of steps of the episode so far.
@@ -141,6 +144,14 @@ pub enum SnapshotError {
         plane: Plane,
         /// Its orders.
         given: PlaneOrder,
+    },
+    /// An opponent that does not exist.
+    #[error("snapshot column 'opponent' must be below {n_opponents}, got {given}")]
+    NoSuchOpponent {
+        /// The number in the column.
+        given: u32,
+        /// How many opponents there are.
+        n_opponents: usize,
     },
     /// The return is not a number.
     #[error("snapshot column 'episode_return' must be finite, got {value}")]

@@ -11,10 +11,11 @@ use super::{Snapshot, SnapshotError};
 use crate::arena::Arena;
 use crate::buffers::refill;
 use crate::neighbour_order::NeighbourOrder;
+use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
 
 /// Increased when a column or the meaning of one changes.
-pub const RECORD_VERSION: u32 = 1;
+pub const RECORD_VERSION: u32 = 2;
 
 pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
 
@@ -224,6 +225,10 @@ impl Snapshot {
         }
         self.episode_length = layout.get_one(record, Column::EpisodeLength);
         self.episode_return = layout.get_one(record, Column::EpisodeReturn);
+        let opponent: u32 = layout.get_one(record, Column::Opponent);
+        let (known, n_opponents) = (Opponent::ALL.get(opponent as usize), Opponent::ALL.len());
+        let error = SnapshotError::NoSuchOpponent { given: opponent, n_opponents };
+        self.opponent = *known.ok_or(error)?;
         read_past_actions(arena, &layout, record, past_actions)
     }
 

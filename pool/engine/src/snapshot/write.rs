@@ -6,6 +6,7 @@ use super::record::{MAGIC, RECORD_VERSION, RecordLayout, RecordSizes};
 use crate::arena::Arena;
 use crate::battle::Battle;
 use crate::neighbour_order::NeighbourOrder;
+use crate::opponents::Opponent;
 use crate::random::StreamPosition;
 use crate::units::Units;
 
@@ -17,6 +18,7 @@ struct State<'a> {
     position: StreamPosition,
     episode_length: u32,
     episode_return: f64,
+    opponent: Opponent,
 }
 
 impl State<'_> {
@@ -31,6 +33,7 @@ impl State<'_> {
         layout.put(record, Column::Draws, &[self.position.draws]);
         layout.put(record, Column::EpisodeReturn, &[self.episode_return]);
         layout.put(record, Column::EpisodeLength, &[self.episode_length]);
+        layout.put(record, Column::Opponent, &[self.opponent.index() as u32]);
         layout.put(record, Column::NKnown, &[known]);
         self.write_units(layout, record);
         let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
@@ -88,6 +91,7 @@ impl Battle {
             position: self.generator().position(),
             episode_length: self.episode_length(),
             episode_return: self.episode_return(),
+            opponent: self.opponent(),
         };
         state.write(layout, self.arena().scenario_hash(), past_actions, record);
     }
@@ -112,6 +116,7 @@ impl Snapshot {
             position: self.generator.position(),
             episode_length: self.episode_length,
             episode_return: self.episode_return,
+            opponent: self.opponent,
         };
         state.write(layout, arena.scenario_hash(), past_actions, record);
     }

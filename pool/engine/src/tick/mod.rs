@@ -53,8 +53,8 @@ pub(crate) struct TickScratch {
     moving: Vec<(u32, [f64; 2])>,
     /// Those with a target command, and that target.
     targeting: Vec<(u32, u32)>,
-    /// Those that attack-move, by ascending id.
-    attack_moving: Vec<u32>,
+    /// Those that attack-move, by ascending id, and the point to which they march. Only enemies do.
+    attack_moving: Vec<(u32, [f64; 2])>,
     /// Whether this is the first tick with these commands.
     is_first_tick: bool,
     /// The execution order: ids in the order of phase 4.
@@ -102,7 +102,7 @@ impl TickScratch {
             Command::Stop => {}
             Command::MoveTo(destination) => self.moving.push((id, destination)),
             Command::Target(target) => self.targeting.push((id, target)),
-            Command::AttackMove => self.attack_moving.push(id),
+            Command::AttackMove(destination) => self.attack_moving.push((id, destination)),
         }
     }
 
@@ -110,7 +110,7 @@ impl TickScratch {
     fn remove_dead(&mut self, alive: &[bool]) {
         self.moving.retain(|(id, _)| alive[*id as usize]);
         self.targeting.retain(|(id, _)| alive[*id as usize]);
-        self.attack_moving.retain(|id| alive[*id as usize]);
+        self.attack_moving.retain(|(id, _)| alive[*id as usize]);
     }
 
     /// Reserves memory for battles of `n_units` units, each of which sees at most `n_edges` edges.

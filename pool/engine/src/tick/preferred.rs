@@ -27,19 +27,21 @@ pub(super) fn decide(world: &mut World) {
     };
     let choice = Choice { arena, alive_ids, pos, hp, scratch: &scratch.target_choice };
     if scratch.is_first_tick {
-        for &id in &alive_ids.allies {
+        // Units that stop get nothing below. The enemies attack-move all together or not at all.
+        let acting = if scratch.attack_moving.is_empty() { &alive_ids.all } else { &alive_ids.allies };
+        for &id in acting {
             plans.set(id, Vec2::ZERO, None, None);
         }
     }
     // One loop per command, since which of them a unit has is hard to predict. Nothing that a unit does here
-    // depends on whether an agent came before or after it; enemies come by ascending id.
+    // depends on whether an agent came before or after it; those that attack-move come by ascending id.
     for &(id, destination) in &scratch.moving {
         plans.walk(id, destination, plans.approaches[id as usize].speed);
     }
     for &(id, target) in &scratch.targeting {
         plans.approach(id, target, plans.approaches[id as usize].speed);
     }
-    for &id in &scratch.attack_moving {
+    for &(id, destination) in &scratch.attack_moving {
         let i = id as usize;
         let own = &plans.approaches[i];
         // The speed depends on whether the unit had a target before it chooses one (R3).
@@ -47,7 +49,7 @@ pub(super) fn decide(world: &mut World) {
         targets[i] = choice.target(targets, id, own);
         match targets[i] {
             Some(target) => plans.approach(id, target, speed),
-            None => plans.walk(id, arena.attack_point, speed),
+            None => plans.walk(id, destination, speed),
         }
     }
 }

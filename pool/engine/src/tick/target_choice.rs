@@ -70,7 +70,8 @@ pub(super) fn prepare(world: &mut World) {
         arena.enemies_heal && enemies.iter().any(|id| lacks_target(id) && !is_healer(id));
     dealers.clear();
     healers.clear();
-    if !*any_agent_heals && !enemies.iter().any(lacks_target) {
+    let is_idle = scratch.attack_moving.is_empty();
+    if is_idle || !*any_agent_heals && !enemies.iter().any(lacks_target) {
         return;
     }
     if *any_agent_heals {

@@ -30,17 +30,18 @@ pub(super) fn drop_lost(world: &mut World) {
             targets[i] = match scratch.commands[i] {
                 Command::Stop | Command::MoveTo(_) => None,
                 Command::Target(target) => now.if_alive(target),
-                Command::AttackMove => now.kept(targets, id),
+                Command::AttackMove(_) => now.kept(targets, id),
             };
         }
         return;
     }
-    // In later ticks of a step, units that stop or move have no target, and whether an agent comes before or
-    // after an enemy has no effect: its target changes only if that died, and then no living unit is it.
+    // In later ticks of a step, units that stop or move have no target, and whether a unit with a target
+    // command comes before or after others has no effect: its target changes only if that died, and then no
+    // living unit is it.
     for &(id, target) in &scratch.targeting {
         targets[id as usize] = now.if_alive(target);
     }
-    for &id in &scratch.attack_moving {
+    for &(id, _) in &scratch.attack_moving {
         targets[id as usize] = now.kept(targets, id);
     }
 }

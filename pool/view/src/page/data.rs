@@ -283,7 +283,7 @@ fn compressed(bytes: &[u8]) -> String {
 mod tests {
     use super::*;
     use crate::Recorder;
-    use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, policy};
+    use smaclite_engine::{BattleSetup, EpisodeLimit, policy};
     use smaclite_scenarios::ScenarioFiles;
     use ts_rs::Config;
 
@@ -323,7 +323,7 @@ mod tests {
     /// Some steps of a battle, encoded and as they are.
     fn battle_as_json() -> serde_json::Value {
         let (scenario, files) = ScenarioFiles::resolve("MMM").unwrap();
-        let setup = BattleSetup { files, rules: Rules::Smaclite, episode_limit: EpisodeLimit::Steps(40) };
+        let setup = BattleSetup { episode_limit: EpisodeLimit::Steps(40), ..BattleSetup::new(files) };
         let mut recorder = Recorder::new(setup, 1).unwrap();
         let mut actions = vec![0; scenario.n_agents()];
         while !recorder.battle().is_over() {

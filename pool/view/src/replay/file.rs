@@ -15,7 +15,7 @@ use flate2::bufread::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{
-    Arena, BattleSetup, RecordLayout, RecordSizes, Rules, Sizes, Snapshot, StreamPosition,
+    Arena, BattleSetup, Opponent, RecordLayout, RecordSizes, Rules, Sizes, Snapshot, StreamPosition,
 };
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
 use smaclite_units::file::{printable_text, shortened, write_whole};
@@ -79,6 +79,9 @@ struct UnitText {
 struct EpisodeText {
     seed: u64,
     draws: u64,
+    /// Only of episodes with another opponent than attack-move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    opponent: Option<String>,
     /// In base64, only of episodes that do not begin as after a reset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     snapshot: Option<String>,
@@ -196,7 +199,8 @@ impl Document {
             .map_err(|_| check.invalid("rules", "\"smaclite\" or \"paper\"", &self.rules))?;
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
         let files = ScenarioFiles { source: printable_text(&file), text, unit_files };
-        let setup = BattleSetup { files, rules, episode_limit: self.episode_limit.into() };
+        let episode_limit = self.episode_limit.into();
+        let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files) };
         let mut replay = Replay::new(setup, shortened(&self.program))?;
         let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
         for (i, episode) in self.episodes.into_iter().enumerate() {
@@ -215,7 +219,7 @@ impl Document {
 
 impl EpisodeText {
     fn of(episode: &Episode, arena: &Arena) -> EpisodeText {
-        let Episode { start, outcome, snapshot, .. } = episode;
+        let Episode { start, opponent, outcome, snapshot, .. } = episode;
         let encoded = |snapshot: &Snapshot| {
             let Sizes { n_agents, n_enemies, .. } = arena.sizes();
             let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
@@ -226,6 +230,7 @@ impl EpisodeText {
         EpisodeText {
             seed: start.seed,
             draws: start.draws,
+            opponent: (*opponent != Opponent::default()).then(|| opponent.name().to_owned()),
             snapshot: snapshot.as_deref().map(encoded),
             steps: outcome.steps,
             episode_return: outcome.episode_return,
@@ -276,9 +281,13 @@ impl EpisodeText {
         }
         let is_hex =
             self.checksum.len() == 16 && self.checksum.bytes().all(|digit| digit.is_ascii_hexdigit());
+        let opponent = self.opponent.as_deref().map_or(Ok(Opponent::default()), |name| {
+            Opponent::from_name(name).map_err(|_| check.invalid("opponent", &Opponent::names(), name))
+        })?;
         let checksum = u64::from_str_radix(&self.checksum, 16).ok().filter(|_| is_hex);
         Ok(Episode {
             start: StreamPosition { seed: self.seed, draws: self.draws },
+            opponent,
             snapshot: None,
             actions: self.actions,
             outcome: Outcome {

@@ -31,7 +31,7 @@ mod recorder;
 
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, BattleSetup, Snapshot, StreamPosition};
+use smaclite_engine::{Arena, BattleSetup, Opponent, Snapshot, StreamPosition};
 use smaclite_scenarios::Scenario;
 
 pub use error::ReplayError;
@@ -42,8 +42,10 @@ pub use recorder::Recorder;
 /// A recorded episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// The generator of execution orders at its beginning.
+    /// The generator at its beginning, after the opponent was drawn.
     pub start: StreamPosition,
+    /// What plays the enemies.
+    pub opponent: Opponent,
     /// The state in which it begins; `None` if every unit is at its start, as after a reset.
     pub snapshot: Option<Box<Snapshot>>,
     /// The action of every agent in every step: `[steps, n_agents]`, row by row.

@@ -41,11 +41,14 @@ pub struct PlayedStep {
 
 impl<'a> Player<'a> {
     pub(super) fn new(replay: &'a Replay, index: usize) -> Player<'a> {
-        let Episode { start, snapshot, .. } = &replay.episodes[index];
+        let Episode { start, opponent, snapshot, .. } = &replay.episodes[index];
         let mut battle = Battle::new(replay.arena.clone(), start.seed);
         match snapshot {
             Some(snapshot) => battle.restore_checked(snapshot),
-            None => battle.set_generator((*start).into()),
+            None => {
+                battle.set_generator((*start).into());
+                battle.reset_against(*opponent);
+            }
         }
         let observer = Observer::new(&replay.scenario, battle.units());
         let first = observer.moment().clone();

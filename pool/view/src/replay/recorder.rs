@@ -1,7 +1,8 @@
 //! Recording: a battle that notes its seed and actions.
 
 use smaclite_engine::{
-    Battle, BattleSetup, IllegalAction, Scratch, Snapshot, SnapshotError, Step, StreamPosition, Units,
+    Battle, BattleSetup, IllegalAction, Opponent, Scratch, Snapshot, SnapshotError, Step, StreamPosition,
+    Units,
 };
 use smaclite_scenarios::Scenario;
 
@@ -43,7 +44,8 @@ use super::{Episode, Outcome, Replay, ReplayError, this_program};
 /// release is played by the present rules; [`Replay::verify`] finds the first step that differs.
 ///
 /// To record a battle that runs elsewhere, step the recorder with the same actions; what it
-/// [plays](Self::battle) is the same to the bit if it began at the same [`StreamPosition`].
+/// [plays](Self::battle) is the same to the bit if it began at the same [`StreamPosition`] and with the same
+/// opponent.
 pub struct Recorder {
     replay: Replay,
     battle: Battle,
@@ -65,11 +67,12 @@ impl Recorder {
     /// [`ReplayError::Scenario`] if the texts of the setup are no scenario.
     pub fn new(setup: BattleSetup, seed: u64) -> Result<Recorder, ReplayError> {
         let replay = Replay::new(setup, this_program())?;
+        let battle = Battle::new(replay.arena.clone(), seed);
         Ok(Recorder {
-            battle: Battle::new(replay.arena.clone(), seed),
+            start: battle.generator().position(),
+            battle,
             replay,
             scratch: Scratch::new(),
-            start: StreamPosition::start(seed),
             snapshot: None,
             actions: Vec::new(),
             checksum: Checksum::default(),
@@ -116,14 +119,16 @@ impl Recorder {
     /// Ends the episode and begins the next one, with the generator as it is. An episode without a step is
     /// not recorded.
     pub fn reset(&mut self) {
-        self.begin(self.battle.generator().position());
+        self.end_episode();
+        self.battle.reset();
+        self.start = self.battle.generator().position();
     }
 
-    /// Ends the episode and begins one with the generator at that position.
-    pub fn begin(&mut self, start: StreamPosition) {
+    /// Ends the episode and begins one with the generator at that position, against this opponent.
+    pub fn begin(&mut self, start: StreamPosition, opponent: Opponent) {
         self.end_episode();
         self.battle.set_generator(start.into());
-        self.battle.reset();
+        self.battle.reset_against(opponent);
         self.start = start;
     }
 
@@ -149,10 +154,11 @@ impl Recorder {
     fn end_episode(&mut self) {
         let checksum = std::mem::take(&mut self.checksum).value();
         let outcome = std::mem::take(&mut self.outcome);
-        let snapshot = self.snapshot.take();
+        let (snapshot, opponent) = (self.snapshot.take(), self.battle.opponent());
         if !self.step_checksums.is_empty() {
             self.replay.episodes.push(Episode {
                 start: self.start,
+                opponent,
                 snapshot,
                 actions: std::mem::take(&mut self.actions),
                 outcome,

@@ -13,7 +13,8 @@ pub(super) fn check(files: &ScenarioFiles, groups: &[Group]) -> CheckedFiles {
     let mut free = MAX_UNITS as usize;
     let groups = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
     let summary = if problems.is_empty() { summary(files) } else { None };
-    CheckedFiles { problems, summary, types: types_info(&types.types), groups, sight: SIGHT_RANGE }
+    let (warnings, types) = (files.warnings(), types_info(&types.types));
+    CheckedFiles { problems, warnings, summary, types, groups, sight: SIGHT_RANGE }
 }
 
 /// All that is wrong with the scenario, and with unit files that it does not name yet.

@@ -36,7 +36,7 @@ pub(super) fn play(play: PlayBattle) -> Result<PlayedBattle, PlayError> {
     let scenario = files.scenario()?;
     let most = MAX_STEPS.min(MAX_UNIT_STEPS / scenario.units.len() as u32);
     let limit = scenario.episode_limit.map_or(most, |limit| limit.min(most));
-    let setup = BattleSetup { files, rules, episode_limit: EpisodeLimit::Steps(limit) };
+    let setup = BattleSetup { rules, episode_limit: EpisodeLimit::Steps(limit), ..BattleSetup::new(files) };
     let mut recorder = Recorder::new(setup, seed)?;
     let mut actions = vec![0; scenario.n_agents()];
     while !recorder.battle().is_over() {

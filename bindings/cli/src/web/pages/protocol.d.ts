@@ -2,7 +2,7 @@
 // SMACLITE_WRITE=1 cargo test protocol
 import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 1;
+export type Version = 2;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -135,6 +135,10 @@ target: string | null,
  */
 exists: boolean, };
 export type CheckedFiles = { problems: Problem[], 
+/**
+ * What is probably a mistake in a valid scenario.
+ */
+warnings: Problem[], 
 /**
  * Of a valid scenario.
  */

@@ -119,6 +119,9 @@ pub(crate) struct OpenedFiles {
 pub(crate) struct CheckedFiles {
     #[cfg_attr(test, ts(type = "Problem[]"))]
     pub(in crate::web) problems: Vec<Problem>,
+    /// What is probably a mistake in a valid scenario.
+    #[cfg_attr(test, ts(type = "Problem[]"))]
+    pub(in crate::web) warnings: Vec<Problem>,
     /// Of a valid scenario.
     pub(in crate::web) summary: Option<Summary>,
     #[cfg_attr(test, ts(type = "TypeInfo[]"))]

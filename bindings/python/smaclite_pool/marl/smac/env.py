@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, SupportsInt, cast
@@ -69,7 +69,7 @@ class MultiAgentEnv(Queries):
             into them. Requires `heuristic_rest`, since orders at targets out of range are not available
             actions here.
         debug: log actions and rewards at level DEBUG.
-        rules, episode_limit: not in SMAC; as in `smaclite_pool.make`.
+        rules, episode_limit, opponent: not in SMAC; as in `smaclite_pool.make`.
         render_speed: not in SMAC; of the window: 1 for the speed of the battle, two steps per second; 0.25
             for slow motion; None for no waiting.
 
@@ -114,6 +114,7 @@ class MultiAgentEnv(Queries):
         debug: bool = False,
         *,
         rules: Literal["smaclite", "paper"] = "smaclite",
+        opponent: str | Mapping[str, float] = "attack_move",
         episode_limit: int | Literal["default"] | None = "default",
         render_speed: float | None = 1.0,
     ) -> None:
@@ -158,7 +159,12 @@ class MultiAgentEnv(Queries):
         self.window_size = (window_size_x, window_size_y)
         self._viewer = BattleViewer(map_name, *self.window_size, speed=render_speed)
         self._seed = secrets.randbits(32) if seed is None else int(seed)
-        settings = {"seed": self._seed, "episode_limit": episode_limit, "rules": rules}
+        settings = {
+            "seed": self._seed,
+            "episode_limit": episode_limit,
+            "rules": rules,
+            "opponent": opponent,
+        }
         self._battle = SingleBattle(map_name, settings)
         envs = self._battle.envs
         self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions

@@ -60,6 +60,13 @@ export class Layout {
   }
 }
 
+/**
+ * As in "2 problems".
+ * @param {number} n
+ * @param {string} word
+ */
+const counted = (n, word) => `${n} ${word}${n > 1 ? "s" : ""}`;
+
 export class Checker {
   /** @param {EditorPage} page */
   constructor(page) {
@@ -67,6 +74,8 @@ export class Checker {
     /** What is wrong with the files, as far as the program has responded. */
     /** @type {PlacedProblem[]} */
     this.problems = [];
+    /** @type {PlacedProblem[]} What is probably a mistake in valid files. */
+    this.warnings = [];
     /** @type {State | null} The state of the document that it is about. */
     this.checked = null;
     /** @type {Summary | null} Sizes of a valid scenario. */
@@ -101,6 +110,7 @@ export class Checker {
       this.checked = state;
       this.page.layout = new Layout(groups, checked);
       this.problems = checked.problems.map((problem) => this.placed(problem));
+      this.warnings = checked.warnings.map((warning) => this.placed(warning));
       this.summary = checked.summary;
     } catch (error) {
       if (this.page.connection.isOpen) tell(`The files cannot be checked: ${messageOf(error)}`, true);
@@ -128,16 +138,17 @@ export class Checker {
   }
 
   show() {
-    const { problems } = this,
+    const { problems, warnings } = this,
       n = problems.length;
     const state = byId("state");
     const isCurrent = this.checked === this.page.doc.state;
     state.className = `badge ${n ? "invalid" : isCurrent ? "valid" : ""}`;
-    state.textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : isCurrent ? "Valid" : "checking\u2026";
+    const found = n ? counted(n, "problem") : warnings.length ? counted(warnings.length, "warning") : "";
+    state.textContent = isCurrent || n ? found || "Valid" : "checking\u2026";
     byId("play").disabled = n > 0;
-    byId("problems").classList.toggle("invalid", n > 0);
-    byId("problems").querySelector("h2").textContent = n ? `${n} problem${n > 1 ? "s" : ""}` : "No problems";
-    const key = JSON.stringify(problems);
+    byId("problems").classList.toggle("invalid", found !== "");
+    byId("problems").querySelector("h2").textContent = found || "No problems";
+    const key = JSON.stringify([problems, warnings]);
     if (key !== this.listed) {
       this.listed = key;
       /** @param {PlacedProblem} problem */
@@ -152,7 +163,7 @@ export class Checker {
       };
       byId("problems")
         .querySelector("ol")
-        .replaceChildren(...problems.map(item));
+        .replaceChildren(...problems.map(item), ...warnings.map(item));
     }
     const { summary } = this;
     byId("summary").textContent =
@@ -215,7 +226,8 @@ export class Checker {
   }
 
   goToFirst() {
-    if (this.problems.length) this.goTo(this.problems[0]);
+    const [first] = [...this.problems, ...this.warnings];
+    if (first) this.goTo(first);
   }
 
   /**

@@ -1,8 +1,8 @@
 //! Following environments: the control thread's part. The log of a followed environment is in the pool; it
 //! is read only when a follower requests it.
 
-use super::protocol::{ControlError, ControlResponse, EpisodeMessage};
-use super::server::{Connection, ControlServer, Role};
+use super::{Connection, ControlServer, Role};
+use crate::control::protocol::{ControlError, ControlResponse, EpisodeMessage};
 use crate::follower::FollowedPart;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

@@ -1,0 +1,154 @@
+//! Files of snapshots: shown, and recorded from.
+
+use crate::kit::{check_error, output};
+use smaclite_engine::{Arena, Battle, Column, RecordLayout, RecordSizes, Rules, Scratch, policy};
+use smaclite_scenarios::Scenario;
+use smaclite_view::Replay;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A battle after some steps, and its snapshot with so many past actions.
+fn battle(scenario: &Scenario, rules: Rules, steps: usize, n_past: usize) -> (Battle, Vec<u8>) {
+    let mut battle = Battle::new(Arc::new(Arena::new(scenario, rules)), 7);
+    let mut actions = vec![0; scenario.n_agents()];
+    let mut scratch = Scratch::new();
+    for _ in 0..steps {
+        policy::nearest(&battle, &mut actions);
+        battle.step(&actions, &mut scratch).expect("a legal action");
+    }
+    let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
+    let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past });
+    let mut record = vec![0; layout.size()];
+    battle.write_record(&layout, &[], &mut record);
+    (battle, record)
+}
+
+fn standard(name: &str) -> Scenario {
+    Scenario::standard(name).expect("a scenario")
+}
+
+#[test]
+fn the_units_of_a_snapshot_are_shown() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let scenario = standard("2s3z");
+    let (battle, record) = battle(&scenario, Rules::Paper, 25, 3);
+    fs::write(folder.join("a.snapshot"), &record).expect("a file");
+    let printed = output(folder, "show a.snapshot");
+    let (steps, episode_return) = (battle.episode_length(), battle.episode_return());
+    let head = format!("2s3z: rules paper\nstep {steps}, return {episode_return:.2}\n");
+    assert!(printed.starts_with(&head), "{printed}");
+    let units = battle.units();
+    for (id, unit) in scenario.units.iter().enumerate() {
+        let faction = if id < 5 { "agent" } else { "enemy" };
+        let line = format!("{faction} {} ", unit.id_in_faction);
+        let line = printed.lines().find(|printed| printed.starts_with(&line)).expect(&line);
+        let unit_type = &scenario.unit_types[unit.unit_type];
+        let health = format!("{:.1} of {}", units.hp[id], unit_type.hp);
+        let expected = if units.alive[id] { health.as_str() } else { "dead" };
+        assert!(line.contains(expected) && line.contains(&unit_type.name), "{line}: {expected}");
+    }
+    assert!(printed.contains("\n< agents: ") && printed.ends_with("##\n"), "{printed}");
+    output(folder, "show a.snapshot --png a.png");
+    assert!(fs::metadata(folder.join("a.png")).expect("a picture").len() > 1000);
+}
+
+#[test]
+fn the_snapshot_of_a_scenario_file_names_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "new scenario mine.json --agents 2xSTALKER");
+    let scenario = Scenario::load(&folder.join("mine.json")).expect("a scenario");
+    fs::write(folder.join("a.snapshot"), battle(&scenario, Rules::default(), 2, 0).1).expect("a file");
+    check_error(
+        folder,
+        "show a.snapshot",
+        1,
+        "`a.snapshot` is of no standard scenario: column 'scenario' is 0x",
+    );
+    assert!(
+        output(folder, "show a.snapshot --scenario mine.json").starts_with("mine: rules smaclite\nstep 2,")
+    );
+    let other = "`a.snapshot`: the snapshot is of another scenario or rule set: column 'scenario' must be";
+    check_error(folder, "show a.snapshot --scenario 3m", 1, other);
+    check_error(folder, "show mine.json --scenario 3m", 1, "--scenario is for snapshots");
+    output(folder, "record mine.json --from a.snapshot --out a.smreplay");
+}
+
+#[test]
+fn damaged_snapshots_are_errors_that_name_file_and_column() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let good = battle(&standard("3m"), Rules::default(), 3, 0).1;
+    let check = |bytes: &[u8], expected: &str| {
+        fs::write(folder.join("a.snapshot"), bytes).expect("a file");
+        for command in ["show a.snapshot", "record --from a.snapshot --out a.smreplay"] {
+            check_error(folder, command, 1, expected);
+        }
+    };
+    check(b"", "`a.snapshot`: these bytes are no snapshot");
+    check(b"\x93NUMPY\x01\0", "`a.snapshot` is an array file of NumPy; write the bytes of one snapshot");
+    check(&good[..good.len() - 8], "`a.snapshot`: the snapshot must have ");
+    let mut flipped = good.clone();
+    *flipped.last_mut().expect("a byte") ^= 1;
+    check(&flipped, "`a.snapshot`: the snapshot is damaged: its checksum is that of other bytes");
+    let mut edited = good.clone();
+    let layout = RecordLayout::of(&edited).expect("a layout");
+    layout.column_mut(&mut edited, Column::Hp)[8..16].copy_from_slice(&46.0_f64.to_le_bytes());
+    layout.seal(&mut edited);
+    check(&edited, "`a.snapshot`: snapshot column 'hp' must be between 0 and 45 for unit 1, got 46");
+    check_error(
+        folder,
+        "show absent.snapshot",
+        1,
+        "cannot read `absent.snapshot`: No such file or directory\n",
+    );
+    fs::create_dir(folder.join("b.snapshot")).expect("a folder");
+    check_error(folder, "show b.snapshot", 1, "`b.snapshot` is not a regular file");
+}
+
+fn recorded(folder: &Path, options: &str) -> Replay {
+    output(folder, &format!("record --from a.snapshot --out a.smreplay {options}"));
+    let replay = Replay::read(&folder.join("a.smreplay")).expect("a replay");
+    replay.verify().expect("it is reproduced");
+    replay
+}
+
+/// A battle that is recorded from a snapshot is the one that went on.
+#[test]
+fn episodes_begin_in_a_snapshot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let scenario = standard("2s3z");
+    let (mut battle, record) = battle(&scenario, Rules::Paper, 20, 0);
+    fs::write(folder.join("a.snapshot"), &record).expect("a file");
+    let mut actions = vec![0; scenario.n_agents()];
+    let mut scratch = Scratch::new();
+    while !battle.is_over() {
+        policy::nearest(&battle, &mut actions);
+        battle.step(&actions, &mut scratch).expect("a legal action");
+    }
+    let replay = recorded(folder, "--episodes 2");
+    let [first, second] = replay.episodes() else { panic!("two episodes") };
+    assert_eq!(replay.setup().rules, Rules::Paper);
+    assert_eq!(first.outcome.steps, battle.episode_length());
+    assert_eq!(first.outcome.episode_return, battle.episode_return());
+    let start = |episode: &smaclite_view::Episode| episode.snapshot.clone().expect("a snapshot");
+    assert_eq!(start(first).units, start(second).units);
+    assert_ne!(first.start, second.start, "other execution orders");
+    let seeded = recorded(folder, "--seed 3");
+    assert_eq!(seeded.episodes()[0].start, smaclite_engine::StreamPosition::start(3));
+    output(folder, "replay a.smreplay --to a.html");
+
+    let (_, over) = self::battle(&scenario, Rules::Smaclite, 0, 0);
+    let layout = RecordLayout::of(&over).expect("a layout");
+    let mut over = over;
+    layout.column_mut(&mut over, Column::EpisodeLength).copy_from_slice(&120_u32.to_le_bytes());
+    layout.seal(&mut over);
+    fs::write(folder.join("a.snapshot"), &over).expect("a file");
+    let message = "`a.snapshot`: the battle is over; nothing can be recorded";
+    check_error(folder, "record --from a.snapshot --out a.smreplay", 1, message);
+    assert!(output(folder, "show a.snapshot").contains("step 120, return 0.00, the battle is over\n"));
+    check_error(folder, "record --from a.snapshot --rules paper --out a.smreplay", 2, "cannot be used with");
+}

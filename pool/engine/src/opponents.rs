@@ -1,0 +1,255 @@
+//! Who plays the enemies: the scenario's attack-move, or a scripted policy, drawn at each reset.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::policy::Tactic;
+use crate::random::Generator;
+
+/// What plays the enemies in one episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Opponent {
+    /// SMAClite's: all enemies march to the scenario's attack point, and attack agents in scan range.
+    #[default]
+    AttackMove,
+    /// SMACv2's: an enemy without a target marches to the nearest agent, wherever that is, and attacks agents
+    /// in scan range.
+    AttackNearest,
+    /// A scripted policy. It has the actions of agents, targets within 6 squares, and knows of agents within
+    /// 9 squares of an enemy; while there are none, enemies go to the attack point.
+    Scripted(Tactic),
+}
+
+impl Opponent {
+    /// All opponents; the field `opponent` and snapshots have their index.
+    pub const ALL: [Opponent; 2 + Tactic::ALL.len()] = {
+        let mut all = [Opponent::AttackMove; 2 + Tactic::ALL.len()];
+        all[1] = Opponent::AttackNearest;
+        let mut i = 0;
+        while i < Tactic::ALL.len() {
+            all[2 + i] = Opponent::Scripted(Tactic::ALL[i]);
+            i += 1;
+        }
+        all
+    };
+
+    /// Its name in commands, files and Python.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Opponent::AttackMove => "attack_move",
+            Opponent::AttackNearest => "attack_nearest",
+            Opponent::Scripted(tactic) => tactic.name(),
+        }
+    }
+
+    /// The opponent of that name.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn from_name(name: &str) -> Result<Opponent, OpponentsError> {
+        let found = Opponent::ALL.into_iter().find(|opponent| opponent.name() == name);
+        found.ok_or_else(|| OpponentsError::Unknown(name.to_owned()))
+    }
+
+    /// The names of all opponents, as text.
+    pub fn names() -> String {
+        Opponent::ALL.map(Opponent::name).join(", ")
+    }
+
+    /// Its index in [`ALL`](Self::ALL).
+    pub fn index(self) -> usize {
+        Opponent::ALL.iter().position(|opponent| *opponent == self).unwrap_or_default()
+    }
+}
+
+/// The opponents of a lane, with their weights. As JSON an object, as text `NAME` or
+/// `NAME=WEIGHT,NAME=WEIGHT`.
+///
+/// ```
+/// use smaclite_engine::Opponents;
+///
+/// let opponents: Opponents = "attack_move=0.5,focus_fire=0.5".parse()?;
+/// assert_eq!(opponents.to_string(), "attack_move=0.5,focus_fire=0.5");
+/// assert_eq!("kite".parse::<Opponents>()?.to_string(), "kite");
+/// # Ok::<(), smaclite_engine::OpponentsError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "BTreeMap<String, f64>", into = "BTreeMap<String, f64>")]
+pub struct Opponents {
+    /// By index in [`Opponent::ALL`]; those that never play are left out.
+    weights: Vec<(Opponent, f64)>,
+}
+
+/// Why a text or a table names no opponents.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OpponentsError {
+    /// A name that no opponent has.
+    #[error("unknown opponent `{0}`; the opponents are {names}", names = Opponent::names())]
+    Unknown(String),
+    /// A weight that is no share.
+    #[error("the weight of opponent `{name}` must be a number above 0, got {given}")]
+    Weight {
+        /// The opponent.
+        name: String,
+        /// Its weight.
+        given: String,
+    },
+    /// A name that occurs twice.
+    #[error("opponent `{0}` is named twice")]
+    Twice(String),
+    /// No name.
+    #[error("at least one opponent must be named: {names}", names = Opponent::names())]
+    None,
+}
+
+impl Default for Opponents {
+    fn default() -> Opponents {
+        Opponents::from(Opponent::AttackMove)
+    }
+}
+
+impl From<Opponent> for Opponents {
+    fn from(opponent: Opponent) -> Opponents {
+        Opponents { weights: vec![(opponent, 1.0)] }
+    }
+}
+
+impl Opponents {
+    /// Opponents with weights, which need not sum to 1.
+    ///
+    /// # Errors
+    /// If there are none, a name is unknown or occurs twice, or a weight is not a number above 0.
+    pub fn new<S: AsRef<str>>(
+        weights: impl IntoIterator<Item = (S, f64)>,
+    ) -> Result<Opponents, OpponentsError> {
+        let mut own: Vec<(Opponent, f64)> = Vec::new();
+        for (name, weight) in weights {
+            let name = name.as_ref();
+            let opponent = Opponent::from_name(name)?;
+            if !(weight > 0.0 && weight.is_finite()) {
+                return Err(OpponentsError::Weight { name: name.to_owned(), given: weight.to_string() });
+            }
+            if own.iter().any(|(known, _)| *known == opponent) {
+                return Err(OpponentsError::Twice(name.to_owned()));
+            }
+            own.push((opponent, weight));
+        }
+        // One order, so that equal weights draw equally.
+        own.sort_by_key(|(opponent, _)| opponent.index());
+        if own.is_empty() { Err(OpponentsError::None) } else { Ok(Opponents { weights: own }) }
+    }
+
+    /// Whether they are attack-move alone.
+    pub fn is_default(&self) -> bool {
+        *self == Opponents::default()
+    }
+
+    /// The opponents and their weights.
+    pub fn weights(&self) -> &[(Opponent, f64)] {
+        &self.weights
+    }
+
+    /// The opponent of an episode.
+    pub(crate) fn draw(&self, generator: &mut Generator) -> Opponent {
+        if let [(opponent, _)] = *self.weights {
+            return opponent; // nothing is drawn, so battles are those without other opponents
+        }
+        let total: f64 = self.weights.iter().map(|(_, weight)| weight).sum();
+        let mut rest = generator.next_share() * total;
+        let mut last = Opponent::AttackMove;
+        for &(opponent, weight) in &self.weights {
+            last = opponent;
+            rest -= weight;
+            if rest < 0.0 {
+                break;
+            }
+        }
+        last
+    }
+}
+
+impl FromStr for Opponents {
+    type Err = OpponentsError;
+
+    fn from_str(text: &str) -> Result<Opponents, OpponentsError> {
+        let pair = |part: &str| {
+            let (name, weight) = part.split_once('=').unwrap_or((part, "1"));
+            let (name, weight) = (name.trim().to_owned(), weight.trim());
+            let error = || OpponentsError::Weight { name: name.clone(), given: weight.to_owned() };
+            let weight = weight.parse().map_err(|_| error())?;
+            Ok((name, weight))
+        };
+        let parts = text.split(',').filter(|part| !part.trim().is_empty());
+        Opponents::new(parts.map(pair).collect::<Result<Vec<(String, f64)>, OpponentsError>>()?)
+    }
+}
+
+impl fmt::Display for Opponents {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let [(opponent, _)] = *self.weights {
+            return f.write_str(opponent.name());
+        }
+        let parts = self.weights.iter().map(|(opponent, weight)| format!("{}={weight}", opponent.name()));
+        f.write_str(&parts.collect::<Vec<_>>().join(","))
+    }
+}
+
+impl TryFrom<BTreeMap<String, f64>> for Opponents {
+    type Error = OpponentsError;
+
+    fn try_from(weights: BTreeMap<String, f64>) -> Result<Opponents, OpponentsError> {
+        Opponents::new(weights)
+    }
+}
+
+impl From<Opponents> for BTreeMap<String, f64> {
+    fn from(opponents: Opponents) -> BTreeMap<String, f64> {
+        let own = opponents.weights.into_iter();
+        own.map(|(opponent, weight)| (opponent.name().to_owned(), weight)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn opponents_are_drawn_by_their_weights() {
+        let opponents: Opponents = "attack_move=1, kite=2,hold=5".parse().unwrap();
+        let (mut generator, mut counts) = (Generator::new(7), [0; Opponent::ALL.len()]);
+        (0..8000).for_each(|_| counts[opponents.draw(&mut generator).index()] += 1);
+        let [attack_move, kite, hold] =
+            ["attack_move", "kite", "hold"].map(|name| counts[Opponent::from_name(name).unwrap().index()]);
+        assert_eq!(attack_move + kite + hold, 8000);
+        // Six standard deviations.
+        assert!((f64::from(attack_move) - 1000.0).abs() < 6.0 * (8000.0f64 * 0.125 * 0.875).sqrt());
+        assert!((f64::from(kite) - 2000.0).abs() < 6.0 * (8000.0f64 * 0.25 * 0.75).sqrt());
+    }
+
+    #[test]
+    fn one_opponent_draws_nothing() {
+        let mut generator = Generator::new(7);
+        assert_eq!(Opponents::default().draw(&mut generator), Opponent::AttackMove);
+        assert_eq!(generator, Generator::new(7));
+    }
+
+    #[test]
+    fn what_names_no_opponents_is_an_error_that_says_what_is_accepted() {
+        let error = |text: &str| text.parse::<Opponents>().unwrap_err().to_string();
+        assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move, "));
+        assert!(error("").contains("at least one opponent"));
+        assert_eq!(error("kite,kite=2"), "opponent `kite` is named twice");
+        for weight in ["0", "-1", "nan", "inf", "half"] {
+            assert!(error(&format!("kite={weight}")).contains("must be a number above 0"), "{weight}");
+        }
+        let json = r#"{"hold": 1.0, "kite": 0.5}"#;
+        let opponents: Opponents = serde_json::from_str(json).unwrap();
+        assert_eq!(opponents.to_string(), "kite=0.5,hold=1");
+        assert!(
+            serde_json::from_str::<Opponents>(r#"{"holds": 1}"#).unwrap_err().to_string().contains("holds")
+        );
+    }
+}
