@@ -58,7 +58,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "docker compose": DOCKER,
     },
     "how-to/editor.md": {"smaclite-pool edit": SERVES},
-    "how-to/plan.md": {"kept = np.fromfile": "test_watch.py saves such a file and restores it"},
     "how-to/pytorch-learners.md": {
         "pip install": INSTALLS,
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
