@@ -11,7 +11,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// The suffix of the files.
-const SUFFIX: &str = "snapshot";
+pub(super) const SUFFIX: &str = "snapshot";
 
 /// More than the snapshot of the largest scenario has.
 const MAX_BYTES: u64 = 16 << 20;
