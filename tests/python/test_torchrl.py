@@ -91,7 +91,9 @@ def test_a_mask_resets_some_environments_and_leaves_the_others(env: PoolEnv) -> 
 
 
 def test_a_saved_state_has_the_same_future_again() -> None:
-    with closing(PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])) as env:
+    with closing(
+        PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])
+    ) as env:
         with pytest.raises(sp.InvalidRequest, match="call reset first"):
             env.save()
         now = env.rollout(5)[:, -1]["next"]
@@ -104,7 +106,10 @@ def test_a_saved_state_has_the_same_future_again() -> None:
         assert torch.equal(env.rollout(6, auto_reset=False, tensordict=restored)["next", "state"], first)
         one = env.restore(saved[:1], [2])
         assert one["info", "episode_length"].tolist() == [11, 11, 5, 11]
-    with closing(PoolEnv("3m", 2)) as env, pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"):
+    with (
+        closing(PoolEnv("3m", 2)) as env,
+        pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"),
+    ):
         env.save()
 
 

@@ -70,6 +70,7 @@ REWARD_SCALE: Final[float]
 
 _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]
+_Policy = Literal["random", "nearest", "focus_fire", "kite", "hold", "line", "flank", "escort", "spread"]
 _Rules = Literal["smaclite", "paper"]
 
 @final
@@ -140,6 +141,9 @@ class Batch:
     @property
     def snapshot(self) -> NDArray[np.uint8]:
         """uint8 [M, snapshot_size]: the battle as bytes, for `Envs.restore`; lanes must name this field."""
+    @property
+    def opponent(self) -> NDArray[np.int32]:
+        """int32 [M]: what plays the enemies, an index in `OPPONENTS`; lanes must name this field."""
     def keys(self) -> list[str]: ...
     def replace(self, **fields: Any) -> ChangedBatch:
         """Return this batch with other arrays in some fields."""
@@ -338,7 +342,7 @@ class ScriptedPolicy:
 
     def __new__(
         cls,
-        name: Literal["random", "nearest", "focus_fire", "kite", "hold"],
+        name: _Policy,
         envs: Envs,
         *,
         seed: int = 0,

@@ -13,8 +13,8 @@ Keys are those of TorchRL's multi-agent environments: ("agents", "observation"),
 root. Pass the mask to the policy (`MaskedCategorical`): an unavailable action raises IllegalAction, and
 nothing is stepped. Random actions are available ones: `rollout` without a policy, `rand_action`, and
 collectors whose policy is None. A finished environment waits for its reset, which collectors and
-`step_and_maybe_reset` request by a `_reset` mask. With `snapshot` among `fields`, `save` and `restore` return to
-an earlier state.
+`step_and_maybe_reset` request by a `_reset` mask. With `snapshot` among `fields`, `save` and `restore` return
+to an earlier state.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ needs a higher `max_held_batches`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
-from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
