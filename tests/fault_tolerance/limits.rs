@@ -42,7 +42,7 @@ fn wrong_settings_are_errors_before_anything_starts() {
         assert_contains(&error, parts);
         dir.assert_empty();
     };
-    check("serve 2s3z:0", 1, &["2s3z", "environments", "got 0"]);
+    check("serve 2s3z:0", 1, &["2s3z", "environments", "got `0`"]);
     check("serve 2s3z:many", 1, &["many"]);
     check("serve 2s3z:4 2s3z:4", 1, &["2s3z", "two lanes"]);
     check("serve 2s3z:4 --batch-size 5", 1, &["batch size", "between 1 and 4", "got 5"]);

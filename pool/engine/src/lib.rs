@@ -70,6 +70,7 @@ mod scratch;
 mod simd;
 mod snapshot;
 mod step;
+mod tactic;
 mod tick;
 mod units;
 

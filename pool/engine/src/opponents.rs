@@ -6,8 +6,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::policy::Tactic;
 use crate::random::Generator;
+use crate::tactic::Tactic;
 
 /// What plays the enemies in one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
