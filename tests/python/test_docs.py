@@ -421,7 +421,7 @@ def site_hooks() -> ModuleType:
 
 
 def test_a_site_without_versions_asks_for_nothing_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every page asked for versions.json, which only mike writes, and api.github.com for a number of stars."""
+    """Every page asked for versions.json, which only mike writes, and GitHub for a number of stars."""
     hooks = site_hooks()
     monkeypatch.delenv("MIKE_DOCS_VERSION", raising=False)
     config = SimpleNamespace(extra={"version": {"provider": "mike"}})
