@@ -11,6 +11,7 @@ use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Opponents, Rules};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
@@ -19,6 +20,7 @@ use smaclite_ipc::{
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
+use smaclite_units::file::did_you_mean;
 use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -81,13 +83,13 @@ const MAX_LANES: usize = 64;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
-    rules="smaclite", opponent=OpponentArg::Name("attack_move".to_owned()), fields=None, obs_last_actions=IntArg::Small(0), obs_agent_id=false,
-    max_held_batches=IntArg::Small(4), spectators=IntArg::Small(1),
-    wait="adaptive", name=None, record=None, lanes=None))]
+    rules="smaclite", opponent=OpponentArg::Name("attack_move".to_owned()), fields=None,
+    obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
+    spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **unknown))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', \
-    opponent='attack_move', fields=None, obs_last_actions=0, obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, record=None, \
-    lanes=None)")]
+    autoreset='next_step', episode_limit='default', rules='smaclite', opponent='attack_move', fields=None, \
+    obs_last_actions=0, obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, \
+    record=None, lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -109,7 +111,9 @@ pub fn make(
     name: Option<String>,
     record: Option<PathBuf>,
     lanes: Option<IntArg>,
+    unknown: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
+    refuse_unknown(unknown.as_ref())?;
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
     let num_envs: usize = to_unsigned("num_envs", num_envs)?;
@@ -177,6 +181,36 @@ pub fn make(
         None => Ok(Py::new(py, envs.remove(0))?.into_any()),
         Some(_) => envs.into_py_any(py),
     }
+}
+
+/// The keywords of [`make`].
+const KEYWORDS: [&str; 18] = [
+    "scenario",
+    "num_envs",
+    "batch_size",
+    "seed",
+    "threads",
+    "autoreset",
+    "episode_limit",
+    "rules",
+    "opponent",
+    "fields",
+    "obs_last_actions",
+    "obs_agent_id",
+    "max_held_batches",
+    "spectators",
+    "wait",
+    "name",
+    "record",
+    "lanes",
+];
+
+/// As Python does, with a hint.
+fn refuse_unknown(unknown: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
+    let Some(name) = unknown.and_then(|unknown| unknown.keys().iter().next()) else { return Ok(()) };
+    let name: String = name.extract()?;
+    let hint = did_you_mean(&name, KEYWORDS);
+    Err(PyTypeError::new_err(format!("make() got an unexpected keyword argument '{name}'; {hint}")))
 }
 
 fn lane_count(lanes: IntArg, num_envs: usize) -> PyResult<usize> {

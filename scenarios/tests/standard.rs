@@ -1,7 +1,7 @@
 //! The embedded scenarios and terrains are those of the published environment, and of the SMAC maps that it
 //! lacks.
 
-use smaclite_scenarios::{Faction, Scenario, Terrain};
+use smaclite_scenarios::{Faction, Scenario, ScenarioFiles, Terrain};
 
 /// name, allies and enemies by type, attack point, one-hot types by id, shields (ally, enemy), step limit
 type Row = (&'static str, &'static str, &'static str, [f64; 2], &'static str, (bool, bool), u32);
@@ -269,5 +269,13 @@ fn start_positions_of_a_mixed_scenario() {
         assert!((x - expected[0]).abs() < 1e-12 && (y - expected[1]).abs() < 1e-12, "{unit:?} {expected:?}");
         let mirrored = enemy.unwrap().position;
         assert!((x + mirrored[0] - 32.0).abs() < 1e-12 && (y + mirrored[1] - 32.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn no_standard_scenario_has_a_warning() {
+    for name in Scenario::standard_names() {
+        let (_, files) = ScenarioFiles::resolve(name).unwrap();
+        assert_eq!(files.warnings(), [], "{name}");
     }
 }

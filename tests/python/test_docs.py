@@ -72,7 +72,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
     "how-to/plan.md": {
-        "import numpy as np\n\nimport smaclite_pool as sp\n\nFIELDS": "test_watch.py restores such a file",
         "python bindings/examples/planning.py 3s_vs_4z": CLONE,
     },
     "reference/opponents.md": {"just figures": CLONE},

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
+import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -313,14 +315,34 @@ def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
         sp.make("3m", 1, record=tmp_path / "none" / "x.smreplay")
 
 
-def test_what_is_probably_a_mistake_in_a_scenario_is_a_warning(runtime_dir: Path) -> None:
-    path = runtime_dir / "wall.json"
+def test_what_is_probably_a_mistake_in_a_scenario_is_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "wall.json"
     text = (Path(__file__).parents[2] / "scenarios/data/3m.json").read_text()
     path.write_text(text.replace('"x": 9, "y": 16', '"x": 9, "y": 28'))
-    with pytest.warns(UserWarning, match=r"wall.json:6:9: `groups\[0\]` puts a MARINE at .* on a blocked square"):
+    with pytest.warns(
+        UserWarning, match=r"wall.json:6:9: `groups\[0\]` puts a MARINE at .* on a blocked square"
+    ):
         sp.make(path, 1).close()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(UserWarning, match="blocked square"):
             sp.make(path, 1, name="walled")
         sp.make("3m", 1, name="walled").close()  # the pool that was refused has ended
+
+
+def test_a_typo_in_a_keyword_of_make_gets_a_suggestion() -> None:
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'n_envs'; did you mean `num_envs`\?"):
+        sp.make("3m", n_envs=2)  # type: ignore[call-overload]
+    with pytest.raises(TypeError, match="'num_workers'; expected one of scenario, num_envs, .*threads"):
+        sp.make("3m", num_workers=2)  # type: ignore[call-overload]
+    accepted = inspect.signature(sp.make).parameters
+    for name in accepted:
+        typo = name + "x"
+        with pytest.raises(TypeError, match=f"'{typo}'; did you mean `{name}`"):
+            sp.make("3m", **{typo: 1})  # type: ignore[call-overload]
+
+
+def test_a_free_threaded_python_is_refused() -> None:
+    code = "import sysconfig; sysconfig.get_config_var = lambda name: 1; import smaclite_pool"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "ImportError: smaclite_pool needs a Python with the global interpreter lock" in done.stderr

@@ -90,6 +90,24 @@ def test_a_mask_resets_some_environments_and_leaves_the_others(env: PoolEnv) -> 
     env.step(env.rand_action(after))
 
 
+def test_a_saved_state_has_the_same_future_again() -> None:
+    with closing(PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])) as env:
+        with pytest.raises(sp.InvalidRequest, match="call reset first"):
+            env.save()
+        now = env.rollout(5)[:, -1]["next"]
+        saved = env.save()
+        torch.manual_seed(2)
+        first = env.rollout(6, auto_reset=False, tensordict=now.clone())["next", "state"]
+        restored = env.restore(saved)
+        assert torch.equal(restored["state"], now["state"]) and not restored["done"].any()
+        torch.manual_seed(2)
+        assert torch.equal(env.rollout(6, auto_reset=False, tensordict=restored)["next", "state"], first)
+        one = env.restore(saved[:1], [2])
+        assert one["info", "episode_length"].tolist() == [11, 11, 5, 11]
+    with closing(PoolEnv("3m", 2)) as env, pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"):
+        env.save()
+
+
 def test_a_seed_gives_the_same_rollout_again(env: PoolEnv) -> None:
     def play(seed: int) -> Any:
         env.set_seed(seed)

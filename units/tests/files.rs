@@ -272,6 +272,7 @@ fn syntax_errors_say_what_to_change() {
         ("{\"attributes\": [1, ]}", "1:20: remove the comma before `]`"),
         ("{\"hp\": 45 // health\n}", "1:11: JSON has no comments; remove this one"),
         ("{ /* health */ \"hp\": 45}", "1:3: JSON has no comments; remove this one"),
+        ("{}\n// a marine", "2:1: JSON has no comments; remove this one"),
         ("# a marine\n{}", "1:1: JSON has no comments; remove this one"),
         ("{'hp': 45}", &format!("1:2: {double}")),
         ("{\"plane\": “AIR”}", &format!("1:11: {double}")),

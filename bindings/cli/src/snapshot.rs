@@ -11,7 +11,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// The suffix of the files.
-const SUFFIX: &str = "snapshot";
+pub(super) const SUFFIX: &str = "snapshot";
 
 /// More than the snapshot of the largest scenario has.
 const MAX_BYTES: u64 = 16 << 20;
@@ -73,7 +73,7 @@ impl SavedBattle {
     pub(super) fn print(&self) -> io::Result<()> {
         let SavedBattle { setup, scenario, arena, snapshot } = self;
         let end = if snapshot.is_over(arena) { ", the battle is over" } else { "" };
-        out!("{}: rules {}", scenario.name, setup.rules)?;
+        out!("{}: rules {}, opponent {}", scenario.name, setup.rules, snapshot.opponent.name())?;
         out!("step {}, return {:.2}{end}\n", snapshot.episode_length, snapshot.episode_return)?;
         let mut table = Table::new(&["unit", "type", "x", "y", "health", "shield", "energy", "cooldown"]);
         for (id, unit) in scenario.units.iter().enumerate() {

@@ -183,6 +183,10 @@ impl Train {
             let lanes = self.lanes(&run.setup, num_envs, last_actions, threads, &runtime_dir, interrupted)?;
             return Ok((Run::resume(&folder, self.steps, lanes, threads)?, run.name));
         }
+        if self.out.as_ref().is_some_and(|out| out.exists() && !out.is_dir()) {
+            let out = self.out.unwrap_or_default();
+            return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
+        }
         let setup = self.setup(&runtime_dir, interrupted)?;
         let chosen_num_envs = self.hyperparameters.num_envs;
         let num_envs = chosen_num_envs.unwrap_or(Config::default().num_envs);

@@ -22,6 +22,15 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
+import sysconfig
+
+if sysconfig.get_config_var("Py_GIL_DISABLED"):
+    # Not tested there: batches are views of memory that other threads may replace.
+    raise ImportError(
+        "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "
+        "(python3.13t and the like): use the normal one of the same version"
+    )
+
 from ._evaluation import Evaluation, evaluate
 from ._native import (
     OPPONENTS,

@@ -11,7 +11,8 @@ pub(super) fn explain(text: &str, at: usize, error: &serde_json::Error) -> Strin
     }
     let message = without_position(error);
     match message.as_str() {
-        "trailing characters" => "the JSON value ends before this; a file holds only one".into(),
+        "trailing characters" => foreign_mark(text, at)
+            .unwrap_or_else(|| "the JSON value ends before this; a file holds only one".into()),
         "expected `:`" => "`:` is missing between a key and its value".into(),
         "invalid escape" => "after `\\` this is no escape; a backslash is written `\\\\`".into(),
         message if message.starts_with("control character") => {

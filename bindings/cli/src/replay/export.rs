@@ -2,6 +2,7 @@
 
 use super::super::CommandResult;
 use super::super::picture::write_file;
+use super::super::snapshot;
 use smaclite_scenarios::Scenario;
 use smaclite_view::{Moment, Options, Picture, Renderer, write_apng, write_gif};
 use std::io::{ErrorKind, Write};
@@ -22,10 +23,14 @@ pub(super) enum Format {
     Mp4,
     /// A folder of PNG files.
     Frames,
+    /// The state before a step.
+    Snapshot,
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error("--to must end in .html, .gif, .apng, .png or .mp4, or be a new folder without a suffix, got `{0}`")]
+#[error(
+    "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix, got `{0}`"
+)]
 pub(super) struct UnknownSuffix(String);
 
 impl Format {
@@ -36,6 +41,7 @@ impl Format {
             Some("gif") => Ok(Format::Gif),
             Some("apng" | "png") => Ok(Format::Apng),
             Some("mp4") => Ok(Format::Mp4),
+            Some(snapshot::SUFFIX) => Ok(Format::Snapshot),
             None if path.file_name().is_some() => Ok(Format::Frames),
             _ => Err(UnknownSuffix(path.display().to_string())),
         }
@@ -49,6 +55,7 @@ impl Format {
             Format::Apng => "an animated PNG",
             Format::Mp4 => "an MP4 file",
             Format::Frames => "a folder of pictures",
+            Format::Snapshot => "a snapshot",
         }
     }
 }
@@ -72,7 +79,7 @@ pub(super) fn write(
         Format::Apng => write_file(to, |output| write_apng(output, frames, fps)),
         Format::Mp4 => write_mp4(to, options, frames, fps),
         Format::Frames => write_folder(to, (0..moments.len()).map(draw)),
-        Format::Page => Err("a page is not made of frames".into()),
+        Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", format.name()).into()),
     }
 }
 

@@ -7,6 +7,7 @@ use super::picture::{Size, ThemeName, write_file};
 use crate::number::count;
 use clap::Args;
 use export::Format;
+use smaclite_engine::{RecordLayout, RecordSizes, Sizes};
 use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
 use std::path::{Path, PathBuf};
 
@@ -15,17 +16,22 @@ use std::path::{Path, PathBuf};
 Examples:
     smaclite-pool replay 2s3z.smreplay                  play every episode again and compare it
     smaclite-pool replay 2s3z.smreplay --to 2s3z.html   a page for any browser
-    smaclite-pool replay 2s3z.smreplay --to 2s3z.gif --episode 1 --fps 8   half speed")]
+    smaclite-pool replay 2s3z.smreplay --to 2s3z.gif --episode 1 --fps 8   half speed
+    smaclite-pool replay 2s3z.smreplay --to 2s3z.snapshot --step 20   to branch from")]
 pub(super) struct Replay {
     /// The replay file
     file: PathBuf,
     /// What to write: NAME.html (a page with all episodes), NAME.gif, NAME.apng or NAME.png (animations),
-    /// NAME.mp4 (needs ffmpeg), or a new folder for one PNG file per tick; a file of that name is replaced
+    /// NAME.mp4 (needs ffmpeg), a new folder for one PNG file per tick, or NAME.snapshot (the state before a
+    /// step, from which battles branch); a file of that name is replaced
     #[arg(long, value_name = "OUT")]
     to: Option<PathBuf>,
-    /// The episode of an animation or folder, counted from 0 [default: 0]
+    /// The episode of an animation, folder or snapshot, counted from 0 [default: 0]
     #[arg(long, value_name = "N", requires = "to", value_parser = count(0..=usize::MAX))]
     episode: Option<usize>,
+    /// How many steps of the episode are played in a snapshot [default: 0]
+    #[arg(long, value_name = "N", requires = "to", value_parser = count(0..=usize::MAX))]
+    step: Option<usize>,
     /// Width and height of pictures in pixels [default: 512x512]
     #[arg(long, value_name = "WxH", requires = "to")]
     size: Option<Size>,
@@ -60,6 +66,7 @@ impl Replay {
                 let page = smaclite_view::export_html(&replay).map_err(|error| format!("{file}: {error}"))?;
                 write_file(to, |output| output.write_all(page.as_bytes()))?;
             }
+            (Some(to), Some(Format::Snapshot)) => self.save_snapshot(&replay, to)?,
             (Some(to), Some(format)) => self.animate(&replay, to, format)?,
             _ => self.print_summary(&replay)?,
         }
@@ -68,15 +75,17 @@ impl Replay {
 
     /// Refuses options that would have no effect.
     fn check_options(&self, format: Format) -> CommandResult {
-        let of_pictures = [
-            ("--episode", self.episode.is_some()),
-            ("--size", self.size.is_some()),
-            ("--theme", self.theme.is_some()),
+        let has_pictures = !matches!(format, Format::Page | Format::Snapshot);
+        let has_rate = has_pictures && format != Format::Frames;
+        let options = [
+            ("--episode", self.episode.is_some(), format != Format::Page),
+            ("--step", self.step.is_some(), format == Format::Snapshot),
+            ("--size", self.size.is_some(), has_pictures),
+            ("--theme", self.theme.is_some(), has_pictures),
+            ("--fps", self.fps.is_some(), has_rate),
         ];
-        let unused = of_pictures.into_iter().filter(|_| format == Format::Page);
-        let has_no_rate = matches!(format, Format::Page | Format::Frames);
-        let unused = unused.chain([("--fps", self.fps.is_some() && has_no_rate)]);
-        if let Some((option, _)) = unused.into_iter().find(|(_, is_given)| *is_given) {
+        let unused = options.into_iter().find(|(_, is_given, has_effect)| *is_given && !has_effect);
+        if let Some((option, ..)) = unused {
             return Err(format!("{option} has no effect on {}; leave it out", format.name()).into());
         }
         match self.fps {
@@ -99,6 +108,18 @@ impl Replay {
         options.theme = self.theme.unwrap_or_default().into();
         let fps = self.fps.unwrap_or(TICKS_PER_SECOND);
         export::write(format, to, replay.scenario(), options, &moments, fps)
+    }
+
+    /// Writes the state before a step, as a record that pools of the same scenario restore.
+    fn save_snapshot(&self, replay: &ReplayFile, to: &Path) -> CommandResult {
+        let failed = |error| format!("{}: {error}", self.file.display());
+        let mut player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
+        player.seek(self.step.unwrap_or(0)).map_err(failed)?;
+        let Sizes { n_agents, n_enemies, .. } = replay.arena().sizes();
+        let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+        let mut record = vec![0; layout.size()];
+        player.battle().write_record(&layout, &[], &mut record);
+        write_file(to, |output| output.write_all(&record))
     }
 
     /// Plays all episodes again, and prints what they are.

@@ -112,6 +112,22 @@ fn a_replay_becomes_pages_animations_and_pictures() {
     }
 }
 
+#[test]
+fn a_step_of_a_replay_is_saved_as_a_snapshot() {
+    let (folder, _) = recorded();
+    let folder = folder.path();
+    for (options, shown) in
+        [("--episode 0", "step 0, return 0.00"), ("--episode 1 --step 5", "step 5, return ")]
+    {
+        output(folder, &format!("replay 3m.smreplay --to 3m.snapshot {options}"));
+        let printed = output(folder, "show 3m.snapshot");
+        assert!(printed.contains(shown), "{printed}");
+    }
+    let again = output(folder, "record --from 3m.snapshot --policy nearest --out again.smreplay");
+    assert!(again.starts_with("episode 0: "), "{again}");
+    assert!(output(folder, "replay again.smreplay").contains("reproduced"));
+}
+
 /// A program named ffmpeg that keeps its input and its arguments.
 const FFMPEG: &str =
     "#!/bin/sh\nfor last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"\n";
@@ -162,7 +178,8 @@ fn what_cannot_be_replayed_is_an_error() {
     let (folder, _) = recorded();
     let folder = folder.path();
     let error = |arguments, status, expected| check_error(folder, arguments, status, expected);
-    let suffixes = "--to must end in .html, .gif, .apng, .png or .mp4, or be a new folder without a suffix";
+    let suffixes =
+        "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix";
     error("replay 3m.smreplay --to battle.avi", 1, suffixes);
     error("replay 3m.smreplay --to ..", 1, suffixes);
     error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
@@ -172,6 +189,9 @@ fn what_cannot_be_replayed_is_an_error() {
     error("replay 3m.smreplay --to a.gif --size 9x9", 2, "must be WIDTHxHEIGHT, each between 16 and 4096");
     error("replay 3m.smreplay --to a.html --episode 1", 1, "--episode has no effect on a page");
     error("replay 3m.smreplay --to frames --fps 8", 1, "--fps has no effect on a folder");
+    error("replay 3m.smreplay --to a.snapshot --fps 8", 1, "--fps has no effect on a snapshot");
+    error("replay 3m.smreplay --to a.gif --step 8", 1, "--step has no effect on a GIF");
+    error("replay 3m.smreplay --to a.snapshot --step 999", 1, "got 999");
     error("replay 3m.smreplay --fps 8", 2, "--to");
     error("replay absent.smreplay", 1, "absent.smreplay: No such file or directory");
 

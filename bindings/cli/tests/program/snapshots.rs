@@ -37,7 +37,7 @@ fn the_units_of_a_snapshot_are_shown() {
     fs::write(folder.join("a.snapshot"), &record).expect("a file");
     let printed = output(folder, "show a.snapshot");
     let (steps, episode_return) = (battle.episode_length(), battle.episode_return());
-    let head = format!("2s3z: rules paper\nstep {steps}, return {episode_return:.2}\n");
+    let head = format!("2s3z: rules paper, opponent attack_move\nstep {steps}, return {episode_return:.2}\n");
     assert!(printed.starts_with(&head), "{printed}");
     let units = battle.units();
     for (id, unit) in scenario.units.iter().enumerate() {
@@ -68,7 +68,8 @@ fn the_snapshot_of_a_scenario_file_names_it() {
         "`a.snapshot` is of no standard scenario: column 'scenario' is 0x",
     );
     assert!(
-        output(folder, "show a.snapshot --scenario mine.json").starts_with("mine: rules smaclite\nstep 2,")
+        output(folder, "show a.snapshot --scenario mine.json")
+            .starts_with("mine: rules smaclite, opponent attack_move\nstep 2,")
     );
     let other = "`a.snapshot`: the snapshot is of another scenario or rule set: column 'scenario' must be";
     check_error(folder, "show a.snapshot --scenario 3m", 1, other);

@@ -13,16 +13,17 @@ Keys are those of TorchRL's multi-agent environments: ("agents", "observation"),
 root. Pass the mask to the policy (`MaskedCategorical`): an unavailable action raises IllegalAction, and
 nothing is stepped. Random actions are available ones: `rollout` without a policy, `rand_action`, and
 collectors whose policy is None. A finished environment waits for its reset, which collectors and
-`step_and_maybe_reset` request by a `_reset` mask.
+`step_and_maybe_reset` request by a `_reset` mask. With `snapshot` among `fields`, `save` and `restore` return to
+an earlier state.
 """
 
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
@@ -123,6 +124,7 @@ class PoolEnv(EnvBase):
         self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
         self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.n_agents)]}
         self._next_seed: int | None = None
+        self._snapshots: torch.Tensor | None = None
         self._make_specs()
 
     @staticmethod
@@ -184,7 +186,33 @@ class PoolEnv(EnvBase):
         ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         return observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
 
+    def save(self) -> torch.Tensor:
+        """The battles as they are now, uint8 [num_envs, snapshot_size], for `restore`.
+
+        Raises InvalidRequest before the first reset, or if the lane has no field `snapshot`.
+        """
+        if "snapshot" not in self.envs.fields:
+            raise InvalidRequest("the lane has no snapshots: name the field `snapshot` among `fields`")
+        if self._snapshots is None:
+            raise InvalidRequest("no battle has begun; call reset first")
+        return self._snapshots.clone()
+
+    def restore(
+        self, snapshots: torch.Tensor, env_id: ArrayLike | None = None, *, seed: int | None = None
+    ) -> TensorDictBase:
+        """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
+
+        Returns what `reset` returns. Without a seed the battles go on as they would have gone on; with one,
+        environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.restore`.
+        """
+        rng: Literal["keep", "reseed"] = "keep" if seed is None else "reseed"
+        batch = self.envs.restore(snapshots.cpu().numpy(), env_id, rng=rng, seed=seed)
+        self._viewer.observe(batch)
+        return self._decode(batch).update(self.full_done_spec.zero())
+
     def _decode(self, batch: Batch) -> TensorDictBase:
+        if "snapshot" in self.envs.fields:
+            self._snapshots = tensor(batch.snapshot).plain.clone()
         mask = self._field(batch, "avail_actions")
         self._available.copy_(mask)  # for random actions
         agents = {"observation": self._field(batch, "obs"), "action_mask": mask}

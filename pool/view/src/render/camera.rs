@@ -29,7 +29,8 @@ pub enum View {
 
 impl View {
     /// The part of the map where units are alive in these moments, with `margin` squares around their
-    /// positions, as far as the map reaches. With no living unit it is the [`Battlefield`](View::Battlefield).
+    /// positions, as far as the map reaches. With no living unit it is the
+    /// [`Battlefield`](View::Battlefield).
     pub fn around<'a>(
         scenario: &Scenario,
         moments: impl IntoIterator<Item = &'a Moment>,
@@ -171,8 +172,8 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// Shows a region as large as possible. A picture of another shape shows more of the map around it, and what
-    /// is beyond the map only if the map is smaller than the picture.
+    /// Shows a region as large as possible. A picture of another shape shows more of the map around it, and
+    /// what is beyond the map only if the map is smaller than the picture.
     pub fn new(region: Region, map: Region, width: u32, height: u32) -> Camera {
         let size = Vec2::new(width as f32, height as f32);
         let scale = (size / (region.max - region.min)).min_element();

@@ -2,6 +2,8 @@
 // Arena: plays the scenario, in a frame with the page of a replay.
 
 import { byId, make } from "#view/dom.js";
+import { messageOf } from "../connection.js";
+import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 /** @import { PlayedBattle } from "../protocol.d.ts" */
@@ -21,7 +23,7 @@ export class Arena {
       const files = this.page.doc.files();
       this.enter(await this.page.connection.request({ type: "play_battle", files, ...choice }));
     } catch (error) {
-      this.page.tell(`Not played: ${error.message}`, true);
+      tell(`Not played: ${messageOf(error)}`, true);
     } finally {
       byId("play").disabled = this.page.checker.problems.length > 0;
     }
@@ -32,21 +34,27 @@ export class Arena {
     const frame = make("iframe", { title: "Battle", srcdoc: page });
     byId("cut").hidden = !cutAt;
     byId("cut").textContent = `The editor shows the first ${cutAt} steps.`;
-    frame.addEventListener("load", () => {
-      const inner = frame.contentDocument;
-      inner.addEventListener(
-        "keydown",
-        (event) => event.key === "Escape" && !inner.querySelector("dialog[open]") && this.leave(),
-      );
-      const begin = () =>
-        inner.documentElement.dataset.ready === undefined
-          ? setTimeout(begin, 20)
-          : inner.getElementById("start")?.click();
-      begin();
-      frame.contentWindow.focus();
-    });
+    frame.addEventListener("load", () => this.begin(frame));
     byId("arena").append(frame);
     byId("arena").hidden = false;
+  }
+
+  /**
+   * Starts the battle of a loaded page, as soon as it is shown.
+   * @param {HTMLIFrameElement} frame
+   */
+  begin(frame) {
+    const inner = frame.contentDocument;
+    if (!inner) return;
+    inner.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !inner.querySelector("dialog[open]")) this.leave();
+    });
+    const play = () => {
+      if (inner.documentElement.dataset.ready === undefined) setTimeout(play, 20);
+      else inner.getElementById("start")?.click();
+    };
+    play();
+    frame.contentWindow?.focus();
   }
 
   leave() {

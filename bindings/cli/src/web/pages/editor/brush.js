@@ -2,6 +2,7 @@
 // Brush: the squares that a drawing tool covers, and maps that are drawn on.
 
 /** The keys that choose tools, and what the page says about them. */
+/** @type {{ [key: string]: string | undefined }} */
 export const TOOL_KEYS = {
   v: "select",
   b: "brush",
@@ -13,6 +14,7 @@ export const TOOL_KEYS = {
   g: "ally",
   h: "enemy",
 };
+/** @type {{ [tool: string]: string }} */
 export const TOOL_HINTS = {
   select: "Click a group to edit it, drag it to move it; drag the map to move the view",
   brush: "Drag to draw; the right button draws the opposite",
@@ -25,11 +27,19 @@ export const TOOL_HINTS = {
   enemy: "Click where the new group starts",
 };
 
+/** @import { EditedMap } from "./squares.js" */
+/** @typedef {[x: number, y: number]} Square */
+
 /** Tools that draw on the map. */
 const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
 export const LARGEST_BRUSH = 15;
 
-/** The squares on a line between two squares. */
+/**
+ * The squares on a line between two squares.
+ * @param {Square} from
+ * @param {Square} to
+ * @returns {Square[]}
+ */
 function squaresBetween([x0, y0], [x1, y1]) {
   const steps = Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0), 1);
   return Array.from({ length: steps + 1 }, (_, i) => [
@@ -55,7 +65,12 @@ export class Brush {
     return this.tool !== "erase" && this.paintsBlocked;
   }
 
-  /** The squares that it covers between two squares. */
+  /**
+   * The squares that it covers between two squares.
+   * @param {Square} from
+   * @param {Square} to
+   * @returns {Square[]}
+   */
   shape(from, to) {
     if (this.tool === "rectangle") {
       const [x0, x1] = [Math.min(from[0], to[0]), Math.max(from[0], to[0])];
@@ -75,7 +90,13 @@ export class Brush {
     );
   }
 
-  /** Draws on a copy of the map. */
+  /**
+   * Draws on a copy of the map.
+   * @param {EditedMap} map
+   * @param {Square} from
+   * @param {Square} to
+   * @param {boolean} isBlocked
+   */
   drawn(map, from, to, isBlocked) {
     const { width, height } = map,
       blocked = map.blocked.slice();
@@ -86,15 +107,23 @@ export class Brush {
     return { ...map, blocked };
   }
 
-  /** Fills the area of equal squares that are connected by their sides. */
+  /**
+   * Fills the area of equal squares that are connected by their sides.
+   * @param {Uint8Array} blocked
+   * @param {number} width
+   * @param {number} height
+   * @param {Square} square
+   * @param {boolean} isBlocked
+   */
   flood(blocked, width, height, [x, y], isBlocked) {
     if (x < 0 || y < 0 || x >= width || y >= height) return;
     const from = blocked[y * width + x],
-      to = isBlocked ? 1 : 0,
-      open = [[x, y]];
+      to = isBlocked ? 1 : 0;
+    /** @type {Square[]} */
+    const open = [[x, y]];
     if (from === to) return;
     while (open.length) {
-      const [cx, cy] = open.pop();
+      const [cx, cy] = open.pop() ?? [-1, -1];
       if (cx < 0 || cy < 0 || cx >= width || cy >= height || blocked[cy * width + cx] !== from) continue;
       blocked[cy * width + cx] = to;
       open.push([cx + 1, cy], [cx - 1, cy], [cx, cy + 1], [cx, cy - 1]);

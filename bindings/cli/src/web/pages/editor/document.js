@@ -1,101 +1,69 @@
 // @ts-check
 // ScenarioDocument: a scenario as the texts of its files, with undo, and what the editor does to them.
 
+import { agreed, withTypeIds } from "./agreement.js";
 import { Formats } from "./formats.js";
+import { History } from "./history.js";
 import { JsonText, Raw, linesOf } from "./json.js";
+import { readMap, rowsOf } from "./squares.js";
 
 /** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
+/** @import { Merge, State, UnitText } from "./history.js" */
+/** @import { Path } from "./json.js" */
+/** @import { EditedMap } from "./squares.js" */
+/**
+ * A group as the file has it, which may be invalid: the units are keys and their counts.
+ * @typedef {{ x: any, y: any, faction: any, units: [string, any][] }} ReadGroup
+ */
+/** @typedef {(file: JsonText) => JsonText} Change */
 
-/** Limits of the history: states, and characters of text in them. */
-const MOST_STATES = 400;
-const MOST_CHARACTERS = 60e6;
-
+/**
+ * @param {unknown} value
+ * @returns {value is number}
+ */
 export const isNumber = (value) => typeof value === "number";
+/** @param {string} key */
 export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 
 /**
- * The map of a scenario file, as far as it can be read.
- * @typedef {{ width: number, height: number, preset?: string | null, blocked: Uint8Array }} EditedMap
+ * @param {ScenarioFiles} files
+ * @param {Formats} formats
+ * @returns {State}
  */
-
-/** Reads the map of a scenario file. */
-function readMap(file, presets, { missing, longest }) {
-  const side = (key) => {
-    const value = file.value([key]);
-    return Number.isInteger(value) && value >= 1 && value <= longest ? value : missing;
-  };
-  const preset = file.value(["terrain"]) === undefined ? file.value(["terrain_preset"]) : undefined;
-  const known = presets.find(({ name }) => name === preset);
-  const rows = known ? known.rows : file.value(["terrain"]);
-  const width = known ? missing : side("width"),
-    height = known ? missing : side("height");
-  const blocked = new Uint8Array(width * height);
-  if (Array.isArray(rows))
-    rows.slice(0, height).forEach((row, y) => {
-      const text = Array.isArray(row) ? row.join("") : String(row);
-      for (let x = 0; x < width; x++) blocked[y * width + x] = text[x] === "X" ? 1 : 0;
-    });
-  return { width, height, preset: known?.name ?? null, blocked };
+function stateOf({ source, text, unit_files: units }, formats) {
+  const scenario = new JsonText(text, formats.scenario.order);
+  const files = units.map((unit) => ({
+    name: unit.name,
+    keys: unit.keys,
+    file: new JsonText(unit.text, formats.unit.order),
+  }));
+  return { source, scenario, shown: scenario, units: files };
 }
 
-const rowText = (map, y) =>
-  Array.from(map.blocked.subarray(y * map.width, (y + 1) * map.width), (square) => "_X"[square]).join("");
-
-/** The blocked squares as rectangles, which cover them without overlapping. */
-export function rectanglesOf({ width, height, blocked }) {
-  const rectangles = [];
-  let open = new Map();
-  for (let y = 0; y < height; y++) {
-    const next = new Map();
-    for (let x = 0; x < width; x++) {
-      if (!blocked[y * width + x]) continue;
-      const from = x;
-      while (x < width && blocked[y * width + x]) x++;
-      const key = from * (width + 1) + x;
-      const rectangle = open.get(key) ?? [from, y, x, y];
-      if (!open.has(key)) rectangles.push(rectangle);
-      rectangle[3] = y + 1;
-      next.set(key, rectangle);
-    }
-    open = next;
-  }
-  return rectangles;
-}
-
-export class ScenarioDocument {
+export class ScenarioDocument extends History {
   /**
    * @param {Builtins} builtins
    * @param {ScenarioFiles} files
    */
   constructor(builtins, files) {
+    const formats = new Formats(builtins);
+    super(stateOf(files, formats));
     this.builtins = builtins;
-    this.formats = new Formats(builtins);
-    this.listeners = [];
-    /** Files that were read last, and what was read. */
-    this.groupsOf = this.mapOf = null;
+    this.formats = formats;
+    /** @type {JsonText | null} The file whose groups were read last. */
+    this.groupsOf = null;
+    /** @type {ReadGroup[]} */
     this.groupsRead = [];
+    /** @type {{ of: JsonText, map: EditedMap } | null} The map that was read last. */
     this.mapRead = null;
-    this.load(files);
   }
 
-  /** Begins with the texts of other files: { source, text, unit_files: [{ name, keys, text }] }. */
-  load({ source, text, unit_files: units }) {
-    const scenario = this.scenarioText(text);
-    this.state = {
-      source,
-      scenario,
-      shown: scenario,
-      units: units.map(({ name, keys, text: unitText }) => ({ name, keys, file: this.unitText(unitText) })),
-    };
-    this.past = [];
-    this.future = [];
-    this.saved = this.state;
-    this.merge = null;
-    this.changed();
-  }
-
-  changed() {
-    this.listeners.forEach((listener) => listener());
+  /**
+   * Begins with the texts of other files.
+   * @param {ScenarioFiles} files
+   */
+  load(files) {
+    this.begin(stateOf(files, this.formats));
   }
 
   get scenario() {
@@ -116,49 +84,23 @@ export class ScenarioDocument {
     return this.state.units;
   }
 
-  get isSaved() {
-    return this.saved === this.state;
-  }
-
-  /** Makes a new state. Changes in a row with the same `merge` are undone as one. */
+  /**
+   * Makes a new state. Changes in a row with the same `merge` are undone as one.
+   * @param {{ scenario?: JsonText, units?: UnitText[] }} next
+   * @param {Merge} merge
+   */
   change(next, merge = null) {
     const state = { ...this.state, ...next };
-    if (Object.keys(next).every((key) => next[key] === this.state[key])) return;
+    if (state.scenario === this.scenario && state.units === this.units) return;
     if (state.scenario.isObject) state.shown = state.scenario;
-    if (merge === null || merge !== this.merge) this.past.push(this.state);
-    this.merge = merge;
-    this.future = [];
-    this.state = state;
-    const size = ({ scenario }) => scenario.text.length;
-    let total = this.past.reduce((sum, past) => sum + size(past), 0);
-    while (this.past.length > MOST_STATES || (this.past.length > 1 && total > MOST_CHARACTERS))
-      total -= size(this.past.shift());
-    this.changed();
+    this.push(state, merge);
   }
 
-  undo() {
-    this.go(this.past, this.future);
-  }
-
-  redo() {
-    this.go(this.future, this.past);
-  }
-
-  go(from, to) {
-    const state = from.pop();
-    if (!state) return;
-    to.push(this.state);
-    this.state = state;
-    this.merge = null;
-    this.changed();
-  }
-
-  /** Ends a row of changes that are undone as one. */
-  settle() {
-    this.merge = null;
-  }
-
-  /** Changes the scenario file. */
+  /**
+   * Changes the scenario file.
+   * @param {Change} change
+   * @param {Merge} [merge]
+   */
   edit(change, merge) {
     if (!this.isStale) this.change({ scenario: change(this.scenario) }, merge);
   }
@@ -186,32 +128,50 @@ export class ScenarioDocument {
     return [...new Set([...keys, ...(ids instanceof Map ? ids.keys() : [])])];
   }
 
-  /** The index of the unit file that a key of the scenario names, or -1. */
+  /**
+   * The index of the unit file that a key of the scenario names, or -1.
+   * @param {string} key
+   */
   unitOf(key) {
     const owner = this.units.findIndex((unit) => unit.keys.includes(key));
-    if (this.standard(key) && !this.standard(key).is_replaceable) return -1;
+    if (this.standard(key)?.is_replaceable === false) return -1;
     return owner >= 0 ? owner : this.units.findIndex((unit) => unit.name === stemOf(key));
   }
 
-  /** The standard type of a name. */
+  /**
+   * The standard type of a name.
+   * @param {string} key
+   */
   standard(key) {
     return this.builtins.units.find(({ name }) => name === key);
   }
 
+  /** @param {string} text */
   scenarioText(text) {
     return new JsonText(text, this.formats.scenario.order);
   }
 
+  /** @param {string} text */
   unitText(text) {
     return new JsonText(text, this.formats.unit.order);
   }
 
-  /** Sets a key of the scenario file; undefined removes it. */
+  /**
+   * Sets a key of the scenario file; undefined removes it.
+   * @param {Path} path
+   * @param {unknown} value
+   * @param {Merge} [merge]
+   */
   setKey(path, value, merge) {
     this.edit((file) => (value === undefined ? file.remove(path) : file.set(path, value)), merge);
   }
 
-  /** Replaces the text of a file: unit file `unit`, or the scenario file if that is -1. */
+  /**
+   * Replaces the text of a file: unit file `unit`, or the scenario file if that is -1.
+   * @param {number} unit
+   * @param {string} text
+   * @param {Merge} [merge]
+   */
   setText(unit, text, merge) {
     if (unit < 0) this.change({ scenario: this.scenarioText(text) }, merge);
     else this.setUnit(unit, () => this.unitText(text), merge);
@@ -219,12 +179,17 @@ export class ScenarioDocument {
 
   // Groups
 
-  /** The groups as far as they can be read: { x, y, faction, units: [[key, count]] }. */
+  /**
+   * The groups as far as they can be read: { x, y, faction, units: [[key, count]] }.
+   * @returns {ReadGroup[]}
+   */
   groups() {
     const { shown } = this;
     if (this.groupsOf !== shown) {
       const list = shown.value(["groups"]);
+      /** @param {unknown} group */
       const read = (group) => {
+        /** @param {string} key */
         const get = (key) => (group instanceof Map ? group.get(key) : undefined);
         const units = get("units") instanceof Map ? [...get("units")] : [];
         return { x: get("x"), y: get("y"), faction: get("faction"), units };
@@ -234,48 +199,30 @@ export class ScenarioDocument {
     return this.groupsRead;
   }
 
-  /** Changes the groups, and what must agree with them: the counts of units and the ids of their types. */
+  /**
+   * Changes the groups, and what must agree with them: the counts of units and the ids of their types.
+   * @param {Change} change
+   * @param {Merge} [merge]
+   */
   editGroups(change, merge) {
-    this.edit((file) => this.agree(change(file)), merge);
+    this.edit((file) => agreed(change(file), (key) => this.unitOf(key)), merge);
   }
 
-  agree(file) {
-    const groups = file.value(["groups"]);
-    if (!Array.isArray(groups)) return file;
-    const counts = { ALLY: 0, ENEMY: 0 },
-      types = new Set();
-    for (const group of groups) {
-      const units = group instanceof Map ? group.get("units") : null;
-      if (!(units instanceof Map)) continue;
-      for (const [type, count] of units) {
-        types.add(type);
-        if (isNumber(count)) counts[group.get("faction")] += count;
-      }
-    }
-    let next = file.set(["num_allied_units"], counts.ALLY);
-    next = next.set(["num_enemy_units"], counts.ENEMY);
-    return next.value(["num_unit_types"]) >= 1 ? this.withTypeIds(next, types) : next;
-  }
-
-  /** Gives an id to each type that has none. */
+  /**
+   * Gives an id to each type that has none.
+   * @param {JsonText} file
+   * @param {Set<string>} types
+   */
   withTypeIds(file, types) {
-    const ids = file.value(["unit_type_ids"]);
-    if (ids !== undefined && !(ids instanceof Map)) return file;
-    const unit = (key) => this.unitOf(key);
-    const names = [...(ids?.keys() ?? [])];
-    const isKnown = (type) =>
-      names.some((name) => name === type || (unit(type) >= 0 && unit(type) === unit(name)));
-    let next = file;
-    for (const type of types) {
-      if (isKnown(type)) continue;
-      if (!names.length && next.node(["unit_type_ids"]) === null)
-        next = next.set(["unit_type_ids"], { [type]: 0 });
-      else next = next.set(["unit_type_ids", type], names.length);
-      names.push(type);
-    }
-    return next.set(["num_unit_types"], names.length);
+    return withTypeIds(file, types, (key) => this.unitOf(key));
   }
 
+  /**
+   * @param {string} faction
+   * @param {number} x
+   * @param {number} y
+   * @param {{ [type: string]: number }} units
+   */
   addGroup(faction, x, y, units) {
     const group = { x, y, faction, units };
     this.editGroups((file) =>
@@ -285,11 +232,19 @@ export class ScenarioDocument {
     );
   }
 
+  /** @param {number} index */
   removeGroup(index) {
     this.editGroups((file) => file.remove(["groups", index]));
   }
 
+  /**
+   * @param {number} index
+   * @param {number} x
+   * @param {number} y
+   * @param {Merge} [merge]
+   */
   moveGroup(index, x, y, merge) {
+    /** @param {number} value */
     const tidy = (value) => Math.round(value * 1000) / 1000;
     this.edit(
       (file) => file.set(["groups", index, "x"], tidy(x)).set(["groups", index, "y"], tidy(y)),
@@ -297,7 +252,14 @@ export class ScenarioDocument {
     );
   }
 
+  /**
+   * @param {number} index
+   * @param {string} key
+   * @param {number | undefined} count
+   * @param {Merge} [merge]
+   */
   setCount(index, key, count, merge) {
+    /** @type {Path} */
     const path = ["groups", index, "units", key];
     this.editGroups((file) => {
       if (count === undefined) return file.remove(path);
@@ -307,7 +269,12 @@ export class ScenarioDocument {
     }, merge);
   }
 
-  /** Replaces the type of some units of a group. */
+  /**
+   * Replaces the type of some units of a group.
+   * @param {number} index
+   * @param {string} key
+   * @param {string} type
+   */
   setType(index, key, type) {
     this.editGroups((file) => file.rename(["groups", index, "units", key], type));
   }
@@ -316,30 +283,32 @@ export class ScenarioDocument {
 
   map() {
     const { shown } = this;
-    if (this.mapOf !== shown)
-      [this.mapOf, this.mapRead] = [shown, readMap(shown, this.builtins.presets, this.formats.side)];
-    return this.mapRead;
+    if (this.mapRead?.of !== shown)
+      this.mapRead = { of: shown, map: readMap(shown, this.builtins.presets, this.formats.side) };
+    return this.mapRead.map;
   }
 
-  /** Replaces the map by drawn rows; rows that do not change keep their text. */
+  /**
+   * Replaces the map by drawn rows; rows that do not change keep their text.
+   * @param {EditedMap} map
+   * @param {Merge} [merge]
+   */
   setMap(map, merge) {
     this.edit((file) => {
-      const rows = (indent) =>
-        linesOf(
-          Array.from({ length: map.height }, (_, y) => rowText(map, y)),
-          indent,
-        );
+      const texts = rowsOf(map);
+      /** @param {string} indent */
+      const rows = (indent) => linesOf(texts, indent);
       let next = file;
-      for (const key of ["width", "height"]) {
+      for (const key of /** @type {const} */ (["width", "height"])) {
         const isDefault = map[key] === this.formats.side.missing && next.node([key]) === null;
         if (!isDefault && next.value([key]) !== map[key]) next = next.set([key], map[key]);
       }
       const list = next.node(["terrain"]);
-      if (list?.kind === "array" && list.items.length === map.height) {
-        const pieces = list.items.flatMap((item, y) => {
-          const text = rowText(map, y);
-          return item.value === text ? [] : [[item.start, item.end, JSON.stringify(text)]];
-        });
+      if (list?.items?.length === map.height) {
+        /** @type {[number, number, string][]} */
+        const pieces = list.items.flatMap(({ value, start, end }, y) =>
+          value === texts[y] ? [] : [[start, end, JSON.stringify(texts[y])]],
+        );
         return pieces.length ? next.replaced(...pieces) : next;
       }
       if (list) return next.set(["terrain"], new Raw(rows));
@@ -348,7 +317,10 @@ export class ScenarioDocument {
     }, merge);
   }
 
-  /** Chooses a preset, or turns it into rows that can be drawn on. */
+  /**
+   * Chooses a preset, or turns it into rows that can be drawn on.
+   * @param {string} [name]
+   */
   setPreset(name) {
     if (!name) return this.setMap(this.map());
     const { missing } = this.formats.side;
@@ -364,20 +336,34 @@ export class ScenarioDocument {
 
   // Unit types
 
+  /**
+   * @param {number} index
+   * @param {Change} change
+   * @param {Merge} [merge]
+   */
   setUnit(index, change, merge) {
     const units = this.units.map((unit, i) => (i === index ? { ...unit, file: change(unit.file) } : unit));
     if (units[index].file !== this.units[index].file) this.change({ units }, merge);
   }
 
+  /**
+   * @param {string} name
+   * @param {string} text
+   */
   addUnit(name, text) {
     this.change({ units: [...this.units, { name, keys: [], file: this.unitText(text) }] });
   }
 
+  /** @param {number} index */
   removeUnit(index) {
     this.change({ units: this.units.filter((_, i) => i !== index) });
   }
 
-  /** Renames a unit type here and wherever the scenario file names it. */
+  /**
+   * Renames a unit type here and wherever the scenario file names it.
+   * @param {number} index
+   * @param {string} name
+   */
   renameUnit(index, name) {
     const { keys } = this.files().unit_files[index];
     const units = this.units.map((unit, i) => (i === index ? { ...unit, name, keys: [] } : unit));
@@ -389,7 +375,10 @@ export class ScenarioDocument {
     this.change({ units, scenario });
   }
 
-  /** A name that no unit type has yet. */
+  /**
+   * A name that no unit type has yet.
+   * @param {string} wish
+   */
   freeName(wish) {
     const names = new Set([...this.units, ...this.builtins.units].map((unit) => unit.name));
     for (let i = 1; ; i++) {

@@ -1,51 +1,50 @@
 // @ts-check
 // EditorPage: connects the document, the map, the forms and the program that serves the page.
 
-import { TOOL_HINTS, TOOL_KEYS } from "./brush.js";
 import { all, byId, make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
-import { Connection } from "../connection.js";
+import { Connection, messageOf } from "../connection.js";
 import { Arena } from "./arena.js";
+import { TOOL_HINTS } from "./brush.js";
+import { Commands } from "./commands.js";
 import { ScenarioDocument, isNumber, stemOf } from "./document.js";
 import { button } from "./fields.js";
 import { FileStore } from "./files.js";
 import { GroupsPanel, ScenarioPanel } from "./groups.js";
 import { MapEditor } from "./map.js";
+import { say } from "./message.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TypesPanel } from "./types.js";
 
+/** @import { Builtins, OpenedFiles, ScenarioFiles } from "../protocol.d.ts" */
+/** @import { Layout, Tab } from "./problems.js" */
+
 export class EditorPage {
-  constructor() {
+  /**
+   * @param {Connection} connection
+   * @param {Builtins} builtins
+   * @param {OpenedFiles} opened
+   */
+  constructor(connection, builtins, { files, target, exists }) {
+    this.connection = connection;
+    this.builtins = builtins;
+    /** The selected group, or -1. */
     this.group = -1;
     this.goalSelected = false;
+    /** @type {Layout | null} Where the units of groups start. */
     this.layout = null;
-    this.checker = new Checker(this);
-    this.arena = new Arena(this);
+    /** Whether the map is drawn as it is. */
+    this.isDrawn = false;
     /** @type {{ [type: string]: number }} */
     this.lastUnits = { MARINE: 1 };
-    this.connection = new Connection({
-      open: () => this.connected(),
-      close: () => this.say("The connection to smaclite-pool is lost; edits stay here. Trying again\u2026"),
-      refuse: (error) => this.say(error),
-    });
-  }
-
-  async connected() {
-    this.say("");
-    if (this.doc) return this.checker.check();
-    try {
-      this.builtins = await this.connection.request({ type: "get_builtins" });
-      this.start(await this.connection.request({ type: "open_files" }));
-    } catch (error) {
-      this.say(`The files cannot be opened: ${error.message}`);
-    }
-  }
-
-  start({ files, target, exists }) {
-    this.doc = new ScenarioDocument(this.builtins, files);
+    /** @type {Tab} */
+    this.tab = "groups";
+    this.doc = new ScenarioDocument(builtins, files);
     this.store = new FileStore(this, { target, exists });
+    this.checker = new Checker(this);
+    this.arena = new Arena(this);
     this.map = new MapEditor(byId("map"), this);
     this.panels = {
       groups: new GroupsPanel(byId("groups"), this),
@@ -53,19 +52,22 @@ export class EditorPage {
       types: new TypesPanel(byId("types"), this),
       json: new TextPanel(this),
     };
+  }
+
+  start() {
     this.fillChoices();
-    this.listen();
+    new Commands(this).listen();
     const hash = new URLSearchParams(location.hash.slice(1));
     this.group = Number(hash.get("group") ?? -1);
-    this.showTab(TABS.includes(hash.get("tab")) ? hash.get("tab") : "groups");
+    this.showTab(TABS.find((tab) => tab === hash.get("tab")) ?? "groups");
     this.doc.listeners.push(() => this.refresh());
     this.refresh();
     theme.listeners.push(() => this.redraw());
     addEventListener("resize", () => this.redraw());
     this.checker.check();
     const frame = () => {
-      if (this.isStale) this.map.draw();
-      this.isStale = false;
+      if (!this.isDrawn) this.map.draw();
+      this.isDrawn = true;
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -73,12 +75,14 @@ export class EditorPage {
   }
 
   fillChoices() {
+    /** @param {string} name */
     const option = (name) => make("option", { value: name }, name.replaceAll("_", " "));
     byId("policy").replaceChildren(...this.builtins.policies.map(option));
     byId("policy").value = "nearest";
     byId("rules").replaceChildren(
       ...this.builtins.rules.map((name) => make("option", { value: name }, `${name} rules`)),
     );
+    /** @type {(name: string, text: string) => HTMLButtonElement} */
     const choose = (name, text) =>
       button(name, `Begin with ${name}`, () => {
         byId("begin").close();
@@ -90,7 +94,10 @@ export class EditorPage {
     );
   }
 
-  /** Begins with other files; saving in place then asks first. */
+  /**
+   * Begins with other files; saving in place then asks first.
+   * @param {ScenarioFiles} files
+   */
   load(files) {
     this.store.isTargets = false;
     this.group = -1;
@@ -102,7 +109,7 @@ export class EditorPage {
   // What is shown
 
   redraw() {
-    this.isStale = true;
+    this.isDrawn = false;
   }
 
   /** Only the map changed: while it is drawn on. */
@@ -155,23 +162,11 @@ export class EditorPage {
     byId("pointer").textContent = isInside ? `square ${x}, ${y} \u00b7 ${kind}` : "";
   }
 
-  say(text, isError = true) {
-    clearTimeout(this.quiet);
-    byId("message").hidden = !text;
-    byId("message").textContent = text;
-    byId("message").classList.toggle("info", !isError);
-  }
-
-  /** A message that goes away. */
-  tell(text, isError = false) {
-    this.say(text, isError);
-    this.quiet = setTimeout(() => this.say(""), 6000);
-  }
-
+  /** @param {Tab} tab */
   showTab(tab) {
     this.tab = tab;
-    document.querySelector("main").classList.toggle("wide", tab === "json");
-    if (this.map) this.redraw();
+    all("main")[0].classList.toggle("wide", tab === "json");
+    this.redraw();
     for (const name of TABS) {
       byId(name).hidden = name !== tab;
       const [button] = all(`[data-tab="${name}"]`);
@@ -184,6 +179,7 @@ export class EditorPage {
 
   // Groups
 
+  /** @param {number} index */
   selectGroup(index) {
     this.group = index;
     this.goalSelected = false;
@@ -197,15 +193,20 @@ export class EditorPage {
     this.refresh();
   }
 
-  /** Adds a group like the last one, at a point or in the middle of the map. */
+  /**
+   * Adds a group like the last one, at a point or in the middle of the map.
+   * @param {string} faction
+   * @param {number} [x]
+   * @param {number} [y]
+   */
   addGroup(faction, x, y) {
     const { doc } = this,
       { width, height } = doc.map();
     const units = doc.groups()[this.group]?.units;
     const like = units?.length ? Object.fromEntries(units) : this.lastUnits;
     this.lastUnits = like;
-    const sides = { ALLY: 0.3, ENEMY: 0.7 };
-    doc.addGroup(faction, x ?? Math.round(width * sides[faction]), y ?? Math.round(height / 2), like);
+    const side = faction === "ENEMY" ? 0.7 : 0.3;
+    doc.addGroup(faction, x ?? Math.round(width * side), y ?? Math.round(height / 2), like);
     this.map.brush.tool = "select";
     this.selectGroup(doc.groups().length - 1);
     if (this.tab !== "groups") this.showTab("groups");
@@ -227,9 +228,15 @@ export class EditorPage {
     this.doc.removeGroup(group);
   }
 
+  /**
+   * @param {number} dx
+   * @param {number} dy
+   * @param {number} by
+   */
   nudge(dx, dy, by) {
     const { doc } = this,
       group = doc.groups()[this.group];
+    /** @param {number} value */
     const tidy = (value) => Math.round(value * 100) / 100;
     if (group && isNumber(group.x) && isNumber(group.y))
       return doc.moveGroup(
@@ -245,7 +252,10 @@ export class EditorPage {
     doc.setKey(["attack_point"], point, "nudge goal");
   }
 
-  /** Opens the type of a unit. */
+  /**
+   * Opens the type of a unit.
+   * @param {number} unit
+   */
   doubleClick(unit) {
     if (this.map.brush.tool !== "select") return;
     if (unit < 0) {
@@ -256,68 +266,13 @@ export class EditorPage {
     this.showTab("types");
   }
 
+  /**
+   * @param {string} name
+   * @param {string} text
+   */
   addType(name, text) {
     this.panels.types.name = name;
     this.doc.addUnit(name, text);
-  }
-
-  // Events
-
-  listen() {
-    const clicks = {
-      undo: () => this.doc.undo(),
-      redo: () => this.doc.redo(),
-      new: () => byId("begin").showModal(),
-      open: () => byId("files").click(),
-      save: () => this.store.save(),
-      download: () => this.store.download(),
-      theme: () => theme.toggle(),
-      help: () => byId("keys").showModal(),
-      leave: () => this.arena.leave(),
-      state: () => {
-        const [first] = [...this.checker.problems, ...this.checker.warnings];
-        if (first) this.checker.goTo(first);
-      },
-      paint: () => this.togglePaint(),
-      fit: () => this.fit(),
-      copy: () => this.copyText(),
-    };
-    for (const [id, click] of Object.entries(clicks)) byId(id).addEventListener("click", click);
-    all("[data-tool]").forEach((element) => {
-      element.addEventListener("click", () => this.map.choose(element.dataset.tool));
-    });
-    all("[data-size]").forEach((element) => {
-      element.addEventListener("click", () => this.map.resizeBrush(Number(element.dataset.size)));
-    });
-    all("[data-tab]").forEach((element) => {
-      element.addEventListener("click", () => this.showTab(element.dataset.tab));
-      element.addEventListener("keydown", (event) => this.tabKey(event));
-    });
-    byId("battle-form").addEventListener("submit", (event) => {
-      event.preventDefault();
-      this.arena.play();
-    });
-    byId("files").addEventListener("change", async () => {
-      await this.store.openFiles(byId("files").files);
-      byId("files").value = "";
-    });
-    document.querySelector("main > aside").addEventListener("focusout", () => this.doc.settle());
-    addEventListener("keydown", (event) => this.key(event));
-    addEventListener("beforeunload", (event) => !this.doc.isSaved && event.preventDefault());
-    this.listenToDrops();
-  }
-
-  listenToDrops() {
-    const drag = (isOver) => (event) => {
-      event.preventDefault();
-      document.body.classList.toggle("dropping", isOver);
-    };
-    addEventListener("dragover", drag(true));
-    addEventListener("dragleave", drag(false));
-    addEventListener("drop", (event) => {
-      drag(false)(event);
-      this.store.openFiles(event.dataTransfer.files);
-    });
   }
 
   togglePaint() {
@@ -329,74 +284,28 @@ export class EditorPage {
     this.map.camera = null;
     this.redraw();
   }
+}
 
-  async copyText() {
-    try {
-      await navigator.clipboard.writeText(this.panels.json.file.text);
-      this.tell("Copied.");
-    } catch {
-      byId("text").select();
-      this.tell("The browser refuses the clipboard; the text is selected, copy it with Ctrl+C.");
-    }
-  }
+/** @type {EditorPage | null} The page, once the files are opened. */
+let editorPage = null;
 
-  tabKey(event) {
-    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-    if (!by) return;
-    const next = TABS[(TABS.indexOf(this.tab) + by + TABS.length) % TABS.length];
-    this.showTab(next);
-    all(`[data-tab="${next}"]`)[0].focus();
-  }
-
-  key(event) {
-    if (!byId("arena").hidden) return event.key === "Escape" && this.arena.leave();
-    if (document.querySelector("dialog[open]")) return;
-    const isTyping = event.target.closest?.("input[type=text], textarea, select");
-    const command =
-      event.ctrlKey || event.metaKey
-        ? this.controlCommand(event, isTyping)
-        : this.plainCommand(event, isTyping);
-    if (!command) return;
-    event.preventDefault();
-    command();
-  }
-
-  controlCommand(event, isTyping) {
-    const key = event.key.toLowerCase();
-    const commands = {
-      s: () => this.store.save(),
-      o: () => byId("files").click(),
-      z: () => (event.shiftKey ? this.doc.redo() : this.doc.undo()),
-      y: () => this.doc.redo(),
-      enter: () => this.arena.play(),
-      d: isTyping ? undefined : () => this.duplicateGroup(),
-    };
-    return commands[key];
-  }
-
-  plainCommand(event, isTyping) {
-    if (isTyping || event.altKey) return undefined;
-    const { map } = this;
-    const next = (by) => () => {
-      const n = this.doc.groups().length;
-      if (n) this.selectGroup(this.group < 0 && by < 0 ? n - 1 : (this.group + by + n) % n);
-    };
-    const commands = {
-      "?": () => byId("keys").showModal(),
-      x: () => this.togglePaint(),
-      m: () => this.fit(),
-      n: next(1),
-      p: next(-1),
-      "[": () => map.resizeBrush(-1),
-      "]": () => map.resizeBrush(1),
-      Delete: () => this.deleteGroup(),
-      Backspace: () => this.deleteGroup(),
-      Escape: () => (map.corner || map.brush.tool !== "select" ? map.choose("select") : this.selectGroup(-1)),
-    };
-    const tool = TOOL_KEYS[event.key];
-    return tool ? () => map.choose(tool) : commands[event.key];
+/** There is a connection, at first or again. */
+async function connected() {
+  say("");
+  if (editorPage) return editorPage.checker.check();
+  try {
+    const builtins = await connection.request({ type: "get_builtins" });
+    const opened = await connection.request({ type: "open_files" });
+    editorPage = new EditorPage(connection, builtins, opened);
+    editorPage.start();
+  } catch (error) {
+    say(`The files cannot be opened: ${messageOf(error)}`);
   }
 }
 
 theme.start();
-new EditorPage();
+const connection = new Connection({
+  open: connected,
+  close: () => say("The connection to smaclite-pool is lost; edits stay here. Trying again\u2026"),
+  refuse: say,
+});

@@ -2,7 +2,20 @@
 // Fields of the forms: each shows one value of a file, and writes it when it is edited.
 
 import { titleCase } from "#view/battle.js";
-import { make } from "#view/dom.js";
+import { all, make } from "#view/dom.js";
+
+/** @import { Child } from "#view/dom.js" */
+/** @import { Merge } from "./history.js" */
+/** @import { Path } from "./json.js" */
+/**
+ * What a field shows and how: `read` gives the value, `write` sets it; undefined means no value. Values are
+ * as the file has them, which may be invalid. `unit` is the name of a unit type, or -1 for the scenario file.
+ * @typedef {{ label: string, path: Path, read: () => any, write: (value: any, merge?: Merge) => void,
+ *   unit?: string | number | null, hint?: string, readonly?: boolean, wide?: boolean, step?: number,
+ *   min?: number, placeholder?: string, options?: [value: string, label: string][],
+ *   keywords?: string[] }} FieldOptions
+ */
+/** @typedef {keyof typeof FIELDS} FieldKind */
 
 /** A form that is rebuilt when its signature changes, and otherwise only refreshed. */
 export class Panel {
@@ -19,9 +32,12 @@ export class Panel {
     return [];
   }
 
+  /** @param {HTMLElement} element */
   constructor(element) {
     this.element = element;
+    /** @type {{ refresh: () => void }[]} */
     this.fields = [];
+    /** @type {string | null} */
     this.shown = null;
   }
 
@@ -31,6 +47,7 @@ export class Panel {
     this.fields.forEach((field) => field.refresh());
   }
 
+  /** @param {string} signature */
   rebuild(signature) {
     const active = /** @type {HTMLElement | null} */ (document.activeElement);
     const focused = this.element.contains(active) ? active?.dataset.key : null;
@@ -40,11 +57,16 @@ export class Panel {
     if (focused) this.find(focused)?.focus();
   }
 
+  /** @param {string} key */
   find(key) {
-    return [...this.element.querySelectorAll("[data-key]")].find((element) => element.dataset.key === key);
+    return all("[data-key]", this.element).find((element) => element.dataset.key === key);
   }
 
-  /** Adds a field: `read` gives the value, `write(value, merge)` sets it; undefined means no value. */
+  /**
+   * Adds a field.
+   * @param {FieldKind} kind
+   * @param {FieldOptions} options
+   */
   field(kind, options) {
     const field = new FIELDS[kind](options);
     this.fields.push(field);
@@ -52,6 +74,12 @@ export class Panel {
   }
 }
 
+/**
+ * @param {Child | Child[]} label
+ * @param {string} title
+ * @param {() => void} click
+ * @param {{ [key: string]: unknown }} [properties]
+ */
 export function button(label, title, click, properties = {}) {
   const element = make("button", { type: "button", title, ...properties }, label);
   element.addEventListener("click", click);
@@ -66,6 +94,7 @@ const ICONS = {
   copy: "M7 7h9v9H7zM4 13V4h9",
 };
 
+/** @param {keyof typeof ICONS} name */
 export function icon(name) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"),
     path = document.createElementNS("http://www.w3.org/2000/svg", "path");
@@ -75,17 +104,27 @@ export function icon(name) {
   return svg;
 }
 
+/**
+ * @param {keyof typeof ICONS} name
+ * @param {string} title
+ * @param {() => void} click
+ */
 export function iconButton(name, title, click) {
   return button(icon(name), title, click, { className: "mini", "aria-label": title });
 }
 
-/** The key by which fields, problems and the focus find each other. */
+/**
+ * The key by which fields, problems and the focus find each other.
+ * @param {string | number | null} unit
+ * @param {Path} path
+ */
 export const fieldKey = (unit, path) => `${unit}:${JSON.stringify(path)}`;
 
 class Field {
   /**
    * The input of the value.
    * @returns {any}
+   * @param {FieldOptions} _options
    */
   makeControl(_options) {
     return null;
@@ -99,14 +138,19 @@ class Field {
     return undefined;
   }
 
-  /** Makes the input show a value. */
+  /**
+   * Makes the input show a value.
+   * @param {any} _value
+   */
   show(_value) {}
 
-  constructor({ label, unit = -1, path, read, write, hint = "", readonly = false, wide = false }) {
+  /** @param {FieldOptions} options */
+  constructor(options) {
+    const { label, unit = -1, path, read, write, hint = "", readonly = false, wide = false } = options;
     this.read = read;
     this.write = write;
     this.readonly = readonly;
-    this.control = this.makeControl(arguments[0]);
+    this.control = this.makeControl(options);
     this.control.dataset.key = fieldKey(unit, path);
     if (hint) this.control.title = hint;
     this.element = make("label", { className: `field${wide ? " wide" : ""}` }, [
@@ -122,29 +166,32 @@ class Field {
     this.show(value);
   }
 
+  /** @param {unknown} value */
   same(value) {
     return this.value() === value;
   }
 }
 
 class NumberField extends Field {
-  makeControl({ step = "any", min, readonly, placeholder = "" }) {
+  /** @param {FieldOptions} options */
+  makeControl({ step, min, readonly, placeholder = "" }) {
     return make("input", {
       type: "text",
       inputMode: "decimal",
       autocomplete: "off",
-      placeholder: String(placeholder),
+      placeholder,
       readOnly: readonly,
-      "data-step": String(step),
+      "data-step": String(step ?? ""),
       "data-min": String(min ?? ""),
     });
   }
 
+  /** @param {FieldOptions} options */
   constructor(options) {
     super(options);
     const { control } = this;
-    control.addEventListener("keydown", (event) => {
-      const by = { ArrowUp: 1, ArrowDown: -1 }[event.key];
+    control.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+      const by = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
       const step = Number(control.dataset.step) || 1;
       if (!by || this.readonly || event.ctrlKey || event.metaKey) return;
       event.preventDefault();
@@ -163,6 +210,7 @@ class NumberField extends Field {
     return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(text) ? Number(text) : text;
   }
 
+  /** @param {any} value */
   show(value) {
     const isPlain = value === undefined || typeof value !== "object";
     this.control.value = value === undefined ? "" : isPlain ? String(value) : "(see JSON)";
@@ -170,6 +218,7 @@ class NumberField extends Field {
 }
 
 class TextField extends Field {
+  /** @param {FieldOptions} options */
   makeControl({ readonly, placeholder = "" }) {
     return make("input", {
       type: "text",
@@ -184,16 +233,19 @@ class TextField extends Field {
     return this.control.value || undefined;
   }
 
+  /** @param {any} value */
   show(value) {
     this.control.value = value === undefined ? "" : typeof value === "string" ? value : JSON.stringify(value);
   }
 }
 
 class CheckField extends Field {
+  /** @param {FieldOptions} options */
   makeControl({ readonly }) {
     return make("input", { type: "checkbox", disabled: readonly });
   }
 
+  /** @param {FieldOptions} options */
   constructor(options) {
     super(options);
     this.element.classList.add("check");
@@ -203,6 +255,7 @@ class CheckField extends Field {
     return this.control.checked;
   }
 
+  /** @param {any} value */
   show(value) {
     this.control.checked = value === true;
   }
@@ -210,8 +263,8 @@ class CheckField extends Field {
 
 /** Options are [value, label]; a value of the file that is no option is shown as one. */
 class SelectField extends Field {
-  makeControl({ options, readonly }) {
-    this.options = options;
+  /** @param {FieldOptions} options */
+  makeControl({ options = [], readonly }) {
     const list = options.map(([value, label]) => make("option", { value }, label));
     return make("select", { disabled: readonly }, list);
   }
@@ -220,10 +273,13 @@ class SelectField extends Field {
     return this.control.value || undefined;
   }
 
+  /** @param {any} value */
   show(value = "") {
     const text = typeof value === "string" ? value : JSON.stringify(value);
     this.control.querySelector(".odd")?.remove();
-    if (![...this.control.options].some((option) => option.value === text))
+    /** @type {HTMLOptionElement[]} */
+    const options = [...this.control.options];
+    if (!options.some((option) => option.value === text))
       this.control.append(make("option", { value: text, className: "odd" }, `${text || "(none)"}`));
     this.control.value = text;
   }
@@ -231,9 +287,10 @@ class SelectField extends Field {
 
 /** A list of keywords, each of which is in it or not. */
 class FlagsField {
-  constructor({ label, unit, path, read, write, options, readonly, hint = "" }) {
+  /** @param {FieldOptions} options */
+  constructor({ label, unit = -1, path, read, write, keywords = [], readonly, hint = "" }) {
     this.read = read;
-    this.boxes = options.map((name) => {
+    this.boxes = keywords.map((name) => {
       const box = make("input", { type: "checkbox", disabled: readonly });
       box.dataset.key = fieldKey(unit, [...path, name]);
       box.addEventListener("change", () => {
@@ -241,9 +298,9 @@ class FlagsField {
         const list = Array.isArray(now) ? now.filter((item) => item !== name) : [];
         write(box.checked ? [...list, name] : list);
       });
-      return [name, box];
+      return { name, box };
     });
-    const flags = this.boxes.map(([name, box]) => make("label", {}, [box, titleCase(name)]));
+    const flags = this.boxes.map(({ name, box }) => make("label", {}, [box, titleCase(name)]));
     this.element = make("fieldset", { className: "flags", title: hint }, [
       make("legend", {}, label),
       ...flags,
@@ -254,7 +311,7 @@ class FlagsField {
 
   refresh() {
     const list = this.read();
-    for (const [name, box] of this.boxes) box.checked = Array.isArray(list) && list.includes(name);
+    for (const { name, box } of this.boxes) box.checked = Array.isArray(list) && list.includes(name);
   }
 }
 

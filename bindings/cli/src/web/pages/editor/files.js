@@ -4,6 +4,8 @@
 import { download } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { JsonText } from "./json.js";
+import { messageOf } from "../connection.js";
+import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 
@@ -21,21 +23,23 @@ export class FileStore {
     this.exists = exists;
   }
 
+  /** @param {Iterable<File>} list */
   async openFiles(list) {
     const files = [...list].filter(({ name }) => name.toLowerCase().endsWith(".json"));
     const read = await Promise.all(files.map(async (file) => ({ name: file.name, text: await file.text() })));
+    /** @param {{ text: string }} file */
     const isScenario = ({ text }) => {
       const file = new JsonText(text);
       return file.error ? text.includes('"groups"') : file.isObject && file.node(["groups"]) !== null;
     };
+    /** @type {string[]} */
+    const noKeys = [];
     const scenarios = read.filter(isScenario);
     const units = read
       .filter((file) => !isScenario(file))
-      .map(({ name, text }) => ({ name: stemOf(name), keys: [], text }));
+      .map(({ name, text }) => ({ name: stemOf(name), keys: noKeys, text }));
     if (!read.length || scenarios.length > 1)
-      return this.page.tell(
-        "Open one scenario file and its unit files, or unit files to add; all end in .json.",
-      );
+      return tell("Open one scenario file and its unit files, or unit files to add; all end in .json.");
     if (scenarios.length)
       return this.page.load({ source: scenarios[0].name, text: scenarios[0].text, unit_files: units });
     const names = new Set(units.map(({ name }) => name));
@@ -73,12 +77,10 @@ export class FileStore {
       this.isTargets = this.exists = true;
       this.page.doc.saved = state;
       const saved = response.saved.map((file) => `${stemOf(file)}.json`);
-      this.page.tell(
-        saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.",
-      );
+      tell(saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.");
       this.page.refresh();
     } catch (error) {
-      this.page.tell(`Not saved: ${error.message}`, true);
+      tell(`Not saved: ${messageOf(error)}`, true);
     }
   }
 
@@ -88,7 +90,7 @@ export class FileStore {
     const clash = files.find(([name], i) => files.findIndex(([other]) => other === name) < i);
     if (clash) {
       const message = `Not downloaded: two files would have the name ${clash[0]}.json; rename the unit type.`;
-      this.page.tell(message, true);
+      tell(message, true);
       return;
     }
     for (const [name, content] of files) download(`${name}.json`, content, "application/json");

@@ -8,19 +8,41 @@ import { isNumber, stemOf } from "./document.js";
 import { Panel, button, fieldKey, icon, iconButton } from "./fields.js";
 import { SNAP } from "./map.js";
 
+/** @import { Child } from "#view/dom.js" */
+/** @import { ReadGroup, ScenarioDocument } from "./document.js" */
+/** @import { EditorPage } from "./editor.js" */
+/** @import { FieldKind, FieldOptions } from "./fields.js" */
+/** @import { Merge } from "./history.js" */
+/** @import { Path } from "./json.js" */
+/** @import { EditedMap } from "./squares.js" */
+
+/** @type {{ [faction: string]: string }} */
 const FACTION_NAMES = { ALLY: "Allies", ENEMY: "Enemies" };
 
+/** @param {unknown} value */
 const shown = (value) => (isNumber(value) ? String(Math.round(value * 1000) / 1000) : "?");
 
-/** A unit type as the editor calls it: "Stalker", or the name of its file. */
+/**
+ * A unit type as the editor calls it: "Stalker", or the name of its file.
+ * @param {string} key
+ * @param {ScenarioDocument} doc
+ */
 export const typeTitle = (key, doc) => (doc.standard(key) ? titleCase(key) : stemOf(key));
 
-/** The units of a group as text, such as "2 Stalker, 3 Zealot". */
+/**
+ * The units of a group as text, such as "2 Stalker, 3 Zealot".
+ * @param {ReadGroup} group
+ * @param {ScenarioDocument} doc
+ */
 function armyText({ units }, doc) {
   return units.map(([key, count]) => `${isNumber(count) ? count : "?"} ${typeTitle(key, doc)}`).join(", ");
 }
 
 export class GroupsPanel extends Panel {
+  /**
+   * @param {HTMLElement} element
+   * @param {EditorPage} page
+   */
   constructor(element, page) {
     super(element);
     this.page = page;
@@ -41,6 +63,7 @@ export class GroupsPanel extends Panel {
 
   build() {
     const { doc, group } = this.page;
+    /** @param {string} faction */
     const add = (faction) =>
       button(
         [icon("add"), FACTION_NAMES[faction]],
@@ -56,6 +79,7 @@ export class GroupsPanel extends Panel {
     return [bar, make("ol", { className: "groups" }, items), make("p", { className: "hint" }, hint)];
   }
 
+  /** @param {number} index */
   head(index) {
     const isOpen = index === this.page.group;
     const title = make("b"),
@@ -79,8 +103,10 @@ export class GroupsPanel extends Panel {
     return head;
   }
 
+  /** @param {number} index */
   form(index) {
     const { doc } = this.page;
+    /** @type {(label: string, key: string, hint: string) => HTMLElement} */
     const number = (label, key, hint) =>
       this.field("number", {
         label,
@@ -123,9 +149,17 @@ export class GroupsPanel extends Panel {
     return make("div", { className: "form" }, [place, list, more, actions]);
   }
 
+  /**
+   * @param {number} index
+   * @param {string} key
+   * @param {number} at
+   * @param {number} length
+   */
   unitRow(index, key, at, length) {
-    const { doc } = this.page,
-      path = ["groups", index, "units"];
+    const { doc } = this.page;
+    /** @type {Path} */
+    const path = ["groups", index, "units"];
+    /** @type {[string, string][]} */
     const names = this.typeNames().map((name) => [name, typeTitle(name, doc)]);
     const type = this.field("select", {
       label: "Type",
@@ -146,6 +180,7 @@ export class GroupsPanel extends Panel {
       write: (value, merge) => value !== undefined && doc.setCount(index, key, value, merge),
     });
     const name = typeTitle(key, doc);
+    /** @type {(by: number) => () => void} */
     const move = (by) => () => doc.editGroups((file) => file.exchange(path, by < 0 ? at - 1 : at));
     const up = iconButton("up", `${name} earlier: the first types start in the first rows`, move(-1));
     const down = iconButton("down", `${name} later`, move(1));
@@ -156,13 +191,24 @@ export class GroupsPanel extends Panel {
   }
 }
 
+/**
+ * @param {string} title
+ * @param {Child[]} children
+ */
 const section = (title, ...children) => make("section", {}, [make("h3", {}, title), ...children]);
+/** @param {Child[]} children */
 const columns = (...children) => make("div", { className: "columns" }, children);
 
 export class ScenarioPanel extends Panel {
+  /**
+   * @param {HTMLElement} element
+   * @param {EditorPage} page
+   */
   constructor(element, page) {
     super(element);
     this.page = page;
+    /** @type {EditedMap | null} The map before a side was typed. */
+    this.before = null;
   }
 
   signature() {
@@ -174,7 +220,13 @@ export class ScenarioPanel extends Panel {
     return ids instanceof Map ? [...ids] : [];
   }
 
-  /** A field of one key of the scenario file. */
+  /**
+   * A field of one key of the scenario file.
+   * @param {FieldKind} kind
+   * @param {string} label
+   * @param {Path} path
+   * @param {Partial<FieldOptions>} [options]
+   */
   key(kind, label, path, options = {}) {
     const { doc } = this.page;
     return this.field(kind, {
@@ -182,7 +234,7 @@ export class ScenarioPanel extends Panel {
       path,
       read: () => doc.shown.value(path),
       write: (value, merge) => doc.setKey(path, value, kind === "check" ? null : merge),
-      ...doc.formats.scenario.field(path[0]),
+      ...doc.formats.scenario.field(String(path[0])),
       ...options,
     });
   }
@@ -222,6 +274,7 @@ export class ScenarioPanel extends Panel {
 
   preset() {
     const { doc } = this.page;
+    /** @type {[string, string][]} */
     const presets = doc.builtins.presets.map(({ name }) => [name, titleCase(name)]);
     return this.key("select", "Terrain", ["terrain_preset"], {
       options: [["", "Custom map"], ...presets],
@@ -230,12 +283,21 @@ export class ScenarioPanel extends Panel {
     });
   }
 
-  /** Width or height; squares that stay keep their place from the south-west. */
+  /**
+   * Width or height; squares that stay keep their place from the south-west.
+   * @param {string} label
+   * @param {"width" | "height"} key
+   */
   side(label, key) {
+    /** @type {FieldOptions["write"]} */
     const write = (value, merge) => this.resize(key, value, merge);
     return this.key("number", label, [key], { write, step: 1 });
   }
 
+  /**
+   * @param {string} axis
+   * @param {number} i
+   */
   point(axis, i) {
     const { doc } = this.page;
     return this.field("number", {
@@ -281,6 +343,11 @@ export class ScenarioPanel extends Panel {
     ]);
   }
 
+  /**
+   * @param {"width" | "height"} key
+   * @param {any} value
+   * @param {Merge} [merge]
+   */
   resize(key, value, merge) {
     const { doc } = this.page,
       map = doc.map();
@@ -289,7 +356,7 @@ export class ScenarioPanel extends Panel {
     if (map[key] === value) return doc.setKey([key], value, merge);
     // Typing "64" passes "6": the squares beyond come back from the map before the typing.
     if (doc.merge !== merge) this.before = map;
-    const from = this.before;
+    const from = this.before ?? map;
     const [width, height] = key === "width" ? [value, map.height] : [map.width, value];
     const blocked = new Uint8Array(width * height);
     for (let y = 0; y < Math.min(height, from.height); y++)

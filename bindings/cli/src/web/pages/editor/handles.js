@@ -1,14 +1,17 @@
 // @ts-check
-// Handles: what the pointer takes hold of on the map, the groups and the attack point, and the marks that show
-// where: the box and the cross of the selected group, the flag, and a question mark for a group without units.
+// Handles: what the pointer takes hold of on the map, the groups and the attack point, and the marks that
+// show where: the box and the cross of the selected group, the flag, and a question mark for a group without
+// units.
 
 import { theme } from "#view/theme.js";
 import { isNumber } from "./document.js";
 
 /** @import { MapEditor } from "./map.js" */
-/** @typedef {{ kind: "group", index: number, x: number, y: number } | { kind: "goal", x: number, y: number }} Handle */
+/** @typedef {{ kind: "group", index: number, x: number, y: number }} GroupHandle */
+/** @typedef {{ kind: "goal", x: number, y: number }} GoalHandle */
+/** @typedef {GroupHandle | GoalHandle} Handle */
 
-/** How far from a group's centre, or from the foot of the flag, a press still means it: squares, and pixels. */
+/** How far from a group's centre, or the foot of the flag, a press still means it: squares, and pixels. */
 const REACH = 0.6;
 const REACH_PIXELS = 12;
 /** Pixels between the units of the selected group and its box. */

@@ -5,13 +5,17 @@ import { BattleView } from "#view/battle.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Brush, LARGEST_BRUSH } from "./brush.js";
-import { isNumber, rectanglesOf } from "./document.js";
+import { isNumber } from "./document.js";
 import { Handles } from "./handles.js";
+import { rectanglesOf } from "./squares.js";
 import { StartTrack, infoOf } from "./start.js";
 
 /** @import { EditorPage } from "./editor.js" */
 
-/** @import { EditedMap } from "./document.js" */
+/** @import { UnitInfo } from "#view/data.d.ts" */
+/** @import { ScenarioDocument } from "./document.js" */
+/** @import { Layout } from "./problems.js" */
+/** @import { EditedMap } from "./squares.js" */
 /** @typedef {[number, number]} Point */
 /**
  * What the pointer does while it is down; `from` is where it went down, until it has moved.
@@ -44,18 +48,29 @@ export class MapEditor extends BattleView {
     this.draft = null;
     /** @type {PanDrag | DrawDrag | GroupDrag | GoalDrag | null} */
     this.drag = null;
+    /** Tells one drag from the next. */
     this.serial = 0;
+    /** @type {number[]} The group of each unit. */
+    this.groupOf = [];
+    /** @type {number[]} Groups whose units are unknown. */
+    this.unplaced = [];
     this.listen();
   }
 
-  /** Shows the document; `layout` is the program's last answer about the units of its groups. */
+  /**
+   * Shows the document; `layout` is the program's last answer about the units of its groups.
+   * @param {ScenarioDocument} doc
+   * @param {Layout | null} layout
+   */
   update(doc, layout) {
     const map = this.draft ?? doc.map();
     const goal = doc.shown.value(["attack_point"]);
     const isPoint = Array.isArray(goal) && goal.length === 2 && goal.every(isNumber);
     if (map.width !== this.info.width || map.height !== this.info.height) this.camera = null;
-    const units = [],
-      places = [];
+    /** @type {UnitInfo[]} */
+    const units = [];
+    /** @type {Point[]} */
+    const places = [];
     this.groupOf = [];
     this.unplaced = [];
     doc.groups().forEach((group, index) => {
@@ -69,7 +84,7 @@ export class MapEditor extends BattleView {
     });
     const counts = [0, 0];
     for (const unit of units) unit.id = counts[unit.faction]++;
-    this.info = infoOf({
+    const info = infoOf({
       width: map.width,
       height: map.height,
       obstacles: rectanglesOf(map),
@@ -78,7 +93,7 @@ export class MapEditor extends BattleView {
       units,
       sight_range: layout?.sight ?? 9,
     });
-    this.track = new StartTrack(this.info, places);
+    Object.assign(this, { info, track: new StartTrack(info, places) });
     this.hovered = this.selected = -1;
     this.terrain.key = "";
   }
@@ -109,12 +124,14 @@ export class MapEditor extends BattleView {
     context.restore();
   }
 
+  /** @param {string} tool */
   choose(tool) {
     this.brush.tool = tool;
     this.corner = null;
     this.page.refresh();
   }
 
+  /** @param {number} by */
   resizeBrush(by) {
     this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
     this.page.refresh();
@@ -124,7 +141,7 @@ export class MapEditor extends BattleView {
     const { canvas } = this;
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("pointermove", (event) => this.moved(event));
-    for (const name of ["pointerup", "pointercancel"])
+    for (const name of /** @type {const} */ (["pointerup", "pointercancel"]))
       canvas.addEventListener(name, (event) => this.release(event));
     canvas.addEventListener("pointerleave", () => {
       this.hovered = -1;
@@ -152,6 +169,7 @@ export class MapEditor extends BattleView {
     if (unit >= 0 || !this.handles.at(x, y)) this.page.doubleClick(unit);
   }
 
+  /** @param {WheelEvent} event */
   wheel(event) {
     event.preventDefault();
     this.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));
@@ -168,6 +186,7 @@ export class MapEditor extends BattleView {
     return { x, y, square: [Math.floor(x), Math.floor(y)] };
   }
 
+  /** @param {PointerEvent} event */
   press(event) {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
@@ -185,7 +204,11 @@ export class MapEditor extends BattleView {
     this.moved(event);
   }
 
-  /** Begins to move what is under the pointer, or else the map. */
+  /**
+   * Begins to move what is under the pointer, or else the map.
+   * @param {PointerEvent} event
+   * @param {{ x: number, y: number }} at
+   */
   pick(event, { x, y }) {
     const here = this.local(event),
       handle = this.handles.at(...here);
@@ -198,6 +221,10 @@ export class MapEditor extends BattleView {
     this.drag = { ...handle, dx: handle.x - x, dy: handle.y - y, from: here };
   }
 
+  /**
+   * @param {{ square: Point }} at
+   * @param {boolean} isRight
+   */
   beginDrawing({ square }, isRight) {
     const map = this.page.doc.map(),
       blocked = isRight ? !this.brush.paints : this.brush.paints;
@@ -214,15 +241,21 @@ export class MapEditor extends BattleView {
    * @param {Point} square
    */
   extend(drag, square) {
-    this.draft = this.brush.drawn(this.draft, drag.from, square, drag.blocked);
+    this.draft = this.brush.drawn(this.draft ?? drag.map, drag.from, square, drag.blocked);
     drag.from = square;
     this.page.showMap();
   }
 
-  /** A point on the grid of half squares, or with Alt anywhere, at whole hundredths. */
+  /**
+   * A point on the grid of half squares, or with Alt anywhere, at whole hundredths.
+   * @param {number} x
+   * @param {number} y
+   * @param {MouseEvent} event
+   */
   snap(x, y, event) {
     const step = event.altKey ? 0.01 : SNAP;
     const { width, height } = this.info;
+    /** @type {(value: number, most: number) => number} */
     const tidy = (value, most) => clamp(Math.round(Math.round(value / step) * step * 100) / 100, 0, most);
     return [tidy(x, width), tidy(y, height)];
   }
@@ -279,16 +312,17 @@ export class MapEditor extends BattleView {
     this.page.redraw();
   }
 
+  /** @param {PointerEvent} event */
   release(event) {
     const { drag } = this;
     this.drag = null;
     if (drag?.kind === "draw") {
       if (event.type === "pointerup") {
-        const map = this.corner
-          ? this.brush.drawn(drag.map, this.corner, this.square, drag.blocked)
-          : this.draft;
+        const { corner, square, draft } = this;
         this.draft = null;
-        this.commit(map);
+        this.commit(
+          corner ? this.brush.drawn(drag.map, corner, square ?? corner, drag.blocked) : (draft ?? drag.map),
+        );
       }
       this.draft = this.corner = null;
       this.page.showMap();
@@ -298,14 +332,21 @@ export class MapEditor extends BattleView {
     this.page.redraw();
   }
 
-  /** Makes a drawn map the document's, if it differs. */
+  /**
+   * Makes a drawn map the document's, if it differs.
+   * @param {EditedMap} map
+   */
   commit(map) {
     const before = this.page.doc.map();
     if (map.blocked.some((square, i) => square !== before.blocked[i])) this.page.doc.setMap(map);
   }
 
-  /** Keys of the focused map: arrows move what is selected, or the square at which Space draws. */
+  /**
+   * Keys of the focused map: arrows move what is selected, or the square at which Space draws.
+   * @param {KeyboardEvent} event
+   */
   key(event) {
+    /** @type {{ [key: string]: [number, number] | undefined }} */
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const move = moves[event.key];
     if (event.ctrlKey || event.metaKey) return;
@@ -319,6 +360,10 @@ export class MapEditor extends BattleView {
     }
   }
 
+  /**
+   * @param {Point} direction
+   * @param {number} by
+   */
   moveSquare([dx, dy], by) {
     const { width, height } = this.info;
     const [x, y] = this.square ?? [Math.floor(width / 2), Math.floor(height / 2)];

@@ -2,20 +2,34 @@
 // Checker: requests what is wrong with the files, and shows it in the list, the fields and the tabs.
 
 import { all, byId, make } from "#view/dom.js";
+import { messageOf } from "../connection.js";
 import { isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
+import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
-/** @import { CheckedFiles, Problem } from "../protocol.d.ts" */
+/** @import { CheckedFiles, Problem, Summary } from "../protocol.d.ts" */
+/** @import { ReadGroup } from "./document.js" */
+/** @import { State } from "./history.js" */
+/** @import { Path } from "./json.js" */
+/**
+ * A problem with the unit type and the part of its text that it is about; `unit` is null for the scenario.
+ * @typedef {Problem & { unit: string | null, steps: Path, start: number, end: number }} PlacedProblem
+ */
 
 /** The forms, and the text. */
-export const TABS = ["groups", "scenario", "types", "json"];
+export const TABS = /** @type {const} */ (["groups", "scenario", "types", "json"]);
+/** @typedef {(typeof TABS)[number]} Tab */
 /** Milliseconds without a change after which the files are checked. */
 const CHECK_AFTER = 120;
 
 /** The program's response about the units of groups. */
-class Layout {
-  /** @param {CheckedFiles} checked */ constructor(groups, checked) {
+export class Layout {
+  /**
+   * @param {ReadGroup[]} groups
+   * @param {CheckedFiles} checked
+   */
+  constructor(groups, checked) {
     this.types = checked.types;
     this.sight = checked.sight;
     this.entries = groups.map((group, i) => ({
@@ -26,36 +40,50 @@ class Layout {
     }));
   }
 
+  /** @param {ReadGroup} group */
   static key({ faction, units }) {
     return JSON.stringify([faction, units]);
   }
 
-  /** The units of a group as it was then, though it may have moved since. */
+  /**
+   * The units of a group as it was then, though it may have moved since.
+   * @param {ReadGroup} group
+   * @param {number} index
+   */
   find(group, index) {
     const key = Layout.key(group);
-    const isSame = (entry) => entry?.key === key && entry.units !== null;
     if (!isNumber(group.x) || !isNumber(group.y)) return null;
-    return isSame(this.entries[index]) ? this.entries[index] : this.entries.find(isSame);
+    /** @param {(typeof this.entries)[number] | undefined} entry */
+    const isSame = (entry) => entry?.key === key && entry.units !== null;
+    const same = [this.entries[index], ...this.entries].find(isSame);
+    return same?.units ? { ...same, units: same.units } : null;
   }
 }
 
-/** As in "2 problems". */
-function counted(n, word) {
-  return `${n} ${word}${n > 1 ? "s" : ""}`;
-}
+/**
+ * As in "2 problems".
+ * @param {number} n
+ * @param {string} word
+ */
+const counted = (n, word) => `${n} ${word}${n > 1 ? "s" : ""}`;
 
 export class Checker {
   /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
     /** What is wrong with the files, as far as the program has responded. */
+    /** @type {PlacedProblem[]} */
     this.problems = [];
-    /** What is probably a mistake in valid files. */
+    /** @type {PlacedProblem[]} What is probably a mistake in valid files. */
     this.warnings = [];
-    /** The state of the document that it is about. */
+    /** @type {State | null} The state of the document that it is about. */
     this.checked = null;
-    /** Sizes of a valid scenario. */
+    /** @type {Summary | null} Sizes of a valid scenario. */
     this.summary = null;
+    /** What the list shows. */
+    this.listed = "";
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
   }
 
   soon() {
@@ -66,11 +94,13 @@ export class Checker {
   async check() {
     const { state } = this.page.doc,
       groups = this.page.doc.groups();
+    /** @param {ReadGroup} group */
     const isReadable = ({ x, y, faction, units }) =>
       isNumber(x) &&
       isNumber(y) &&
       typeof faction === "string" &&
       units.every(([, n]) => Number.isInteger(n) && n >= 0 && n < 2 ** 32);
+    /** @type {ReadGroup} */
     const unknown = { x: 0, y: 0, faction: "", units: [] };
     const readable = groups.map((group) => (isReadable(group) ? group : unknown));
     try {
@@ -83,7 +113,7 @@ export class Checker {
       this.warnings = checked.warnings.map((warning) => this.placed(warning));
       this.summary = checked.summary;
     } catch (error) {
-      if (this.page.connection.isOpen) this.page.tell(`The files cannot be checked: ${error.message}`, true);
+      if (this.page.connection.isOpen) tell(`The files cannot be checked: ${messageOf(error)}`, true);
       return;
     }
     this.show();
@@ -93,6 +123,7 @@ export class Checker {
   /**
    * A problem with the file, path and offsets that it is about. `unit` is null for the scenario file.
    * @param {Problem} problem
+   * @returns {PlacedProblem}
    */
   placed(problem) {
     const unit = this.page.doc.units.find(({ name }) => problem.file === `${name}.json`);
@@ -101,18 +132,9 @@ export class Checker {
     const path = file.locate(problem.path);
     let [start, end] = file.span(path);
     let { line, column } = problem;
-    if (line && !problem.path) start = end = file.offset(line, column);
+    if (line && !problem.path) start = end = file.offset(line, column ?? 1);
     else if (!line) ({ line, column } = file.position(start));
-    return {
-      ...problem,
-      unit: isScenario ? null : unit.name,
-      path: problem.path,
-      steps: path,
-      start,
-      end,
-      line,
-      column,
-    };
+    return { ...problem, unit: isScenario ? null : unit.name, steps: path, start, end, line, column };
   }
 
   show() {
@@ -129,6 +151,7 @@ export class Checker {
     const key = JSON.stringify([problems, warnings]);
     if (key !== this.listed) {
       this.listed = key;
+      /** @param {PlacedProblem} problem */
       const item = (problem) => {
         const where = make("small", {}, `${stemOf(problem.file)}.json:${problem.line}:${problem.column}`);
         const title = "Show where this is";
@@ -157,9 +180,10 @@ export class Checker {
 
   /** Marks the fields that have problems. */
   markFields() {
+    /** @type {HTMLElement} */
     const panel = byId(this.page.tab);
-    panel.querySelectorAll("[aria-invalid]").forEach((element) => element.removeAttribute("aria-invalid"));
-    panel.querySelectorAll(".why").forEach((element) => element.remove());
+    all("[aria-invalid]", panel).forEach((element) => element.removeAttribute("aria-invalid"));
+    all(".why", panel).forEach((element) => element.remove());
     for (const problem of this.problems) {
       const element = this.fieldOf(problem, panel);
       if (!element) continue;
@@ -170,21 +194,30 @@ export class Checker {
     }
   }
 
-  /** The element of a panel for a problem: that of its key, or of the nearest key around it. */
+  /**
+   * The element of a panel for a problem: that of its key, or of the nearest key around it.
+   * @param {PlacedProblem} problem
+   * @param {HTMLElement} panel
+   */
   fieldOf({ unit, path, steps }, panel) {
     // A key that is missing has a path too.
     const written = path.match(/[^.[\]]+/g) ?? [];
+    /** @type {Path[]} */
     const paths = [written.map((step) => (/^\d+$/.test(step) ? Number(step) : step))];
     paths.push(...steps.map((_, i) => steps.slice(0, steps.length - i)));
     if (path.startsWith("terrain")) paths.push(["terrain_preset"]);
     for (const candidate of paths) {
       const key = fieldKey(unit ?? -1, candidate);
-      const found = [...panel.querySelectorAll("[data-key]")].find((element) => element.dataset.key === key);
+      const found = all("[data-key]", panel).find((element) => element.dataset.key === key);
       if (found) return found;
     }
     return null;
   }
 
+  /**
+   * @param {PlacedProblem} problem
+   * @returns {Tab}
+   */
   tabOf({ unit, path, steps }) {
     if (unit !== null) return path ? "types" : "json";
     if (!path) return "json";
@@ -192,12 +225,20 @@ export class Checker {
     return "scenario";
   }
 
-  /** Selects what a problem is about. */
+  goToFirst() {
+    const [first] = [...this.problems, ...this.warnings];
+    if (first) this.goTo(first);
+  }
+
+  /**
+   * Selects what a problem is about.
+   * @param {PlacedProblem} problem
+   */
   goTo(problem) {
     const { unit, steps } = problem;
     const tab = this.page.tab === "json" ? "json" : this.tabOf(problem);
     if (tab === "groups" && isNumber(steps[1])) this.page.selectGroup(steps[1]);
-    if (tab === "types") this.page.panels.types.name = unit;
+    if (tab === "types") this.page.panels.types.name = unit ?? "";
     if (tab !== "json") {
       this.page.showTab(tab);
       const element = this.fieldOf(problem, byId(tab));

@@ -13,6 +13,10 @@ export const infoOf = (known) => /** @type {ScenarioInfo} */ (known);
 
 /** The moment before a battle: every unit at its start. */
 export class StartTrack extends Track {
+  /**
+   * @param {ScenarioInfo} info
+   * @param {[x: number, y: number][]} places
+   */
   constructor(info, places) {
     super(info);
     this.places = places;
@@ -20,6 +24,7 @@ export class StartTrack extends Track {
     this.attacks = [[]];
   }
 
+  /** @param {number} unit */
   unitAt(unit) {
     const { type, faction } = this.info.units[unit],
       { hp, shield, energy, initial_energy: initial } = this.info.types[type],

@@ -5,6 +5,8 @@ import { byId, make } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { INDENT } from "./json.js";
 
+/** @import { PlacedProblem } from "./problems.js" */
+
 /** @import { EditorPage } from "./editor.js" */
 
 /** Milliseconds without typing that separate two changes. */
@@ -14,11 +16,20 @@ export class TextPanel {
   /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
+    /** @type {HTMLSelectElement} */
     this.choice = byId("file");
+    /** @type {HTMLTextAreaElement} */
     this.area = byId("text");
+    /** @type {HTMLElement} */
     this.lines = byId("lines");
+    /** Whether Tab leaves the text, after Escape. */
+    this.leaves = false;
+    /** When the text was changed last. */
+    this.written = 0;
     /** The name of the unit type whose file is shown; null for the scenario file. */
-    this.name = null;
+    this.name = /** @type {string | null} */ (null);
+    /** The files that can be chosen, as they were last. */
+    this.names = "";
     this.choice.addEventListener("change", () => this.show(this.choice.value || null));
     this.area.addEventListener("input", () => this.write());
     this.area.addEventListener("blur", () => this.page.doc.settle());
@@ -40,6 +51,7 @@ export class TextPanel {
     return this.index < 0 ? doc.scenario : doc.units[this.index].file;
   }
 
+  /** @param {string | null} name */
   show(name) {
     this.name = name;
     this.refresh();
@@ -48,7 +60,9 @@ export class TextPanel {
   refresh() {
     const { doc } = this.page;
     if (this.name !== null && this.index < 0) this.name = null;
-    const names = [["", stemOf(doc.state.source)], ...doc.units.map((unit) => [unit.name, unit.name])];
+    /** @type {[string, string][]} */
+    const units = doc.units.map(({ name }) => [name, name]);
+    const names = [["", stemOf(doc.state.source)], ...units];
     const key = JSON.stringify(names);
     if (key !== this.names) {
       this.names = key;
@@ -62,13 +76,20 @@ export class TextPanel {
       this.lines.replaceChildren(...Array.from({ length: lines }, (_, i) => make("i", {}, String(i + 1))));
   }
 
-  /** Marks the lines with problems. */
+  /**
+   * Marks the lines with problems.
+   * @param {PlacedProblem[]} problems
+   */
   mark(problems) {
     const wrong = new Set(problems.filter(({ unit }) => unit === this.name).map(({ line }) => line));
     [...this.lines.children].forEach((line, i) => line.classList.toggle("wrong", wrong.has(i + 1)));
   }
 
-  /** Selects a range of the text and scrolls to it. */
+  /**
+   * Selects a range of the text and scrolls to it.
+   * @param {number} start
+   * @param {number} end
+   */
   select(start, end) {
     const { area } = this;
     area.focus();
@@ -79,7 +100,10 @@ export class TextPanel {
     this.lines.scrollTop = area.scrollTop;
   }
 
-  /** Tab indents, after Escape it leaves the text. */
+  /**
+   * Tab indents, after Escape it leaves the text.
+   * @param {KeyboardEvent} event
+   */
   key(event) {
     if (event.key === "Escape") this.leaves = true;
     else if (event.key !== "Tab") this.leaves = false;
@@ -92,7 +116,7 @@ export class TextPanel {
   /** Makes the text the file's. What is typed without a pause is undone as one. */
   write() {
     const now = performance.now();
-    if (now - (this.written ?? 0) > PAUSE) this.page.doc.settle();
+    if (now - this.written > PAUSE) this.page.doc.settle();
     this.written = now;
     this.page.doc.setText(this.index, this.area.value, "text");
   }

@@ -6,7 +6,16 @@ import { make } from "#view/dom.js";
 import { Panel, button, fieldKey, icon } from "./fields.js";
 import { typeTitle } from "./groups.js";
 
-/** What the targeters hit, in the words of the form. */
+/** @import { EditorPage } from "./editor.js" */
+/** @import { FieldKind, FieldOptions } from "./fields.js" */
+/** @import { FileKeys } from "./formats.js" */
+/** @import { JsonText, Path } from "./json.js" */
+/** @typedef {[key: string, label: string, step: number][]} NumberRows */
+
+/**
+ * What the targeters hit, in the words of the form.
+ * @type {{ [targeter: string]: string | undefined }}
+ */
 const TARGETS = {
   STANDARD: "Its target",
   KAMIKAZE: "All around it, and dies",
@@ -14,7 +23,10 @@ const TARGETS = {
   HEAL: "Heals its target",
 };
 
-/** Numbers of a unit file: key, label, step. */
+/**
+ * Numbers of a unit file.
+ * @type {NumberRows}
+ */
 const BODY = [
   ["hp", "Health", 5],
   ["shield", "Shield", 5],
@@ -25,6 +37,7 @@ const BODY = [
   ["size", "Size", 0.125],
   ["speed", "Speed", 0.1],
 ];
+/** @type {NumberRows} */
 const ATTACK = [
   ["damage", "Damage", 1],
   ["attacks", "Hits per attack", 1],
@@ -32,17 +45,24 @@ const ATTACK = [
   ["minimum_scan_range", "Scan range", 0.5],
 ];
 
+/**
+ * @param {string[]} names
+ * @returns {[string, string][]}
+ */
 const titled = (names) => names.map((name) => [name, titleCase(name)]);
 
 export class TypesPanel extends Panel {
+  /**
+   * @param {HTMLElement} element
+   * @param {EditorPage} page
+   */
   constructor(element, page) {
     super(element);
     this.page = page;
-    /** The text of the standard type that was shown last, and its file. */
-    this.standardText = "";
-    this.standardFile = null;
-    /** The name of the type that is shown. */
-    this.name = null;
+    /** The standard type that was shown last, as a file. */
+    this.standardFile = page.doc.unitText("{}");
+    /** The name of the type that is shown; empty before the first. */
+    this.name = "";
   }
 
   /** The shown type: index of its file, or -1 for a standard one. */
@@ -54,7 +74,7 @@ export class TypesPanel extends Panel {
     const { doc } = this.page;
     if (this.index >= 0) return doc.units[this.index].file;
     const text = doc.builtins.units.find((unit) => unit.name === this.name)?.text ?? "{}";
-    if (this.standardText !== text) [this.standardText, this.standardFile] = [text, doc.unitText(text)];
+    if (this.standardFile.text !== text) this.standardFile = doc.unitText(text);
     return this.standardFile;
   }
 
@@ -68,6 +88,7 @@ export class TypesPanel extends Panel {
     return JSON.stringify([names, this.name, this.index, shape, file.isObject]);
   }
 
+  /** @param {string} name */
   show(name) {
     this.name = name;
     this.refresh();
@@ -75,6 +96,7 @@ export class TypesPanel extends Panel {
 
   build() {
     const { doc } = this.page;
+    /** @type {(name: string, isOwn: boolean) => HTMLElement} */
     const chip = (name, isOwn) =>
       button(
         typeTitle(name, doc),
@@ -91,7 +113,7 @@ export class TypesPanel extends Panel {
       .filter(({ name }) => !doc.units.some((unit) => unit.name === name))
       .map(({ name }) => chip(name, false));
     const create = button([icon("add"), "New type"], "Add a unit type", () =>
-      this.page.addType(doc.freeName("unit"), doc.builtins.units.find(({ name }) => name === "MARINE").text),
+      this.page.addType(doc.freeName("unit"), doc.standard("MARINE")?.text ?? "{}"),
     );
     const copy = button([icon("copy"), "Copy as new"], "Add a unit type that begins as this one", () =>
       this.page.addType(
@@ -117,12 +139,21 @@ export class TypesPanel extends Panel {
     return this.page.doc.formats.unit;
   }
 
-  /** A keyword of the file, or what it is if the file has none. */
+  /**
+   * A keyword of the file, or what it is if the file has none.
+   * @param {string} key
+   */
   keyword(key) {
     return this.file.value([key]) ?? this.keys.schema(key).default;
   }
 
-  /** A field of one key of the unit file. */
+  /**
+   * A field of one key of the unit file.
+   * @param {FieldKind} kind
+   * @param {string} label
+   * @param {Path} path
+   * @param {Partial<FieldOptions>} [options]
+   */
   key(kind, label, path, options = {}) {
     const { index } = this,
       { doc } = this.page;
@@ -133,15 +164,21 @@ export class TypesPanel extends Panel {
       readonly: index < 0,
       read: () => this.file.value(path),
       write: (value, merge) => doc.setUnit(index, (file) => this.with(file, path, value), merge),
-      ...this.keys.field(path[0]),
+      ...this.keys.field(String(path[0])),
       ...options,
     });
   }
 
+  /**
+   * @param {JsonText} file
+   * @param {Path} path
+   * @param {unknown} value
+   */
   with(file, path, value) {
     return value === undefined ? file.remove(path) : file.set(path, value);
   }
 
+  /** @param {NumberRows} rows */
   numbers(rows) {
     const fields = rows.map(([key, label, step]) => {
       // Files may write `initial_energy` as `starting_energy`.
@@ -169,17 +206,17 @@ export class TypesPanel extends Panel {
           options: titled(this.keys.keywords("plane")),
           read: () => this.keyword("plane"),
         }),
-        this.key("flags", "Attributes", ["attributes"], { options: this.keys.keywords("attributes") }),
+        this.key("flags", "Attributes", ["attributes"], { keywords: this.keys.keywords("attributes") }),
       ]),
       make("section", { className: index < 0 ? "readonly" : "" }, [
         make("h3", {}, "Attack"),
         this.numbers(ATTACK),
         this.rangeRow(),
-        this.key("flags", "Can attack", ["valid_targets"], { options: this.keys.keywords("valid_targets") }),
+        this.key("flags", "Can attack", ["valid_targets"], { keywords: this.keys.keywords("valid_targets") }),
         ...this.targeterFields(),
         this.bonusFields(),
       ]),
-      ...(index < 0 ? [] : [this.removeRow(doc, index)]),
+      ...(index < 0 ? [] : [this.removeRow()]),
     ];
   }
 
@@ -203,7 +240,9 @@ export class TypesPanel extends Panel {
     return make("label", { className: "field wide" }, [make("span", {}, "Name"), input]);
   }
 
-  removeRow(doc, index) {
+  removeRow() {
+    const { doc } = this.page,
+      { index } = this;
     return make("div", { className: "row" }, [
       button([icon("remove"), "Remove this type"], "Remove the unit file from the scenario", () =>
         doc.removeUnit(index),
@@ -244,13 +283,18 @@ export class TypesPanel extends Panel {
     ];
   }
 
-  /** Fields of the parameters of a targeter. */
+  /**
+   * Fields of the parameters of a targeter.
+   * @param {string} targeter
+   */
   parameters(targeter) {
     const { doc } = this.page,
       keys = doc.formats.targeters.get(targeter);
+    if (!keys) return [];
+    /** @type {(key: string) => FieldOptions["write"]} */
     const write = (key) => (value, merge) =>
       doc.setUnit(this.index, (file) => this.withParameter(file, key, value), merge);
-    return (keys?.order ?? []).map((key) =>
+    return keys.order.map((key) =>
       this.key("number", titleCase(key), ["targeter_kwargs", key], {
         ...keys.field(key),
         step: 0.1,
@@ -259,13 +303,22 @@ export class TypesPanel extends Panel {
     );
   }
 
+  /**
+   * @param {JsonText} file
+   * @param {string} key
+   * @param {unknown} value
+   */
   withParameter(file, key, value) {
     if (value !== undefined && !file.node(["targeter_kwargs"]))
       return file.set(["targeter_kwargs"], { [key]: value });
     return this.with(file, ["targeter_kwargs", key], value);
   }
 
-  /** Sets a targeter, and what must agree with it. */
+  /**
+   * Sets a targeter, and what must agree with it.
+   * @param {JsonText} file
+   * @param {string} kind
+   */
   withTargeter(file, kind) {
     const isDefault = kind === this.keys.schema("targeter").default;
     let next = isDefault ? file.remove(["targeter"]) : file.set(["targeter"], kind);
@@ -274,7 +327,10 @@ export class TypesPanel extends Panel {
     return kind === "HEAL" ? next.set(["combat_type"], "HEALING") : next.remove(["combat_type"]);
   }
 
-  /** The parameters of a targeter as the first standard type has them that has it. */
+  /**
+   * The parameters of a targeter as the first standard type has them that has it.
+   * @param {string} kind
+   */
   usualParameters(kind) {
     const { doc } = this.page;
     if (!doc.formats.targeters.get(kind)?.order.length) return null;

@@ -8,10 +8,17 @@ import { BattlePlayer, RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_STEP } from "#view/transport.js";
 import { ConnectionLost, messageOf } from "../connection.js";
+import { ObservationCard } from "./observation.js";
 
+/** @import { Box } from "#view/camera.js" */
 /** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { EpisodeInfo, Features, Steps } from "../protocol.d.ts" */
+/** @import { EpisodeInfo, EpisodeResult, Features, Steps } from "../protocol.d.ts" */
 /** @typedef {import("../connection.js").Connection["request"]} Request */
+/**
+ * What is known of an episode.
+ * @typedef {{ track: Track, steps: number, isOver: boolean, result: EpisodeResult | null,
+ *   episodeReturn: number, length: number }} Entry
+ */
 
 /** Ticks that are fetched ahead of the clock. */
 const AHEAD = 1024;
@@ -37,25 +44,44 @@ export class FollowPlayer extends BattlePlayer {
     this.clock.isOpen = true;
     this.isFetching = false;
     this.observation = new ObservationCard(byId("obs"), request);
-    this.stop();
+    this.env = -1;
+    /** @type {EpisodeInfo[]} The newest first. */
+    this.listed = [];
+    this.began = this.received = 0;
+    /** @type {Map<number, Entry>} By the number of the episode. */
+    this.tracks = new Map();
+    /** @type {Map<number, HTMLElement> | null} The rows of the list. */
+    this.rows = null;
+    /** The number of the shown episode. */
+    this.number = -1;
+    /** Whether the last request of steps brought none; the next list of episodes allows another one. */
+    this.isStalled = false;
+    /** When the end of the shown episode was reached; 0 if it was not. */
+    this.endedAt = 0;
+    /** What `describe` showed last. */
+    this.described = "";
   }
 
   /** Forgets the environment. */
   stop() {
-    this.env = -1;
-    this.listed = /** @type {EpisodeInfo[]} */ ([]);
+    this.env = this.number = -1;
+    this.listed = [];
     this.received = 0;
     this.tracks = new Map();
     this.rows = null;
-    this.number = -1;
-    /** Whether the last request of steps brought none; the next list of episodes allows another one. */
     this.isStalled = false;
     this.endedAt = 0;
     this.clock.playing = false;
   }
 
-  begin(env) {
+  /**
+   * Shows an environment, and at least these squares.
+   * @param {number} env
+   * @param {Box | null} area
+   */
+  begin(env, area) {
     this.stop();
+    this.view.area = area;
     this.env = env;
     this.began = performance.now();
     this.view.track = this.chart.track = new Track(this.info);
@@ -71,7 +97,8 @@ export class FollowPlayer extends BattlePlayer {
    * Takes the list of episodes, the newest first.
    * @param {EpisodeInfo[]} episodes
    */
-  list(episodes) {
+  take(episodes) {
+    if (this.env < 0) return;
     this.listed = episodes;
     this.received = performance.now();
     this.isStalled = false;
@@ -99,22 +126,47 @@ export class FollowPlayer extends BattlePlayer {
     this.redraw();
   }
 
+  /** @param {number} number */
   open(number) {
     if (number === this.number) return;
     this.number = number;
     this.endedAt = 0;
     this.isStalled = false;
-    if (!this.tracks.has(number)) {
-      const track = new Track(this.info);
-      track.serial = number;
-      this.tracks.set(number, { track, steps: 0, isOver: false, result: null, episodeReturn: 0, length: 0 });
-      if (this.tracks.size > MOST_TRACKS) this.tracks.delete(this.tracks.keys().next().value);
-    }
-    this.show(this.tracks.get(number).track);
+    this.show(this.entryOf(number).track);
     this.listEpisodes();
     this.fetch();
   }
 
+  /**
+   * What is known of an episode, which is little if it was not shown before.
+   * @param {number} number
+   * @returns {Entry}
+   */
+  entryOf(number) {
+    const known = this.tracks.get(number);
+    if (known) return known;
+    const entry = {
+      track: this.newTrack(number),
+      steps: 0,
+      isOver: false,
+      result: null,
+      episodeReturn: 0,
+      length: 0,
+    };
+    this.tracks.set(number, entry);
+    const [oldest] = this.tracks.keys();
+    if (this.tracks.size > MOST_TRACKS) this.tracks.delete(oldest);
+    return entry;
+  }
+
+  /** @param {number} number */
+  newTrack(number) {
+    const track = new Track(this.info);
+    track.serial = number;
+    return track;
+  }
+
+  /** @param {number} direction */
   openNext(direction) {
     const at = this.listed.findIndex((episode) => episode.number === this.number);
     const next = this.listed[at - direction];
@@ -132,6 +184,7 @@ export class FollowPlayer extends BattlePlayer {
     this.isFetching = true;
     while (this.needsMore()) {
       const { entry, number } = this;
+      if (!entry) break;
       try {
         this.append(entry, await this.request({ type: "get_steps", number, step: entry.steps }));
       } catch (error) {
@@ -147,18 +200,21 @@ export class FollowPlayer extends BattlePlayer {
     return !entry.track.length || (entry.steps < known.steps && entry.track.last <= clock.time + AHEAD);
   }
 
-  /** Without this a request that fails at once would be repeated without end, and block the page. */
+  /**
+   * Without this a request that fails at once would be repeated without end, and block the page.
+   * @param {unknown} error
+   */
   failed(error) {
     this.isStalled = true;
     if (error instanceof ConnectionLost) return; // the page says so
     // An episode that the program has forgotten; the list says which ones there are.
     if (!this.isNewest) return this.newest();
     byId("message").hidden = false;
-    byId("message").textContent = `Steps of this episode cannot be read: ${error.message}`;
+    byId("message").textContent = `Steps of this episode cannot be read: ${messageOf(error)}`;
   }
 
   /**
-   * @param {any} entry
+   * @param {Entry} entry
    * @param {Steps} response
    */
   append(entry, response) {
@@ -185,19 +241,23 @@ export class FollowPlayer extends BattlePlayer {
     this.redraw();
   }
 
-  /** Begins the track of an episode anew. */
+  /**
+   * Begins the track of an episode anew.
+   * @param {Entry} entry
+   */
   replaceTrack(entry) {
-    const { serial } = entry.track;
-    entry.track = Object.assign(new Track(this.info), { serial });
+    entry.track = this.newTrack(entry.track.serial);
     if (entry === this.entry) this.view.track = this.chart.track = entry.track;
   }
 
+  /** @param {number} tick */
   seek(tick) {
     this.endedAt = 0;
     super.seek(tick);
     this.fetch();
   }
 
+  /** @param {number} now */
   frame(now) {
     const time = this.clock.time;
     super.frame(now);
@@ -205,7 +265,10 @@ export class FollowPlayer extends BattlePlayer {
     if (this.clock.time !== time) this.fetch();
     this.describe();
     const entry = this.tracks.get(this.number);
-    if (!entry || !this.clock.playing || this.clock.time < this.clock.end) return (this.endedAt = 0);
+    if (!entry || !this.clock.playing || this.clock.time < this.clock.end) {
+      this.endedAt = 0;
+      return;
+    }
     // An episode that was reset before its end has a newer one after it, and gets no more steps.
     const isComplete = entry.isOver || (!this.isNewest && entry.steps >= (this.known?.steps ?? 0));
     if (!isComplete || this.isNewest) return;
@@ -225,7 +288,7 @@ export class FollowPlayer extends BattlePlayer {
   describe() {
     const entry = this.tracks.get(this.number);
     if (!entry) return;
-    const result = (entry.isOver && entry.result) || "running";
+    const result = entry.isOver ? entry.result : null;
     const isLive = this.isNewest && !entry.isOver && this.clock.time >= this.clock.end - LIVE_WITHIN * 16;
     const waits = isLive && this.age > LIVE_WITHIN;
     const age = waits
@@ -234,11 +297,11 @@ export class FollowPlayer extends BattlePlayer {
         ? "live"
         : `${seconds(this.age)} ago`;
     const first = this.known?.first_step;
-    const key = [this.number, result, age, first, entry.episodeReturn].join();
+    const key = [this.number, result ?? "", age, first, entry.episodeReturn].join();
     if (key === this.described) return;
     this.described = key;
-    byId("result").textContent = result === "running" ? "Running" : RESULTS[result];
-    byId("result").className = `badge ${result}`;
+    byId("result").textContent = result ? RESULTS[result] : "Running";
+    byId("result").className = `badge ${result ?? "running"}`;
     byId("age").textContent = age;
     byId("age").className = isLive && !waits ? "live" : "";
     const facts = {
@@ -254,9 +317,11 @@ export class FollowPlayer extends BattlePlayer {
   }
 
   listEpisodes() {
+    /** @param {EpisodeInfo} episode */
     const row = ({ number, steps, is_over, newest_s }) => {
-      const result = this.tracks.get(number)?.result ?? (is_over ? "over" : "running");
-      const cells = [String(number), RESULTS[result] ?? titleCase(result), `${steps} steps`];
+      const known = this.tracks.get(number)?.result,
+        result = known ?? (is_over ? "over" : "running");
+      const cells = [String(number), known ? RESULTS[known] : titleCase(result), `${steps} steps`];
       cells.push(is_over ? `${seconds(newest_s)} ago` : "now");
       const button = make(
         "button",
@@ -277,7 +342,7 @@ export class FollowPlayer extends BattlePlayer {
   }
 
   markEpisode() {
-    for (const [number, item] of this.rows)
+    for (const [number, item] of this.rows ?? [])
       item.firstElementChild?.setAttribute("aria-current", String(number === this.number));
   }
 
@@ -295,88 +360,21 @@ export class FollowPlayer extends BattlePlayer {
     }
   }
 
-  command(key, ticks) {
-    return (
-      {
-        b: () => this.branch(),
-        n: () => this.newest(),
-        PageUp: () => this.openNext(-1),
-        PageDown: () => this.openNext(1),
-      }[key] ?? super.command(key, ticks)
-    );
-  }
-}
-
-export const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);
-
-/** Milliseconds between two requests for observations. */
-const OBSERVE_EVERY = 250;
-
-/** The observation of the selected agent before the shown step, with the name of every feature. */
-class ObservationCard {
   /**
-   * @param {HTMLElement} element
-   * @param {Request} request
+   * @param {string} key
+   * @param {number} ticks
    */
-  constructor(element, request) {
-    this.element = element;
-    this.request = request;
-    this.shown = "";
-    this.asked = -OBSERVE_EVERY;
-  }
-
-  update(player, tick) {
-    const unit = player.info.units[player.view.selected],
-      isAgent = unit?.faction === 0;
-    this.element.hidden = !isAgent;
-    if (!isAgent) {
-      this.shown = "";
-      return;
-    }
-    const entry = player.tracks.get(player.number),
-      step = Math.floor(tick / TICKS_PER_STEP),
-      key = [player.number, step, unit.id].join();
-    const now = performance.now();
-    if (!entry || key === this.shown || now - this.asked < OBSERVE_EVERY || step > entry.steps) return;
-    [this.shown, this.asked] = [key, now];
-    this.request({ type: "get_observation", number: player.number, step, agent: unit.id })
-      .then(({ obs }) => this.shown === key && this.draw(player.features, step, obs))
-      .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
-  }
-
-  draw(blocks, step, obs) {
-    const title = make("h2", {}, `Observation before step ${step}`);
-    const tables = blocks.map((block) => this.table(block, obs));
-    // The scroll positions of the tables stay.
-    const tops = [...this.element.querySelectorAll(".obs")].map((table) => table.scrollTop);
-    this.element.replaceChildren(title, ...tables.filter(Boolean));
-    this.element.querySelectorAll(".obs").forEach((table, i) => (table.scrollTop = tops[i] ?? 0));
-  }
-
-  table({ name, start, rows, features }, obs) {
-    const width = features.length;
-    if (!width || rows === 0) return null;
-    const cell = (index) =>
-      make(
-        "td",
-        { title: `obs[${index}] = ${obs[index]}`, className: obs[index] ? "" : "zero" },
-        short(obs[index]),
-      );
-    const lines = Array.from({ length: rows ?? 1 }, (_, row) => {
-      const values = features.map((_, at) => cell(start + row * width + at));
-      return make("tr", {}, [make("th", {}, rows === null ? "" : String(row)), ...values]);
-    });
-    const head = make("tr", {}, [
-      make("th", {}, name),
-      ...features.map((feature) => make("th", {}, feature)),
-    ]);
-    return make(
-      "div",
-      { className: "obs" },
-      make("table", {}, [make("thead", {}, head), make("tbody", {}, lines)]),
-    );
+  command(key, ticks) {
+    /** @type {{ [key: string]: () => void }} */
+    const commands = {
+      b: () => this.branch(),
+      n: () => this.newest(),
+      PageUp: () => this.openNext(-1),
+      PageDown: () => this.openNext(1),
+    };
+    return commands[key] ?? super.command(key, ticks);
   }
 }
 
-/** A number in few letters. */
-const short = (value) => (Number.isInteger(value) ? String(value) : value.toFixed(2));
+/** @param {number} value */
+export const seconds = (value) => (value < 90 ? `${Math.round(value)} s` : `${Math.round(value / 60)} min`);

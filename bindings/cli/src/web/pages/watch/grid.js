@@ -6,9 +6,11 @@ import { make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
 import { RESULTS } from "#view/player.js";
 import { theme } from "#view/theme.js";
-import { COLUMNS, Track, bytesOf } from "#view/track.js";
+import { Track, bytesOf } from "#view/track.js";
 
-/** @import { GridCell } from "../protocol.d.ts" */
+/** @import { Box } from "#view/camera.js" */
+/** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { EpisodeResult, GridCell } from "../protocol.d.ts" */
 
 /** Milliseconds per picture that the grid may draw; cells that do not fit wait for the next picture. */
 const GRID_BUDGET = 8;
@@ -20,16 +22,19 @@ export const MOST_CELLS = 64;
 
 /** The last two moments of an environment. */
 class CellTrack extends Track {
+  /** @param {ScenarioInfo} info */
   constructor(info) {
     super(info);
     this.attacks = [[], []];
   }
 
-  /** Takes the next moment; a jump forgets the one before. */
+  /**
+   * Takes the next moment; a jump forgets the one before.
+   * @param {Uint8Array} bytes
+   * @param {boolean} jumps
+   */
   push(bytes, jumps) {
-    if (this.length === 2) for (const name of COLUMNS) this[name].copyWithin(0, this.units, 2 * this.units);
-    this.length = Math.min(this.length, 1);
-    if (jumps) this.length = 0;
+    this.keepLast(jumps ? 0 : 1);
     this.append(bytes, 1);
     this.attacks = [[], []];
   }
@@ -40,6 +45,11 @@ class CellTrack extends Track {
 }
 
 class Cell {
+  /**
+   * @param {number} env
+   * @param {ScenarioInfo} info
+   * @param {(env: number) => void} follow
+   */
   constructor(env, info, follow) {
     this.env = env;
     this.canvas = make("canvas", { "aria-hidden": "true" });
@@ -58,6 +68,8 @@ class Cell {
     this.move = SHORTEST_MOVE;
     this.isVisible = false;
     this.isDrawn = false;
+    /** @type {EpisodeResult | null} How the episode ended that is shown, if it did. */
+    this.outcome = null;
   }
 
   /**
@@ -66,7 +78,7 @@ class Cell {
    * @param {number} now
    */
   take(row, now) {
-    const jumps = row.length === null || row.length < this.length || this.outcome;
+    const jumps = row.length === null || row.length < this.length || this.outcome !== null;
     this.length = row.length ?? 0;
     this.outcome = row.outcome;
     if (row.moment) {
@@ -88,6 +100,7 @@ class Cell {
     );
   }
 
+  /** @param {number} now */
   draw(now) {
     const { track } = this.view;
     if (!track.length) return;
@@ -98,33 +111,53 @@ class Cell {
 }
 
 export class Grid {
-  /** `setView` is called with the first environment that is visible and the number of them. */
+  /**
+   * `setView` is called with the first environment that is visible and the number of them.
+   * @param {HTMLElement} element
+   * @param {(env: number) => void} follow
+   * @param {(first: number, count: number) => void} setView
+   */
   constructor(element, follow, setView) {
     this.element = element;
     this.follow = follow;
     this.setView = setView;
+    /** @type {Cell[]} */
     this.cells = [];
     this.first = 0;
     this.cursor = 0;
+    /** @type {Box | null} The squares where units were. */
+    this.area = null;
     this.observer = new IntersectionObserver((entries) => this.notice(entries), { rootMargin: "80px" });
     new ResizeObserver(() => this.redraw()).observe(element);
     theme.listeners.push(() => this.redraw());
   }
 
-  /** Shows the environments of a lane from one on. */
-  show(info, numEnvs, first = 0) {
-    this.info = info;
-    this.numEnvs = numEnvs;
-    this.first = first;
+  /** Shows nothing. */
+  clear() {
+    this.cells = [];
     this.area = null;
     this.observer.disconnect();
+    this.element.replaceChildren();
+  }
+
+  /**
+   * Shows the environments of a lane from one on.
+   * @param {ScenarioInfo} info
+   * @param {number} numEnvs
+   * @param {number} first
+   */
+  show(info, numEnvs, first = 0) {
+    this.clear();
+    this.first = first;
     const n = Math.min(MOST_CELLS, numEnvs - first);
     this.cells = Array.from({ length: n }, (_, i) => new Cell(first + i, info, this.follow));
     this.element.replaceChildren(...this.cells.map((cell) => cell.button));
     for (const cell of this.cells) this.observer.observe(cell.button);
   }
 
+  /** @param {IntersectionObserverEntry[]} entries */
   notice(entries) {
+    /** @type {Map<Element, Cell>} */
     const cells = new Map(this.cells.map((cell) => [cell.button, cell]));
     for (const { target, isIntersecting } of entries) {
       const cell = cells.get(target);
@@ -132,7 +165,8 @@ export class Grid {
     }
     const visible = this.cells.filter((cell) => cell.isVisible);
     if (!visible.length) return this.setView(0, 0);
-    const [from, to] = [visible[0].env, visible.at(-1).env];
+    const from = visible[0].env,
+      to = visible[visible.length - 1].env;
     this.setView(from, to - from + 1);
   }
 
@@ -143,6 +177,10 @@ export class Grid {
     }
   }
 
+  /**
+   * @param {GridCell[]} rows
+   * @param {number} now
+   */
   take(rows, now) {
     for (const row of rows) {
       const cell = this.cells[row.env - this.first];
@@ -151,10 +189,13 @@ export class Grid {
     }
   }
 
-  /** All cells show the same part of the map: the one where units were. */
+  /**
+   * All cells show the same part of the map: the one where units were.
+   * @param {Track} track
+   */
   widen(track) {
     const margin = 1.5,
-      { info } = this,
+      { info } = track,
       old = this.area,
       area = old ? { ...old } : { x0: Infinity, y0: Infinity, x1: -Infinity, y1: -Infinity };
     for (let at = 0; at < track.length * track.units; at++) {
@@ -165,8 +206,8 @@ export class Grid {
       area.y1 = Math.max(area.y1, Math.min(info.height, Math.ceil(track.y[at] + margin)));
     }
     if (!(area.x1 > area.x0)) return;
-    const isWider = !old || ["x0", "x1", "y0", "y1"].some((side) => area[side] !== old[side]);
-    if (!isWider) return;
+    const isSame = old?.x0 === area.x0 && old.x1 === area.x1 && old.y0 === area.y0 && old.y1 === area.y1;
+    if (isSame) return;
     this.area = area;
     const aspect = clamp((area.x1 - area.x0) / (area.y1 - area.y0), 1, 2);
     this.element.style.setProperty("--aspect", aspect.toFixed(2));
@@ -174,7 +215,10 @@ export class Grid {
     this.redraw();
   }
 
-  /** Draws the cells that moved, as many as there is time for. */
+  /**
+   * Draws the cells that moved, as many as there is time for.
+   * @param {number} now
+   */
   frame(now) {
     const end = performance.now() + GRID_BUDGET;
     for (let i = 0; i < this.cells.length; i++) {
@@ -186,7 +230,11 @@ export class Grid {
     }
   }
 
-  /** Moves the focus from cell to cell. */
+  /**
+   * Moves the focus from cell to cell.
+   * @param {number} dx
+   * @param {number} dy
+   */
   focus(dx, dy) {
     const at = this.cells.findIndex((cell) => cell.button === document.activeElement);
     const columns = getComputedStyle(this.element).gridTemplateColumns.split(" ").length;

@@ -13,6 +13,7 @@ const WINDOW = 15;
 const LONGEST_PLOT = 600;
 const SHORTEST_PLOT = 30;
 
+/** @param {number} value */
 export const compact = (value) =>
   value >= 1e6
     ? `${(value / 1e6).toFixed(2)} M`
@@ -24,11 +25,18 @@ export const compact = (value) =>
 
 /**
  * @typedef {{ id: string, title: string, from?: number, to?: number, text: (value: number) => string,
- *   value: (points: Point[]) => number | null }} Plot
+ *   value: (window: Window) => number | null }} Plot
  */
+/**
+ * The oldest and the newest point of a window.
+ * @typedef {{ first: Point, last: Point }} Window
+ */
+/** @typedef {{ time: number, value: number | null }} Value */
+/** @typedef {{ number: HTMLElement, canvas: HTMLCanvasElement, values: Value[] }} Drawn */
+/** @typedef {{ [name in "left" | "right" | "top" | "bottom" | "height" | "span"]: number }} Frame */
 
 /**
- * The curves: each a function of the points of a window, from the oldest to the newest; null is a gap.
+ * The curves: each a function of a window; null is a gap.
  * @type {Plot[]}
  */
 const PLOTS = [
@@ -37,7 +45,7 @@ const PLOTS = [
     title: "Steps per second",
     from: 0,
     text: compact,
-    value: (points) => points.at(-1).steps_per_s,
+    value: ({ last }) => last.steps_per_s,
   },
   {
     id: "wins",
@@ -45,46 +53,53 @@ const PLOTS = [
     from: 0,
     to: 1,
     text: (value) => `${(value * 100).toFixed(value > 0 && value < 0.1 ? 1 : 0)}%`,
-    value: ([first, ...rest]) =>
-      ratio(rest.at(-1)?.wins - first.wins, rest.at(-1)?.episodes - first.episodes),
+    value: ({ first, last }) => ratio(last.wins - first.wins, last.episodes - first.episodes),
   },
   {
     id: "returns",
     title: "Return",
     text: (value) => value.toFixed(2),
-    value: ([first, ...rest]) =>
-      ratio(rest.at(-1)?.returns - first.returns, rest.at(-1)?.episodes - first.episodes),
+    value: ({ first, last }) => ratio(last.returns - first.returns, last.episodes - first.episodes),
   },
   {
     id: "lengths",
     title: "Episode length",
     from: 0,
     text: (value) => value.toFixed(0),
-    value: ([first, ...rest]) =>
-      ratio(rest.at(-1)?.steps - first.steps, rest.at(-1)?.episodes - first.episodes),
+    value: ({ first, last }) => ratio(last.steps - first.steps, last.episodes - first.episodes),
   },
 ];
 
+/**
+ * @param {number} part
+ * @param {number} all
+ */
 const ratio = (part, all) => (all > 0 ? part / all : null);
 
 export class LanePanel {
+  /** @param {HTMLElement} element */
   constructor(element) {
+    /** @type {Point[]} */
     this.points = [];
-    this.plots = PLOTS.map((plot) => {
-      const number = make("b", {}, "–"),
-        canvas = make("canvas", { role: "img", "aria-label": `${plot.title} over the last minutes` });
-      element.append(
-        make("section", { className: "card plot", id: `plot-${plot.id}` }, [
-          make("h2", {}, plot.title),
-          number,
-          canvas,
-        ]),
-      );
-      return { ...plot, number, canvas, values: [] };
-    });
+    this.plots = PLOTS.map((plot) => this.makePlot(element, plot));
     this.isDrawn = false;
     theme.listeners.push(() => (this.isDrawn = false));
     new ResizeObserver(() => (this.isDrawn = false)).observe(element);
+  }
+
+  /**
+   * @param {HTMLElement} element
+   * @param {Plot} plot
+   * @returns {Plot & Drawn}
+   */
+  makePlot(element, plot) {
+    const number = make("b", {}, "–"),
+      canvas = make("canvas", { role: "img", "aria-label": `${plot.title} over the last minutes` });
+    const title = make("h2", {}, plot.title);
+    element.append(
+      make("section", { className: "card plot", id: `plot-${plot.id}` }, [title, number, canvas]),
+    );
+    return { ...plot, number, canvas, values: [] };
   }
 
   clear() {
@@ -93,14 +108,17 @@ export class LanePanel {
     this.isDrawn = false;
   }
 
-  /** Takes points of the history. */
+  /**
+   * Takes points of the history.
+   * @param {Point[]} points
+   */
   take(points) {
     for (const point of points) {
       const { time, pid } = point;
       this.points.push(point);
       // Counts of another pool begin again.
-      const window = this.points.filter((other) => other.pid === pid && other.time >= time - WINDOW);
-      for (const plot of this.plots) plot.values.push({ time, value: plot.value(window) });
+      const first = this.points.find((other) => other.pid === pid && other.time >= time - WINDOW) ?? point;
+      for (const plot of this.plots) plot.values.push({ time, value: plot.value({ first, last: point }) });
     }
     const now = this.points.at(-1)?.time ?? 0;
     while (this.points.length && this.points[0].time < now - LONGEST_PLOT) {
@@ -120,32 +138,25 @@ export class LanePanel {
     for (const plot of this.plots) this.drawPlot(plot);
   }
 
-  /** @param {Plot & { canvas: HTMLCanvasElement, values: { time: number, value: number | null }[] }} plot */
+  /** @param {Plot & Drawn} plot */
   drawPlot({ canvas, values, from, to, text }) {
     const { context, width, height } = fitCanvas(canvas),
       { colours } = theme;
     context.clearRect(0, 0, width, height);
-    const known = values.filter(({ value }) => value !== null);
-    if (!known.length) return;
-    const all = known.map(({ value }) => value);
+    const all = values.flatMap(({ value }) => value ?? []);
+    if (!all.length) return;
     let [low, high] = [from ?? Math.min(...all), to ?? Math.max(...all)];
     if (!(high > low)) [low, high] = [from ?? low - 1, low + 1];
     if (to === undefined) high += (high - low) * 0.08;
-    const newest = values.at(-1).time,
+    const last = values[values.length - 1],
+      newest = last.time,
       span = clamp(newest - values[0].time, SHORTEST_PLOT, LONGEST_PLOT);
     const [left, right, top, bottom] = [38, width - 4, 8, height - 16];
+    /** @param {number} time */
     const x = (time) => right - ((newest - time) / span) * (right - left);
+    /** @param {number} value */
     const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
-    this.drawAxes(context, {
-      left,
-      right,
-      bottom,
-      height,
-      span,
-      top: y(high),
-      high: text(high),
-      low: text(low),
-    });
+    this.drawAxes(context, { left, right, bottom, height, span, top: y(high) }, text(high), text(low));
     context.beginPath();
     let isGap = true;
     for (const { time, value } of values) {
@@ -156,7 +167,6 @@ export class LanePanel {
     context.lineJoin = "round";
     context.strokeStyle = colours.ally;
     context.stroke();
-    const last = values.at(-1);
     if (last.value === null) return;
     context.beginPath();
     context.arc(x(last.time), y(last.value), 3, 0, 2 * Math.PI);
@@ -164,7 +174,13 @@ export class LanePanel {
     context.fill();
   }
 
-  drawAxes(context, { left, right, bottom, height, span, top, high, low }) {
+  /**
+   * @param {CanvasRenderingContext2D} context
+   * @param {Frame} frame
+   * @param {string} high
+   * @param {string} low
+   */
+  drawAxes(context, { left, right, bottom, height, span, top }, high, low) {
     const { colours } = theme;
     context.font = '10.5px system-ui, "DejaVu Sans", sans-serif';
     context.fillStyle = colours.dim;

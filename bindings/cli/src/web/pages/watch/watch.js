@@ -8,14 +8,21 @@ import { FollowPlayer, seconds } from "./follow.js";
 import { Grid, MOST_CELLS } from "./grid.js";
 import { LanePanel, compact } from "./plots.js";
 
-/** @import { LaneInfo, PageRequest, PoolState } from "../protocol.d.ts" */
+/** @import { LaneInfo, LaneState, PageRequest, PoolState } from "../protocol.d.ts" */
+
+const NO_STATES =
+  "The frames of this lane have no states: the field `state` is left out. Click a battle to follow it.";
 
 class WatchPage {
+  /** @param {{ pool: string, lane: string }} data */
   constructor(data) {
     this.hash = new URLSearchParams(location.hash.slice(1));
     this.lane = this.hash.get("lane") ?? data.lane;
     this.env = -1;
+    /** @type {FollowPlayer | null} */
     this.player = null;
+    /** @type {LaneInfo | null} The lane that is shown, once it is connected. */
+    this.info = null;
     this.visible = [0, 0];
     this.panel = new LanePanel(byId("panel"));
     this.grid = new Grid(
@@ -34,11 +41,12 @@ class WatchPage {
       lane: (event) => this.showLane(event),
       grid: (event) => this.grid.take(event.cells, performance.now()),
       status: (event) => this.showStatus(event),
-      episodes: (event) => this.player?.env >= 0 && this.player.list(event.episodes),
+      episodes: (event) => this.player?.take(event.episodes),
     });
   }
 
   start() {
+    /** @param {number} now */
     const frame = (now) => {
       if (this.env < 0) {
         this.grid.frame(now);
@@ -59,7 +67,10 @@ class WatchPage {
     this.connection.request(request).catch((error) => this.failed(error));
   }
 
-  /** A request was refused; if the connection is lost, the page already says so. */
+  /**
+   * A request was refused; if the connection is lost, the page already says so.
+   * @param {unknown} error
+   */
   failed(error) {
     if (!(error instanceof ConnectionLost)) console.warn(messageOf(error));
   }
@@ -70,7 +81,10 @@ class WatchPage {
     this.sendView();
   }
 
-  /** The pool is gone, or with no error the program that serves this page. */
+  /**
+   * The pool is gone, or with no error the program that serves this page.
+   * @param {string} [error]
+   */
   lost(error) {
     this.state(
       error ? "Pool gone" : "Disconnected",
@@ -81,6 +95,10 @@ class WatchPage {
     );
   }
 
+  /**
+   * @param {string} text
+   * @param {string} kind
+   */
   state(text, kind, notice = "") {
     byId("state").textContent = text;
     byId("state").className = `badge ${kind}`;
@@ -88,11 +106,12 @@ class WatchPage {
     byId("notice").hidden = !notice;
   }
 
+  /** @param {string} name */
   chooseLane(name) {
     this.lane = name;
     this.overview();
     this.panel.clear();
-    this.grid.show(null, 0);
+    this.grid.clear();
     this.send({ type: "select_lane", name });
     this.remember();
   }
@@ -103,23 +122,14 @@ class WatchPage {
    */
   showLane(event) {
     this.info = event;
-    if (this.player) this.player.use(event.scenario);
-    else {
-      this.player = new FollowPlayer(event.scenario, (request) => this.connection.request(request));
-      this.player.listen();
-    }
-    this.player.features = event.features;
+    const player = this.playerOf(event);
+    player.features = event.features;
     byId("lane-facts").textContent =
       `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
-    this.gridNotice =
-      event.no_grid ??
-      (event.has_state
-        ? ""
-        : "The frames of this lane have no states: the \
-field `state` is left out. Click a battle to follow it.");
-    byId("grid-notice").textContent = this.gridNotice;
-    byId("grid-notice").hidden = !this.gridNotice;
-    this.showCells(Math.min(this.grid.first, event.num_envs - 1));
+    const notice = event.no_grid ?? (event.has_state ? "" : NO_STATES);
+    byId("grid-notice").textContent = notice;
+    byId("grid-notice").hidden = !notice;
+    this.showCells(event, Math.min(this.grid.first, event.num_envs - 1));
     const env = this.env >= 0 ? this.env : Number(this.hash.get("env") ?? -1);
     this.hash.delete("env");
     if (env >= 0 && env < event.num_envs) this.follow(env);
@@ -127,10 +137,26 @@ field `state` is left out. Click a battle to follow it.");
     document.documentElement.dataset.ready = "";
   }
 
-  /** Shows the page of cells that has an environment. */
-  showCells(env) {
-    const { num_envs, scenario } = this.info,
-      first = Math.floor(env / MOST_CELLS) * MOST_CELLS;
+  /**
+   * The player, with the scenario of a lane.
+   * @param {LaneInfo} lane
+   */
+  playerOf({ scenario }) {
+    if (this.player) this.player.use(scenario);
+    else {
+      this.player = new FollowPlayer(scenario, (request) => this.connection.request(request));
+      this.player.listen();
+    }
+    return this.player;
+  }
+
+  /**
+   * Shows the page of cells that has an environment.
+   * @param {LaneInfo} lane
+   * @param {number} env
+   */
+  showCells({ num_envs, scenario }, env) {
+    const first = Math.floor(env / MOST_CELLS) * MOST_CELLS;
     this.grid.show(scenario, num_envs, first);
     byId("pager").hidden = num_envs <= MOST_CELLS;
     byId("range").textContent = `battles ${first} to ${first + this.grid.cells.length - 1} of ${num_envs}`;
@@ -138,17 +164,18 @@ field `state` is left out. Click a battle to follow it.");
     byId("next").disabled = first + MOST_CELLS >= num_envs;
   }
 
+  /** @param {number} direction */
   turn(direction) {
     const first = this.grid.first + direction * MOST_CELLS;
-    if (first >= 0 && first < this.info.num_envs) this.showCells(first);
+    if (this.info && first >= 0 && first < this.info.num_envs) this.showCells(this.info, first);
   }
 
+  /** @param {number} env */
   follow(env) {
     this.env = env;
     document.body.dataset.mode = "battle";
     byId("name").textContent = `Battle ${env}`;
-    this.player.begin(env);
-    this.player.view.area = this.grid.area;
+    this.player?.begin(env, this.grid.area);
     this.connection.request({ type: "follow", env }).catch((error) => {
       byId("message").hidden = false;
       byId("message").textContent = `Battle ${env} cannot be followed: ${error.message}`;
@@ -179,6 +206,10 @@ field `state` is left out. Click a battle to follow it.");
     history.replaceState(null, "", `#${hash}`);
   }
 
+  /**
+   * @param {number} first
+   * @param {number} count
+   */
   setView(first, count) {
     this.visible = [first, count];
     this.sendView();
@@ -198,6 +229,23 @@ field `state` is left out. Click a battle to follow it.");
     const { lane, lanes, pid, threads, uptime_s } = event.pool;
     this.listLanes(lanes);
     if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
+    this.showFacts(lane, { pid, threads, uptime_s });
+    if (lane.failure) this.state("Failed", "lost", `The lane failed: ${lane.failure}`);
+    else if (!lane.learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
+    else if (lane.steps_per_s === 0)
+      this.state(
+        "Idle",
+        "idle",
+        `The learner, process ${lane.learner_pid}, has made no step in the last second.`,
+      );
+    else this.state("Live", "won");
+  }
+
+  /**
+   * @param {LaneState} lane
+   * @param {{ pid: number, threads: number, uptime_s: number }} pool
+   */
+  showFacts(lane, { pid, threads, uptime_s }) {
     const learner = lane.learner_pid ? `process ${lane.learner_pid}` : "none";
     const facts = {
       learner,
@@ -215,18 +263,11 @@ field `state` is left out. Click a battle to follow it.");
         make("dd", {}, String(value)),
       ]),
     );
-    if (lane.failure) this.state("Failed", "lost", `The lane failed: ${lane.failure}`);
-    else if (!lane.learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
-    else if (lane.steps_per_s === 0)
-      this.state(
-        "Idle",
-        "idle",
-        `The learner, process ${lane.learner_pid}, has made no step in the last second.`,
-      );
-    else this.state("Live", "won");
   }
 
+  /** @param {string[]} names */
   listLanes(names) {
+    /** @type {HTMLSelectElement} */
     const select = byId("lane");
     select.hidden = names.length < 2;
     if ([...select.options].map((option) => option.value).join() !== names.join())
@@ -236,19 +277,23 @@ field `state` is left out. Click a battle to follow it.");
 
   listen() {
     byId("back").addEventListener("click", () => this.overview());
-    byId("newest").addEventListener("click", () => this.player.newest());
-    byId("branch").addEventListener("click", () => this.player.branch());
+    byId("newest").addEventListener("click", () => this.player?.newest());
+    byId("branch").addEventListener("click", () => this.player?.branch());
     byId("previous").addEventListener("click", () => this.turn(-1));
     byId("next").addEventListener("click", () => this.turn(1));
-    byId("lane").addEventListener("change", (event) => this.chooseLane(event.target.value));
+    byId("lane").addEventListener("change", () => this.chooseLane(byId("lane").value));
     document.addEventListener("visibilitychange", () => this.sendView());
     addEventListener("keydown", (event) => this.key(event), { capture: true });
   }
 
-  /** Keys that concern the page; the others go to the player. */
+  /**
+   * Keys that concern the page; the others go to the player.
+   * @param {KeyboardEvent} event
+   */
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
     if (event.target instanceof HTMLSelectElement) return event.stopImmediatePropagation();
+    /** @type {{ [key: string]: (() => void) | undefined }} */
     const grid = {
       ArrowLeft: () => this.grid.focus(-1, 0),
       ArrowRight: () => this.grid.focus(1, 0),
@@ -259,8 +304,9 @@ field `state` is left out. Click a battle to follow it.");
       t: () => theme.toggle(),
       "?": () => byId("keys").showModal(),
     };
+    /** @type {{ [key: string]: (() => void) | undefined }} */
     const battle = { g: () => this.overview() };
-    if (this.player?.view.selected < 0) battle.Escape = battle.g;
+    if (this.player && this.player.view.selected < 0) battle.Escape = battle.g;
     const command = (this.env < 0 ? grid : battle)[event.key];
     if (command) {
       event.preventDefault();

@@ -1,0 +1,92 @@
+"""What plays the enemies: names and weights, on every interface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+from smaclite_pool.marl.smac import StarCraft2Env
+
+MIXTURE = {"attack_move": 1.0, "kite": 2.0, "hold": 1.0}
+
+
+def test_the_names_are_those_of_the_policies_and_two_more() -> None:
+    assert sp.OPPONENTS[:3] == ("attack_move", "attack_nearest", "random") and len(sp.OPPONENTS) == 11
+    with sp.make("3m", num_envs=1) as envs:
+        assert envs.opponents == {"attack_move": 1.0} and "opponent" not in envs.fields
+        for name in sp.OPPONENTS[2:]:
+            sp.ScriptedPolicy(name, envs)
+
+
+@pytest.mark.parametrize("opponent", sp.OPPONENTS)
+def test_every_opponent_plays(opponent: str) -> None:
+    with sp.make("MMM", num_envs=2, opponent=opponent, fields=["opponent", "state", "avail_actions"]) as envs:
+        assert envs.opponents == envs.description["opponents"] == {opponent: 1.0}
+        policy = sp.ScriptedPolicy("nearest", envs)
+        batch = envs.reset(seed=1)
+        for _ in range(40):
+            batch = envs.step(policy(batch))
+        assert (batch.opponent == sp.OPPONENTS.index(opponent)).all()
+
+
+def test_a_mixture_is_drawn_by_the_seed() -> None:
+    def play(threads: int) -> list[list[int]]:
+        fields = ["opponent", "state", "avail_actions"]
+        with sp.make("3m", num_envs=8, opponent=MIXTURE, threads=threads, fields=fields) as envs:
+            policy = sp.ScriptedPolicy("focus_fire", envs)
+            batch = envs.reset(seed=5)
+            seen = [batch.opponent.tolist()]
+            for _ in range(200):
+                batch = envs.step(policy(batch))
+                seen.append(batch.opponent.tolist())
+            return seen
+
+    seen = play(1)
+    assert {sp.OPPONENTS[index] for row in seen for index in row} == set(MIXTURE)
+    assert play(2) == seen
+
+
+def test_snapshots_and_replays_have_the_opponent(tmp_path: Path) -> None:
+    file = tmp_path / "mixture.smreplay"
+    fields = ["opponent", "snapshot", "state", "avail_actions"]
+    with sp.make("3m", num_envs=2, opponent=MIXTURE, fields=fields, record=file) as envs:
+        policy = sp.ScriptedPolicy("focus_fire", envs)
+        batch = envs.reset(seed=5)
+        for _ in range(120):
+            batch = envs.step(policy(batch))
+        columns = [sp.snapshot_columns(snapshot)["opponent"] for snapshot in batch.snapshot]
+        assert np.array_equal(columns, batch.opponent)
+    assert file.stat().st_size > 0
+    assert sp.run_program(["smaclite-pool", "replay", str(file)]) == 0  # every tick is played as recorded
+
+
+def test_smac_takes_an_opponent() -> None:
+    env = StarCraft2Env("3m", seed=1, opponent="hold")
+    env.reset()
+    alive = env.n_enemies
+    for _ in range(10):  # who holds does not come
+        env.step([1] * env.n_agents)
+    assert env.death_tracker_enemy.sum() == 0 and alive == 3
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("opponent", "message"),
+    [
+        ("kites", "unknown opponent `kites`; the opponents are attack_move, attack_nearest, random"),
+        ({}, "at least one opponent must be named"),
+        ({"kite": 0}, "the weight of opponent `kite` must be a number above 0, got 0"),
+        ({"kite": float("nan")}, "must be a number above 0, got NaN"),
+        ({"kite": 1, "hodl": 1}, "unknown opponent `hodl`"),
+    ],
+)
+def test_what_is_no_opponent_is_an_error(opponent: object, message: str) -> None:
+    with pytest.raises(sp.InvalidRequest, match=message):
+        sp.make("3m", opponent=opponent)  # type: ignore[call-overload]
+
+
+def test_a_wrong_type_names_the_parameter() -> None:
+    with pytest.raises(TypeError, match="opponent"):
+        sp.make("3m", opponent=3)  # type: ignore[call-overload]
