@@ -20,6 +20,7 @@ import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -409,11 +410,30 @@ def test_lists_of_members_are_complete() -> None:
             assert listed_names - aliases <= set(names.split(", ")), page
 
 
-def test_pages_get_what_they_take_from_the_package() -> None:
+def site_hooks() -> ModuleType:
+    """The module that MkDocs calls."""
     spec = importlib.util.spec_from_file_location("site_hooks", DOCS / "site_hooks.py")
     assert spec and spec.loader
     hooks = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hooks)
+    return hooks
+
+
+def test_a_site_without_versions_asks_for_nothing_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every page asked for versions.json, which only mike writes, and GitHub for a number of stars."""
+    hooks = site_hooks()
+    monkeypatch.delenv("MIKE_DOCS_VERSION", raising=False)
+    config = SimpleNamespace(extra={"version": {"provider": "mike"}})
+    assert not hooks.on_config(config).extra
+    monkeypatch.setenv("MIKE_DOCS_VERSION", "0.1")
+    config = SimpleNamespace(extra={"version": {"provider": "mike"}})
+    assert hooks.on_config(config).extra
+    link = '<a href="https://github.com/a/b" class="md-source" data-md-component="source">'
+    assert hooks.on_post_page(link) == '<a href="https://github.com/a/b" class="md-source">'
+
+
+def test_pages_get_what_they_take_from_the_package() -> None:
+    hooks = site_hooks()
     pages = {place(page): hooks.on_page_markdown(page.read_text()) for page in PAGES}
     assert "| `obs` | float32 | [M, n_agents, obs_size] |" in pages["concepts/batches.md"]
     assert "| `attack_point` | required |" in pages["reference/scenario-files.md"]
