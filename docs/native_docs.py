@@ -11,7 +11,6 @@ from typing import Any
 import griffe
 import smaclite_pool._native
 
-
 PARSER_OPTIONS = {"warn_unknown_params": False, "warn_missing_types": False}
 """As in mkdocs.yml, which holds for the docstrings that griffe finds by itself."""
 

@@ -109,7 +109,7 @@ def drawn(folder: Path, panels: list[Panel], columns: int) -> Any:
         rows, columns, figsize=(width * columns, 2.3 * rows), squeeze=False, layout="constrained"
     )
     legend: list[str] = []
-    for axes, (lines, column) in zip(grid.flat, panels):
+    for axes, (lines, column) in zip(grid.flat, panels, strict=False):
         draw_panel(axes, folder, lines, column)
         if legend != (legend := axes.get_legend_handles_labels()[1]):  # or it is that of the panel before
             axes.legend(loc="lower right", fontsize=8, frameon=False)
@@ -172,4 +172,4 @@ def on_one_grid(found: list[list[data.Row]], column: str) -> tuple[NDArray[Any],
     steps = [np.array([float(row["steps"]) for row in rows]) / 1e6 for rows in found]
     values = [np.array([float(row[column]) for row in rows]) for rows in found]
     grid = np.linspace(max(xs[0] for xs in steps), min(xs[-1] for xs in steps), POINTS)
-    return grid, np.array([np.interp(grid, xs, ys) for xs, ys in zip(steps, values)])
+    return grid, np.array([np.interp(grid, xs, ys) for xs, ys in zip(steps, values, strict=True)])

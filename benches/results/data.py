@@ -60,6 +60,6 @@ def first_reached(log: list[Row]) -> Row | None:
 def time_share(log: list[Row], column: str) -> float:
     """The mean of a share of the updates' times, weighted by these times."""
     seconds = [float(row["seconds"]) for row in log]
-    times = [now - before for now, before in zip(seconds, [0.0, *seconds])]
-    shares = sum(time * float(row[column]) for time, row in zip(times, log))
+    times = [now - before for now, before in zip(seconds, [0.0, *seconds], strict=False)]
+    shares = sum(time * float(row[column]) for time, row in zip(times, log, strict=True))
     return shares / max(sum(times), 1e-9)

@@ -58,7 +58,9 @@ def value_decomposition(runs: Runs, seed: int, budget: int, folder: Path, thread
     [log] = folder.glob("*/log.csv")
     values = [f"{float(found[1]) / 100:.4f}", found[2], found[3]]
     evaluated = {f"{choice}_{name}": "" for choice in CHOICES for name in VALUES}
-    return data.read(log), evaluated | {f"greedy_{name}": value for name, value in zip(VALUES, values)}
+    return data.read(log), evaluated | {
+        f"greedy_{name}": value for name, value in zip(VALUES, values, strict=True)
+    }
 
 
 LEARNERS: dict[str, Callable[[Runs, int, int, Path, int], Measured]] = {

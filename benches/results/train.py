@@ -72,7 +72,7 @@ def main(argv: list[str] | None = None) -> int:
     workers = ThreadPoolExecutor(options.jobs)
     futures = [workers.submit(train, run, options, threads, table) for run in missing]
     try:
-        errors = [(run, future.exception()) for run, future in zip(missing, futures)]
+        errors = [(run, future.exception()) for run, future in zip(missing, futures, strict=True)]
     except KeyboardInterrupt:  # the programs have got the signal too, and write their checkpoints
         workers.shutdown(cancel_futures=True)
         print("interrupted; the same command goes on from here")

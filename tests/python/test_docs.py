@@ -25,9 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from results import benchmarks
-
 import smaclite_pool as sp
+
+from results import benchmarks
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -515,7 +515,7 @@ def errors() -> dict[str, Callable[[], object]]:
         "autoreset": lambda: sp.make("2s3z", autoreset="same-step"),  # type: ignore[call-overload]
         "fields": lambda: sp.make("2s3z", fields="obs"),  # type: ignore[call-overload]
         "float": lambda: envs.step(np.zeros((4, 5))),
-        "other name": lambda: getattr(envs.reset(seed=1), "observation"),
+        "other name": lambda: envs.reset(seed=1).observation,
         "omitted": lambda: few.reset(seed=1).state,
         "final": lambda: few.reset(seed=1).final_obs,
         "unknown": lambda: sp.make("3m5z"),

@@ -6,11 +6,12 @@ import json
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
 from test_page import PROGRAM, REPOSITORY, browser, pytestmark
 
 __all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here

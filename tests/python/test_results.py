@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
 from results import benchmarks, data, page, tables, train, values
 from results.data import Row
 from results.runs import PAPER, RUNS, Runs

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
 import test_page
 from test_page import PROGRAM, Page, browser, check_step_on_phones
 
