@@ -93,7 +93,7 @@ published *args:
 
 # Run a random policy in an embedded pool with default settings: steps/s and returns
 demo *args: install
-    {{ python }} bindings/examples/random_policy.py {{ args }}
+    {{ python }} -m smaclite_pool.examples.random_policy {{ args }}
 
 # Measure steps per second (`just bench --help` for the options)
 bench *args:

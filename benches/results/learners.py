@@ -16,7 +16,7 @@ from .data import Row
 from .runs import Runs
 
 PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
-EXAMPLES = data.REPOSITORY / "bindings" / "examples"
+VALUE_DECOMPOSITION = "smaclite_pool.examples.value_decomposition"
 EPISODES = 200
 CHOICES = ("sampled", "greedy")
 VALUES = ("win_rate", "mean_return", "mean_length")
@@ -48,13 +48,14 @@ def value_decomposition(runs: Runs, seed: int, budget: int, folder: Path, thread
     """The example in PyTorch, which this interpreter must have. It does not resume, and evaluates without
     random actions."""
     shutil.rmtree(folder, ignore_errors=True)
-    script, options = EXAMPLES / "value_decomposition.py", shlex.split(runs.options)
+    options = shlex.split(runs.options)
     numbers = ["--seed", str(seed), "--steps", str(budget), "--evaluate-episodes", str(EPISODES)]
-    output = output_of(sys.executable, script, runs.scenario, *numbers, "--out", folder, *options)
+    argv = ["-m", VALUE_DECOMPOSITION, runs.scenario, *numbers, "--out", folder, *options]
+    output = output_of(sys.executable, *argv)
     found = re.search(r"won ([\d.]+)%, return ([\d.]+), ([\d.]+) steps$", output.strip())
     if not found:
         got = output[-200:]
-        raise RuntimeError(f"expected the evaluation in the last line of {script.name}, got {got!r}")
+        raise RuntimeError(f"expected the evaluation in the last line of {VALUE_DECOMPOSITION}, got {got!r}")
     [log] = folder.glob("*/log.csv")
     values = [f"{float(found[1]) / 100:.4f}", found[2], found[3]]
     evaluated = {f"{choice}_{name}": "" for choice in CHOICES for name in VALUES}

@@ -1,4 +1,4 @@
-"""Searches every standard scenario with bindings/examples/planning.py, for docs/results/search.csv.
+"""Searches every standard scenario with smaclite_pool.examples.planning, for docs/results/search.csv.
 
 A row has the best episode that beam searches found, with a million steps each and actions of several scripted
 policies to vary. Scenarios that have a row are skipped.
@@ -33,8 +33,7 @@ def main() -> int:
 
 def search(scenario: str, policy: str) -> data.Row:
     """The best episode that a beam search finds."""
-    program = str(data.REPOSITORY / "bindings/examples/planning.py")
-    argv = [sys.executable, program, scenario, "--policy", policy]
+    argv = [sys.executable, "-m", "smaclite_pool.examples.planning", scenario, "--policy", policy]
     printed = subprocess.run(argv, capture_output=True, text=True, check=True).stdout
     found = FOUND.match(printed)
     assert found, printed

@@ -71,9 +71,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
-    "how-to/plan.md": {
-        "python bindings/examples/planning.py 3s_vs_4z": CLONE,
-    },
     "reference/opponents.md": {"just figures": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
@@ -94,7 +91,11 @@ NOT_RUN: dict[str, dict[str, str]] = {
     # Docstrings, by module.
     "_evaluation.py": {"result = ": FRAGMENT},
     "_rollout.py": {"rollout = ": FRAGMENT},
+    "_team.py": {"team = sp.load_team": "needs a trained team; test_team.py has one"},
     "_wrapper.py": {"class Scaled": FRAGMENT},
+    "examples/__init__.py": {"python -m": "tests of each run it"},
+    "examples/epymarl_speed.py": {"python -m": OTHER_CODE},
+    "examples/ray_rollouts.py": {"python -m": "test_ray.py runs it"},
     "compat/__init__.py": {
         "python -m smaclite_pool.compat src": OTHER_CODE,
         "python -m smaclite_pool.compat --ep": OTHER_CODE,

@@ -85,8 +85,8 @@ def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:
 
 
 def test_the_example_plays() -> None:
-    example = str(REPOSITORY / "bindings" / "examples" / "random_policy.py")
-    done = run(example, "2s3z", "--num-envs", "16", "--seconds", "0.5")
+    example = ["-m", "smaclite_pool.examples.random_policy"]
+    done = run(*example, "2s3z", "--num-envs", "16", "--seconds", "0.5")
     assert done.returncode == 0, done.stderr
     assert "steps/s" in done.stdout and "mean return" in done.stdout
-    assert "did you mean `2s3z`" in run(example, "2s3").stderr
+    assert "did you mean `2s3z`" in run(*example, "2s3").stderr

@@ -27,8 +27,6 @@ import smaclite_pool.integrations.ray
 from ray.cluster_utils import Cluster
 from smaclite_pool.integrations.ray import MAX_BACKOFF, Fleet, Supervisor, actor_name, attach, back_off, start
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "bindings" / "examples" / "ray_rollouts.py"
-
 
 @pytest.fixture(autouse=True)
 def runtime_dir() -> None:
@@ -262,5 +260,5 @@ def test_the_first_example_runs(cluster: Cluster) -> None:
 
 def test_the_example_trains_on_both_nodes(cluster: Cluster) -> None:
     options = ("--num-envs=4", "--threads=1", "--updates=2", "--steps=70")
-    printed = of_cluster(cluster, str(EXAMPLE), "2s_vs_1sc", *options)
+    printed = of_cluster(cluster, "-m", "smaclite_pool.examples.ray_rollouts", "2s_vs_1sc", *options)
     assert "2 nodes, 2 rollout actors" in printed and "update 1: 560 steps" in printed, printed

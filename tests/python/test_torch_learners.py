@@ -1,4 +1,4 @@
-"""The learners in PyTorch of bindings/examples: teams learn, and equal seeds give equal runs."""
+"""The learners in PyTorch of smaclite_pool.examples: teams learn, and equal seeds give equal runs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ torch = pytest.importorskip("torch")
 safetensors = pytest.importorskip("safetensors.torch")
 
 # Imported by name, because they import torch, which may be missing.
-ppo: Any = importlib.import_module("ppo")
-value_decomposition: Any = importlib.import_module("value_decomposition")
+ppo: Any = importlib.import_module("smaclite_pool.examples.ppo")
+value_decomposition: Any = importlib.import_module("smaclite_pool.examples.value_decomposition")
 
 NO_OP = 0
 RANDOM_RETURN = 1.4  # of the random policy on 3m (docs/reference/policies.md)

@@ -52,6 +52,7 @@ from ._native import (
     status,
 )
 from ._rollout import Rollout
+from ._team import Team, load_team, train
 from ._wrapper import ChangedBatch, Wrapper
 from .errors import (
     Busy,
@@ -97,6 +98,7 @@ __all__ = [
     "ScriptedPolicy",
     "Spectator",
     "StartError",
+    "Team",
     "Timeout",
     "TooLittleMemory",
     "TooManyBatchesHeld",
@@ -104,6 +106,7 @@ __all__ = [
     "__version__",
     "connect",
     "evaluate",
+    "load_team",
     "make",
     "pack_snapshot",
     "pools",
@@ -111,4 +114,5 @@ __all__ = [
     "scenarios",
     "snapshot_columns",
     "status",
+    "train",
 ]

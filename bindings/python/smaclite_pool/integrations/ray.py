@@ -26,7 +26,7 @@ reserves no CPU, and no step passes through it. When a pool dies, the actor star
 rollout actor gets PoolDied, calls `lane.reattach()` and resets. The pause before each start doubles while
 starts fail, up to 30 s; after ten failures in a row the actor gives up, and `running` raises StartError with
 the last output of the pool. When the driver ends, its actors and pools end too.
-`bindings/examples/ray_rollouts.py` trains with PPO this way.
+`smaclite_pool.examples.ray_rollouts` trains with PPO this way.
 
 Sizing: use one actor per lane, and per node as many worker threads (`threads`) as it has cores, minus its
 lanes. Learner and workers take turns at a batch, so one lane with many environments is better than several

@@ -1,6 +1,6 @@
 """Environment steps per second of EPyMARL's runners, without training.
 
-    python bindings/examples/epymarl_speed.py EPYMARL/src --map MMM2 --envs 10 --runs 7
+    python -m smaclite_pool.examples.epymarl_speed EPYMARL/src --map MMM2 --envs 10 --runs 7
 
 For each runner, this prints medians over runs of batches of episodes, in which QMIX's untrained controller
 chooses the actions: steps per second of wall time, and per second of CPU time of all processes together. The

@@ -1,6 +1,6 @@
 """PPO of a team in one file: MAPPO, or IPPO with `--algorithm ippo`.
 
-    python bindings/examples/ppo.py 2s3z --steps 500000 --seed 1
+    python -m smaclite_pool.examples.ppo 2s3z --steps 500000 --seed 1
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All

@@ -1,7 +1,7 @@
 """Search instead of learning: beam search and Monte-Carlo tree search over branches of one battle.
 
-    python bindings/examples/planning.py 3s_vs_4z                                # beam search
-    python bindings/examples/planning.py 3m --method mcts --steps 300000
+    python -m smaclite_pool.examples.planning 3s_vs_4z                                # beam search
+    python -m smaclite_pool.examples.planning 3m --method mcts --steps 300000
 
 Both look for one good episode. Copies of a battle have its execution orders, so a plan leads again to what
 it led to: at the end it is played once more, and the returns are compared.

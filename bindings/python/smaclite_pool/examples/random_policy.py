@@ -2,7 +2,7 @@
 
 Usage:
 
-    python bindings/examples/random_policy.py 2s3z --num-envs 64 --seconds 5
+    python -m smaclite_pool.examples.random_policy 2s3z --num-envs 64 --seconds 5
 """
 
 import argparse

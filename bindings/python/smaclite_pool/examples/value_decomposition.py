@@ -1,6 +1,6 @@
 """Value decomposition in one file: QMIX, VDN or IQL (`--algorithm`) of a team with recurrent agents.
 
-    python bindings/examples/value_decomposition.py 2s3z --steps 500000 --seed 1
+    python -m smaclite_pool.examples.value_decomposition 2s3z --steps 500000 --seed 1
 
 For each agent, a network that all agents share computes a value Q(history, action) of each of its actions. It
 is recurrent, so that an agent remembers what it saw and did. The agents take the action of the largest value

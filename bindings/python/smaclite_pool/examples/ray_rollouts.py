@@ -1,6 +1,6 @@
 """Data-parallel PPO on a Ray cluster: a pool per node; only rollouts and weights cross nodes.
 
-    python bindings/examples/ray_rollouts.py 2s_vs_1sc --num-envs 32 --updates 20
+    python -m smaclite_pool.examples.ray_rollouts 2s_vs_1sc --num-envs 32 --updates 20
 
 The policy is a linear softmax over the observation of an agent, and the value a linear function of the state.
 Both are simple enough to differentiate by hand, so that the example shows how rollouts are distributed. With

@@ -1,0 +1,69 @@
+"""Teams in Python: trained by the program, and played in NumPy as the program plays them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import smaclite_pool as sp
+
+SMALL = {"num_envs": 16, "horizon": 32, "threads": 2}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("runs") / "3m"
+    records: list[dict[str, Any]] = []
+    opponent = {"attack_move": 0.5, "hold": 0.5}
+    team = sp.train(
+        "3m", path, steps=30_000, seed=1, opponent=opponent, on_update=records.append, last_actions=1, **SMALL
+    )
+    assert records[-1]["steps"] >= 30_000 and records[-1]["episodes"] > 0
+    assert team.settings["opponent"] == opponent and team.settings["obs_last_actions"] == 1
+    return path
+
+
+@pytest.mark.parametrize("greedy", [True, False])
+def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> None:
+    team = sp.load_team(folder, greedy=greedy)
+    with sp.make("3m", num_envs=64, **team.settings) as envs:
+        ours = sp.evaluate(envs, team, episodes=256, seed=5)
+    argv = [sys.executable, "-m", "smaclite_pool", "evaluate", str(folder), "--episodes=256", "--json"]
+    options = ["--seed=5", *(["--greedy"] if greedy else [])]
+    done = subprocess.run([*argv, *options], capture_output=True, text=True, check=True)
+    result = json.loads(done.stdout.splitlines()[-1])
+    if greedy:  # nothing is drawn, but by the seeds of the environments
+        assert ours.mean_return == pytest.approx(result["mean_return"], abs=1e-4)
+        assert ours.win_rate == result["win_rate"] and ours.mean_length == result["mean_length"]
+    else:
+        error = (result["return_deviation"] ** 2 * 2 / 256) ** 0.5
+        assert abs(ours.mean_return - result["mean_return"]) < 5 * error
+
+
+def test_what_holds_no_team_is_an_error(tmp_path: Path, folder: Path) -> None:
+    with pytest.raises(sp.InvalidRequest, match=r"is not the folder of a trained team: .*run\.json"):
+        sp.load_team(tmp_path)
+    team = sp.load_team(folder)
+    with (
+        sp.make("8m", num_envs=2) as envs,
+        pytest.raises(sp.InvalidRequest, match=r"observations are \[M, 3, 39\], got \[2, 8, 80\]"),
+    ):
+        team(envs.reset())
+
+
+def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
+    with pytest.raises(sp.InvalidRequest, match="already holds a run"):
+        sp.train("3m", folder, steps=100)
+    with pytest.raises(sp.InvalidRequest, match="did you mean `3m`|unknown scenario `3mm`"):
+        sp.train("3mm", tmp_path / "a", steps=100)
+    with pytest.raises(sp.InvalidRequest, match="unexpected argument '--learning-rate'"):
+        sp.train("3m", tmp_path / "b", steps=100, learning_rate=0.1)
+
+
+def test_progress_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sp.train("3m", tmp_path / "run", steps=2000, seed=1, **SMALL)  # type: ignore[arg-type]
+    assert "of 2000 steps" in capsys.readouterr().out
