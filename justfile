@@ -127,6 +127,10 @@ results-shares *args: _venv
 results-search: install
     {{ results }} {{ python }} -m results.search
 
+# Train teams against other opponents, for docs/results.md; half an hour
+results-opponents: install build
+    {{ results }} {{ python }} -m results.opponents
+
 # Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
     {{ python }} -m pip install --quiet matplotlib

@@ -50,7 +50,7 @@ def value_decomposition(runs: Runs, seed: int, budget: int, folder: Path, thread
     shutil.rmtree(folder, ignore_errors=True)
     options = shlex.split(runs.options)
     numbers = ["--seed", str(seed), "--steps", str(budget), "--evaluate-episodes", str(EPISODES)]
-    argv = ["-m", VALUE_DECOMPOSITION, runs.scenario, *numbers, "--out", folder, *options]
+    argv: list[str | Path] = ["-m", VALUE_DECOMPOSITION, runs.scenario, *numbers, "--out", folder, *options]
     output = output_of(sys.executable, *argv)
     found = re.search(r"won ([\d.]+)%, return ([\d.]+), ([\d.]+) steps$", output.strip())
     if not found:

@@ -20,10 +20,15 @@ Cells = list[str]
 
 
 def tables(
-    rows: list[Row], shares: list[Row], round_trip: float, searches: list[Row], scripts: str
+    rows: list[Row],
+    shares: list[Row],
+    round_trip: float,
+    searches: list[Row],
+    scripts: str,
+    played: list[Row],
 ) -> dict[str, str]:
     """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds;
-    `scripts` is the page with the returns of the scripted policies."""
+    `scripts` is the page with the returns of the scripted policies; `played` is of teams and opponents."""
     return {
         "paper": paper(rows),
         "default": budgets(rows, "default"),
@@ -31,6 +36,7 @@ def tables(
         "rules": rules(rows),
         "shares": time_shares(shares, round_trip),
         "search": search(rows, searches, scripts),
+        "opponents": opponents(played),
         "options": options(),
         "machines": machines(rows + shares),
     }
@@ -196,6 +202,20 @@ def search(rows: list[Row], searches: list[Row], scripts: str) -> str:
             ]
         )
     return markdown(header, lines)
+
+
+def opponents(played: list[Row]) -> str:
+    """Win rates in percent against every opponent, medians over seeds."""
+    names = list(dict.fromkeys(row["opponent"] for row in played))
+    teams = dict.fromkeys((row["scenario"], row["trained"]) for row in played)
+
+    def cell(team: tuple[str, str], opponent: str) -> str:
+        keys = (*team, opponent)
+        found = [row for row in played if (row["scenario"], row["trained"], row["opponent"]) == keys]
+        return f"{100 * median(float(row['win_rate']) for row in found):.0f}"
+
+    lines = [[f"{team[0]}, {team[1]}", *(cell(team, name) for name in names)] for team in teams]
+    return markdown(["scenario, trained against", *names], lines)
 
 
 def time_shares(shares: list[Row], round_trip: float) -> str:

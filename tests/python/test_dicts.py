@@ -24,6 +24,11 @@ def check(value: object, expected: Any, where: str) -> None:
         assert isinstance(value, list), f"{where}: {value!r}"
         for i, element in enumerate(value):
             check(element, arguments[0], f"{where}[{i}]")
+    elif origin is dict:
+        assert isinstance(value, dict), f"{where}: {value!r}"
+        for key, element in value.items():
+            check(key, arguments[0], f"{where}, a key")
+            check(element, arguments[1], f"{where}[{key!r}]")
     elif origin is typing.Literal:
         assert value in arguments, f"{where}: {value!r} is none of {arguments}"
     elif origin is types.UnionType:

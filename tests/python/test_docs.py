@@ -77,7 +77,11 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "just figures": CLONE,
     },
     "reference/rust.md": {"just docs": CLONE},
-    "results.md": {"just results-train": "trains for hours", "just results-search": CLONE},
+    "results.md": {
+        "just results-train": "trains for hours",
+        "just results-search": CLONE,
+        "just results-opponents": CLONE,
+    },
     "tutorials/installation.md": {
         "pip install dist": INSTALLS,
         "python3 -m venv": INSTALLS,
@@ -516,7 +520,7 @@ def errors() -> dict[str, Callable[[], object]]:
         "autoreset": lambda: sp.make("2s3z", autoreset="same-step"),  # type: ignore[call-overload]
         "fields": lambda: sp.make("2s3z", fields="obs"),  # type: ignore[call-overload]
         "float": lambda: envs.step(np.zeros((4, 5))),
-        "other name": lambda: envs.reset(seed=1).observation,
+        "other name": lambda: envs.reset(seed=1).observation,  # type: ignore[attr-defined]
         "omitted": lambda: few.reset(seed=1).state,
         "final": lambda: few.reset(seed=1).final_obs,
         "unknown": lambda: sp.make("3m5z"),

@@ -298,7 +298,7 @@ def test_a_shown_moment_is_saved_as_the_snapshot_that_the_pool_made(
                 (12, lambda: page.page.click("#branch")),
             ):
                 with page.page.expect_download() as download:
-                    save()
+                    save()  # type: ignore[no-untyped-call]
                 assert download.value.suggested_filename == f"2s3z-step{step}.snapshot"
                 file = tmp_path / "saved.snapshot"
                 download.value.save_as(file)

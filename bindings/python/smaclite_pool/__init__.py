@@ -22,9 +22,9 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
-import sysconfig
+import sys
 
-if sysconfig.get_config_var("Py_GIL_DISABLED"):
+if "t" in sys.abiflags:
     # Not tested there: batches are views of memory that other threads may replace.
     raise ImportError(
         "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "

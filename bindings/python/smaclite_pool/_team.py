@@ -92,7 +92,8 @@ class Team:
         if not self.greedy:
             # The largest of outputs with Gumbel noise is drawn by the softmax.
             outputs = outputs + self._random.gumbel(size=outputs.shape)
-        return outputs.argmax(-1).astype(np.int32)
+        actions: NDArray[np.int32] = outputs.argmax(-1).astype(np.int32)
+        return actions
 
 
 def load_team(folder: str | PathLike[str], *, greedy: bool = False, seed: int = 0) -> Team:

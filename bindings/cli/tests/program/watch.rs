@@ -81,7 +81,7 @@ fn the_page_is_for_those_who_know_the_token() {
             "cache-control: no-store\r\n",
             "x-content-type-options: nosniff\r\n",
             "referrer-policy: no-referrer\r\n",
-            "x-frame-options: DENY\r\n",
+            "content-security-policy: frame-ancestors http://localhost:* http://127.0.0.1:*\r\n",
         ] {
             assert!(response.contains(header), "{request}: {header}: {response:.300}");
         }

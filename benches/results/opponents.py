@@ -1,0 +1,62 @@
+"""Trains teams against attack-move alone and against a mixture of opponents, and lets them play against every
+opponent, for docs/results/opponents.csv. Rows that are there are skipped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import smaclite_pool as sp
+
+from . import data
+
+PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
+SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM")
+STEPS, EPISODES, SEEDS = 1_000_000, 200, (1, 2, 3)
+MIXTURE = ",".join(f"{name}=1" for name in ("attack_move", "nearest", "focus_fire", "kite", "hold", "line"))
+"""The others are met for the first time in the evaluation."""
+TRAINED = {"attack_move": "attack_move", "mixture": MIXTURE}
+
+
+def main() -> int:
+    argparse.ArgumentParser("results.opponents", description=__doc__).parse_args()
+    file = data.FOLDER / "opponents.csv"
+    rows = data.read(file)
+    there = {(row["scenario"], row["trained"], row["seed"]) for row in rows}
+    for scenario in SCENARIOS:
+        for trained in TRAINED:
+            for seed in SEEDS:
+                if (scenario, trained, str(seed)) not in there:
+                    rows += play(scenario, trained, seed)
+                    data.write(file, rows)
+    return 0
+
+
+def play(scenario: str, trained: str, seed: int) -> list[data.Row]:
+    """Trains a team, and evaluates it against every opponent with sampled actions."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run"
+        options = ["--steps", str(STEPS), "--seed", str(seed), "--opponent", TRAINED[trained]]
+        run("train", scenario, *options, "--out", str(out))
+        rows = []
+        for opponent in sp.OPPONENTS:
+            options = ["--episodes", str(EPISODES), "--seed", "1", "--opponent", opponent]
+            result = json.loads(run("evaluate", str(out), *options, "--json").splitlines()[-1])
+            of_run = {"scenario": scenario, "trained": trained, "seed": str(seed), "opponent": opponent}
+            numbers = {name: f"{result[name]:.4f}" for name in ("win_rate", "mean_return")}
+            rows.append(of_run | numbers)
+    print(scenario, trained, seed, [row["win_rate"] for row in rows], flush=True)
+    return rows
+
+
+def run(*arguments: str) -> str:
+    return subprocess.run([PROGRAM, *arguments], check=True, capture_output=True, text=True).stdout
+
+
+if __name__ == "__main__":
+    sys.exit(main())
