@@ -17,7 +17,7 @@ from . import data
 
 PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
 SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM")
-STEPS, EPISODES, SEEDS = 1_000_000, 200, (1, 2, 3)
+STEPS, EPISODES, SEEDS = 500_000, 200, (1, 2, 3)
 MIXTURE = ",".join(f"{name}=1" for name in ("attack_move", "nearest", "focus_fire", "kite", "hold", "line"))
 """The others are met for the first time in the evaluation."""
 TRAINED = {"attack_move": "attack_move", "mixture": MIXTURE}

@@ -49,7 +49,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
     "frameworks/epymarl.md": {
         "python -m smaclite_pool.compat": OTHER_CODE,
         "git clone": OTHER_CODE,
-        "python bindings": OTHER_CODE,
+        "python -m smaclite_pool.examples": OTHER_CODE,
     },
     "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
     "how-to/docker.md": {
@@ -63,7 +63,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "pip install": INSTALLS,
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
     },
-    "how-to/ray.md": {"ray start": "needs a cluster", "python bindings": "test_ray.py runs the program"},
+    "how-to/ray.md": {"ray start": "needs a cluster", "python -m": "test_ray.py runs the program"},
     "how-to/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
     "how-to/slurm.md": {"sbatch": "needs a cluster"},
     "how-to/systemd.md": {
@@ -95,7 +95,9 @@ NOT_RUN: dict[str, dict[str, str]] = {
     # Docstrings, by module.
     "_evaluation.py": {"result = ": FRAGMENT},
     "_rollout.py": {"rollout = ": FRAGMENT},
-    "_team.py": {"team = sp.load_team": "needs a trained team; test_team.py has one"},
+    "_team.py": {
+        "import smaclite_pool as sp\n\nteam = sp.load_team": "needs a trained team; test_team.py has one"
+    },
     "_wrapper.py": {"class Scaled": FRAGMENT},
     "examples/__init__.py": {"python -m": "tests of each run it"},
     "examples/epymarl_speed.py": {"python -m": OTHER_CODE},
@@ -292,7 +294,7 @@ RUN_EXAMPLES = [(module, code) for module, code in examples() if not reason(modu
 
 @pytest.mark.parametrize(("module", "code"), RUN_EXAMPLES, ids=[module for module, _ in RUN_EXAMPLES])
 def test_docstring(module: str, code: str, session: Session) -> None:
-    session.run(Block("python", code, ""))
+    session.run(Block("sh" if code.startswith("python -") else "python", code, ""))
     if session.missing:
         pytest.skip(f"not installed: {', '.join(sorted(session.missing))}")
 

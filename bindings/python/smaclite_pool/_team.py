@@ -35,6 +35,8 @@ LINE_INTERVAL = 2.0
 class Team:
     """A trained team: a policy for `evaluate` and for loops of your own.
 
+        import smaclite_pool as sp
+
         team = sp.load_team("runs/3m")
         with sp.make("3m", num_envs=64, **team.settings) as envs:
             print(sp.evaluate(envs, team, episodes=200, seed=1).win_rate)
@@ -120,6 +122,8 @@ def train(
     **options: object,
 ) -> Team:
     """Train a team, as `smaclite-pool train` in another process, and return it.
+
+        import smaclite_pool as sp
 
         team = sp.train("3m", "runs/3m", steps=200_000, seed=1)
 
