@@ -16,7 +16,7 @@ import smaclite_pool as sp
 from . import data
 
 PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
-SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM")
+SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM", "1c3s5z", "3s_vs_3z", "10m_vs_11m", "8m_vs_9m", "25m")
 STEPS, EPISODES, SEEDS = 500_000, 200, (1, 2, 3)
 MIXTURE = ",".join(f"{name}=1" for name in ("attack_move", "nearest", "focus_fire", "kite", "hold", "line"))
 """The others are met for the first time in the evaluation."""

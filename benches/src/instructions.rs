@@ -94,8 +94,8 @@ pub(crate) fn under_valgrind(options: &[&str], second: &[&str]) -> Result<Comman
     Ok(command)
 }
 
-/// What a fork costs the worker that does it, once `steps` times, in the process that callgrind runs: the state is
-/// saved, another battle takes it, and writes its snapshot.
+/// What a fork costs the worker that does it, once `steps` times, in the process that callgrind runs: the
+/// state is saved, another battle takes it, and writes its snapshot.
 pub(crate) fn fork_once(scenario: &str, forks: usize) -> Result<(), Box<dyn Error>> {
     let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
     let (n_agents, n_enemies) = (arena.sizes().n_agents, arena.sizes().n_enemies);

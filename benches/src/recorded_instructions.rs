@@ -172,9 +172,10 @@ pub(crate) fn print_extensions() {
 impl Recorded {
     fn write(&self) -> String {
         let mut text =
-            "# Instructions per living unit and tick, of forks per unit; written by `just figures instructions --record`, \
-                        compared by `--check`.\n"
-                .to_owned();
+            "# Instructions per living unit and tick, of forks per unit; written by `just figures \
+                        instructions --record`, compared by `--check`.
+"
+            .to_owned();
         for (name, value) in &self.conditions {
             let _ = writeln!(text, "# {name}: {value}");
         }

@@ -252,8 +252,8 @@ impl Envs {
     ///     env_id: integers [K], as for `send`.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
-    /// Ctrl-C: Python raises KeyboardInterrupt when the call has returned, so the step was made, and its batch is
-    /// lost. A program that goes on resets, or continues with the batch of its next step.
+    /// Ctrl-C: Python raises KeyboardInterrupt when the call has returned, so the step was made, and its
+    /// batch is lost. A program that goes on resets, or continues with the batch of its next step.
     ///
     /// Raises:
     ///     IllegalAction: an action is not available; no environment was stepped.

@@ -52,8 +52,8 @@ const MAX_LANES: usize = 64;
 ///     episode_limit: number of steps after which an episode is truncated, at least 1; None for no limit;
 ///         "default" for the scenario's limit.
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
-///     opponent: who plays the enemies: a name of `OPPONENTS`, or a dictionary of names and weights, of which each
-///         episode draws one from the environment's generator. See `docs/reference/opponents.md`.
+///     opponent: who plays the enemies: a name of `OPPONENTS`, or a dictionary of names and weights, of which
+///         each episode draws one from the environment's generator. See `docs/reference/opponents.md`.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of

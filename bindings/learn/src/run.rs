@@ -72,8 +72,8 @@ impl RunDescription {
 /// A run that writes its logs and checkpoints to its folder.
 ///
 /// This is `smaclite-pool train` as a library: PPO on processors, with a policy that all agents share. For
-/// another algorithm, network or a GPU, write a learner in Python (`smaclite_pool.examples.ppo` is one), or on
-/// `smaclite_ipc::Client`.
+/// another algorithm, network or a GPU, write a learner in Python (`smaclite_pool.examples.ppo` is one), or
+/// on `smaclite_ipc::Client`.
 ///
 /// # Example
 ///

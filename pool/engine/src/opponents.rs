@@ -60,8 +60,12 @@ impl Opponent {
     }
 
     /// Its index in [`ALL`](Self::ALL).
-    pub fn index(self) -> usize {
-        Opponent::ALL.iter().position(|opponent| *opponent == self).unwrap_or_default()
+    pub const fn index(self) -> usize {
+        match self {
+            Opponent::AttackMove => 0,
+            Opponent::AttackNearest => 1,
+            Opponent::Scripted(tactic) => 2 + tactic as usize,
+        }
     }
 }
 
@@ -227,6 +231,11 @@ mod tests {
         // Six standard deviations.
         assert!((f64::from(attack_move) - 1000.0).abs() < 6.0 * (8000.0f64 * 0.125 * 0.875).sqrt());
         assert!((f64::from(kite) - 2000.0).abs() < 6.0 * (8000.0f64 * 0.25 * 0.75).sqrt());
+    }
+
+    #[test]
+    fn an_index_is_the_place_among_all() {
+        assert!(Opponent::ALL.iter().enumerate().all(|(i, opponent)| opponent.index() == i));
     }
 
     #[test]

@@ -29,7 +29,8 @@ pub(super) enum Format {
 
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix, got `{0}`"
+    "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix, got \
+     `{0}`"
 )]
 pub(super) struct UnknownSuffix(String);
 

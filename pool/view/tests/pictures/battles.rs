@@ -197,8 +197,8 @@ fn north_is_up_and_pixels_map_back() {
     }
 }
 
-/// An animation of a map of 24 x 20 squares showed 125 rows of pixels below its south edge, because the units were
-/// near it.
+/// An animation of a map of 24 x 20 squares showed 125 rows of pixels below its south edge, because the units
+/// were near it.
 #[test]
 fn a_picture_ends_where_the_map_does() {
     let zealots = |x: f64, y: f64| {

@@ -94,7 +94,8 @@ fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     assert!(matches!(&saved, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")), "{saved:?}");
 }
 
-/// A unit type of the scenario's own name was written to the scenario file, and then replaced by the scenario.
+/// A unit type of the scenario's own name was written to the scenario file, and then replaced by the
+/// scenario.
 #[test]
 fn two_files_are_not_written_to_one() {
     let (folder, start) = folder();
