@@ -49,10 +49,11 @@ test-learners *args: install
     {{ python }} -m pip install --quiet torch safetensors
     {{ python }} -m pytest tests/python/test_torch_learners.py {{ args }}
 
-# Test the pages of replays and running pools and the scenario editor in a browser (Debian: apt install chromium)
+# Test the pages of replays, running pools, the scenario editor and `play` in a browser (Debian: apt install chromium)
 test-page *args: install
     {{ python }} -m pip install --quiet playwright
-    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py {{ args }}
+    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
+        tests/python/test_play.py {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 
@@ -99,7 +100,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
 
-# Measure: transport, efficiency, asynchronous, many, branching, engine, instructions (benches/README.md), policies (docs)
+# Measure: transport, efficiency, asynchronous, many, branching, engine, instructions (benches/README.md), policies, symmetry (docs)
 figures *args:
     cargo run --release --quiet -p smaclite-benches -- {{ args }}
 
@@ -130,6 +131,10 @@ results-search: install
 # Train teams against other opponents, for docs/results.md; half an hour
 results-opponents: install build
     {{ results }} {{ python }} -m results.opponents
+
+# Rate teams during their training, for docs/results.md (--help); an hour
+results-elo *args: install build
+    {{ results }} {{ python }} -m results.elo {{ args }}
 
 # Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
@@ -243,14 +248,17 @@ fmt: _ruff _node
     npm run --silent format
 
 # Check formatting, lints and the length of lines; warnings are errors
-lint: _ruff lint-github lint-js
-    cargo fmt --all --check
+lint: _ruff lint-github lint-js lint-rust
     {{ python }} -m ruff format --check
     {{ python }} -m ruff check
     @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
     python3 bindings/notices.py --check
+
+# Check the Rust code: format and lints
+lint-rust:
+    cargo fmt --all --check
     cargo clippy --locked --release --workspace --all-targets -- -D warnings
 
 # Write the licences of all crates in the package, in THIRD-PARTY-LICENSES, after changes to Cargo.lock

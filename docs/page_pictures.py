@@ -1,4 +1,4 @@
-"""Draws editor.webp and watch.webp: the pages of the scenario editor and of a running pool, in Chromium.
+"""Draws editor.webp, watch.webp and play.webp: the pages of these commands, in Chromium.
 
     page_pictures.py FOLDER
 
@@ -25,6 +25,9 @@ LEARNER = Path(__file__).resolve().parents[1] / "tests" / "python" / "learner.py
 
 # For how long the pool is watched, so that its curves have a past.
 WATCHED_MS = 40_000
+
+# After how many steps of a battle the sides fight.
+PLAYED_STEPS = 7
 
 # A screenshot is PNG or JPEG; as WebP, which browsers can write, it is half as large and as sharp.
 CONVERT = """async (png) => {
@@ -70,10 +73,26 @@ def draw_watch(stack: ExitStack, browser: Any, path: Path) -> None:
     save(browser, page, path)
 
 
+def draw_play(stack: ExitStack, browser: Any, path: Path) -> None:
+    page = browser.new_page(viewport={"width": 1180, "height": 640}, color_scheme="dark")
+    page.goto(start(stack, *PROGRAM, "play", "2s3z", "--seed", "1"))
+    page.wait_for_selector("html[data-ready]", state="attached")
+    page.keyboard.press("Control+a")
+    for step in range(1, PLAYED_STEPS + 1):
+        page.keyboard.press("a")
+        page.keyboard.press(".")
+        page.wait_for_selector(f"#time:has-text('step {step} /')")
+    page.wait_for_selector("#result.paused")
+    page.keyboard.press("a")
+    page.wait_for_timeout(500)
+    save(browser, page, path)
+
+
 folder = Path(sys.argv[1])
 with ExitStack() as stack:
     chromium = stack.enter_context(sync_playwright()).chromium
     browser = chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
     draw_editor(stack, browser, folder / "editor.webp")
     draw_watch(stack, browser, folder / "watch.webp")
+    draw_play(stack, browser, folder / "play.webp")
     browser.close()

@@ -96,7 +96,7 @@ impl HostedBattle {
 /// One step is enough warm-up: working memory is allocated for the worst case of its arena.
 #[test]
 fn steps_allocate_nothing() {
-    for scenario in Scenario::standard_names() {
+    for scenario in Scenario::standard_names().chain(Scenario::generated_names()) {
         let mut scratch = Scratch::new();
         let mut battle = HostedBattle::new(&arena(scenario));
         battle.step(false, &mut scratch);

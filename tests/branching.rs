@@ -200,7 +200,7 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
     };
     refusal(&mut learner, &changed(size - 9, 1), "environment 2 cannot be restored: the snapshot is damaged");
     refusal(&mut learner, &changed(0, 1), "environment 2 cannot be restored: these bytes are no snapshot");
-    refusal(&mut learner, &changed(8, 1), "environment 2 cannot be restored: the snapshot has version 3");
+    refusal(&mut learner, &changed(8, 1), "environment 2 cannot be restored: the snapshot has version 4");
     let layout = RecordLayout::of(&good[..size]).expect("a snapshot");
     let mut edited = good.clone();
     layout.column_mut(&mut edited[size..2 * size], Column::Shield)[16..24]
@@ -227,7 +227,7 @@ fn a_snapshot_of_another_rule_set_is_an_error() {
     let scenario = Scenario::resolve("2s3z").expect("a standard scenario");
     let [smaclite, paper] =
         [Rules::Smaclite, Rules::Paper].map(|rules| Arc::new(Arena::new(&scenario, rules)));
-    let layout = RecordLayout::new(RecordSizes { n_agents: 5, n_enemies: 5, n_past: 0 });
+    let layout = RecordLayout::new(RecordSizes::new(&smaclite.sizes(), 0));
     let mut record = vec![0; layout.size()];
     Battle::new(smaclite, 1).write_record(&layout, &[], &mut record);
     let error =
@@ -252,8 +252,7 @@ fn play(battle: &mut Battle, steps: usize, scratch: &mut Scratch) {
 }
 
 fn record_layout(arena: &Arena) -> RecordLayout {
-    let sizes = arena.sizes();
-    RecordLayout::new(RecordSizes { n_agents: sizes.n_agents, n_enemies: sizes.n_enemies, n_past: 0 })
+    RecordLayout::new(RecordSizes::new(&arena.sizes(), 0))
 }
 
 #[test]

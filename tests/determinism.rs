@@ -11,7 +11,7 @@ const N_STEPS: usize = 40;
 
 /// Two battles of every scenario.
 fn battles() -> Vec<Battle> {
-    let arenas = Scenario::standard_names().map(|name| {
+    let arenas = Scenario::standard_names().chain(Scenario::generated_names()).map(|name| {
         let scenario = Scenario::standard(name).expect("a standard scenario");
         Arc::new(Arena::new(&scenario, Rules::Smaclite))
     });

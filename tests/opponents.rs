@@ -4,7 +4,7 @@
 use smaclite_engine::policy::{Scripted, Situation};
 use smaclite_engine::{Arena, Battle, Opponent, Opponents, Rules, SIGHT_RANGE, Scratch, Snapshot, Units};
 use smaclite_pool::fields::{FIELDS, Field};
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::Scenario;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
 use std::collections::BTreeSet;
@@ -50,7 +50,7 @@ fn bits(snapshot: &Snapshot) -> (Vec<[u32; 2]>, Vec<u64>, u64) {
 #[test]
 fn battles_against_every_opponent_continue_from_a_snapshot_with_the_same_bits() {
     for map in Scenario::standard_names() {
-        for opponent in Opponent::ALL {
+        for opponent in Opponent::scripts() {
             let mut whole = battle(map, opponent, 5);
             let mut agents = Agents::new("nearest", &whole);
             let mut saved = whole.save();
@@ -175,12 +175,7 @@ fn results(scenario: &Scenario, name: &str) -> [usize; 2] {
 fn exchanging_the_sides_exchanges_the_results() {
     for map in ["3m", "8m", "25m", "2s3z", "3s5z", "1c3s5z", "bane_vs_bane"] {
         let scenario = Scenario::standard(map).expect("a standard scenario");
-        let mut exchanged = scenario.clone();
-        exchanged.units.iter_mut().for_each(|unit| unit.faction = unit.faction.opponent());
-        std::mem::swap(&mut exchanged.ally_has_shields, &mut exchanged.enemy_has_shields);
-        let enemies = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
-        let (x, y) = enemies.fold((0.0, 0.0), |(x, y), unit| (x + unit.position[0], y + unit.position[1]));
-        exchanged.attack_point = [x, y].map(|sum| sum / scenario.n_enemies() as f64);
+        let exchanged = scenario.exchanged();
         for name in ["nearest", "focus_fire", "spread"] {
             let [wins, defeats] = results(&scenario, name);
             assert!(wins + defeats >= 30, "{map}: {name} does not finish");

@@ -299,7 +299,7 @@ fn a_snapshot_of_another_scenario_is_refused() {
         Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1)
     };
     let error = battle("3s5z").restore(&battle("2s3z").save()).expect_err("10 units are not 16");
-    assert_eq!(error.to_string(), "snapshot column 'pos' must have 16 entries, got 10");
+    assert_eq!(error.to_string(), "snapshot column 'unit_type' must have 16 entries, got 10");
 }
 
 /// An episode is truncated at its limit, unless it ends by itself in that step.

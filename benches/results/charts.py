@@ -74,6 +74,42 @@ def draw(folder: Path) -> None:
     save(folder, "default", panels("default", "win_rate"), 4)
     save(folder, "others", panels("others", "win_rate"), 4)
     save(folder, "rules", panels("rules", "win_rate", "mean_return"), 2)
+    ratings(folder)
+
+
+def ratings(folder: Path) -> None:
+    """Draws the ratings of teams over their training, a panel per scenario."""
+    rows = data.read(folder / "elo.csv")
+    scenarios = list(dict.fromkeys(row["scenario"] for row in rows))
+
+    def figure() -> Any:
+        import matplotlib.pyplot as plt
+
+        figure, grid = plt.subplots(1, len(scenarios), figsize=(9, 2.5), squeeze=False, layout="constrained")
+        for axes, scenario in zip(grid.flat, scenarios, strict=True):
+            draw_ratings(axes, [row for row in rows if row["scenario"] == scenario])
+        grid.flat[0].set_ylabel("Elo")
+        grid.flat[-1].legend(loc="lower right", fontsize=8, frameon=False)
+        return figure
+
+    if rows:
+        write(figure, folder / "elo.svg")
+
+
+def draw_ratings(axes: Any, rows: list[data.Row]) -> None:
+    """One scenario: the teams by what they were trained against, and the best script."""
+    teams = [row for row in rows if row["steps"]]
+    steps = sorted({int(row["steps"]) for row in teams})
+    for index, trained in enumerate(dict.fromkeys(row["trained"] for row in teams)):
+        of_kind = [row for row in teams if row["trained"] == trained]
+        at = [[float(row["elo"]) for row in of_kind if int(row["steps"]) == step] for step in steps]
+        xs = [step / 1e6 for step in steps]
+        low, high = [min(values) for values in at], [max(values) for values in at]
+        axes.fill_between(xs, low, high, color=f"C{index}", alpha=0.25, linewidth=0)
+        axes.plot(xs, [np.median(values) for values in at], color=f"C{index}", linewidth=1.6, label=trained)
+    best = max(float(row["elo"]) for row in rows if not row["steps"])
+    axes.axhline(best, label="best script", **REFERENCE)
+    axes.set(title=rows[0]["scenario"], xlabel="million steps", xlim=(0, None))
 
 
 def named(several: list[Runs]) -> Lines:

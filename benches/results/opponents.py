@@ -44,7 +44,7 @@ def play(scenario: str, trained: str, seed: int) -> list[data.Row]:
         options = ["--steps", str(STEPS), "--seed", str(seed), "--opponent", TRAINED[trained]]
         run("train", scenario, *options, "--out", str(out))
         rows = []
-        for opponent in sp.OPPONENTS:
+        for opponent in sp.OPPONENTS[:-1]:  # all but "learner"
             options = ["--episodes", str(EPISODES), "--seed", "1", "--opponent", opponent]
             result = json.loads(run("evaluate", str(out), *options, "--json").splitlines()[-1])
             of_run = {"scenario": scenario, "trained": trained, "seed": str(seed), "opponent": opponent}

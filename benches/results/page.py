@@ -37,8 +37,8 @@ def with_tables(text: str, folder: Path) -> str:
     round_trip = float(values.value(ROUND_TRIP, data.REPOSITORY / "docs"))
     searches = data.read(folder / "search.csv")
     scripts = (data.REPOSITORY / "docs" / "reference" / "policies.md").read_text()
-    played = data.read(folder / "opponents.csv")
-    for name, table in tables.tables(rows, shares, round_trip, searches, scripts, played).items():
+    played, rated = data.read(folder / "opponents.csv"), data.read(folder / "elo.csv")
+    for name, table in tables.tables(rows, shares, round_trip, searches, scripts, played, rated).items():
         text = tables.insert(text, name, table)
     return text
 

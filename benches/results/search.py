@@ -22,7 +22,7 @@ FOUND = re.compile(r"\S+: (won|lost) with return (\S+) in (\d+) steps, found in 
 def main() -> int:
     argparse.ArgumentParser("results.search", description=__doc__).parse_args()
     rows = data.read(data.FOLDER / "search.csv")
-    for scenario in sorted(set(sp.scenarios()) - {row["scenario"] for row in rows}):
+    for scenario in sorted(set(sp.scenarios(generated=False)) - {row["scenario"] for row in rows}):
         found = [search(scenario, policy) for policy in POLICIES]
         best = max(found, key=lambda row: (row["won"], float(row["episode_return"])))
         print(best, flush=True)

@@ -26,9 +26,11 @@ def tables(
     searches: list[Row],
     scripts: str,
     played: list[Row],
+    rated: list[Row],
 ) -> dict[str, str]:
     """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds;
-    `scripts` is the page with the returns of the scripted policies; `played` is of teams and opponents."""
+    `scripts` is the page with the returns of the scripted policies; `played` is of teams and opponents,
+    `rated` has the ratings of teams and scripts."""
     return {
         "paper": paper(rows),
         "default": budgets(rows, "default"),
@@ -37,6 +39,7 @@ def tables(
         "shares": time_shares(shares, round_trip),
         "search": search(rows, searches, scripts),
         "opponents": opponents(played),
+        "elo": elo(rated),
         "options": options(),
         "machines": machines(rows + shares),
     }
@@ -216,6 +219,24 @@ def opponents(played: list[Row]) -> str:
 
     lines = [[f"{team[0]}, {team[1]}", *(cell(team, name) for name in names)] for team in teams]
     return markdown(["scenario, trained against", *names], lines)
+
+
+def elo(rated: list[Row]) -> str:
+    """The ratings of teams at the end of their training, medians and ranges over seeds, and of scripts."""
+    last = str(max((int(row["steps"]) for row in rated if row["steps"]), default=0))
+    scenarios = list(dict.fromkeys(row["scenario"] for row in rated))
+    teams = [row for row in rated if row["steps"] == last]
+    scripts = [row for row in rated if not row["steps"]]
+
+    def lines(rows: list[Row], name: str) -> Iterable[Cells]:
+        for trained in dict.fromkeys(row["trained"] for row in rows):
+            own = [row for row in rows if row["trained"] == trained]
+            cells = [[row for row in own if row["scenario"] == scenario] for scenario in scenarios]
+            yield [name.format(trained), *(spread(found, "elo", "{:.0f}".format) for found in cells)]
+
+    return markdown(
+        ["player", *scenarios], [*lines(teams, "team, trained against {}"), *lines(scripts, "{}")]
+    )
 
 
 def time_shares(shares: list[Row], round_trip: float) -> str:

@@ -14,18 +14,20 @@ use std::sync::Arc;
 
 /// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
 /// have the names of the engine's modules.
-const PHASES: [(&str, &str); 11] = [
-    ("order", "battle::Battle::set_execution_order"),
-    ("targets", "tick::targets::drop_lost"),
-    ("preferred", "tick::preferred::decide"),
-    ("avoid", "tick::avoid::plan_velocities"),
-    ("execute", "tick::execute::take_turns"),
-    ("deaths", "tick::deaths::remove_dead"),
-    ("masks", "encode::avail::Available::update"),
-    ("tables", "encode::unit_tables::UnitTables::update"),
-    ("obs", "encode::obs::write_obs"),
-    ("state", "encode::state::write_state"),
-    ("avail", "encode::avail::Available::write"),
+const PHASES: [(&str, &[&str]); 13] = [
+    ("order", &["battle::Battle::set_execution_order"]),
+    ("targets", &["tick::targets::drop_lost"]),
+    ("preferred", &["tick::preferred::decide"]),
+    ("avoid", &["tick::avoid::plan_velocities"]),
+    ("execute", &["tick::execute::take_turns"]),
+    ("deaths", &["tick::deaths::remove_dead"]),
+    ("look", &["battle::perceiver::Perceiver::look"]),
+    ("perceive", &["smacv2::perception::<impl smaclite_engine::smacv2::Interface>::perceive"]),
+    ("masks", &["encode::avail::Available::update", "Interface>::write_available"]),
+    ("tables", &["encode::unit_tables::UnitTables::update"]),
+    ("obs", &["encode::obs::write_obs", "Interface>::write_obs"]),
+    ("state", &["encode::state::write_state", "Interface>::write_state"]),
+    ("avail", &["encode::avail::Available::write"]),
 ];
 
 /// Prints the instructions of each phase per living unit and tick.
@@ -38,7 +40,8 @@ pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
         let unit_ticks = record(&scenario, plays.policy, plays.steps)?.1.unit_ticks() as f64;
         let counts = count(&scenario, plays.policy, plays.steps)?;
         let total = counts.total();
-        let phases = PHASES.map(|(_, function)| counts.of(function));
+        let phases =
+            PHASES.map(|(_, functions)| functions.iter().map(|function| counts.of(function)).sum::<f64>());
         print!("{scenario:16} {:9.0}", total / unit_ticks);
         phases.iter().for_each(|count| print!(" {:9.1}", count / unit_ticks));
         println!(" {:9.1}", (total - phases.iter().sum::<f64>()) / unit_ticks);
@@ -98,12 +101,11 @@ pub(crate) fn under_valgrind(options: &[&str], second: &[&str]) -> Result<Comman
 /// state is saved, another battle takes it, and writes its snapshot.
 pub(crate) fn fork_once(scenario: &str, forks: usize) -> Result<(), Box<dyn Error>> {
     let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
-    let (n_agents, n_enemies) = (arena.sizes().n_agents, arena.sizes().n_enemies);
-    let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+    let layout = RecordLayout::new(RecordSizes::new(&arena.sizes(), 0));
     let [mut from, mut to] = [1, 2].map(|seed| Battle::new(Arc::clone(&arena), seed));
     let (mut scratch, mut snapshot, mut record) =
         (Scratch::new(), Snapshot::default(), vec![0; layout.size()]);
-    let east: Vec<i32> = vec![4; n_agents];
+    let east: Vec<i32> = vec![4; arena.sizes().n_agents];
     from.step(&east, &mut scratch)?;
     for _ in 0..forks {
         play_counted_fork(&from, &mut to, &mut snapshot, &layout, &mut record);

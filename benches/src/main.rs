@@ -11,6 +11,7 @@ mod policies;
 mod pools;
 mod recorded_instructions;
 mod step_times;
+mod symmetry;
 mod transport;
 
 use clap::{Parser, Subcommand};
@@ -71,6 +72,8 @@ enum Measurement {
     },
     /// Returns and win rates of the scripted policies, as a Markdown table (docs/reference/policies.md)
     Policies(policies::Games),
+    /// Wins of scripted policies against themselves in the mirror, as a Markdown table
+    Symmetry(symmetry::Games),
     /// The second process of a measurement
     #[command(hide = true)]
     Second {
@@ -127,6 +130,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
         }
         Measurement::Instructions { plays, .. } => instructions::measure(&plays),
         Measurement::Policies(games) => policies::measure(&games),
+        Measurement::Symmetry(games) => symmetry::measure(&games),
         Measurement::Second { process } => run_second(process),
     }
 }

@@ -54,7 +54,7 @@ pub(crate) fn measure(games: &Games) -> Result<(), Box<dyn Error>> {
 impl Games {
     fn pairings(&self) -> Vec<Pairing<'_>> {
         match &self.against_all {
-            Some(policy) => Opponent::ALL.map(|opponent| (policy.as_str(), opponent)).to_vec(),
+            Some(policy) => Opponent::scripts().map(|opponent| (policy.as_str(), opponent)).collect(),
             None => Scripted::NAMES.map(|policy| (policy, Opponent::AttackMove)).to_vec(),
         }
     }

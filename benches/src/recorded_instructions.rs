@@ -106,9 +106,10 @@ fn report(comparison: &Comparison, counts: usize) -> Result<(), Box<dyn Error>> 
     .into())
 }
 
-/// All standard scenarios with both policies, and their forks.
+/// All standard scenarios and two generated ones with both policies, and their forks.
 fn all_plays() -> Vec<Play> {
-    Scenario::standard_names().flat_map(|name| Work::ALL.map(|work| (name.to_owned(), work))).collect()
+    let names = Scenario::standard_names().chain(["protoss_5_vs_5", "zerg_20_vs_23"]);
+    names.flat_map(|name| Work::ALL.map(|work| (name.to_owned(), work))).collect()
 }
 
 /// Counts on all cores.

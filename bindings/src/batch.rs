@@ -186,6 +186,12 @@ fn docstring(spec: &FieldSpec) -> String {
         Axis::State => ", state_size",
         Axis::Action => ", n_actions",
         Axis::Snapshot => ", snapshot_size",
+        Axis::Unit => ", n_units",
+        Axis::LevelColumn => ", 5",
+        Axis::Enemy => ", n_enemies",
+        Axis::EnemyObs => ", enemy_obs_size",
+        Axis::EnemyState => ", enemy_state_size",
+        Axis::EnemyAction => ", n_enemy_actions",
     };
     let axes: String = spec.axes.iter().map(axis).collect();
     format!("{} [M{axes}]: {}. Read-only, in place.", spec.dtype.name(), spec.meaning)

@@ -9,6 +9,7 @@ use numpy::{
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use smaclite_engine::Faction;
 use std::fmt::Display;
 use std::str::FromStr;
 use std::time::Duration;
@@ -96,6 +97,15 @@ pub fn timeout_seconds(arg: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     }
 }
 
+/// The side of this name.
+pub fn to_side(name: &str) -> PyResult<Faction> {
+    match name {
+        "allies" => Ok(Faction::Ally),
+        "enemies" => Ok(Faction::Enemy),
+        _ => Err(invalid_request(format!("side must be `allies` or `enemies`, got `{name}`"))),
+    }
+}
+
 /// A timeout as a duration. `None` and values beyond the range of `Duration`, such as infinity, mean no
 /// timeout.
 pub fn to_duration(timeout: Option<f64>) -> PyResult<Option<Duration>> {
@@ -159,9 +169,9 @@ pub fn float32_array<'py>(
     Ok(Float32Array(array.cast::<PyArrayDyn<f32>>()?.try_readonly()?))
 }
 
-/// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_agents]`.
-pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_agents: usize) -> PyResult<Actions<'py>> {
-    contiguous_int32("actions", arg, &[Some(num_envs), Some(n_agents)]).map(Actions)
+/// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_actors]`.
+pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_actors: usize) -> PyResult<Actions<'py>> {
+    contiguous_int32("actions", arg, &[Some(num_envs), Some(n_actors)]).map(Actions)
 }
 
 /// Actions as a C-contiguous int32 array.
@@ -181,6 +191,16 @@ impl smaclite_ipc::Actions for Actions<'_> {
         let actions = unsafe { self.0.as_slice() };
         out.copy_from_slice(actions.expect("`contiguous_int32` made it"));
     }
+}
+
+/// Converts the argument `levels` of `reset`: floats `[k, n_units, 5]`, whose number the client checks.
+pub fn levels<'py>(arg: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    let array = to_array("levels", arg)?;
+    if array.dtype().kind() != b'f' {
+        return Err(PyTypeError::new_err(format!("levels must be a float32 array, got {}", array.dtype())));
+    }
+    let array = array.call_method1("astype", ("float32", "C", "same_kind", true, false))?;
+    Ok(array.cast::<PyArrayDyn<f32>>()?.try_readonly()?)
 }
 
 /// Rows of bytes, as `restore` takes them.

@@ -14,6 +14,7 @@ use crate::wait::{IsCancelled, interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use smaclite_engine::Faction;
 use smaclite_ipc::{
     Actions as _, Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario,
 };
@@ -103,19 +104,26 @@ pub struct Envs {
     shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
+    side: Option<Faction>,
     /// Of an embedded pool.
     scenario: Option<Scenario>,
 }
 
 impl Envs {
+    /// The side of this learner, if the lane has a learner for each.
+    pub fn side_of_learner(&self) -> Option<Faction> {
+        self.side
+    }
+
     pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
+        let side = client.side();
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let attached = Attached { recording, client, _embedded: supervisor };
         let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
         let weak = Arc::downgrade(&shared);
         exit::close_at_exit(weak);
-        Envs { shared, description, layout, scenario }
+        Envs { shared, description, layout, side, scenario }
     }
 
     pub fn lane_description(&self) -> &LaneDescription {
@@ -166,7 +174,7 @@ impl Envs {
             require_envs("env_id", ids.as_slice()?)?;
         }
         let n_envs = self.request_size(ids.as_ref());
-        let actions = convert::actions(actions, n_envs, self.description.sizes.n_agents)?;
+        let actions = convert::actions(actions, n_envs, self.description.sizes.n_actors())?;
         Ok((actions, ids))
     }
 }
@@ -208,6 +216,11 @@ impl Envs {
     ///         `smaclite-pool serve`.
     ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
     ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
+    ///     levels: float32 [K, n_units, 5], how the episodes of these environments begin: for each agent and
+    ///         then for each enemy its type (an index into `scenario()["unit_types"]`), x and y in squares,
+    ///         health as a share of the full health, and 1 if it is in the battle, else 0. None: the
+    ///         scenario's units. The lane needs the field `level`, which has rows of this form. Only
+    ///         generated scenarios take other types than their own units have.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -218,7 +231,7 @@ impl Envs {
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None))]
+    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None))]
     fn reset(
         &self,
         py: Python<'_>,
@@ -226,6 +239,7 @@ impl Envs {
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+        levels: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Batch> {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let timeout = to_duration(timeout)?;
@@ -241,14 +255,21 @@ impl Envs {
         };
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        let batch = wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?;
+        let batch = match levels {
+            None => wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?,
+            Some(levels) => {
+                let levels = convert::levels(levels)?;
+                let levels = levels.as_slice()?;
+                wait_detached(py, timeout, |wait| client.reset_to(levels, seed, ids.as_deref(), wait))?
+            }
+        };
         Ok(Batch::new(batch))
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
     ///
     /// Args:
-    ///     actions: integers [K, n_agents], as for `send`.
+    ///     actions: integers [K, n_actors], as for `send`.
     ///     env_id: integers [K], as for `send`.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
@@ -282,9 +303,10 @@ impl Envs {
     /// Send actions without waiting for the result.
     ///
     /// Args:
-    ///     actions: integers [K, n_agents], one action per agent, each 0 to n_actions - 1 and available
-    ///         according to `avail_actions`. A C-contiguous int32 array is copied once, into shared memory;
-    ///         other integer arrays and nested lists are converted first.
+    ///     actions: integers [K, n_actors], one action per agent, each 0 to n_actions - 1 and available
+    ///         according to `avail_actions`; if actions play both sides, then one per enemy, available
+    ///         according to `enemy_avail_actions`. A C-contiguous int32 array is copied once, into shared
+    ///         memory; other integer arrays and nested lists are converted first.
     ///     env_id: integers [K], the ids of the environments, each at most once. None, the default, means all
     ///         in order. In synchronous mode every request must include all environments.
     ///
@@ -489,10 +511,10 @@ impl Envs {
     /// Args:
     ///     env_id: integers [K], the ids of environments in the newest batch; None, the default, means all
     ///         environments of the lane.
-    ///     out: a writeable C-contiguous int32 array [K, n_agents] to write to; None allocates one.
+    ///     out: a writeable C-contiguous int32 array [K, n_actors] to write to; None allocates one.
     ///
     /// Returns:
-    ///     int32 [K, n_agents]: the actions; `out`, if it was passed.
+    ///     int32 [K, n_actors]: the actions; `out`, if it was passed.
     ///
     /// Raises:
     ///     InvalidRequest: an argument is invalid, there was no reset yet, an environment is not in the
@@ -506,7 +528,7 @@ impl Envs {
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let ids = env_ids(env_id)?;
-        let shape = [self.request_size(ids.as_ref()), self.description.sizes.n_agents];
+        let shape = [self.request_size(ids.as_ref()), self.description.sizes.n_actors()];
         let out = match out {
             Some(out) => convert::output_array(out, shape)?,
             None => PyArray2::zeros(py, shape, false),
@@ -642,6 +664,42 @@ impl Envs {
     #[getter]
     fn state_size(&self) -> usize {
         self.description.sizes.state_size
+    }
+
+    /// The side of this learner, "allies" or "enemies", if the lane has a learner for each; else None.
+    #[getter]
+    fn side(&self) -> Option<&'static str> {
+        self.side.map(|side| if side == Faction::Ally { "allies" } else { "enemies" })
+    }
+
+    /// Which sides actions play: "allies" or "both".
+    #[getter]
+    fn sides(&self) -> &'static str {
+        self.description.sides.name()
+    }
+
+    /// Number of actions per environment: one per agent, and if actions play both sides then one per enemy.
+    #[getter]
+    fn n_actors(&self) -> usize {
+        self.description.sizes.n_actors()
+    }
+
+    /// Number of actions per enemy, which are numbered as those of agents; 0 if actions do not play enemies.
+    #[getter]
+    fn n_enemy_actions(&self) -> usize {
+        self.description.sizes.enemies.map_or(0, |enemies| enemies.n_actions)
+    }
+
+    /// Number of features in an enemy's observation; 0 if actions do not play enemies.
+    #[getter]
+    fn enemy_obs_size(&self) -> usize {
+        self.description.sizes.enemies.map_or(0, |enemies| enemies.obs_size)
+    }
+
+    /// Number of features in the enemies' state; 0 if actions do not play enemies.
+    #[getter]
+    fn enemy_state_size(&self) -> usize {
+        self.description.sizes.enemies.map_or(0, |enemies| enemies.state_size)
     }
 
     /// Bytes of a snapshot; 0 if the lane has no field `snapshot`.

@@ -2,6 +2,7 @@
 //! errors.
 
 use pyo3::prelude::*;
+use smaclite_engine::Actor;
 use smaclite_ipc::{
     ClientError, ConnectError as Connect, ControlError, ControlSocketError as Control, StartError as Start,
 };
@@ -35,6 +36,7 @@ exception_classes! {
     LaneTaken
     PoolDied
     LaneFailed
+    OtherLearnerLeft
     Timeout
     TooManyBatchesHeld
     Forked
@@ -57,8 +59,12 @@ pub fn client_error(error: ClientError) -> PyErr {
         | ClientError::NoBatch
         | ClientError::NotInBatch { .. }
         | ClientError::NoMasks
+        | ClientError::NoEnemyMasks
+        | ClientError::OneSide
         | ClientError::NoSnapshots
         | ClientError::WrongSnapshots { .. }
+        | ClientError::NoLevels
+        | ClientError::WrongLevels { .. }
         | ClientError::WrongForks { .. } => invalid_request(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
@@ -76,10 +82,15 @@ pub fn client_error(error: ClientError) -> PyErr {
 fn rejection_error(rejection: Rejection) -> PyErr {
     let text = rejection.to_string();
     match rejection {
-        Rejection::UnavailableAction { env, agent, action, available } => {
-            class::IllegalAction::new_err((text, env, agent, action, available))
+        Rejection::UnavailableAction { env, actor, action, available } => {
+            let (agent, side) = match actor {
+                Actor::Agent(agent) => (agent, "allies"),
+                Actor::Enemy(enemy) => (enemy, "enemies"),
+            };
+            class::IllegalAction::new_err((text, env, agent, action, available, side))
         }
         Rejection::LaneFailed { .. } => class::LaneFailed::new_err(text),
+        Rejection::OtherLearnerLeft { .. } => class::OtherLearnerLeft::new_err(text),
         _ => invalid_request(text),
     }
 }

@@ -5,7 +5,9 @@
 #![deny(unsafe_code)] // except in `views`, whose SAFETY comments say why
 
 mod batch;
+mod capability_battle;
 mod convert;
+mod dataset;
 mod envs;
 mod errors;
 mod exit;
@@ -33,6 +35,10 @@ mod _native {
 
     #[pymodule_export]
     use super::batch::Batch;
+    #[pymodule_export]
+    use super::capability_battle::CapabilityBattle;
+    #[pymodule_export]
+    use super::dataset::Dataset;
     #[pymodule_export]
     use super::envs::Envs;
     #[pymodule_export]
@@ -92,6 +98,7 @@ mod _native {
         super::errors::load_classes(module.py());
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
+        module.add("DATASET_ARRAYS", super::dataset::table())?;
         let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
         module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
         super::batch::add_field_properties(module.py())?;

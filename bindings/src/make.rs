@@ -1,7 +1,7 @@
 //! The two ways to get environments: `make` starts a pool in this process, `connect` attaches to a running
 //! pool.
 
-use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_duration, to_unsigned};
+use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_duration, to_side, to_unsigned};
 use crate::envs::{Embedded, Envs};
 use crate::errors::{self, invalid_request};
 use crate::exit::PendingCall;
@@ -12,7 +12,9 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Opponents, Rules};
+use serde_json::Value;
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Opponent, Opponents, Rules, Sides};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy, check_name,
@@ -28,7 +30,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// No machine has as many cores; a larger value is a mistake.
-const MAX_THREADS: usize = 1024;
+pub const MAX_THREADS: usize = 1024;
 
 /// More lanes than this would only make batches smaller.
 const MAX_LANES: usize = 64;
@@ -53,7 +55,17 @@ const MAX_LANES: usize = 64;
 ///         "default" for the scenario's limit.
 ///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
 ///     opponent: who plays the enemies: a name of `OPPONENTS`, or a dictionary of names and weights, of which
-///         each episode draws one from the environment's generator. See `docs/reference/opponents.md`.
+///         each episode draws one from the environment's generator. None: "attack_move", or "learner" if
+///         actions play both sides. See `docs/reference/opponents.md`.
+///     sides: which sides actions play: "allies" or "both". With both, joint actions have `n_agents +
+///         n_enemies` numbers, and batches have the fields `enemy_*`. See `docs/reference/both-sides.md`.
+///     mirror: with both sides, reflect what the enemies see and do at the centre of the map, so that one
+///         network can play both sides of a symmetric scenario.
+///     zero_sum: with both sides, the reward of each side is what it earns less what the other side earns.
+///     teams, start_positions: dictionaries as in a scenario file: distributions from which the teams and
+///         start positions of each episode are drawn, instead of the scenario's own. See
+///         `docs/concepts/generated-battles.md`.
+///     smacv2: options of SMACv2's interface, as in a scenario file; they are added to the scenario's own.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
@@ -83,13 +95,15 @@ const MAX_LANES: usize = 64;
 #[pyfunction]
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
-    rules="smaclite", opponent=OpponentArg::Name("attack_move".to_owned()), fields=None,
+    rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, teams=None,
+    start_positions=None,    smacv2=None, fields=None,
     obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
     spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **unknown))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', opponent='attack_move', fields=None, \
-    obs_last_actions=0, obs_agent_id=False, max_held_batches=4, spectators=1, wait='adaptive', name=None, \
-    record=None, lanes=None)")]
+    autoreset='next_step', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
+    mirror=False, zero_sum=False, teams=None, start_positions=None, smacv2=None, fields=None, \
+    obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
+    spectators=1, wait='adaptive', name=None, record=None, lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -101,7 +115,13 @@ pub fn make(
     autoreset: &str,
     episode_limit: Option<LimitArg>,
     rules: &str,
-    opponent: OpponentArg,
+    opponent: Option<OpponentArg>,
+    sides: &str,
+    mirror: bool,
+    zero_sum: bool,
+    teams: Option<Bound<'_, PyDict>>,
+    start_positions: Option<Bound<'_, PyDict>>,
+    smacv2: Option<Bound<'_, PyDict>>,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
     obs_agent_id: bool,
@@ -125,7 +145,13 @@ pub fn make(
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
     let episode_limit = to_episode_limit(episode_limit)?;
-    let opponents = opponent.opponents()?;
+    let sides = Sides::new(sides, EnemySide { mirror, zero_sum }).map_err(invalid_request)?;
+    let opponents = opponent.map(OpponentArg::opponents).transpose()?;
+    opponents.iter().try_for_each(|own| own.check(sides)).map_err(invalid_request)?;
+    let keys = [("teams", teams), ("start_positions", start_positions), ("smacv2", smacv2)];
+    let keys = keys.into_iter().filter_map(|(key, value)| Some((key, value?)));
+    let keys = keys.map(|(key, value)| Ok((key.to_owned(), json_of(key, &value)?)));
+    let keys = keys.collect::<PyResult<Vec<(String, Value)>>>()?;
     let fields = match fields {
         Some(names) => {
             FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?
@@ -137,9 +163,16 @@ pub fn make(
     let _pending = PendingCall::new()?;
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
-        let (scenario, files) = resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        let (mut scenario, mut files) =
+            resolved.map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        if !keys.is_empty() {
+            files = files.with_keys(keys);
+            scenario = files.scenario().map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
+        }
+        sides.check(&scenario).map_err(invalid_request)?;
         let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
-        let setup = BattleSetup { files, rules, episode_limit, opponents };
+        let opponents = opponents.unwrap_or_else(|| Opponents::of(&files, sides));
+        let setup = BattleSetup { files, rules, episode_limit, opponents, sides };
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let count = lanes.unwrap_or(1);
@@ -184,7 +217,7 @@ pub fn make(
 }
 
 /// The keywords of [`make`].
-const KEYWORDS: [&str; 18] = [
+const KEYWORDS: [&str; 24] = [
     "scenario",
     "num_envs",
     "batch_size",
@@ -194,6 +227,12 @@ const KEYWORDS: [&str; 18] = [
     "episode_limit",
     "rules",
     "opponent",
+    "sides",
+    "mirror",
+    "zero_sum",
+    "teams",
+    "start_positions",
+    "smacv2",
     "fields",
     "obs_last_actions",
     "obs_agent_id",
@@ -204,6 +243,15 @@ const KEYWORDS: [&str; 18] = [
     "record",
     "lanes",
 ];
+
+/// A dictionary as the value of a key of scenario files.
+fn json_of(key: &str, value: &Bound<'_, PyDict>) -> PyResult<Value> {
+    let text = value.py().import("json")?.call_method1("dumps", (value,)).and_then(|text| text.extract());
+    let text: String =
+        text.map_err(|e| invalid_request(format!("{key} must be a dictionary as in JSON: {e}")))?;
+    serde_json::from_str(&text)
+        .map_err(|e| invalid_request(format!("{key} must be a dictionary as in JSON: {e}")))
+}
 
 /// As Python does, with a hint.
 fn refuse_unknown(unknown: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
@@ -255,7 +303,7 @@ impl OpponentArg {
             OpponentArg::Name(name) => Opponent::from_name(&name).map(Opponents::from),
             OpponentArg::Weights(weights) => Opponents::new(weights),
         };
-        opponents.map_err(|error| invalid_request(error.to_string()))
+        opponents.map_err(invalid_request)
     }
 }
 
@@ -296,6 +344,10 @@ fn unique_name() -> String {
 ///     wait: how to wait for batches: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
 ///         environment 0, as for `make`.
+///     side: "allies" or "enemies", to be the learner of one side of a lane whose actions play both, while
+///         another learner, in any process, has the other side. See `docs/reference/both-sides.md`.
+///     on_leave: with `side`, the scripted policy that plays the other side when its learner leaves or dies:
+///         a name of the page "Scripted policies". None: this learner gets OtherLearnerLeft then.
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
@@ -306,7 +358,8 @@ fn unique_name() -> String {
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive", record=None))]
+#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive", record=None, side=None, on_leave=None))]
+#[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn connect(
     py: Python<'_>,
     pool: String,
@@ -314,14 +367,27 @@ pub fn connect(
     #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
     record: Option<PathBuf>,
+    side: Option<&str>,
+    on_leave: Option<&str>,
 ) -> PyResult<Envs> {
+    let side = side.map(to_side).transpose()?;
+    let on_leave = on_leave.map(Tactic::from_name).transpose().map_err(invalid_request)?;
+    if side.is_none() && on_leave.is_some() {
+        return Err(invalid_request("on_leave needs side, the side of this learner"));
+    }
     let (wait, timeout, runtime_dir) = (parse_option(wait)?, to_duration(timeout)?, runtime_dir()?);
     record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let client = run_on_thread(py, move |interrupted| {
         attach(&runtime_dir, record, interrupted, |interrupted| {
             let options = WaitOptions { timeout, interrupted };
-            Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
+            let lane = lane.as_deref();
+            match side {
+                None => Client::connect_within(&runtime_dir, &pool, lane, wait, options),
+                Some(side) => {
+                    Client::connect_to_side(&runtime_dir, &pool, lane, side, on_leave, wait, options)
+                }
+            }
         })
     })?;
     let (client, recording) = client.map_err(errors::connect_error)?;

@@ -1,18 +1,23 @@
 //! `ScriptedPolicy`: the scripted policies of the engine, played with the fields of batches.
 
 use crate::batch::{Batch, missing_field_error};
-use crate::convert::{self, IntArg, to_unsigned};
+use crate::convert::{self, IntArg, to_side, to_unsigned};
 use crate::envs::Envs;
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Rules, Sizes};
+use smaclite_engine::{Arena, Faction, Rules, Sizes};
 use smaclite_pool::fields::Field;
 use std::sync::{Mutex, PoisonError};
 
-/// What a policy sees.
-const FIELDS: [Field; 2] = [Field::State, Field::AvailActions];
+/// What a policy sees of a side.
+fn fields(side: Faction) -> [Field; 2] {
+    match side {
+        Faction::Ally => [Field::State, Field::AvailActions],
+        Faction::Enemy => [Field::EnemyState, Field::EnemyAvailActions],
+    }
+}
 
 /// A scripted policy, which chooses the actions of all environments of a batch.
 ///
@@ -23,18 +28,23 @@ const FIELDS: [Field; 2] = [Field::State, Field::AvailActions];
 /// the batch after the other.
 ///
 /// Args:
-///     name: "random", "nearest", "focus_fire", "kite" or "hold"; the page "Scripted policies" of the
+///     name: one of the policies of the page "Scripted policies" of the
 ///         documentation describes them.
 ///     envs: the environments to play in, with the fields `state` and `avail_actions`.
 ///     seed: of `random`, from 0 to `2**64 - 1`.
+///     side: "allies", or "enemies" to choose the actions of the enemies, where actions play both sides; it
+///         needs the fields `enemy_state` and `enemy_avail_actions` then. For a learner of one side
+///         (`connect(side=...)`) it is that side.
 ///
 /// Raises:
-///     InvalidRequest: the name is unknown, the lane omits a field, or the seed is out of range.
+///     InvalidRequest: the name or the side is unknown, the lane omits a field, or the seed is out of range.
 ///     TypeError: the seed is not an integer.
 ///     NoSuchPool: the pool that `envs` attached to has ended.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct ScriptedPolicy {
     name: String,
+    side: Faction,
+    fields: [Field; 2],
     arena: Arena,
     scripted: Mutex<Scripted>,
 }
@@ -42,30 +52,43 @@ pub struct ScriptedPolicy {
 #[pymethods]
 impl ScriptedPolicy {
     #[new]
-    #[pyo3(signature = (name, envs, *, seed=IntArg::Small(0)))]
-    #[pyo3(text_signature = "(name, envs, *, seed=0)")]
-    fn new(py: Python<'_>, name: String, envs: &Bound<'_, Envs>, seed: IntArg) -> PyResult<ScriptedPolicy> {
+    #[pyo3(signature = (name, envs, *, seed=IntArg::Small(0), side="allies"))]
+    #[pyo3(text_signature = "(name, envs, *, seed=0, side='allies')")]
+    fn new(
+        py: Python<'_>,
+        name: String,
+        envs: &Bound<'_, Envs>,
+        seed: IntArg,
+        side: &str,
+    ) -> PyResult<ScriptedPolicy> {
         let scripted = Scripted::from_name(&name, to_unsigned("seed", seed)?).map_err(invalid_request)?;
+        let side = to_side(side)?;
         let envs = envs.get();
-        if let Some(field) = FIELDS.into_iter().find(|field| envs.layout().offset(*field).is_none()) {
-            let field = field.spec().name;
+        // A learner of one side reads that side's fields by the names of the agents'.
+        let (side, fields) = match envs.side_of_learner() {
+            Some(own) => (own, fields(Faction::Ally)),
+            None => (side, fields(side)),
+        };
+        if let Some(missing) = fields.into_iter().find(|field| envs.layout().offset(*field).is_none()) {
+            let [state, masks, missing] = [fields[0], fields[1], missing].map(|field| field.spec().name);
             return Err(invalid_request(format!(
-                "scripted policies need the fields `state` and `avail_actions`, but this lane omits `{field}`"
+                "scripted policies need the fields `{state}` and `{masks}`, but this lane omits `{missing}`"
             )));
         }
         let rules = envs.lane_description().rules.parse::<Rules>().map_err(invalid_request)?;
         let arena = Arena::new(&envs.scenario_of_lane(py)?, rules);
-        Ok(ScriptedPolicy { name, arena, scripted: Mutex::new(scripted) })
+        Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })
     }
 
     /// Choose the actions of all environments of a batch. Other Python threads run meanwhile.
     ///
     /// Args:
     ///     batch: a batch of the lane.
-    ///     out: a writeable C-contiguous int32 array [M, n_agents] to write to; None allocates one.
+    ///     out: a writeable C-contiguous int32 array [M, n_agents] to write to, or for the enemies
+    ///         [M, n_enemies]; None allocates one.
     ///
     /// Returns:
-    ///     int32 [M, n_agents]: the actions of slot i in row i; `out`, if it was passed.
+    ///     int32, of that shape: the actions of slot i in row i; `out`, if it was passed.
     ///
     /// Raises:
     ///     InvalidRequest: the batch is of a lane with other sizes, or `out` has another shape.
@@ -98,9 +121,12 @@ impl ScriptedPolicy {
         batch: &smaclite_ipc::Batch,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        let sizes = batch.layout().sizes();
+        let [state, masks] = self.fields;
+        let own = if state == Field::State { Faction::Ally } else { Faction::Enemy };
+        let sizes = batch.layout().sizes().of(own).ok_or_else(|| missing_field_error(state))?;
         // Policies read no observations, which may have what a lane appends.
-        let expected = Sizes { obs_size: sizes.obs_size, ..self.arena.sizes() };
+        let Sizes { obs_size, enemies, .. } = sizes;
+        let expected = Sizes { obs_size, enemies, ..self.arena.sizes_of(self.side) };
         if sizes != expected {
             return Err(invalid_request(format!(
                 "this policy is for {} against {} units and states of {} features, \
@@ -113,16 +139,15 @@ impl ScriptedPolicy {
                 sizes.state_size
             )));
         }
-        let states = batch.field::<f32>(Field::State).ok_or_else(|| missing_field_error(Field::State))?;
-        let masks = batch.field::<u8>(Field::AvailActions);
-        let masks = masks.ok_or_else(|| missing_field_error(Field::AvailActions))?;
+        let states = batch.field::<f32>(state).ok_or_else(|| missing_field_error(state))?;
+        let masks = batch.field::<u8>(masks).ok_or_else(|| missing_field_error(masks))?;
         let shape = [batch.layout().slots(), sizes.n_agents];
         let out = out.map(|out| convert::output_array(out, shape)).transpose()?;
         // Not written to `out` directly: other threads may use that array meanwhile.
         let actions = py.detach(|| {
             let mut actions = vec![0; shape[0] * shape[1]];
             let mut scripted = self.scripted.lock().unwrap_or_else(PoisonError::into_inner);
-            scripted.act_batch(&self.arena, states, masks, &mut actions);
+            scripted.act_batch_of(self.side, &self.arena, states, masks, &mut actions);
             actions
         });
         match out {

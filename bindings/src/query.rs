@@ -13,10 +13,16 @@ pub fn runtime_dir() -> PyResult<RuntimeDir> {
     RuntimeDir::for_current_user().map_err(|error| errors::connect_error(error.into()))
 }
 
-/// Names of the standard scenarios: the 23 maps of SMAC. `make` accepts each of them.
+/// Names of the scenarios that `make` knows: the 23 maps of SMAC, and 15 generated ones, whose teams and
+/// start positions are drawn for each episode.
+///
+/// Args:
+///     generated: False for the 23, True for the 15, None for all.
 #[pyfunction]
-pub fn scenarios() -> Vec<&'static str> {
-    Scenario::standard_names().collect()
+#[pyo3(signature = (*, generated=None))]
+pub fn scenarios(generated: Option<bool>) -> Vec<&'static str> {
+    let standard = Scenario::standard_names().filter(|_| generated != Some(true));
+    standard.chain(Scenario::generated_names().filter(|_| generated != Some(false))).collect()
 }
 
 /// Return the current state of a running pool.

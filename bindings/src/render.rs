@@ -15,7 +15,7 @@ use smaclite_view::{Cell, Moment, Options, Picture, Sheet, SizeError, Theme};
 /// Pixels per side of the pictures in a sheet that `Envs.render` draws without a renderer.
 const SHEET_CELL: u32 = 256;
 
-type Pixels<'py> = Bound<'py, PyArray3<u8>>;
+pub(crate) type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 
 /// Draws the battles of one scenario from above, with north at the top. It needs no window and no graphics
 /// card, and equal states give equal pictures.
@@ -312,7 +312,7 @@ fn sheet_error(count: usize, error: SizeError) -> PyErr {
     invalid_request(format!("a sheet of {count} pictures is too large: {error}; draw fewer or smaller ones"))
 }
 
-fn pixels(py: Python<'_>, picture: Picture) -> PyResult<Pixels<'_>> {
+pub(crate) fn pixels(py: Python<'_>, picture: Picture) -> PyResult<Pixels<'_>> {
     let shape = [picture.height() as usize, picture.width() as usize, 3];
     PyArray1::from_vec(py, picture.into_rgb()).reshape(shape)
 }

@@ -15,9 +15,9 @@ use smaclite_scenarios::Scenario;
 /// Name, type, shape and meaning of every column.
 pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
     let axis = |axis: &ColumnAxis| match axis {
-        ColumnAxis::Unit => "n_units",
-        ColumnAxis::Agent => "n_agents",
+        ColumnAxis::Unit | ColumnAxis::Actor => "n_units",
         ColumnAxis::Past => "n_past",
+        ColumnAxis::Perception => "n_perception",
         ColumnAxis::Xy => "2",
     };
     let row = |spec: &ColumnSpec| {
@@ -109,6 +109,7 @@ fn layout_of(columns: &Bound<'_, PyDict>, scenario: &Scenario) -> PyResult<Recor
         n_agents: size(Column::NAgents)?,
         n_enemies: size(Column::NEnemies)?,
         n_past: size(Column::NPast)?,
+        n_perception: size(Column::NPerception)?,
     };
     let (expected, given) = ((scenario.n_agents(), scenario.n_enemies()), (sizes.n_agents, sizes.n_enemies));
     if given != expected || sizes.n_past > smaclite_pool::MAX_LAST_ACTIONS {

@@ -31,7 +31,7 @@ pub(crate) fn setup_in(response: ControlResponse) -> Result<(LaneDescription, Ba
                 what: format!("rules of lane `{}`: {error}", lane.lane),
             })?;
             let (episode_limit, opponents) = (lane.episode_limit.into(), lane.opponents.clone());
-            let setup = BattleSetup { files: *files, rules, episode_limit, opponents };
+            let setup = BattleSetup { files: *files, rules, episode_limit, opponents, sides: lane.sides };
             Ok((*lane, setup))
         }
         ControlResponse::Refused(refusal) => Err(refusal),

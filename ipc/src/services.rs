@@ -92,8 +92,8 @@ impl WorkEvent {
         let builder = node.service_builder(&service_name(instance, "", "work")?).event();
         let service = builder
             .max_listeners(1)
-            .max_notifiers(lanes * 2 + SLACK)
-            .max_nodes(lanes * 2 + SLACK)
+            .max_notifiers(lanes * 3 + SLACK)
+            .max_nodes(lanes * 3 + SLACK)
             .create()
             .map_err(doing("creating the work event"))?;
         Ok(WorkEvent(service))
@@ -144,11 +144,11 @@ fn create_requests(
 ) -> Result<RequestService, IpcError> {
     let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<RequestHeader>();
     builder
-        .max_publishers(1 + SLACK)
+        .max_publishers(capacity.learners + SLACK)
         .max_subscribers(1)
         .max_nodes(nodes)
         .subscriber_max_buffer_size(capacity.requests_waiting)
-        .subscriber_max_borrowed_samples(2)
+        .subscriber_max_borrowed_samples(capacity.requests_read())
         .history_size(0)
         // A learner that sends faster than the workers accept must wait; a request is never dropped.
         .enable_safe_overflow(false)
@@ -170,10 +170,11 @@ impl LaneServices {
         lane: &str,
         capacity: Capacity,
     ) -> Result<Self, IpcError> {
-        let nodes = capacity.spectators + 2 + SLACK;
+        let nodes = capacity.spectators + 1 + capacity.learners + SLACK;
         let frames_name = service_name(instance, lane, "frames")?;
         let frames = create_frames(node, &frames_name, nodes, capacity)?;
-        let frames_event = node.service_builder(&frames_name).event().max_listeners(1 + SLACK);
+        let frames_event =
+            node.service_builder(&frames_name).event().max_listeners(capacity.learners + SLACK);
         let frames_event = frames_event.max_notifiers(1).max_nodes(nodes).create();
         let frames_event = frames_event.map_err(doing("creating a lane's frame event"))?;
         let requests = create_requests(node, &service_name(instance, lane, "requests")?, nodes, capacity)?;

@@ -6,6 +6,7 @@
 use crate::variant::PoolService;
 use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::sample::Sample;
+use smaclite_engine::Faction;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Epoch, Message, Request, RequestKind, RequestNumber, SessionId};
@@ -95,6 +96,10 @@ const STEP: u32 = 1;
 const RESET: u32 = 2;
 const RESTORE: u32 = 3;
 const FORK: u32 = 4;
+const RESET_TO: u32 = 5;
+
+const ALLIES: u32 = 1;
+const ENEMIES: u32 = 2;
 
 /// Precedes every request.
 #[repr(C)]
@@ -112,7 +117,7 @@ pub struct RequestHeader {
     pub session: u64,
     /// Counts the requests of a session, from 1.
     pub number: u64,
-    /// 1 = step, 2 = reset, 3 = restore, 4 = fork.
+    /// 1 = step, 2 = reset, 3 = restore, 4 = fork, 5 = reset to levels.
     pub kind: u32,
     /// Environments of the request.
     pub count: u32,
@@ -120,6 +125,8 @@ pub struct RequestHeader {
     pub seed: u64,
     /// 0 = there is no seed.
     pub has_seed: u32,
+    /// 0 = of a learner of the whole lane, 1 = of that of the allies, 2 = of that of the enemies.
+    pub side: u32,
     /// When it was sent, by [`now_ns`]. Only the statistics of `status` depend on it.
     pub sent_ns: u64,
 }
@@ -129,13 +136,14 @@ impl RequestHeader {
     pub fn new(
         layout: &Layout,
         session: SessionId,
+        side: Option<Faction>,
         number: RequestNumber,
         kind: RequestKind,
         count: usize,
     ) -> RequestHeader {
         let (kind, seed) = match kind {
             RequestKind::Step => (STEP, None),
-            RequestKind::Reset { seed } => (RESET, seed),
+            RequestKind::Reset { seed, levels } => (if levels { RESET_TO } else { RESET }, seed),
             RequestKind::Restore { seed } => (RESTORE, seed),
             RequestKind::Fork { seed } => (FORK, seed),
         };
@@ -151,6 +159,7 @@ impl RequestHeader {
             count: count as u32,
             seed: seed.unwrap_or_default(),
             has_seed: u32::from(seed.is_some()),
+            side: side.map_or(0, |side| if side == Faction::Ally { ALLIES } else { ENEMIES }),
             sent_ns,
         }
     }
@@ -176,8 +185,9 @@ pub fn body_offset(count: usize) -> usize {
 /// Bytes of a request to `count` environments: `env_id`, and what [`RequestKind`] says of its body.
 pub fn request_bytes(layout: &Layout, kind: RequestKind, count: usize) -> usize {
     let row = match kind {
-        RequestKind::Step => layout.sizes().n_agents * size_of::<i32>(),
-        RequestKind::Reset { .. } => return count * size_of::<i32>(),
+        RequestKind::Step => layout.sizes().n_actors() * size_of::<i32>(),
+        RequestKind::Reset { levels: false, .. } => return count * size_of::<i32>(),
+        RequestKind::Reset { levels: true, .. } => layout.level_len() * size_of::<f32>(),
         RequestKind::Restore { .. } => layout.snapshot_size(),
         RequestKind::Fork { .. } => size_of::<i32>(),
     };
@@ -188,7 +198,8 @@ pub fn request_bytes(layout: &Layout, kind: RequestKind, count: usize) -> usize 
 /// Bytes of the largest request to `num_envs` environments.
 pub fn max_request_bytes(layout: &Layout, num_envs: usize) -> usize {
     let restore = RequestKind::Restore { seed: None };
-    let kinds = [RequestKind::Step, RequestKind::Fork { seed: None }, restore];
+    let levels = RequestKind::Reset { seed: None, levels: true };
+    let kinds = [RequestKind::Step, RequestKind::Fork { seed: None }, restore, levels];
     kinds.map(|kind| request_bytes(layout, kind, num_envs)).into_iter().max().unwrap_or_default()
 }
 
@@ -238,16 +249,30 @@ pub fn read_request<'a>(
     let seed = (header.has_seed != 0).then_some(header.seed);
     let kind = match header.kind {
         STEP => RequestKind::Step,
-        RESET => RequestKind::Reset { seed },
+        RESET => RequestKind::Reset { seed, levels: false },
+        RESET_TO => RequestKind::Reset { seed, levels: true },
         RESTORE => RequestKind::Restore { seed },
         FORK => RequestKind::Fork { seed },
         other => {
             return Err(malformed(format!(
-                "request kind must be 1 (step), 2 (reset), 3 (restore) or 4 (fork), got {other}"
+                "request kind must be 1 (step), 2 (reset), 3 (restore), 4 (fork) or 5 (reset to levels), got \
+                 {other}"
             )));
         }
     };
-    let bytes = request_bytes(layout, kind, count);
+    let side = match header.side {
+        0 => None,
+        ALLIES => Some(Faction::Ally),
+        ENEMIES => Some(Faction::Enemy),
+        other => return Err(malformed(format!("side must be 0, 1 (allies) or 2 (enemies), got {other}"))),
+    };
+    let bytes = match side {
+        None => request_bytes(layout, kind, count),
+        Some(_) if layout.sizes().enemies.is_none() => {
+            return Err(malformed("this lane has no learner per side".to_owned()));
+        }
+        Some(side) => request_bytes(&layout.of_side(side), kind, count),
+    };
     if count == 0 || payload.len() != bytes || !payload.as_ptr().cast::<i32>().is_aligned() {
         let given = payload.len();
         return Err(malformed(format!("expected {bytes} bytes for {count} environments, got {given}")));
@@ -255,7 +280,7 @@ pub fn read_request<'a>(
     let env_ids = as_atomics(&payload[..count * size_of::<i32>()]);
     let body = as_atomics(payload.get(body_offset(count)..).unwrap_or_default());
     let (session, number) = (SessionId(header.session), RequestNumber(header.number));
-    Ok(Request { session, number, kind, env_ids, body })
+    Ok(Request { session, side, number, kind, env_ids, body })
 }
 
 /// Views bytes as integers that another process may change at any time.
@@ -276,7 +301,15 @@ mod tests {
     use smaclite_pool::fields::FieldSet;
 
     fn layout() -> Layout {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes = Sizes {
+            n_agents: 2,
+            n_enemies: 1,
+            n_actions: 7,
+            obs_size: 3,
+            state_size: 5,
+            perception_size: 0,
+            enemies: None,
+        };
         Layout::new(sizes, 0, 4, FieldSet::without_final())
     }
 
@@ -321,7 +354,7 @@ mod tests {
     #[test]
     fn lies_in_a_request_are_named() {
         let layout = layout();
-        let good = RequestHeader::new(&layout, SessionId(7), RequestNumber(1), RequestKind::Step, 4);
+        let good = RequestHeader::new(&layout, SessionId(7), None, RequestNumber(1), RequestKind::Step, 4);
         let aligned = [0u64; 64];
         let bytes: &[u8] = bytemuck::cast_slice(&aligned);
         let payload = &bytes[..request_bytes(&layout, RequestKind::Step, 4)];

@@ -4,22 +4,28 @@
 //! The trait speaks in types of the engine, because users run battles: every worker has one [`Scratch`] for
 //! all its environments, and an environment that is a [`Battle`] can be saved and restored.
 
-use smaclite_engine::{Battle, Scratch, Sizes, Step};
+use smaclite_engine::{Battle, Faction, Scratch, Sizes, Step};
 use std::sync::atomic::{AtomicI32, Ordering};
 
-/// A joint action, one number per agent, in the lane's memory. Nothing writes to it during the step.
+/// A joint action, one number per agent and, in battles of which it plays both sides, per enemy, in the
+/// lane's memory. Nothing writes to it during the step.
 #[derive(Clone, Copy, Debug)]
 pub struct JointAction<'a>(&'a [AtomicI32]);
 
 impl<'a> JointAction<'a> {
-    /// The joint action in this memory, `[n_agents]`.
+    /// The joint action in this memory, `[n_actors]`.
     pub fn new(actions: &'a [AtomicI32]) -> Self {
         JointAction(actions)
     }
 
-    /// The actions of all agents, in order.
+    /// The actions of all agents in order, and then those of the enemies.
     pub fn iter(self) -> impl ExactSizeIterator<Item = i32> + Clone + use<'a> {
         self.0.iter().map(|action| action.load(Ordering::Relaxed))
+    }
+
+    /// Sets a number, before the step.
+    pub(crate) fn set(self, place: usize, action: i32) {
+        self.0[place].store(action, Ordering::Relaxed);
     }
 }
 
@@ -28,7 +34,7 @@ impl<'a> JointAction<'a> {
 ///
 /// A lane hosts another implementation by `smaclite_ipc::LaneEnvs::Other`, which has its name, its sizes and
 /// a function that makes environment `i`. It has everything that battles have, except what needs a scenario:
-/// pictures, replays and followers.
+/// pictures, replays, followers and a second side.
 ///
 /// # Example
 ///
@@ -47,7 +53,7 @@ impl<'a> JointAction<'a> {
 ///
 /// impl Environment for Walk {
 ///     fn sizes(&self) -> Sizes {
-///         Sizes { n_agents: 1, n_enemies: 0, n_actions: 2, obs_size: 1, state_size: 1 }
+///         Sizes { n_agents: 1, n_enemies: 0, n_actions: 2, obs_size: 1, state_size: 1, ..Sizes::default() }
 ///     }
 ///     fn reseed(&mut self, _seed: u64) {} // nothing is random
 ///     fn reset(&mut self) {
@@ -58,7 +64,8 @@ impl<'a> JointAction<'a> {
 ///         self.position += ahead as u32;
 ///         self.length += 1;
 ///         let terminated = self.position == 3;
-///         Step { reward: f64::from(ahead), terminated, truncated: false, battle_won: terminated }
+///         let (reward, enemy_reward) = (f64::from(ahead), 0.0);
+///         Step { reward, enemy_reward, terminated, truncated: false, battle_won: terminated }
 ///     }
 ///     fn write_obs(&self, out: &mut [f32], _: &mut Scratch) {
 ///         out.fill(0.0); // a row may be longer than obs_size
@@ -169,7 +176,7 @@ impl Environment for Battle {
         Battle::write_avail_actions(self, out);
     }
     fn write_available_bits(&self, out: &mut [u64]) {
-        out.copy_from_slice(self.available_bits());
+        out.copy_from_slice(self.available_bits(Faction::Ally));
     }
     fn write_alive(&self, out: &mut [u8]) {
         Battle::write_alive(self, out);

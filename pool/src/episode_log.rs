@@ -65,7 +65,7 @@ pub(crate) struct EpisodeLog {
     readers: Vec<Reader>,
     /// In order; the last is the present one.
     episodes: VecDeque<LoggedEpisode>,
-    n_agents: usize,
+    n_actors: usize,
     /// Bytes of `episodes`.
     bytes: usize,
     next_number: u64,
@@ -99,7 +99,7 @@ pub struct EpisodePart {
     pub number: u64,
     /// The state in which the episode began, or in which the log of it begins; in its first part only.
     pub start: Option<Snapshot>,
-    /// The joint actions since the last part, `[steps, n_agents]`.
+    /// The joint actions since the last part, `[steps, n_actors]`.
     pub actions: Vec<u16>,
     /// The episode ended with the last of these steps. An episode that is reset before its end has no such
     /// part.
@@ -115,9 +115,9 @@ impl LoggedEpisode {
     }
 
     /// Adds a joint action. The memory grows by a quarter, because what it has room for counts too.
-    fn push(&mut self, actions: impl Iterator<Item = i32>, n_agents: usize) {
-        if self.actions.capacity() - self.actions.len() < n_agents {
-            self.actions.reserve_exact((self.actions.len() / 4).max(16 * n_agents));
+    fn push(&mut self, actions: impl Iterator<Item = i32>, n_actors: usize) {
+        if self.actions.capacity() - self.actions.len() < n_actors {
+            self.actions.reserve_exact((self.actions.len() / 4).max(16 * n_actors));
         }
         // A checked action is below the 6 + 1000 actions of the largest scenario.
         self.actions.extend(actions.map(|action| action as u16));
@@ -125,17 +125,17 @@ impl LoggedEpisode {
 }
 
 impl Reader {
-    fn has_read(&self, episode: &LoggedEpisode, n_agents: usize) -> bool {
-        let steps = episode.actions.len() / n_agents;
+    fn has_read(&self, episode: &LoggedEpisode, n_actors: usize) -> bool {
+        let steps = episode.actions.len() / n_actors;
         self.episode > episode.number || (self.episode == episode.number && self.steps == Some(steps))
     }
 }
 
 impl EpisodeLog {
-    pub(crate) fn new(n_agents: usize, now: Snapshot, memory: LogMemory) -> EpisodeLog {
+    pub(crate) fn new(n_actors: usize, now: Snapshot, memory: LogMemory) -> EpisodeLog {
         memory.logs.fetch_add(1, Ordering::Relaxed);
         let (readers, episodes) = (Vec::new(), VecDeque::new());
-        let mut log = EpisodeLog { readers, episodes, n_agents, bytes: 0, next_number: 0, memory };
+        let mut log = EpisodeLog { readers, episodes, n_actors, bytes: 0, next_number: 0, memory };
         log.begin(now);
         log
     }
@@ -193,7 +193,7 @@ impl EpisodeLog {
     pub(crate) fn step(&mut self, actions: impl Iterator<Item = i32>, is_over: bool) {
         if let Some(episode) = self.episodes.back_mut() {
             let before = episode.actions.capacity();
-            episode.push(actions, self.n_agents);
+            episode.push(actions, self.n_actors);
             episode.is_over = is_over;
             self.bytes += (episode.actions.capacity() - before) * size_of::<u16>();
         }
@@ -211,8 +211,8 @@ impl EpisodeLog {
             if *budget == 0 {
                 break;
             }
-            if !reader.has_read(episode, self.n_agents) {
-                parts.push(reader.read(episode, self.n_agents, budget));
+            if !reader.has_read(episode, self.n_actors) {
+                parts.push(reader.read(episode, self.n_actors, budget));
             }
         }
         self.drop_read();
@@ -223,7 +223,7 @@ impl EpisodeLog {
     fn drop_read(&mut self) {
         while self.episodes.len() > 1
             && let Some(oldest) = self.episodes.front()
-            && self.readers.iter().all(|reader| reader.has_read(oldest, self.n_agents))
+            && self.readers.iter().all(|reader| reader.has_read(oldest, self.n_actors))
         {
             self.drop_oldest();
         }
@@ -235,7 +235,7 @@ impl EpisodeLog {
             // An episode without steps is no loss.
             let is_loss = |episode: &&LoggedEpisode| !episode.actions.is_empty() && !episode.is_cut;
             if let Some(oldest) = self.episodes.front().filter(is_loss) {
-                let late = self.readers.iter_mut().filter(|reader| !reader.has_read(oldest, self.n_agents));
+                let late = self.readers.iter_mut().filter(|reader| !reader.has_read(oldest, self.n_actors));
                 late.for_each(|reader| reader.lost += 1);
             }
             self.drop_oldest();
@@ -255,13 +255,13 @@ impl Drop for EpisodeLog {
 
 impl Reader {
     /// What was not read of an episode, as far as the budget goes, and at least one step.
-    fn read(&mut self, episode: &LoggedEpisode, n_agents: usize, budget: &mut usize) -> EpisodePart {
+    fn read(&mut self, episode: &LoggedEpisode, n_actors: usize, budget: &mut usize) -> EpisodePart {
         let read = self.steps.filter(|_| self.episode == episode.number);
         let start = read.is_none().then(|| episode.start.clone());
         let used = size_of::<EpisodePart>() + start.as_ref().map_or(0, Snapshot::memory);
         *budget = budget.saturating_sub(used);
-        let (read, step_bytes) = (read.unwrap_or(0), n_agents * size_of::<u16>());
-        let steps = episode.actions.len() / n_agents;
+        let (read, step_bytes) = (read.unwrap_or(0), n_actors * size_of::<u16>());
+        let steps = episode.actions.len() / n_actors;
         let end = steps.min(read + (*budget / step_bytes).max(1));
         // What is too little for another step is no budget for the next episode.
         *budget = if end < steps { 0 } else { budget.saturating_sub((end - read) * step_bytes) };
@@ -269,7 +269,7 @@ impl Reader {
         EpisodePart {
             number: episode.number,
             start,
-            actions: episode.actions[read * n_agents..end * n_agents].to_vec(),
+            actions: episode.actions[read * n_actors..end * n_actors].to_vec(),
             is_over: episode.is_over && end == steps,
             lost: std::mem::take(&mut self.lost),
         }

@@ -48,8 +48,20 @@ pub enum Axis {
     State,
     /// One per action (`n_actions`).
     Action,
+    /// One per enemy (`n_enemies`).
+    Enemy,
+    /// One per feature of an enemy's observation (`enemy_obs_size`).
+    EnemyObs,
+    /// One per feature of the enemies' state (`enemy_state_size`).
+    EnemyState,
+    /// One per action of an enemy (`n_enemy_actions`).
+    EnemyAction,
     /// One per byte of a snapshot (`snapshot_size`).
     Snapshot,
+    /// One per unit, agents first (`n_agents + n_enemies`).
+    Unit,
+    /// One per column of a level ([`LEVEL_COLUMNS`](smaclite_engine::LEVEL_COLUMNS)).
+    LevelColumn,
 }
 
 /// A field of a frame; the discriminant is its index in [`FIELDS`].
@@ -76,10 +88,19 @@ pub enum Field {
     FinalAvailActions,
     Snapshot,
     Opponent,
+    Level,
+    EnemyObs,
+    EnemyState,
+    EnemyAvailActions,
+    EnemyAlive,
+    EnemyReward,
+    FinalEnemyObs,
+    FinalEnemyState,
+    FinalEnemyAvailActions,
 }
 
 /// How many fields there are.
-pub const FIELD_COUNT: usize = 19;
+pub const FIELD_COUNT: usize = 28;
 
 /// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
 #[derive(Clone, Copy, Debug)]
@@ -106,7 +127,7 @@ const fn spec(
     FieldSpec { field, name, dtype, axes, meaning }
 }
 
-use Axis::{Action, Agent, Obs, State};
+use Axis::{Action, Agent, Enemy, EnemyAction, EnemyObs, EnemyState, Obs, State};
 use Dtype::{Bool, F32, I32, U8};
 
 /// The table of fields, in their order in a frame.
@@ -190,6 +211,69 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         &[],
         "what plays the enemies in the episode: index in `OPPONENTS`; only in lanes that name this field",
     ),
+    spec(
+        Field::Level,
+        "level",
+        F32,
+        &[Axis::Unit, Axis::LevelColumn],
+        "how the episode began: type, x, y, health and life of each unit; only in lanes that name this field",
+    ),
+    spec(
+        Field::EnemyObs,
+        "enemy_obs",
+        F32,
+        &[Enemy, EnemyObs],
+        "both sides: observation of each enemy; zeros for dead ones and those that a script plays",
+    ),
+    spec(
+        Field::EnemyState,
+        "enemy_state",
+        F32,
+        &[EnemyState],
+        "both sides: global state from the enemies' side, for training only",
+    ),
+    spec(
+        Field::EnemyAvailActions,
+        "enemy_avail_actions",
+        Bool,
+        &[Enemy, EnemyAction],
+        "both sides: which actions are available to the enemies in the next step",
+    ),
+    spec(
+        Field::EnemyAlive,
+        "enemy_alive",
+        Bool,
+        &[Enemy],
+        "both sides: which enemies are alive and played by actions",
+    ),
+    spec(
+        Field::EnemyReward,
+        "enemy_reward",
+        F32,
+        &[],
+        "both sides: the enemies' reward of the step just made",
+    ),
+    spec(
+        Field::FinalEnemyObs,
+        "final_enemy_obs",
+        F32,
+        &[Enemy, EnemyObs],
+        "both sides, same-step autoreset: last enemy_obs, as final_obs",
+    ),
+    spec(
+        Field::FinalEnemyState,
+        "final_enemy_state",
+        F32,
+        &[EnemyState],
+        "both sides, same-step autoreset: last enemy_state, as final_obs",
+    ),
+    spec(
+        Field::FinalEnemyAvailActions,
+        "final_enemy_avail_actions",
+        Bool,
+        &[Enemy, EnemyAction],
+        "both sides, same-step autoreset: last enemy_avail_actions, as final_obs",
+    ),
 ];
 
 impl Field {
@@ -200,7 +284,33 @@ impl Field {
 
     /// Whether the field exists only under same-step autoreset.
     pub const fn is_final(self) -> bool {
-        matches!(self, Field::FinalObs | Field::FinalState | Field::FinalAvailActions)
+        use Field::{FinalAvailActions, FinalEnemyAvailActions, FinalEnemyObs, FinalEnemyState};
+        use Field::{FinalObs, FinalState};
+        matches!(self, FinalObs | FinalState | FinalAvailActions)
+            || matches!(self, FinalEnemyObs | FinalEnemyState | FinalEnemyAvailActions)
+    }
+
+    /// Whether the field exists only in lanes whose joint actions play both sides.
+    pub const fn is_of_enemies(self) -> bool {
+        self as usize >= Field::EnemyObs as usize
+    }
+
+    /// The field that the enemies' side has in the place of this one of the agents, if any.
+    pub(crate) const fn of_enemies(self) -> Option<Field> {
+        Some(match self {
+            Field::Obs => Field::EnemyObs,
+            Field::State => Field::EnemyState,
+            Field::AvailActions => Field::EnemyAvailActions,
+            Field::Alive => Field::EnemyAlive,
+            Field::Reward => Field::EnemyReward,
+            Field::FinalObs => Field::FinalEnemyObs,
+            Field::FinalState => Field::FinalEnemyState,
+            Field::FinalAvailActions => Field::FinalEnemyAvailActions,
+            Field::DeadAllies => Field::DeadEnemies,
+            Field::DeadEnemies => Field::DeadAllies,
+            Field::BattleWon | Field::EpisodeReturn | Field::Snapshot | Field::Level => return None,
+            both => both,
+        })
     }
 
     /// Whether a lane can omit the field. A learner always needs to know which environment a slot is, when
@@ -225,15 +335,17 @@ impl FieldSet {
     /// Every field.
     pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
 
-    /// What a lane has that names no fields: every field but the snapshot and the opponent.
+    /// What a lane has that names no fields: every field but the snapshot, the opponent and the level. A lane
+    /// leaves those out that it cannot have.
     pub const DEFAULT: FieldSet = {
-        let others = 1 << Field::Snapshot as usize | 1 << Field::Opponent as usize;
+        let others =
+            1 << Field::Snapshot as usize | 1 << Field::Opponent as usize | 1 << Field::Level as usize;
         FieldSet(FieldSet::ALL.0 & !others)
     };
 
-    /// The default fields but the `final_*` ones.
+    /// The default fields but the `final_*` ones and those of the enemies.
     pub fn without_final() -> FieldSet {
-        FieldSet::DEFAULT.iter().filter(|field| !field.is_final()).collect()
+        FieldSet::DEFAULT.iter().filter(|field| !field.is_final() && !field.is_of_enemies()).collect()
     }
 
     /// The fields of these names, and those that no lane can omit.

@@ -119,6 +119,15 @@ impl<O: Outlet> Frames<O> {
         Ok(())
     }
 
+    /// Publishes the reason why `session` is over, unless it is over already.
+    pub(crate) fn report_end(&mut self, session: SessionId, text: &[u8]) -> Result<(), TransportError> {
+        if self.epoch.is_some_and(|epoch| epoch.session == session) {
+            let loan = self.outlet.loan()?;
+            self.publish_text(loan, None, text);
+        }
+        Ok(())
+    }
+
     /// Publishes the reason why the lane failed. A lane fails once, so the reserved frame is still there.
     pub(crate) fn report_failure(&mut self, text: &[u8]) {
         if let Some(loan) = self.spare.take() {

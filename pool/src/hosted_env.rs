@@ -7,7 +7,8 @@ use crate::fields::Field;
 use crate::lane_settings::LaneSettings;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
-use smaclite_engine::{Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
+use crate::stand_in::StandIn;
+use smaclite_engine::{Faction, Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
 use std::sync::Arc;
 
 /// What an accepted request wants of an environment.
@@ -17,17 +18,43 @@ pub(crate) enum Task {
     Step,
     /// Begin a new episode.
     Reset,
+    /// Begin a new episode with the level that waits.
+    ResetTo,
     /// Take the state that waits.
     Restore,
     /// Write the present observation again, in a batch in which only other environments are reset.
     Observe,
 }
 
+/// Observations, state and available actions of either side.
+struct ViewFields {
+    allies: [Field; 3],
+    enemies: [Field; 3],
+}
+
+const PRESENT: ViewFields = ViewFields {
+    allies: [Field::Obs, Field::State, Field::AvailActions],
+    enemies: [Field::EnemyObs, Field::EnemyState, Field::EnemyAvailActions],
+};
+
+const FINAL: ViewFields = ViewFields {
+    allies: [Field::FinalObs, Field::FinalState, Field::FinalAvailActions],
+    enemies: [Field::FinalEnemyObs, Field::FinalEnemyState, Field::FinalEnemyAvailActions],
+};
+
+/// Words of bits that the available actions of an actor have.
+pub(crate) fn words_per_actor(sizes: Sizes) -> usize {
+    sizes.n_actions.max(sizes.enemies.map_or(0, |enemies| enemies.n_actions)).div_ceil(64)
+}
+
 /// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
-    /// Working memory of the report of its available actions.
-    pub(crate) available: Vec<u64>,
+    sizes: Sizes,
+    /// Working memory of the report of its available actions, `[n_actors, words]`.
+    available: Vec<u64>,
+    /// Working memory of the completion of observations: which units of a side are alive.
+    alive: Vec<u8>,
     /// The episode ended and the environment was not reset since.
     pub(crate) is_over: bool,
     /// What it did, if it has followers.
@@ -38,6 +65,10 @@ pub(crate) struct HostedEnv {
     record: Option<Arc<RecordLayout>>,
     /// The state that it takes at the next [`Task::Restore`]. Its memory is kept.
     staged: Option<Box<State>>,
+    /// The level with which it begins at the next [`Task::ResetTo`]. Its memory is kept.
+    level: Vec<f32>,
+    /// Who plays the side whose learner left.
+    stand_in: Option<Box<StandIn>>,
 }
 
 /// A state of an environment that is a battle.
@@ -54,10 +85,41 @@ impl HostedEnv {
         settings: &LaneSettings,
         record: Option<Arc<RecordLayout>>,
     ) -> HostedEnv {
-        let Sizes { n_agents, n_actions, .. } = env.sizes();
-        let available = vec![0; n_agents * n_actions.div_ceil(64)];
-        let own = OwnFeatures::new(settings, env.sizes());
-        HostedEnv { env, available, is_over: false, log: None, own, record, staged: None }
+        let sizes = env.sizes();
+        let available = vec![0; sizes.n_actors() * words_per_actor(sizes)];
+        let own = OwnFeatures::new(settings, sizes);
+        let alive = Vec::new();
+        HostedEnv {
+            env,
+            sizes,
+            available,
+            alive,
+            is_over: false,
+            log: None,
+            own,
+            record,
+            staged: None,
+            level: Vec::new(),
+            stand_in: None,
+        }
+    }
+
+    /// The actions that are available to its actors, `[n_actors, words]`.
+    pub(crate) fn available(&mut self) -> &[u64] {
+        match self.env.battle().filter(|_| self.sizes.enemies.is_some()) {
+            None => self.env.write_available_bits(&mut self.available),
+            // The rows of the two sides may differ in length.
+            Some(battle) => {
+                let mut rows = self.available.chunks_exact_mut(words_per_actor(self.sizes));
+                for side in [Faction::Ally, Faction::Enemy] {
+                    let words = self.sizes.of(side).map_or(1, |sizes| sizes.n_actions.div_ceil(64));
+                    for (bits, row) in battle.available_bits(side).chunks_exact(words).zip(&mut rows) {
+                        row[..words].copy_from_slice(bits);
+                    }
+                }
+            }
+        }
+        &self.available
     }
 
     /// Carries a task out, up to the point where its slot is needed.
@@ -78,6 +140,9 @@ impl HostedEnv {
                 None
             }
             Task::Step => {
+                if let (Some(stand_in), Some(battle)) = (&mut self.stand_in, self.env.battle()) {
+                    stand_in.act(battle, actions);
+                }
                 let step = self.env.step_checked(actions, scratch);
                 self.is_over = step.terminated || step.truncated;
                 if let Some(own) = &mut self.own {
@@ -95,6 +160,10 @@ impl HostedEnv {
             }
             Task::Reset => {
                 self.reset();
+                None
+            }
+            Task::ResetTo => {
+                self.reset_to();
                 None
             }
             Task::Restore => {
@@ -118,18 +187,25 @@ impl HostedEnv {
         slot.set(Field::WasReset, u8::from(step.is_none()));
         self.write_outcome(step, slot);
         if self.is_over && autoreset == Autoreset::SameStep {
-            let last = [Field::FinalObs, Field::FinalState, Field::FinalAvailActions];
-            self.write_view(last, slot, scratch);
+            self.write_views(&FINAL, slot, scratch);
             self.reset();
         }
-        self.write_view([Field::Obs, Field::State, Field::AvailActions], slot, scratch);
+        self.write_views(&PRESENT, slot, scratch);
         if let Some(alive) = slot.row(Field::Alive) {
             self.env.write_alive(alive);
+        }
+        if let (Some(_), Some(battle)) = (self.sizes.enemies, self.env.battle())
+            && let Some(alive) = slot.row(Field::EnemyAlive)
+        {
+            battle.write_alive_of(Faction::Enemy, alive);
         }
         if let (Some(layout), Some(battle)) = (&self.record, self.env.battle())
             && let Some(out) = slot.row(Field::Snapshot)
         {
             battle.write_record(layout, self.past_actions(), out);
+        }
+        if let (Some(out), Some(battle)) = (slot.row(Field::Level), self.env.battle()) {
+            battle.write_level(out);
         }
     }
 
@@ -143,6 +219,26 @@ impl HostedEnv {
 
     fn reset(&mut self) {
         self.env.reset();
+        self.begin_episode();
+    }
+
+    /// Takes the level with which it begins at the next [`Task::ResetTo`]; the reason if it cannot.
+    pub(crate) fn stage_level(&mut self, level: impl Iterator<Item = f32>) -> Result<(), String> {
+        self.level.clear();
+        self.level.extend(level);
+        let battle = self.env.battle().ok_or_else(|| "it is no battle".to_owned())?;
+        battle.arena().check_level(&self.level).map_err(|error| error.to_string())
+    }
+
+    /// Begins with the level that waits.
+    fn reset_to(&mut self) {
+        if let Some(battle) = self.env.battle_mut() {
+            battle.reset_to_checked(&self.level);
+            self.begin_episode();
+        }
+    }
+
+    fn begin_episode(&mut self) {
         self.is_over = false;
         if let Some(own) = &mut self.own {
             own.reset();
@@ -164,6 +260,11 @@ impl HostedEnv {
         state.past_actions.clear();
         state.past_actions.extend_from_slice(self.past_actions());
         true
+    }
+
+    /// From now on this plays a side; or no more.
+    pub(crate) fn set_stand_in(&mut self, stand_in: Option<StandIn>) {
+        self.stand_in = stand_in.map(Box::new);
     }
 
     /// Exchanges the state that it takes at the next [`Task::Restore`].
@@ -220,8 +321,8 @@ impl HostedEnv {
         if self.log.is_none()
             && let Some(battle) = self.env.battle()
         {
-            let n_agents = self.env.sizes().n_agents;
-            self.log = Some(Box::new(EpisodeLog::new(n_agents, battle.save(), memory.clone())));
+            let n_actors = self.sizes.n_actors();
+            self.log = Some(Box::new(EpisodeLog::new(n_actors, battle.save(), memory.clone())));
         }
         if let Some(log) = &mut self.log {
             log.add_reader(follower);
@@ -248,14 +349,12 @@ impl HostedEnv {
     }
 
     fn write_outcome(&self, step: Option<Step>, slot: &mut Slot<'_>) {
-        let (reward, terminated, truncated, won) = match step {
-            Some(s) => (s.reward, s.terminated, s.truncated, s.battle_won),
-            None => (0.0, false, false, false),
-        };
-        slot.set(Field::Reward, reward as f32);
-        slot.set(Field::Terminated, u8::from(terminated));
-        slot.set(Field::Truncated, u8::from(truncated));
-        slot.set(Field::BattleWon, u8::from(won));
+        let step = step.unwrap_or_default();
+        slot.set(Field::Reward, step.reward as f32);
+        slot.set(Field::EnemyReward, step.enemy_reward as f32);
+        slot.set(Field::Terminated, u8::from(step.terminated));
+        slot.set(Field::Truncated, u8::from(step.truncated));
+        slot.set(Field::BattleWon, u8::from(step.battle_won));
         slot.set(Field::DeadAllies, self.env.dead_allies() as i32);
         slot.set(Field::DeadEnemies, self.env.dead_enemies() as i32);
         slot.set(Field::EpisodeReturn, self.env.episode_return() as f32);
@@ -263,11 +362,14 @@ impl HostedEnv {
         slot.set(Field::Opponent, self.env.opponent() as i32);
     }
 
-    fn write_view(&mut self, [obs, state, avail]: [Field; 3], slot: &mut Slot<'_>, scratch: &mut Scratch) {
+    fn write_views(&mut self, fields: &ViewFields, slot: &mut Slot<'_>, scratch: &mut Scratch) {
+        let [obs, state, avail] = fields.allies;
         if let Some(out) = slot.row(obs) {
             self.env.write_obs(out, scratch);
-            if let Some(own) = &mut self.own {
-                own.write(&*self.env, out);
+            if let Some(own) = &self.own {
+                self.alive.resize(self.sizes.n_agents, 0);
+                self.env.write_alive(&mut self.alive);
+                own.write(Faction::Ally, &self.alive, out);
             }
         }
         if let Some(out) = slot.row(state) {
@@ -275,6 +377,33 @@ impl HostedEnv {
         }
         if let Some(out) = slot.row(avail) {
             self.env.write_avail_actions(out);
+        }
+        if self.sizes.enemies.is_some() {
+            self.write_enemy_view(fields.enemies, slot, scratch);
+        }
+    }
+
+    /// Only battles have a second side.
+    fn write_enemy_view(
+        &mut self,
+        [obs, state, avail]: [Field; 3],
+        slot: &mut Slot<'_>,
+        scratch: &mut Scratch,
+    ) {
+        let Some(battle) = self.env.battle() else { return };
+        if let Some(out) = slot.row(obs) {
+            battle.write_obs_of(Faction::Enemy, out, scratch);
+            if let Some(own) = &self.own {
+                self.alive.resize(self.sizes.n_enemies, 0);
+                battle.write_alive_of(Faction::Enemy, &mut self.alive);
+                own.write(Faction::Enemy, &self.alive, out);
+            }
+        }
+        if let Some(out) = slot.row(state) {
+            battle.write_state_of(Faction::Enemy, out);
+        }
+        if let Some(out) = slot.row(avail) {
+            battle.write_avail_actions_of(Faction::Enemy, out);
         }
     }
 }

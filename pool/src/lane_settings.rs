@@ -5,7 +5,7 @@ use crate::environment::MakeEnvironment;
 use crate::fields::{Field, FieldSet};
 use crate::layout::Layout;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{RecordLayout, RecordSizes, Sizes};
+use smaclite_engine::{EnemySizes, RecordLayout, RecordSizes, Sizes};
 
 /// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
 pub const MAX_ENVS: usize = 1_000_000;
@@ -84,29 +84,37 @@ impl LaneSettings {
         self.batch_size == self.num_envs
     }
 
-    /// The fields that a frame has under this autoreset mode.
-    pub fn frame_fields(&self) -> FieldSet {
-        let same_step = self.autoreset == Autoreset::SameStep;
-        self.fields.iter().filter(|field| same_step || !field.is_final()).collect()
+    /// The fields that a frame has under this autoreset mode, in environments of these sizes.
+    pub fn frame_fields(&self, sizes: Sizes) -> FieldSet {
+        let (same_step, both_sides) = (self.autoreset == Autoreset::SameStep, sizes.enemies.is_some());
+        let is_had =
+            |field: &Field| (same_step || !field.is_final()) && (both_sides || !field.is_of_enemies());
+        self.fields.iter().filter(is_had).collect()
     }
 
     /// The sizes of the lane's frames, for environments of these sizes: observations are longer by what the
     /// lane appends to them.
     pub fn frame_sizes(&self, of_env: Sizes) -> Sizes {
-        let id = if self.obs_agent_id { of_env.n_agents } else { 0 };
-        Sizes { obs_size: of_env.obs_size + self.obs_last_actions * of_env.n_actions + id, ..of_env }
+        let appended = |n_units, n_actions| {
+            self.obs_last_actions * n_actions + if self.obs_agent_id { n_units } else { 0 }
+        };
+        let obs_size = of_env.obs_size + appended(of_env.n_agents, of_env.n_actions);
+        let enemies = of_env.enemies.map(|enemies| {
+            let obs_size = enemies.obs_size + appended(of_env.n_enemies, enemies.n_actions);
+            EnemySizes { obs_size, ..enemies }
+        });
+        Sizes { obs_size, enemies, ..of_env }
     }
 
     /// The layout of the lane's frames, which have these [sizes](LaneSettings::frame_sizes).
     pub fn layout(&self, sizes: Sizes) -> Layout {
         let snapshot_size = self.record_layout(sizes).map_or(0, |layout| layout.size());
-        Layout::new(sizes, snapshot_size, self.batch_size, self.frame_fields())
+        Layout::new(sizes, snapshot_size, self.batch_size, self.frame_fields(sizes))
     }
 
     /// Where the columns of the lane's snapshots are, if its frames have them.
     pub fn record_layout(&self, sizes: Sizes) -> Option<RecordLayout> {
-        let Sizes { n_agents, n_enemies, .. } = sizes;
-        let sizes = RecordSizes { n_agents, n_enemies, n_past: self.obs_last_actions };
+        let sizes = RecordSizes::new(&sizes, self.obs_last_actions);
         self.fields.contains(Field::Snapshot).then(|| RecordLayout::new(sizes))
     }
 }

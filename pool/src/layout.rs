@@ -3,10 +3,10 @@
 //! compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
-use smaclite_engine::{Sizes, fnv::Fnv1a};
+use smaclite_engine::{Faction, LEVEL_COLUMNS, Sizes, fnv::Fnv1a};
 
 /// Increases when the frame header, the request header or the meaning of a field changes.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
 pub const BLOCK_ALIGN: usize = 64;
@@ -61,6 +61,26 @@ impl Layout {
         }
     }
 
+    /// The frame as the learner of one side reads it: the fields of that side, with the names and the sizes
+    /// that the agents' have. What is of both is left out: `battle_won` and `episode_return`, which are the
+    /// agents', and snapshots.
+    #[must_use]
+    pub fn of_side(&self, side: Faction) -> Layout {
+        let mut own = self.clone();
+        own.sizes = self.sizes.of(side).unwrap_or(self.sizes);
+        own.sizes.enemies = None;
+        own.fields = FieldSet::from_iter([]);
+        for field in self.fields.iter().filter(|field| !field.is_of_enemies()) {
+            let source = if side == Faction::Enemy { field.of_enemies() } else { Some(field) };
+            if let Some(source) = source.filter(|source| self.fields.contains(*source)) {
+                own.fields.insert(field);
+                own.offsets[field as usize] = self.offsets[source as usize];
+                own.rows[field as usize] = self.rows[source as usize];
+            }
+        }
+        own
+    }
+
     /// The scenario's sizes.
     pub fn sizes(&self) -> Sizes {
         self.sizes
@@ -69,6 +89,11 @@ impl Layout {
     /// Bytes of a snapshot.
     pub fn snapshot_size(&self) -> usize {
         self.snapshot_size
+    }
+
+    /// Floats of a level; 0 if frames have none.
+    pub fn level_len(&self) -> usize {
+        if self.fields.contains(Field::Level) { self.row_len(Field::Level) } else { 0 }
     }
 
     /// Slots of a frame.
@@ -125,7 +150,13 @@ fn extent(sizes: Sizes, snapshot_size: usize, axis: Axis) -> usize {
         Axis::Obs => sizes.obs_size,
         Axis::State => sizes.state_size,
         Axis::Action => sizes.n_actions,
+        Axis::Enemy => sizes.n_enemies,
+        Axis::EnemyObs => sizes.enemies.map_or(0, |enemies| enemies.obs_size),
+        Axis::EnemyState => sizes.enemies.map_or(0, |enemies| enemies.state_size),
+        Axis::EnemyAction => sizes.enemies.map_or(0, |enemies| enemies.n_actions),
         Axis::Snapshot => snapshot_size,
+        Axis::Unit => sizes.n_units(),
+        Axis::LevelColumn => LEVEL_COLUMNS.len(),
     }
 }
 
@@ -155,6 +186,7 @@ impl Element for u8 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use smaclite_engine::EnemySizes;
 
     fn sizes() -> impl Strategy<Value = Sizes> {
         (1usize..40, 1usize..80, 1usize..90, 1usize..400, 1usize..900).prop_map(
@@ -164,6 +196,8 @@ mod tests {
                 n_actions,
                 obs_size,
                 state_size,
+                perception_size: 0,
+                enemies: Some(EnemySizes { n_actions: obs_size, obs_size: n_actions, state_size: n_agents }),
             },
         )
     }

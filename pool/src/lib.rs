@@ -15,6 +15,7 @@ pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]
 pub mod slot;
+mod stand_in;
 pub mod transport;
 
 mod autoreset;

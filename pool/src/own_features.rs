@@ -4,22 +4,20 @@
 //! `n_actions`, the newest first, and the number as a one-hot vector of `n_agents`. Actions from before the
 //! episode are zeros, and so is the whole row of a dead agent.
 
-use crate::environment::{Environment, JointAction};
+use crate::environment::JointAction;
 use crate::lane_settings::LaneSettings;
-use smaclite_engine::Sizes;
+use smaclite_engine::{Faction, Sizes};
 
 /// What is appended to the observations of one environment.
 pub(crate) struct OwnFeatures {
     /// Of the environment, without what is appended.
     sizes: Sizes,
-    /// The joint actions of the last steps, `[last_actions, n_agents]`, the newest first.
+    /// The joint actions of the last steps, `[last_actions, n_actors]`, the newest first.
     history: Vec<i32>,
     /// How many of them are of this episode, from the first on.
     known: usize,
     last_actions: usize,
     agent_id: bool,
-    /// Of the last row that was written: `[n_agents]`.
-    alive: Vec<u8>,
 }
 
 impl OwnFeatures {
@@ -27,8 +25,8 @@ impl OwnFeatures {
     pub(crate) fn new(settings: &LaneSettings, sizes: Sizes) -> Option<Box<OwnFeatures>> {
         let LaneSettings { obs_last_actions: last_actions, obs_agent_id: agent_id, .. } = *settings;
         (last_actions > 0 || agent_id).then(|| {
-            let (history, alive) = (vec![0; last_actions * sizes.n_agents], vec![0; sizes.n_agents]);
-            Box::new(OwnFeatures { sizes, history, known: 0, last_actions, agent_id, alive })
+            let history = vec![0; last_actions * sizes.n_actors()];
+            Box::new(OwnFeatures { sizes, history, known: 0, last_actions, agent_id })
         })
     }
 
@@ -40,38 +38,39 @@ impl OwnFeatures {
     /// A step was made with this joint action.
     pub(crate) fn step(&mut self, actions: JointAction<'_>) {
         if self.last_actions > 0 {
-            self.history.rotate_right(self.sizes.n_agents);
+            self.history.rotate_right(self.sizes.n_actors());
             self.history.iter_mut().zip(actions.iter()).for_each(|(newest, action)| *newest = action);
             self.known = (self.known + 1).min(self.last_actions);
         }
     }
 
-    /// The joint actions of this episode that are kept, `[known, n_agents]`, the newest first.
+    /// The joint actions of this episode that are kept, `[known, n_actors]`, the newest first.
     pub(crate) fn past_actions(&self) -> &[i32] {
-        &self.history[..self.known * self.sizes.n_agents]
+        &self.history[..self.known * self.sizes.n_actors()]
     }
 
     /// Replaces them by at most as many as are kept.
     pub(crate) fn set_past_actions(&mut self, past: &[i32]) {
         self.history[..past.len()].copy_from_slice(past);
-        self.known = past.len() / self.sizes.n_agents;
+        self.known = past.len() / self.sizes.n_actors();
     }
 
-    /// Completes the rows of `obs`, in which the environment left zeros after its own features.
-    pub(crate) fn write(&mut self, env: &dyn Environment, obs: &mut [f32]) {
-        let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
-        env.write_alive(&mut self.alive);
-        for (agent, row) in obs.chunks_exact_mut(obs.len() / n_agents).enumerate() {
-            if self.alive[agent] == 0 {
+    /// Completes the rows of a side's observations, in which the environment left zeros after its own
+    /// features; `alive` are its units that are in the battle.
+    pub(crate) fn write(&self, side: Faction, alive: &[u8], obs: &mut [f32]) {
+        let Some(Sizes { n_agents, n_actions, obs_size, .. }) = self.sizes.of(side) else { return };
+        let first = if side == Faction::Ally { 0 } else { self.sizes.n_agents };
+        for (unit, row) in obs.chunks_exact_mut(obs.len() / n_agents).enumerate() {
+            if alive[unit] == 0 {
                 continue;
             }
             let (past, id) = row[obs_size..].split_at_mut(self.last_actions * n_actions);
-            let joint_actions = self.history.chunks_exact(n_agents).take(self.known);
+            let joint_actions = self.history.chunks_exact(self.sizes.n_actors()).take(self.known);
             for (one_hot, actions) in past.chunks_exact_mut(n_actions).zip(joint_actions) {
-                one_hot[actions[agent] as usize] = 1.0;
+                one_hot[actions[first + unit] as usize] = 1.0;
             }
             if self.agent_id {
-                id[agent] = 1.0;
+                id[unit] = 1.0;
             }
         }
     }

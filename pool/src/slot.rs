@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn slots_of_several_threads_land_in_their_rows() {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes =
+            Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5, ..Sizes::default() };
         let layout = Layout::new(sizes, 0, 8, FieldSet::without_final());
         let mut memory = Box::new(Aligned([0; 8192]));
         let frame = FrameMemory::new(&mut memory.0);
@@ -145,7 +146,8 @@ mod tests {
     /// Equal elements are not written; 0 and -0 are not equal here.
     #[test]
     fn an_element_has_the_bits_that_were_set_last() {
-        let sizes = Sizes { n_agents: 1, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5 };
+        let sizes =
+            Sizes { n_agents: 1, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5, ..Sizes::default() };
         let layout = Layout::new(sizes, 0, 2, FieldSet::without_final());
         let mut memory = Box::new(Aligned([0; 8192]));
         let frame = FrameMemory::new(&mut memory.0);

@@ -2,6 +2,7 @@
 //! heap.
 
 use crate::rejection::Rejection;
+use smaclite_engine::Faction;
 use std::sync::atomic::AtomicI32;
 use std::time::Duration;
 
@@ -70,6 +71,9 @@ pub struct Epoch {
 pub struct Request<'a> {
     /// The session of the sender.
     pub session: SessionId,
+    /// The side of the sender, if its lane has a learner for each: then the body of a step has the actions of
+    /// that side alone.
+    pub side: Option<Faction>,
     /// The sender's number of the request, which a rejection names.
     pub number: RequestNumber,
     /// What the environments should do.
@@ -83,12 +87,15 @@ pub struct Request<'a> {
 /// What the environments of a request should do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RequestKind {
-    /// One step. The body has the joint actions, `[count, n_agents]`.
+    /// One step. The body has the joint actions, `[count, n_actors]`.
     Step,
-    /// A new episode. With a seed, environment `i` is seeded with `seed + i`. The body is empty.
+    /// A new episode. With a seed, environment `i` is seeded with `seed + i`. The body is empty, or has the
+    /// levels with which the episodes begin, f32 `[count, n_units, 5]`.
     Reset {
         /// The seed of environment 0.
         seed: Option<u64>,
+        /// The body has levels.
+        levels: bool,
     },
     /// The state of a snapshot; with a seed as after a reset with it, from there on. The body has the
     /// snapshots, `[count, snapshot_size]` bytes.

@@ -1,8 +1,10 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
 use crate::Scenario;
+use crate::keys::{GROUPS, SMACV2, TEAMS};
 use crate::unit_files::Origin;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use smaclite_units::Problems;
 use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path};
 use std::path::Path;
@@ -50,6 +52,48 @@ impl ScenarioFiles {
         });
         let (scenario, text, unit_files) = report.finish(read)?;
         Ok((scenario, ScenarioFiles { source, text, unit_files }))
+    }
+
+    /// The `opponent` that the scenario file names; `None` also if the text is no scenario.
+    pub fn opponent(&self) -> Option<String> {
+        let file: serde_json::Value = serde_json::from_str(&self.text).ok()?;
+        file.get("opponent")?.as_str().map(str::to_owned)
+    }
+
+    /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
+    /// `smacv2` are added to those of the file, `teams` replaces `groups`, and any other value replaces the
+    /// file's. The text is written anew, and what cannot be changed because it is no JSON object stays as it
+    /// is.
+    ///
+    /// ```
+    /// use smaclite_scenarios::ScenarioFiles;
+    ///
+    /// let (_, files) = ScenarioFiles::resolve("3s5z").unwrap();
+    /// let starts = serde_json::json!({"distribution": "reflect_position"});
+    /// let scenario = files.with_keys([("start_positions".to_owned(), starts)]).scenario().unwrap();
+    /// assert!(scenario.generation.is_some());
+    /// ```
+    #[must_use]
+    pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, Value)>) -> ScenarioFiles {
+        let mut keys = keys.into_iter().peekable();
+        let Ok(Value::Object(mut file)) = serde_json::from_str(&self.text) else { return self.clone() };
+        if keys.peek().is_none() {
+            return self.clone();
+        }
+        for (key, value) in keys {
+            if key == TEAMS.name && value.is_object() {
+                file.remove(GROUPS.name);
+            }
+            match (file.get_mut(&key), value) {
+                (_, Value::Null) => drop(file.remove(&key)),
+                (Some(Value::Object(options)), Value::Object(changed)) if key == SMACV2.name => {
+                    options.extend(changed);
+                }
+                (_, value) => drop(file.insert(key, value)),
+            }
+        }
+        let text = format!("{:#}\n", Value::Object(file));
+        ScenarioFiles { source: format!("{} with changed keys", self.source), text, ..self.clone() }
     }
 
     /// Reads the scenario; no file is opened.

@@ -10,6 +10,7 @@ use smaclite_units::{Keyword, Plane, UnitType};
 use std::collections::HashSet;
 
 /// The units of a scenario and their types; the order defines the ids of both.
+#[derive(Default)]
 pub(crate) struct Roster<'a> {
     pub(crate) unit_types: Vec<UnitType>,
     /// The source of each of `unit_types`, and the entry that first names it.
@@ -17,10 +18,18 @@ pub(crate) struct Roster<'a> {
     /// Unit types with problems, which are reported once.
     refused: Vec<(UnitSource, Reported)>,
     pub(crate) units: Vec<Placement>,
-    /// Whether all units can start where they are; counts and ids can be compared even if they cannot.
-    pub(crate) placed: Result<(), Reported>,
+    pub(crate) placed: Placed,
     /// Occupied start positions: plane, and x and y as f32 bits.
     occupied: HashSet<(u8, u32, u32)>,
+}
+
+/// Whether all units can start where they are; counts and ids can be compared even if they cannot.
+pub(crate) struct Placed(pub(crate) Result<(), Reported>);
+
+impl Default for Placed {
+    fn default() -> Placed {
+        Placed(Ok(()))
+    }
 }
 
 impl<'a> Roster<'a> {
@@ -31,17 +40,10 @@ impl<'a> Roster<'a> {
         files: &UnitFiles,
         map: Option<&Terrain>,
     ) -> Result<Roster<'a>, Reported> {
-        let mut roster = Roster {
-            unit_types: Vec::new(),
-            sources: Vec::new(),
-            refused: Vec::new(),
-            units: Vec::new(),
-            placed: Ok(()),
-            occupied: HashSet::new(),
-        };
+        let mut roster = Roster::default();
         let added: Vec<_> = groups.items()?.iter().map(|group| roster.add_group(group, files, map)).collect();
         let sight = map.map_or(Ok(()), |map| roster.check_sight(map));
-        roster.placed = roster.placed.and(sight);
+        roster.placed.0 = roster.placed.0.and(sight);
         added.into_iter().collect::<Result<(), _>>()?;
         for faction in [Faction::Ally, Faction::Enemy] {
             if roster.count(faction) == 0 {
@@ -64,7 +66,7 @@ impl<'a> Roster<'a> {
     }
 
     /// Checks that no type sees more obstacles than a battle can handle in reasonable time.
-    fn check_sight(&self, map: &Terrain) -> Result<(), Reported> {
+    pub(crate) fn check_sight(&self, map: &Terrain) -> Result<(), Reported> {
         let range = |unit_type: &UnitType| unit_type.speed + unit_type.radius();
         let types =
             self.unit_types.iter().enumerate().filter(|(_, unit_type)| unit_type.plane == Plane::Ground);
@@ -108,7 +110,7 @@ impl<'a> Roster<'a> {
             let id_in_faction = self.count(faction);
             self.units.push(Placement { unit_type, faction, id_in_faction, position });
         }
-        self.placed = self.placed.and(placed);
+        self.placed.0 = self.placed.0.and(placed);
         Ok(())
     }
 
@@ -138,7 +140,7 @@ impl<'a> Roster<'a> {
     }
 
     /// The index of the type of `source`, which `entry` names; reads it at its first mention.
-    fn type_of(
+    pub(crate) fn type_of(
         &mut self,
         source: UnitSource,
         entry: &Node<'a>,

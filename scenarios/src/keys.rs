@@ -1,33 +1,41 @@
 //! The keys of a scenario file and the JSON Schema that they make. `read`, `groups` and `terrain` read the
 //! values.
 
+use crate::generation::keys::{starts_schema, teams_schema};
+use crate::smacv2::SMACV2_KEYS;
+use crate::terrain::ON_ANY_MAP;
 use crate::{Faction, MAX_SIDE, MAX_UNITS, Scenario, Terrain};
 use serde_json::json;
-use smaclite_units::UnitType;
 use smaclite_units::file::{
     AnyKey, Flag, Key, Kind, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Text, Whole, Word,
     object_schema,
 };
+use smaclite_units::{Keyword, UnitType};
 use std::marker::PhantomData;
 
 /// Every key of a scenario file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 16] = [
+pub(crate) const KEYS: [&dyn AnyKey; 21] = [
     &SCHEMA_KEY,
     &NAME,
     &CUSTOM_UNIT_PATH,
     &NUM_ALLIED_UNITS,
     &NUM_ENEMY_UNITS,
     &GROUPS,
+    &TEAMS,
+    &START_POSITIONS,
     &ATTACK_POINT,
+    &OPPONENT,
     &TERRAIN_PRESET,
     &TERRAIN,
     &WIDTH,
     &HEIGHT,
+    &TERRAIN_HEIGHT,
     &NUM_UNIT_TYPES,
     &UNIT_TYPE_IDS,
     &ALLY_HAS_SHIELDS,
     &ENEMY_HAS_SHIELDS,
     &EPISODE_LIMIT,
+    &SMACV2,
 ];
 
 /// Every key of a group.
@@ -41,8 +49,6 @@ const COUNT: Whole = Whole { from: 1, to: MAX_UNITS };
 const SIDE: Whole = Whole { from: 1, to: MAX_SIDE };
 /// Wider than any map; the positions of the units are checked against the map itself.
 const COORDINATE: Range = Range::closed(-1e6, 1e6);
-/// The coordinates of points on the largest map.
-pub(crate) const ON_ANY_MAP: Range = Range::closed(0.0, MAX_SIDE as f64);
 
 pub(crate) const NAME: Key<Text> = Key::required_as(
     "name",
@@ -69,15 +75,47 @@ pub(crate) const NUM_ENEMY_UNITS: Key<Whole> = Key::required_as(
     "the number of units of that faction",
     "Number of units of faction ENEMY in `groups`.",
 );
-pub(crate) const GROUPS: Key<Shape> = Key::required(
+pub(crate) const GROUPS: Key<Shape> = Key::optional(
     "groups",
     Shape { schema: groups_schema, expected: "a list of groups with `x`, `y`, `faction` and `units`" },
-    "The units. Their order defines their ids. Each faction has at least one group.",
+    "The units. Their order defines their ids. Each faction has at least one group. Required without \
+     `teams`.",
 );
-pub(crate) const ATTACK_POINT: Key<Shape> = Key::required(
+/// Names of unit types are names of files.
+pub(crate) const MAX_TYPE_NAME: usize = 255;
+pub(crate) const TEAMS: Key<Shape> = Key::optional(
+    "teams",
+    Shape { schema: teams_schema, expected: "an object with a `distribution`" },
+    "Instead of `groups`: the distribution from which the teams of each episode are drawn.",
+);
+pub(crate) const START_POSITIONS: Key<Shape> = Key::optional(
+    "start_positions",
+    Shape { schema: starts_schema, expected: "an object with a `distribution`" },
+    "The distribution from which the start positions of each episode are drawn; without it, units start \
+     where their groups are.",
+);
+pub(crate) const OPPONENT: Key<Word<March>> = Key::optional(
+    "opponent",
+    Word(PhantomData),
+    "Who plays the enemies unless the user says otherwise: attack_move, the default, to the attack point, or \
+     attack_nearest, to the nearest agent.",
+);
+pub(crate) const TERRAIN_HEIGHT: Key<Shape> = Key::optional(
+    "terrain_height",
+    Shape { schema: heights_schema, expected: "a list of rows, each a list of numbers from 0 to 255" },
+    "The height of each square as `obs_terrain_height` of `smacv2` shows it, from 0 to 255; rows as in \
+     `terrain`. 127 everywhere without it. Battles do not depend on it.",
+);
+pub(crate) const SMACV2: Key<Shape> = Key::optional(
+    "smacv2",
+    Shape { schema: || object_schema(&SMACV2_KEYS), expected: "an object of options" },
+    "Lets agents observe, act and be rewarded as in SMACv2, with these options of SMACv2's environment.",
+);
+pub(crate) const ATTACK_POINT: Key<Shape> = Key::optional(
     "attack_point",
     Shape { schema: attack_point_schema, expected: "[x, y], the point that the enemies march to" },
-    "[x, y] on the map, in squares: the point that the enemies march to; they attack what they meet.",
+    "[x, y] on the map, in squares: the point that the enemies march to; they attack what they meet. \
+     Required without `start_positions`, where the default is the centre of the map.",
 );
 pub(crate) const TERRAIN_PRESET: Key<Shape> = Key::optional(
     "terrain_preset",
@@ -160,6 +198,11 @@ impl Scenario {
              map, x from the west, y from the south."
                 .into();
         schema["oneOf"] = json!([{ "required": [TERRAIN_PRESET.name] }, { "required": [TERRAIN.name] }]);
+        schema["anyOf"] = json!([
+            { "required": [GROUPS.name, ATTACK_POINT.name], "not": { "required": [TEAMS.name] } },
+            { "required": [GROUPS.name, START_POSITIONS.name], "not": { "required": [TEAMS.name] } },
+            { "required": [TEAMS.name, START_POSITIONS.name], "not": { "required": [GROUPS.name] } },
+        ]);
         let preset_size = json!({ "const": DEFAULT_SIDE });
         schema["allOf"] = json!([
             {
@@ -175,6 +218,23 @@ impl Scenario {
         ]);
         schema
     }
+}
+
+/// An opponent that needs no policy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum March {
+    ToAttackPoint,
+    ToNearestAgent,
+}
+
+impl Keyword for March {
+    const KEYWORDS: &'static [(&'static str, March)] =
+        &[("attack_move", March::ToAttackPoint), ("attack_nearest", March::ToNearestAgent)];
+}
+
+fn heights_schema() -> Schema {
+    let row = json!({ "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 } });
+    json!({ "type": "array", "items": row, "minItems": 1, "maxItems": MAX_SIDE })
 }
 
 fn groups_schema() -> Schema {

@@ -1,5 +1,5 @@
-//! Scenarios: units, start positions and maps. The 23 standard scenarios, the eight terrain presets, and the
-//! reader of scenario files.
+//! Scenarios: units, start positions and maps. The 23 standard scenarios, 15 generated ones, the nine terrain
+//! presets, and the reader of scenario files.
 //!
 //! A [`Scenario`] is plain, checked data: types, start positions, terrain with its obstacle rectangles.
 //! This crate plays no battles; it checks everything that the engine relies on (ids, counts, positions on the
@@ -20,6 +20,7 @@
 mod error;
 mod files;
 mod formation;
+mod generation;
 mod groups;
 mod keys;
 mod obstacles;
@@ -27,6 +28,7 @@ mod open;
 mod read;
 mod scenario;
 mod sight;
+mod smacv2;
 mod standard;
 mod terrain;
 mod unit_files;
@@ -35,10 +37,12 @@ mod warnings;
 pub use error::ScenarioError;
 pub use files::{ScenarioFiles, UnitFile};
 pub use formation::formation;
+pub use generation::{Drawer, Drawn, DrawnTeams, Generation, Starts, Teams};
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 /// What is wrong with scenario and unit files.
 pub use smaclite_units::{Problem, Problems};
+pub use smacv2::{Capability, EnemyMask, Smacv2};
 pub use terrain::{MAX_SIDE, Rect, Terrain};
 pub use unit_files::is_replaceable;
 

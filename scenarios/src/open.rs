@@ -1,6 +1,7 @@
 //! Scenarios that are edited: their files may be invalid, and their unit types are looked up one by one.
 
-use crate::keys::{CUSTOM_UNIT_PATH, GROUPS, UNIT_TYPE_IDS, UNITS};
+use crate::generation::keys::{EXCEPTION_UNIT_TYPES, TEAMS_LIST, UNIT_TYPES};
+use crate::keys::{CUSTOM_UNIT_PATH, GROUPS, MAX_TYPE_NAME, TEAMS, UNIT_TYPE_IDS, UNITS};
 use crate::unit_files::{Origin, UnitFiles};
 use crate::{Problems, ScenarioFiles};
 use smaclite_units::UnitType;
@@ -44,6 +45,11 @@ fn unit_files(
     let file = document.root().object(&[])?;
     let files = UnitFiles::new(Origin::Folder(base_dir), file.read_optional(&CUSTOM_UNIT_PATH), report);
     let groups = file.get(&GROUPS).and_then(|groups| groups.items().ok()).unwrap_or_default();
+    for node in file.get(&TEAMS).iter().flat_map(types_of_teams) {
+        if let Ok(found) = node.text(MAX_TYPE_NAME).and_then(|key| files.find(key, &node)) {
+            let _ = files.load(&found, &node); // as below
+        }
+    }
     let named = groups.iter().filter_map(units_of).chain(file.get(&UNIT_TYPE_IDS));
     for (key, node) in named.filter_map(|named| named.entries().ok()).flatten() {
         if let Ok(found) = files.find(key, &node) {
@@ -51,6 +57,15 @@ fn unit_files(
         }
     }
     Ok(files.into_found_at())
+}
+
+/// The values of `teams` that name unit types.
+fn types_of_teams<'a>(teams: &Node<'a>) -> Vec<Node<'a>> {
+    let Ok(object) = teams.object(&[]) else { return Vec::new() };
+    let items = |node: Node<'a>| node.items().unwrap_or_default();
+    let lists = object.get(&UNIT_TYPES).into_iter().chain(object.get(&EXCEPTION_UNIT_TYPES));
+    let lists = lists.chain(object.get(&TEAMS_LIST).map(items).into_iter().flatten());
+    lists.flat_map(items).collect()
 }
 
 fn units_of<'a>(group: &Node<'a>) -> Option<Node<'a>> {

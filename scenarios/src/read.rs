@@ -1,10 +1,12 @@
 //! The reader of scenario files: the values of the keys, and the dependencies between them. `keys` declares
 //! the keys.
 
+use crate::generation::{read_generated, sample};
 use crate::groups::Roster;
-use crate::keys;
+use crate::terrain::ON_ANY_MAP;
 use crate::unit_files::{Origin, UnitFiles, UnitSource};
-use crate::{Faction, Scenario, ScenarioFiles, Terrain, UnitFile};
+use crate::{Faction, MAX_UNITS, Scenario, ScenarioFiles, Terrain, UnitFile};
+use crate::{keys, smacv2};
 use smaclite_units::Problems;
 use smaclite_units::file::{Document, Node, Object, Range, Report, Reported, SCHEMA_KEY};
 use std::path::Path;
@@ -42,18 +44,25 @@ impl Scenario {
         let files = UnitFiles::new(origin, file.read_optional(&keys::CUSTOM_UNIT_PATH), report);
         let terrain = Terrain::read(&file);
         let map = terrain.as_ref().ok();
-        let roster = file.require(&keys::GROUPS).and_then(|groups| Roster::read(&groups, &files, map));
-        let counts = check_counts(&file, roster.as_ref().ok());
-        let ids = read_type_ids(&file, &files, roster.as_ref().ok());
+        let counts = [&keys::NUM_ALLIED_UNITS, &keys::NUM_ENEMY_UNITS];
+        let given = counts.map(|key| file.get(key).and_then(|node| node.as_whole()).map(|n| n as usize));
+        let generated = read_generated(&file, &files, map, given);
+        let roster = generated.as_ref().map(|(roster, _)| roster);
+        let counts = check_counts(&file, roster.ok());
+        let ids = read_type_ids(&file, &files, roster.ok());
         let attack_point = attack_point(&file, map);
+        let smacv2 = file.get(&keys::SMACV2).map(|node| smacv2::read(&node)).transpose();
+        let opponent = file.read_optional(&keys::OPPONENT);
+        let heights = file.get(&keys::TERRAIN_HEIGHT).map(|node| read_heights(&node, map)).transpose();
         let ally_has_shields = file.read(&keys::ALLY_HAS_SHIELDS);
         let enemy_has_shields = file.read(&keys::ENEMY_HAS_SHIELDS);
         let episode_limit = file.read_optional(&keys::EPISODE_LIMIT);
         schema?;
-        counts?;
-        let (roster, (num_unit_types, type_ids)) = (roster?, ids?);
-        roster.placed?;
-        let scenario = Scenario {
+        opponent?;
+        let (counts, (num_unit_types, type_ids)) = (counts?, ids?);
+        let (roster, generation) = generated?;
+        roster.placed.0?;
+        let mut scenario = Scenario {
             name: name?,
             attack_point: attack_point?,
             num_unit_types,
@@ -64,18 +73,26 @@ impl Scenario {
             terrain: terrain?,
             unit_types: roster.unit_types,
             units: roster.units,
+            generation,
+            smacv2: smacv2?,
+            heights: heights?,
         };
+        if scenario.generation.is_some() && scenario.units.is_empty() {
+            scenario.units = sample(&scenario, counts);
+        }
         Ok((scenario, files.into_found()))
     }
 }
 
-/// Compares the counts of units with the groups, if these are valid.
-fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<(), Reported> {
+/// The numbers of allies and enemies, compared with the groups if these are valid.
+fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<[usize; 2], Reported> {
     let check = |key, faction: Faction| {
-        let count = file.read(key)?;
-        let actual = roster.map_or(count as usize, |roster| roster.count(faction));
-        if count as usize == actual {
-            return Ok(());
+        let count = file.read(key)? as usize;
+        // A roster of `teams` has no units.
+        let groups = roster.filter(|roster| !roster.units.is_empty());
+        let actual = groups.map_or(count, |roster| roster.count(faction));
+        if count == actual {
+            return Ok(count);
         }
         let name = smaclite_units::Keyword::name(faction);
         let expected = format!("{actual}, the number of {name} units in `groups`");
@@ -83,17 +100,49 @@ fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<(), Reported> 
     };
     let allies = check(&keys::NUM_ALLIED_UNITS, Faction::Ally);
     let enemies = check(&keys::NUM_ENEMY_UNITS, Faction::Enemy);
-    allies.and(enemies)
+    let (allies, enemies) = (allies?, enemies?);
+    if allies + enemies > MAX_UNITS as usize {
+        let total =
+            format!("raises the number of units to {}; at most {MAX_UNITS} are allowed", allies + enemies);
+        return Err(file.require(&keys::NUM_ENEMY_UNITS)?.conflict(&total));
+    }
+    Ok([allies, enemies])
+}
+
+/// The height of each square, row y = 0 first.
+fn read_heights(node: &Node, map: Option<&Terrain>) -> Result<Vec<u8>, Reported> {
+    let rows = node.items()?;
+    let expected = map.map(|map| (map.width() as usize, map.height() as usize));
+    if let Some((_, height)) = expected.filter(|(_, height)| *height != rows.len()) {
+        return Err(node.invalid(&format!("a list of {height} rows")));
+    }
+    let mut heights = Vec::new();
+    for row in rows {
+        let squares = row.items()?;
+        if let Some((width, _)) = expected.filter(|(width, _)| *width != squares.len()) {
+            return Err(row.invalid(&format!("a list of {width} numbers from 0 to 255")));
+        }
+        for square in squares {
+            heights.push(square.integer(0, 255)? as u8);
+        }
+    }
+    Ok(heights)
 }
 
 fn attack_point(file: &Object, map: Option<&Terrain>) -> Result<[f64; 2], Reported> {
-    let node = file.require(&keys::ATTACK_POINT)?;
+    let Some(node) = file.get(&keys::ATTACK_POINT) else {
+        if file.get(&keys::START_POSITIONS).is_none() {
+            return Err(file.missing(keys::ATTACK_POINT.name, "[x, y], the point that the enemies march to"));
+        }
+        let side = |side: fn(&Terrain) -> u32| map.map_or(0.0, |map| f64::from(side(map)) / 2.0);
+        return Ok([side(Terrain::width), side(Terrain::height)]);
+    };
     let items = node.items()?;
     let [x, y] = items.as_slice() else {
         return Err(node.invalid("two numbers, [x, y]"));
     };
     let range =
-        |side: fn(&Terrain) -> u32| map.map_or(keys::ON_ANY_MAP, |map| Range::closed(0.0, side(map).into()));
+        |side: fn(&Terrain) -> u32| map.map_or(ON_ANY_MAP, |map| Range::closed(0.0, side(map).into()));
     let (x, y) = (x.number(range(Terrain::width)), y.number(range(Terrain::height)));
     Ok([x?, y?])
 }
@@ -122,7 +171,7 @@ fn read_type_ids(
         let found = ids.iter().find(|(known, _)| known == source);
         found.map(|(_, id)| *id).ok_or_else(|| {
             let last = num_unit_types - 1;
-            let expected = format!("an id from 0 to {last}, because `groups` contains the type");
+            let expected = format!("an id from 0 to {last}, because `groups` or `teams` contains the type");
             node.missing(name, &expected)
         })
     };

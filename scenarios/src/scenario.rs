@@ -1,14 +1,17 @@
 //! The scenario as plain, checked data. `read` reads it from a file.
 
-use crate::Terrain;
+use crate::{Generation, Smacv2, Terrain};
+use serde::{Deserialize, Serialize};
 use smaclite_units::{Keyword, UnitType};
 
 /// The faction that a unit fights for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Faction {
     /// Controlled by the agents.
+    #[serde(rename = "allies")]
     Ally,
     /// Controlled by the built-in opponent.
+    #[serde(rename = "enemies")]
     Enemy,
 }
 
@@ -63,6 +66,13 @@ pub struct Scenario {
     pub enemy_has_shields: bool,
     /// Steps after which an episode is truncated.
     pub episode_limit: Option<u32>,
+    /// What is drawn at each reset; then `units` are one sample.
+    pub generation: Option<Generation>,
+    /// The options of SMACv2's interface; `None` for SMAClite's.
+    pub smacv2: Option<Smacv2>,
+    /// The height of each square, row y = 0 first, as SMACv2's option `obs_terrain_height` shows it: 0 to
+    /// 255; `None` if all are 127.
+    pub heights: Option<Vec<u8>>,
 }
 
 impl Scenario {
@@ -74,6 +84,28 @@ impl Scenario {
     /// Number of enemy units.
     pub fn n_enemies(&self) -> usize {
         self.count(Faction::Enemy)
+    }
+
+    /// The same battle with the sides exchanged: agents are enemies, and enemies are agents. Units keep their
+    /// ids and positions; those that are enemies now march to the middle of those that were.
+    pub fn exchanged(&self) -> Scenario {
+        let mut exchanged = self.clone();
+        exchanged.units.iter_mut().for_each(|unit| unit.faction = unit.faction.opponent());
+        std::mem::swap(&mut exchanged.ally_has_shields, &mut exchanged.enemy_has_shields);
+        let enemies = self.units.iter().filter(|unit| unit.faction == Faction::Enemy);
+        let (x, y) = enemies.fold((0.0, 0.0), |(x, y), unit| (x + unit.position[0], y + unit.position[1]));
+        exchanged.attack_point = [x, y].map(|sum| sum / self.n_enemies() as f64);
+        exchanged
+    }
+
+    /// The same battle after half a turn of the map: north is south, and east is west.
+    pub fn turned(&self) -> Scenario {
+        let sides = [self.terrain.width(), self.terrain.height()].map(f64::from);
+        let turn = |[x, y]: [f64; 2]| [sides[0] - x, sides[1] - y];
+        let mut turned = Scenario { terrain: self.terrain.turned(), ..self.clone() };
+        turned.units.iter_mut().for_each(|unit| unit.position = turn(unit.position));
+        turned.attack_point = turn(self.attack_point);
+        turned
     }
 
     fn count(&self, faction: Faction) -> usize {

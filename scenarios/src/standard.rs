@@ -1,4 +1,5 @@
-//! The 23 standard scenarios, embedded from `scenarios/data`, and the lookup of a scenario by name or path.
+//! The 23 standard and the 15 generated scenarios, embedded from `scenarios/data`, and the lookup of a
+//! scenario by name or path.
 //!
 //! They are the maps of SMAC. Twelve are the published environment's own; it plays the other eleven as custom
 //! scenarios. In SMAC's 2m_vs_1z the enemies march to a random point between the marines; here it is the
@@ -35,16 +36,45 @@ const STANDARD: [(&str, &str); 23] = [
     ("so_many_baneling", include_str!("../data/so_many_baneling.json")),
 ];
 
+/// The generated scenarios: SMACv2's tasks under SMAClite's rules. Battles are SMAClite's; what SMACv2's
+/// Python code computes from the units is what that code computes.
+const GENERATED: [(&str, &str); 15] = [
+    ("protoss_5_vs_5", include_str!("../data/protoss_5_vs_5.json")),
+    ("protoss_10_vs_10", include_str!("../data/protoss_10_vs_10.json")),
+    ("protoss_10_vs_11", include_str!("../data/protoss_10_vs_11.json")),
+    ("protoss_20_vs_20", include_str!("../data/protoss_20_vs_20.json")),
+    ("protoss_20_vs_23", include_str!("../data/protoss_20_vs_23.json")),
+    ("terran_5_vs_5", include_str!("../data/terran_5_vs_5.json")),
+    ("terran_10_vs_10", include_str!("../data/terran_10_vs_10.json")),
+    ("terran_10_vs_11", include_str!("../data/terran_10_vs_11.json")),
+    ("terran_20_vs_20", include_str!("../data/terran_20_vs_20.json")),
+    ("terran_20_vs_23", include_str!("../data/terran_20_vs_23.json")),
+    ("zerg_5_vs_5", include_str!("../data/zerg_5_vs_5.json")),
+    ("zerg_10_vs_10", include_str!("../data/zerg_10_vs_10.json")),
+    ("zerg_10_vs_11", include_str!("../data/zerg_10_vs_11.json")),
+    ("zerg_20_vs_20", include_str!("../data/zerg_20_vs_20.json")),
+    ("zerg_20_vs_23", include_str!("../data/zerg_20_vs_23.json")),
+];
+
+fn all() -> impl Iterator<Item = &'static (&'static str, &'static str)> {
+    STANDARD.iter().chain(&GENERATED)
+}
+
 impl Scenario {
-    /// The standard scenario of that name (`"2s3z"`), if there is one.
+    /// The standard or generated scenario of that name (`"2s3z"`), if there is one.
     pub fn standard(name: &str) -> Option<Scenario> {
         // A test reads all of them, so an embedded file never fails here.
         ScenarioFiles::standard(name)?.scenario().ok()
     }
 
-    /// The names of the standard scenarios.
+    /// The names of the standard scenarios, whose units are always the same.
     pub fn standard_names() -> impl Iterator<Item = &'static str> {
         STANDARD.iter().map(|(name, _)| *name)
+    }
+
+    /// The names of the generated scenarios, whose teams and start positions are drawn for each episode.
+    pub fn generated_names() -> impl Iterator<Item = &'static str> {
+        GENERATED.iter().map(|(name, _)| *name)
     }
 
     /// The standard scenario of that name, else the scenario file at that path.
@@ -58,16 +88,16 @@ impl Scenario {
 }
 
 impl ScenarioFiles {
-    /// The file of the standard scenario of that name, if there is one.
+    /// The file of the standard or generated scenario of that name, if there is one.
     fn standard(name: &str) -> Option<ScenarioFiles> {
-        let (_, text) = STANDARD.iter().find(|(standard, _)| *standard == name)?;
+        let (_, text) = all().find(|(standard, _)| *standard == name)?;
         let source = format!("scenarios/data/{name}.json");
         Some(ScenarioFiles { source, text: (*text).into(), unit_files: Vec::new() })
     }
 
-    /// Whether this is the file of a standard scenario.
+    /// Whether this is the file of a standard or generated scenario.
     pub fn is_standard(&self) -> bool {
-        STANDARD.iter().any(|(_, text)| *text == self.text)
+        all().any(|(_, text)| *text == self.text)
     }
 
     /// As [`Scenario::resolve`], with the texts that the scenario was read from.
@@ -83,7 +113,7 @@ impl ScenarioFiles {
         if path.components().count() > 1 || name_or_path.ends_with(".json") || path.exists() {
             return Ok(ScenarioFiles::load(path)?);
         }
-        let hint = did_you_mean(name_or_path, Scenario::standard_names());
+        let hint = did_you_mean(name_or_path, all().map(|(name, _)| *name));
         Err(ScenarioError::Unknown { name: shortened(name_or_path), hint })
     }
 }

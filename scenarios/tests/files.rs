@@ -119,11 +119,11 @@ fn bad_terrain() {
         (
             &[("terrain_preset", "\"SIMPEL\"")],
             "`terrain_preset` is \"SIMPEL\", but must be one of ALL_GREEN, CHECKERBOARD, \
-             CORRIDOR, NARROW, OCTAGON, PENTAGON, RAVINE, SIMPLE; did you mean `SIMPLE`?",
+             CORRIDOR, FLAT, NARROW, OCTAGON, PENTAGON, RAVINE, SIMPLE; did you mean `SIMPLE`?",
         ),
         (
             &[("terrain_preset", "")],
-            "`terrain_preset` is missing; it must be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, NARROW, \
+            "`terrain_preset` is missing; it must be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, FLAT, NARROW, \
              OCTAGON, PENTAGON, RAVINE, SIMPLE; or `terrain` must define the map",
         ),
         (
@@ -242,8 +242,8 @@ fn bad_counts_and_ids() {
         ),
         (
             &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MEDIVAC": 2}"#),
-            "`unit_type_ids.MARINE` is missing; it must be an id from 0 to 2, because `groups` contains the \
-             type",
+            "`unit_type_ids.MARINE` is missing; it must be an id from 0 to 2, because `groups` or `teams` \
+             contains the type",
         ),
     ]);
 }
@@ -533,4 +533,80 @@ fn an_invalid_scenario_has_problems_and_no_warnings() {
     assert_eq!(texts(&[("num_enemy_units", "7")], Vec::new()).warnings(), []);
     let (_, files) = ScenarioFiles::resolve("2s3z").unwrap();
     assert!(files.is_standard() && !texts(&[], Vec::new()).is_standard());
+}
+
+/// A generated scenario with one key replaced, and its problems.
+fn generated_problems(from: &str, to: &str) -> String {
+    let (_, files) = ScenarioFiles::resolve("terran_10_vs_11").unwrap();
+    assert!(files.text.contains(from), "{from}");
+    let text = files.text.replace(from, to);
+    ScenarioFiles { text, ..files }.scenario().map_or_else(|problems| problems.to_string(), |_| String::new())
+}
+
+#[test]
+fn bad_distributions_are_named_with_line_and_column() {
+    for (from, to, expected) in [
+        (
+            "[0.45, 0.45, 0.1]",
+            "[0.45, 0.45]",
+            ":8:20: `teams.weights` is a list of length 2, but must be a list of 3",
+        ),
+        (
+            "[0.45, 0.45, 0.1]",
+            "[0.45, 0, 0.1]",
+            ":8:27: `teams.weights[1]` is 0, but must be a number above 0",
+        ),
+        (
+            "[\"MEDIVAC\"]",
+            "[\"ZEALOT\"]",
+            ":9:34: `teams.exception_unit_types[0]` is \"ZEALOT\", but must be one of `unit_types`",
+        ),
+        (
+            "[\"MEDIVAC\"]",
+            "[\"MEDIVAC\", \"MARINE\", \"MARAUDER\"]",
+            "must leave out at least one of `unit_types`",
+        ),
+        ("weighted_teams", "weighted_team", "did you mean `weighted_teams`?"),
+        ("\"weighted_teams\"", "\"all_teams\"", "`teams.weights` is a key of another distribution"),
+        ("\"p\": 0.5", "\"p\": 2", "`start_positions.p` is 2, but must be a number from 0 to 1"),
+        (
+            "\"surrounded_and_reflect\"",
+            "\"reflect_position\"",
+            "`start_positions.p` is a key of another distribution",
+        ),
+        (
+            "\"attack_nearest\"",
+            "\"nearest\"",
+            "`opponent` is \"nearest\", but must be one of attack_move, attack_nearest",
+        ),
+        (
+            "\"use_unit_ranges\": true",
+            "\"prob_obs_enemy\": 1.5",
+            "`smacv2.prob_obs_enemy` is 1.5, but must be a number from 0 to 1",
+        ),
+        ("\"use_unit_ranges\": true", "\"use_ranges\": true", "unknown key `smacv2.use_ranges`"),
+        ("\"use_unit_ranges\": true", "\"obs_starcraft\": false", "leaves nothing to observe"),
+        (
+            "\"use_unit_ranges\": true",
+            "\"health\": {\"lower_bound\": 1, \"upper_bound\": 0}",
+            "`lower_bound` that is at most `upper_bound`",
+        ),
+        ("\"MEDIVAC\": 2", "\"MARINES\": 2", "did you mean `MARINE`?"),
+    ] {
+        let problems = generated_problems(from, to);
+        assert!(problems.contains(expected), "{to}: {problems:?} does not contain {expected:?}");
+    }
+    let types = "\"unit_types\": [\"MARINE\", \"MARAUDER\", \"MEDIVAC\"]";
+    let all = &*format!("\"distribution\": \"all_teams\", {types} }}, \"x\": {{");
+    let problems = generated_problems("\"distribution\": \"weighted_teams\",", all);
+    assert!(problems.contains("`num_allied_units` is 10 and `num_enemy_units` 11"), "{problems}");
+}
+
+#[test]
+fn teams_take_the_place_of_groups() {
+    let problems = generated_problems("\"start_positions\": {", "\"groups\": [], \"start_positions\": {");
+    assert!(problems.contains("`groups` must be left out"), "{problems}");
+    let without = "\"start\": {";
+    let problems = generated_problems("\"start_positions\": {", without);
+    assert!(problems.contains("`start_positions` is missing"), "{problems}");
 }

@@ -239,7 +239,7 @@ fn rows_of_every_terrain() {
 }
 
 /// Walkable squares of each preset, in the order of their names.
-const COUNTS: [i64; 8] = [800, 512, 440, 484, 424, 220, 400, 512];
+const COUNTS: [i64; 9] = [800, 512, 440, 1024, 484, 424, 220, 400, 512];
 
 #[test]
 fn obstacles_cover_exactly_the_blocked_squares() {
@@ -278,4 +278,47 @@ fn no_standard_scenario_has_a_warning() {
         let (_, files) = ScenarioFiles::resolve(name).unwrap();
         assert_eq!(files.warnings(), [], "{name}");
     }
+}
+
+/// Where it stands: type, side and position of every unit, by side and number.
+fn placements(scenario: &Scenario) -> Vec<(usize, Faction, [f64; 2])> {
+    let of = |side| scenario.units.iter().filter(move |unit| unit.faction == side);
+    let all = of(Faction::Ally).chain(of(Faction::Enemy));
+    all.map(|unit| (unit.unit_type, unit.faction, unit.position)).collect()
+}
+
+#[test]
+fn sides_are_exchanged_and_maps_turned() {
+    for name in Scenario::standard_names() {
+        let scenario = Scenario::standard(name).unwrap();
+        let (exchanged, turned) = (scenario.exchanged(), scenario.turned());
+        assert_eq!(
+            (exchanged.n_agents(), exchanged.n_enemies()),
+            (scenario.n_enemies(), scenario.n_agents())
+        );
+        assert_eq!(exchanged.exchanged().units, scenario.units, "{name}");
+        assert_eq!(turned.turned().terrain, scenario.terrain, "{name}");
+        let [x, y] = scenario.units[0].position;
+        assert_eq!(turned.units[0].position, [32.0 - x, 32.0 - y]);
+        let corner = |scenario: &Scenario, x, y| scenario.terrain.is_walkable(x, y);
+        assert!((0..32).all(|i| corner(&turned, i, 3) == corner(&scenario, 31 - i, 28)), "{name}");
+    }
+}
+
+/// The sides of these are images of each other, unit by unit, so a team can play either. Those of
+/// bane_vs_bane are too, but its banelings have the last numbers on one side and the first on the other.
+#[test]
+fn symmetric_scenarios_are_their_own_mirror_images() {
+    let is_symmetric = |name: &&str| {
+        let scenario = Scenario::standard(name).unwrap();
+        let (own, image) = (placements(&scenario), placements(&scenario.exchanged().turned()));
+        own.len() == image.len()
+            && own.iter().zip(&image).all(|(a, b)| {
+                let near = (0..2).all(|axis| (a.2[axis] - b.2[axis]).abs() < 1e-12);
+                (a.0, a.1) == (b.0, b.1) && near
+            })
+            && scenario.terrain == scenario.turned().terrain
+    };
+    let symmetric: Vec<&str> = Scenario::standard_names().filter(is_symmetric).collect();
+    assert_eq!(symmetric, ["1c3s5z", "25m", "2s3z", "3m", "3s5z", "8m", "MMM"]);
 }

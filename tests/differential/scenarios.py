@@ -57,8 +57,9 @@ class ScenarioFiles:
 
 
 def standard_names() -> list[str]:
-    """The names of the standard scenarios of this repository."""
-    return sorted(path.stem for path in STANDARD.glob("*.json"))
+    """The names of the standard scenarios of this repository that the published environment can play."""
+    texts = {path.stem: path.read_text() for path in STANDARD.glob("*.json")}
+    return sorted(name for name, text in texts.items() if "groups" in json.loads(text))
 
 
 def standard(name: str) -> ScenarioFiles:

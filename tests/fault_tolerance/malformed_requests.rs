@@ -62,7 +62,7 @@ fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_
     let node = node(dir.runtime_dir());
     let publisher = requests(&node, &lane, MAX_PAYLOAD);
     let layout = lane.layout().expect("a layout");
-    let good = RequestHeader::new(&layout, SessionId(77), RequestNumber(1), RequestKind::Step, 4);
+    let good = RequestHeader::new(&layout, SessionId(77), None, RequestNumber(1), RequestKind::Step, 4);
     let payload = step_payload(&lane, &[0, 1, 2, 3], 1);
     // A session that does not exist, though the learner's is easy to guess: it is 1.
     assert_rejected(&dir, &publisher, good, &payload);
@@ -70,7 +70,9 @@ fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_
     let ours = RequestHeader { session: 1, ..good };
     for header in [
         RequestHeader { magic: 7, ..ours },
-        RequestHeader { version: 2, ..ours },
+        RequestHeader { version: ours.version + 1, ..ours },
+        RequestHeader { side: 1, ..ours },
+        RequestHeader { side: 3, ..ours },
         RequestHeader { layout_hash: 1, ..ours },
         RequestHeader { kind: 0, ..ours },
         RequestHeader { kind: u32::MAX, ..ours },
@@ -99,7 +101,7 @@ fn invalid_requests_of_a_learner_are_rejected_and_have_no_effect() {
         let (lane, all) = (raw.lane.clone(), [0, 1, 2, 3]);
         let rejected = || dir.status().lanes[index].stats.rejected;
         let frames = || dir.status().lanes[index].stats.frames;
-        let reset = RequestKind::Reset { seed: Some(1) };
+        let reset = RequestKind::Reset { seed: Some(1), levels: false };
         let assert_rejected = |raw: &mut RawLearner, kind, payload: &[u8]| {
             let before = rejected();
             raw.send(kind, payload, 4);
@@ -146,7 +148,7 @@ fn a_rejected_reset_does_not_affect_requests_that_are_being_processed() {
     let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
     let lane = raw.lane.clone();
     let mut rng = Pcg64::seed_from_u64(1);
-    let reset = RequestKind::Reset { seed: None };
+    let reset = RequestKind::Reset { seed: None, levels: false };
     raw.send(reset, &reset_payload(&[0, 1, 2, 3]), 4);
     for _ in 0..400 {
         let (kind, payload) = match rng.random_range(0..3) {
@@ -169,8 +171,11 @@ fn random_requests_never_break_a_lane() {
     let mut rng = Pcg64::seed_from_u64(5);
     for number in 1..3000 {
         let count = *[1, 3, 6, 6, 6, 7, 100].choose(&mut rng).expect("not empty");
-        let kinds =
-            [RequestKind::Step, RequestKind::Reset { seed: None }, RequestKind::Fork { seed: Some(3) }];
+        let kinds = [
+            RequestKind::Step,
+            RequestKind::Reset { seed: None, levels: false },
+            RequestKind::Fork { seed: Some(3) },
+        ];
         let kind = *kinds.choose(&mut rng).expect("not empty");
         let envs: Vec<i32> = match rng.random_range(0..3) {
             0 => (0..count).map(|_| rng.random_range(-1..8)).collect(),
@@ -211,7 +216,7 @@ mod rewriting {
         let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
         let lane = raw.lane.clone();
         let envs: Vec<i32> = (0..64).collect();
-        let reset = RequestKind::Reset { seed: None };
+        let reset = RequestKind::Reset { seed: None, levels: false };
         let payload = step_payload(&lane, &envs, 1);
         let mut rng = Pcg64::seed_from_u64(3);
         for number in 1..800 {

@@ -64,7 +64,7 @@ impl Learner {
 
     /// Resets these environments.
     pub fn send_reset(&mut self, seed: Option<u64>, env_ids: &[i32]) {
-        self.send(RequestKind::Reset { seed }, env_ids, &[]);
+        self.send(RequestKind::Reset { seed, levels: false }, env_ids, &[]);
     }
 
     /// Sends actions.

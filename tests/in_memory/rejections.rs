@@ -2,6 +2,7 @@
 //! anything themselves.
 
 use crate::harness::{Learner, all, assert_same, legal_actions, start, start_one, wait_until};
+use smaclite_engine::Actor;
 use smaclite_pool::transport::RequestKind;
 use smaclite_pool::{Autoreset, Pool, Rejection};
 use smaclite_tests::fault::{Fault, Gate};
@@ -60,7 +61,9 @@ fn wrong_actions_and_environments_are_named_and_nothing_is_stepped() {
     for plan in [&synchronous, &asynchronous] {
         let illegal = |rows: &[Row], actions: &mut Vec<i32>| actions[7] = unavailable(&rows[3], 1);
         check(plan, &all(N), illegal, |rejection| match rejection {
-            Rejection::UnavailableAction { env: 3, agent: 1, available, .. } => available.len() == 4,
+            Rejection::UnavailableAction { env: 3, actor: Actor::Agent(1), available, .. } => {
+                available.len() == 4
+            }
             _ => false,
         });
         for action in [5, -1, i32::MIN, i32::MAX] {
@@ -144,7 +147,7 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
     };
     learner.send_raw(message(1, 2, None));
     learner.send_raw(message(2, 2, Some(RequestKind::Step)));
-    learner.send_raw(message(0, u64::MAX, Some(RequestKind::Reset { seed: None })));
+    learner.send_raw(message(0, u64::MAX, Some(RequestKind::Reset { seed: None, levels: false })));
     learner.step_rows(&rows);
     learner.batch();
     assert!(learner.has_no_frame());

@@ -1,4 +1,4 @@
-"""Code written for the published packages `smaclite` and `smac`, on their drop-in replacements."""
+"""Code written for the published packages `smaclite`, `smac` and `smacv2`, on their drop-in replacements."""
 
 from __future__ import annotations
 
@@ -196,7 +196,23 @@ env.close()
 print(smac.__file__)
 """
 
-PLAY = {"smaclite": PLAY_SMACLITE, "smac": PLAY_SMAC}
+PLAY_SMACV2 = """
+import smacv2
+from smacv2.env import MultiAgentEnv, StarCraft2Env, StarCraftCapabilityEnvWrapper
+from smacv2.env.multiagentenv import MultiAgentEnv as Base
+from smacv2.env.starcraft2.distributions import get_distribution, register_distribution
+from smacv2.env.starcraft2.maps import get_map_params
+from smacv2.env.starcraft2.maps.smac_maps import SMACMap, get_smac_map_registry, map_param_registry
+from smacv2.env.starcraft2.starcraft2 import CannotResetException, StarCraft2Env as Same
+from smacv2.env.starcraft2.wrapper import StarCraftCapabilityEnvWrapper as SameWrapper
+assert issubclass(CannotResetException, Exception) and Base is MultiAgentEnv
+assert smacv2.env.StarCraft2Env is StarCraft2Env is Same and SameWrapper is StarCraftCapabilityEnvWrapper
+assert issubclass(StarCraft2Env, MultiAgentEnv) and issubclass(StarCraftCapabilityEnvWrapper, MultiAgentEnv)
+assert len(get_smac_map_registry()) == 26 and get_map_params("3s_vs_5z") == map_param_registry["3s_vs_5z"]
+print(smacv2.__file__)
+"""
+
+PLAY = {"smaclite": PLAY_SMACLITE, "smac": PLAY_SMAC, "smacv2": PLAY_SMACV2}
 COMMAND = [sys.executable, "-m", "smaclite_pool.compat"]
 
 IN_CHILDREN = """
@@ -220,7 +236,7 @@ def run(*command: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=env, capture_output=True, text=True, timeout=100, check=False)
 
 
-@pytest.mark.parametrize("package", ["smaclite", "smac"])
+@pytest.mark.parametrize("package", ["smaclite", "smac", "smacv2"])
 def test_by_python_path(package: str) -> None:
     folder = run(*COMMAND, f"--{package}").stdout.strip()
     assert folder == str(compat.FOLDERS[package])
@@ -228,16 +244,16 @@ def test_by_python_path(package: str) -> None:
     assert done.stdout.startswith(folder), done.stderr
 
 
-@pytest.mark.parametrize("package", ["smaclite", "smac"])
-@pytest.mark.parametrize("options", [[], ["--smaclite", "--smac"]])
-def test_the_command_replaces_both_by_default(tmp_path: Path, package: str, options: list[str]) -> None:
+@pytest.mark.parametrize("package", ["smaclite", "smac", "smacv2"])
+@pytest.mark.parametrize("options", [[], ["--smaclite", "--smac", "--smacv2"]])
+def test_the_command_replaces_all_by_default(tmp_path: Path, package: str, options: list[str]) -> None:
     script = tmp_path / "play.py"
     script.write_text(PLAY[package])
     done = run(*COMMAND, *options, str(script))
     assert done.stdout.startswith(str(compat.FOLDERS[package])), done.stderr
 
 
-@pytest.mark.parametrize(("package", "other"), [("smaclite", "smac"), ("smac", "smaclite")])
+@pytest.mark.parametrize(("package", "other"), [("smaclite", "smac"), ("smac", "smacv2"), ("smacv2", "smac")])
 def test_the_command_can_replace_one_package(tmp_path: Path, package: str, other: str) -> None:
     published = tmp_path / other
     published.mkdir()
@@ -292,7 +308,7 @@ def test_the_limit_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:
         gymnasium.make("smaclite/2s_vs_1sc-v0")
 
 
-@pytest.mark.parametrize("package", ["smaclite", "smac"])
+@pytest.mark.parametrize("package", ["smaclite", "smac", "smacv2"])
 def test_by_install_and_in_child_processes(tmp_path: Path, package: str) -> None:
     script = tmp_path / "children.py"
     script.write_text(IN_CHILDREN.replace("PACKAGE", package).replace("CODE", repr(PLAY[package])))
@@ -302,7 +318,7 @@ def test_by_install_and_in_child_processes(tmp_path: Path, package: str) -> None
     assert len(files) == 3 and all(file.startswith(str(compat.FOLDERS[package])) for file in files)
 
 
-@pytest.mark.parametrize("package", ["smaclite", "smac"])
+@pytest.mark.parametrize("package", ["smaclite", "smac", "smacv2"])
 def test_beside_the_published_package(tmp_path: Path, package: str) -> None:
     """By default the published package is imported, and the replacement is refused after that."""
     published = tmp_path / package

@@ -31,10 +31,18 @@ def check(value: object, expected: Any, where: str) -> None:
             check(element, arguments[1], f"{where}[{key!r}]")
     elif origin is typing.Literal:
         assert value in arguments, f"{where}: {value!r} is none of {arguments}"
-    elif origin is types.UnionType:
-        assert type(value) in arguments, f"{where}: {value!r}"
+    elif origin in (types.UnionType, typing.Union):
+        assert any(is_of(value, argument) for argument in arguments), f"{where}: {value!r}"
     else:
-        assert type(value) is expected, f"{where}: {value!r} is no {expected.__name__}"
+        assert type(value) is expected, f"{where}: {value!r} is no {expected}"
+
+
+def is_of(value: object, expected: Any) -> bool:
+    try:
+        check(value, expected, "")
+    except AssertionError:
+        return False
+    return True
 
 
 @pytest.mark.parametrize("name", sp.scenarios())
@@ -42,10 +50,11 @@ def test_a_scenario_has_its_type(name: str) -> None:
     check(sp.scenario(name), Scenario, name)
 
 
-@pytest.mark.parametrize("limit", [7, None])
+@pytest.mark.parametrize(("limit", "sides"), [(7, "allies"), (None, "both")])
 @pytest.mark.parametrize("autoreset", ["next_step", "same_step", "disabled"])
-def test_a_description_and_a_status_have_their_types(autoreset: Any, limit: int | None) -> None:
-    with sp.make("2s3z", 2, name="train", autoreset=autoreset, episode_limit=limit, rules="paper") as envs:
+def test_a_description_and_a_status_have_their_types(autoreset: Any, limit: int | None, sides: Any) -> None:
+    options: dict[str, Any] = {"episode_limit": limit, "sides": sides, "rules": "paper"}
+    with sp.make("2s3z", 2, name="train", autoreset=autoreset, **options) as envs:
         check(envs.description, LaneDescription, "description")
         envs.reset()
         status = sp.status("train")

@@ -40,7 +40,7 @@ FRAMEWORKS |= {"wandb", "tree"}  # RLlib requires `tree`, which the extra `ray` 
 CLONE = "builds in a clone of the repository"
 DOCKER = "needs Docker and an image"
 INSTALLS = "installs packages"
-SERVES = "serves a page until Ctrl-C; test_watch.py and test_editor.py run it"
+SERVES = "serves a page until Ctrl-C; test_watch.py, test_editor.py and test_play.py run it"
 OTHER_CODE = "needs another code base"
 FRAGMENT = "a fragment, whose names are explained around it"
 
@@ -51,6 +51,11 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "git clone": OTHER_CODE,
         "python -m smaclite_pool.examples": OTHER_CODE,
     },
+    "frameworks/smacv2.md": {
+        "python -m smaclite_pool.compat": OTHER_CODE,
+        "cd examples": OTHER_CODE,
+        "scenario_args": OTHER_CODE,
+    },
     "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
     "how-to/docker.md": {
         "docker build": DOCKER,
@@ -59,17 +64,25 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "docker compose": DOCKER,
     },
     "how-to/editor.md": {"smaclite-pool edit": SERVES},
+    "how-to/play.md": {
+        "smaclite-pool play": SERVES,
+        "smaclite-pool replay": "needs a battle that a person played; test_play.py has one",
+    },
     "how-to/pytorch-learners.md": {
         "pip install": INSTALLS,
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
     },
     "how-to/ray.md": {"ray start": "needs a cluster", "python -m": "test_ray.py runs the program"},
+    "how-to/tournament.md": {"just figures": CLONE},
     "how-to/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
     "how-to/slurm.md": {"sbatch": "needs a cluster"},
     "how-to/systemd.md": {
         "[Unit]": "needs systemd",
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
+    },
+    "reference/both-sides.md": {
+        "import smaclite_pool as sp\n\nwith sp.connect": "needs another learner; test_both_sides.py has two"
     },
     "reference/opponents.md": {"just figures": CLONE},
     "reference/policies.md": {
@@ -81,6 +94,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "just results-train": "trains for hours",
         "just results-search": CLONE,
         "just results-opponents": CLONE,
+        "just results-elo": CLONE,
     },
     "tutorials/installation.md": {
         "pip install dist": INSTALLS,
@@ -109,6 +123,7 @@ NOT_RUN: dict[str, dict[str, str]] = {
     "integrations/torch.py": {"envs = sp.connect": "needs a GPU"},
     "marl/epymarl.py": {"from smaclite_pool.marl.epymarl import PoolRunner; REG": OTHER_CODE},
     "marl/smac/__init__.py": {"python -m": OTHER_CODE},
+    "marl/smacv2/__init__.py": {"python -m": OTHER_CODE},
     "marl/smac/rewards.py": {"REWARD_SCALE *": "a formula"},
 }
 """The beginnings of blocks that are not run, by page, and why."""
@@ -157,6 +172,7 @@ def blocks(text: str) -> list[Block]:
 def without_numbers(text: str) -> str:
     """Tables without the widths of their columns, and battles without their outcome."""
     numbers, outcomes = r"\d[\d,.:]*|(?<= )-(?= )", r"\b(won|lost|truncated)\b"
+    text = re.sub(r"\[ +", "[", text)  # NumPy aligns the numbers of an array
     return re.sub(r" +", " ", re.sub(outcomes, "", re.sub(numbers, "0", text)))
 
 
@@ -443,7 +459,7 @@ def test_pages_get_what_they_take_from_the_package() -> None:
     hooks = site_hooks()
     pages = {place(page): hooks.on_page_markdown(page.read_text()) for page in PAGES}
     assert "| `obs` | float32 | [M, n_agents, obs_size] |" in pages["concepts/batches.md"]
-    assert "| `attack_point` | required |" in pages["reference/scenario-files.md"]
+    assert "| `terrain_preset` |" in pages["reference/scenario-files.md"]
     assert "| `hp` | float64 | [n_units] |" in pages["reference/snapshots.md"]
     assert "Usage: smaclite-pool serve" in pages["reference/cli.md"]
     assert not any("<!-- insert" in text for text in pages.values())

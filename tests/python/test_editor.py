@@ -457,8 +457,10 @@ def test_every_form_has_names_in_both_themes(browser: Any, file: Path, scheme: s
         for tab in ("groups", "scenario", "types", "json"):
             editor.tab(tab)
             assert editor.page.evaluate(nameless) == []
-        width = editor.page.evaluate("document.getElementById('map').getBoundingClientRect().width")
-        assert editor.page.evaluate("document.getElementById('map').width") == round(2 * width)
+        # The map is drawn in the size of its place with the next picture.
+        sizes = """() => [document.getElementById('map').getBoundingClientRect().width * 2,
+            document.getElementById('map').width]"""
+        editor.wait(lambda: len({round(size) for size in editor.page.evaluate(sizes)}) == 1)
 
 
 def test_a_map_that_is_too_large_to_send_is_an_error_and_nothing_else(browser: Any, file: Path) -> None:
@@ -470,3 +472,20 @@ def test_a_map_that_is_too_large_to_send_is_an_error_and_nothing_else(browser: A
         editor.wait(lambda: "larger than 4 MiB" in editor.page.inner_text("#message"))
         editor.page.eval_on_selector("#text", fill, text)
         editor.wait_for_state("Valid")
+
+
+def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
+    with Editor(browser, "terran_5_vs_5") as editor:
+        picture = "document.getElementById('map').toDataURL()"
+        assert editor.page.is_visible("#draw")
+        editor.page.mouse.move(0, 0)  # the map shows what is under the pointer
+        editor.settle()
+        first = editor.page.evaluate(picture)
+        editor.page.click("#draw")
+        assert editor.page.input_value("#seed") == "1"
+        editor.wait(lambda: editor.page.evaluate(picture) != first)
+        editor.page.fill("#seed", "0")
+        editor.page.press("#seed", "Tab")
+        editor.wait(lambda: editor.page.evaluate(picture) == first)
+    with Editor(browser, "2s3z") as editor:
+        assert not editor.page.is_visible("#draw")

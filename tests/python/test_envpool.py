@@ -135,3 +135,25 @@ def test_a_connected_lane_has_the_same_api(serve: Serve) -> None:
         envs.async_reset()
         assert envs.recv()[-1]["env_id"].shape == (2,)
         assert envs.config == {"num_envs": 4, "batch_size": 2}
+
+
+def test_both_teams_have_arrays() -> None:
+    with (
+        envpool.make("5m_vs_6m", num_envs=3, seed=4, sides="both") as envs,
+        sp.make("5m_vs_6m", 3, seed=4, sides="both") as pool,
+    ):
+        obs, info = envs.reset()
+        batch = pool.reset()
+        for _ in range(30):
+            assert np.array_equal(obs["enemy_obs"], batch.enemy_obs)
+            assert np.array_equal(obs["enemy_action_mask"], batch.enemy_avail_actions)
+            seen = {key: rows[0].astype(np.int8) if "mask" in key else rows[0] for key, rows in obs.items()}
+            assert envs.observation_space.contains(seen)
+            actions = pool.sample_actions()
+            assert all(envs.action_space.contains(row) for row in actions.astype(np.int64))
+            obs, _, _, _, info = envs.step(actions)
+            batch = pool.step(actions)
+            assert np.array_equal(info["enemy_reward"], batch.enemy_reward)
+            assert np.array_equal(info["enemy_alive"], batch.enemy_alive)
+        assert envs.spec.action_array_spec["action"].shape == (11,)
+        assert envs.spec.state_array_spec["obs:enemy_obs"].shape == (6, pool.enemy_obs_size)

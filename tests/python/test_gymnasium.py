@@ -441,3 +441,12 @@ def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
             envs.step(np.zeros((2, 5), np.int64))
     finally:
         envs.close()
+
+
+def test_one_side_is_all_that_gymnasium_can_play() -> None:
+    for make in (
+        lambda: gymnasium.make_vec("smaclite_pool/3m-v0", num_envs=2, sides="both"),
+        lambda: gymnasium.make("smaclite_pool/3m-v0", sides="both"),
+    ):
+        with pytest.raises(sp.InvalidRequest, match="sides must be 'allies' here, got 'both'"):
+            make()

@@ -165,3 +165,39 @@ def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
         made.close()
         with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0"):
             constructor("2s3z", render_speed=-1)
+
+
+@pytest.mark.parametrize(("scenario", "mirror"), [("3m", True), ("5m_vs_6m", False), ("MMM2", False)])
+def test_pettingzoo_accepts_both_teams(scenario: str, mirror: bool) -> None:
+    def make() -> parallel_env:
+        return parallel_env(scenario, sides="both", mirror=mirror)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = make()
+        parallel_api_test(env, num_cycles=300)
+        env.close()
+        parallel_seed_test(make, num_cycles=100)
+    made = pettingzoo.env(scenario, sides="both", mirror=mirror, seed=3)
+    api_test(made, num_cycles=200)
+    made.close()
+
+
+def test_each_team_has_the_rows_and_the_reward_of_its_side() -> None:
+    env = parallel_env("5m_vs_6m", sides="both")
+    with sp.make("5m_vs_6m", 1, autoreset="disabled", sides="both") as envs:
+        seen, _ = env.reset(seed=5)
+        batch = envs.reset(seed=5)
+        assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]
+        players = [sp.ScriptedPolicy("nearest", envs), sp.ScriptedPolicy("nearest", envs, side="enemies")]
+        earned = {"agent_0": 0.0, "enemy_5": 0.0}
+        while not batch.terminated[0]:
+            rows = [seen[f"enemy_{i}"]["observation"] for i in range(6)]
+            assert np.array_equal(rows, batch.enemy_obs[0])
+            actions = np.concatenate([player(batch) for player in players], axis=1)
+            seen, rewards, *_ = env.step(dict(zip(env.possible_agents, actions[0].tolist(), strict=True)))
+            batch = envs.step(actions)
+            assert rewards["agent_3"] == batch.reward[0] and rewards["enemy_3"] == batch.enemy_reward[0]
+            earned = {agent: total + rewards[agent] for agent, total in earned.items()}
+    env.close()
+    assert min(earned.values()) > 0

@@ -116,7 +116,7 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], [], 8.0, [], "", []).items():
+    for name, table in tables.tables([], [], 8.0, [], "", [], []).items():
         tables.insert(PAGE.read_text(), name, table)
 
 

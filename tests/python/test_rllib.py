@@ -51,6 +51,54 @@ def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
         assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
 
 
+def test_both_teams_are_the_pools() -> None:
+    env = BattleMultiAgentEnv({"scenario": "5m_vs_6m", "sides": "both"})
+    with sp.make("5m_vs_6m", 1, autoreset="disabled", sides="both") as envs:
+        seen, _ = env.reset(seed=5)
+        batch = envs.reset(seed=5)
+        assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]
+        while not (batch.terminated[0] or batch.truncated[0]):
+            rows = [seen[f"enemy_{enemy}"]["observations"] for enemy in range(6)]
+            assert np.array_equal(rows, batch.enemy_obs[0])
+            assert all(env.get_observation_space(name).contains(row) for name, row in seen.items())
+            actions = envs.sample_actions()
+            seen, rewards, *_ = env.step(dict(zip(env.agents, actions[0], strict=True)))
+            batch = envs.step(actions)
+            assert rewards["agent_4"] == batch.reward[0] and rewards["enemy_5"] == batch.enemy_reward[0]
+    env.close()
+
+
+def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
+    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+    from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
+
+    model = {"head_fcnet_hiddens": [16]}
+    sides = {
+        side: RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config=model)
+        for side in ("agent", "enemy")
+    }
+    ray.init(num_cpus=2, log_to_driver=False, include_dashboard=False, object_store_memory=100 << 20)
+    try:
+        config = (
+            PPOConfig()
+            .environment(BattleMultiAgentEnv, env_config={"scenario": "5m_vs_6m", "sides": "both"})
+            .multi_agent(
+                policies=set(sides), policy_mapping_fn=lambda agent, episode, **_: agent.split("_")[0]
+            )
+            .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs=sides))
+            .env_runners(num_env_runners=0, rollout_fragment_length=100)
+            .training(train_batch_size=200, minibatch_size=100, num_epochs=1)
+        )
+        algorithm = config.build_algo()
+        learners = algorithm.train()["learners"]
+        algorithm.stop()
+    finally:
+        ray.shutdown()
+    assert {"agent", "enemy"} <= set(learners)
+
+
 def test_pictures(env: BattleMultiAgentEnv) -> None:
     with pytest.raises(sp.InvalidRequest, match="reset"):
         env.render()

@@ -78,14 +78,14 @@ MAP_PARAMS = {
 
 
 def test_knows_every_map_of_smac() -> None:
-    assert set(MAP_PARAMS) == set(sp.scenarios())
+    assert set(MAP_PARAMS) == set(sp.scenarios(generated=False))
     for name, expected in MAP_PARAMS.items():
         params = get_map_params(name)
         found = (params["n_agents"], params["n_enemies"], params["limit"], params["unit_type_bits"])
         assert found == expected, name
 
 
-@pytest.mark.parametrize("scenario", sp.scenarios())
+@pytest.mark.parametrize("scenario", sp.scenarios(generated=False))
 def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=3)
     envs = sp.make(scenario, 1, seed=3, threads=1, autoreset="disabled")

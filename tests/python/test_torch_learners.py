@@ -20,6 +20,7 @@ safetensors = pytest.importorskip("safetensors.torch")
 
 # Imported by name, because they import torch, which may be missing.
 ppo: Any = importlib.import_module("smaclite_pool.examples.ppo")
+self_play: Any = importlib.import_module("smaclite_pool.examples.self_play")
 value_decomposition: Any = importlib.import_module("smaclite_pool.examples.value_decomposition")
 
 NO_OP = 0
@@ -187,7 +188,7 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         subprocess.run([*program, *command], check=True, capture_output=True)
 
         config = json.loads((folder / "run.json").read_text())["config"]
-        options = asdict(ppo.Options(algorithm=algorithm, steps=1, entropy_end=config["entropy"]))
+        options = asdict(ppo.Options(algorithm=algorithm, steps=1, entropy=ppo.TEAM_ENTROPY / 3))
         options["hidden"] = [int(width) for width in options["hidden"].split(",")]
         assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
 
@@ -199,6 +200,21 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
             [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
         )
         assert "mean return" in done.stdout
+
+
+def test_a_team_plays_itself(tmp_path: Path) -> None:
+    """Half of the environments are the mirrored enemies of the others, and both halves win alike."""
+    options = ppo.Options(scenario="3m", steps=90_000, seed=1, threads=1, out=str(tmp_path))
+    learner = ppo.train(options, self_play.make)
+    with (tmp_path / "3m-ippo-1/log.csv").open() as file:
+        log = list(csv.DictReader(file))
+    assert 0.3 < float(log[-1]["win_rate"]) < 0.6, log[-1]
+    result = ppo.evaluate(learner, ppo.Options(scenario="3m", evaluate_episodes=64))
+    assert result.mean_return > 2.5 * RANDOM_RETURN, result
+    with pytest.raises(SystemExit, match="5m_vs_6m is not symmetric"):
+        self_play.make(ppo.Options(scenario="5m_vs_6m"), 4)
+    with pytest.raises(SystemExit, match="must be even, got 3"):
+        self_play.make(options, 3)
 
 
 def test_the_command_line_and_its_errors(tmp_path: Path) -> None:

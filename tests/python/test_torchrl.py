@@ -57,6 +57,26 @@ def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
     assert env.group_map == {"agents": [f"agent_{i}" for i in range(5)]}
 
 
+@pytest.mark.parametrize("scenario", ["3m", "5m_vs_6m"])
+def test_the_enemies_are_a_group(scenario: str) -> None:
+    env = PoolEnv(scenario, 3, sides="both", mirror=True)
+    check_env_specs(env, seed=1, break_when_any_done="both")
+    assert list(env.group_map) == ["agents", "enemies"]
+    env.set_seed(5)
+    played = env.rollout(60, break_when_any_done=False)
+    with sp.make(scenario, 3, autoreset="disabled", sides="both", mirror=True) as envs:
+        batch = envs.reset(5)
+        for step in range(20):
+            assert np.array_equal(played[:, step]["enemies", "observation"], batch.enemy_obs)
+            assert np.array_equal(played[:, step]["enemies", "action_mask"], batch.enemy_avail_actions)
+            each = [played[:, step][group, "action"].numpy() for group in ("agents", "enemies")]
+            batch = envs.step(np.concatenate(each, axis=1))
+            rewards = played[:, step]["next", "enemies", "reward"]
+            assert rewards.shape == (3, envs.n_enemies, 1)
+            assert (rewards[..., 0].numpy() == batch.enemy_reward[:, None]).all()
+    env.close()
+
+
 def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
     """Environments whose episode ends are reset separately."""
     env.set_seed(7)

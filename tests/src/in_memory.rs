@@ -49,7 +49,7 @@ impl Message for ReceivedMessage {
             return Err(Rejection::Malformed { what: "a malformed message".to_owned() });
         };
         let (session, number) = (SessionId(self.message.session), RequestNumber(self.message.number));
-        Ok(Request { session, number, kind, env_ids: &self.env_ids, body: &self.actions })
+        Ok(Request { session, side: None, number, kind, env_ids: &self.env_ids, body: &self.actions })
     }
 }
 

@@ -23,7 +23,7 @@ pub mod fault;
 pub mod fork;
 pub mod in_memory;
 pub mod learner;
-mod npy;
+pub mod npy;
 pub mod other_user;
 mod own_features;
 pub mod plan;

@@ -34,8 +34,9 @@ impl OwnFeatures {
         self.episode.push(actions.to_vec());
     }
 
-    /// The observations of all agents with what is appended to them.
-    pub fn append_to(&self, obs: &[f32], alive: &[u8], n_actions: usize) -> Vec<f32> {
+    /// The observations of all units of a side with what is appended to them; the actions of the first are at
+    /// this place of joint actions.
+    pub fn append_to(&self, obs: &[f32], alive: &[u8], n_actions: usize, first: usize) -> Vec<f32> {
         let n_agents = alive.len();
         let mut out = Vec::new();
         for (agent, features) in obs.chunks(obs.len() / n_agents).enumerate() {
@@ -43,7 +44,7 @@ impl OwnFeatures {
             let is_alive = alive[agent] == 1;
             for steps_ago in 1..=self.last_actions {
                 let step = self.episode.len().checked_sub(steps_ago);
-                let action = step.map(|step| self.episode[step][agent]).filter(|_| is_alive);
+                let action = step.map(|step| self.episode[step][first + agent]).filter(|_| is_alive);
                 out.extend((0..n_actions as i32).map(|i| f32::from(u8::from(action == Some(i)))));
             }
             if self.agent_id {

@@ -3,7 +3,7 @@
 use crate::fault::{Fault, FaultyEnv};
 use crate::toy_env::{SIZES, TOY, ToyEnv};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Sizes};
+use smaclite_engine::{Arena, Battle, BattleSetup, EnemySide, Opponent, Opponents, Sides, Sizes};
 use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
 use smaclite_pool::environment::MakeEnvironment;
 use smaclite_pool::fields::FieldSet;
@@ -41,6 +41,8 @@ pub struct LanePlan {
     pub episode_limit: Option<u32>,
     /// Who plays the enemies of battles.
     pub opponents: Opponents,
+    /// Which sides of battles joint actions play.
+    pub sides: Sides,
     /// Names of the fields; `None` for the default.
     pub fields: Option<Vec<String>>,
     /// Own last actions in an observation.
@@ -91,6 +93,7 @@ impl LanePlan {
             autoreset: Autoreset::NextStep,
             episode_limit: Some(30),
             opponents: Opponents::default(),
+            sides: Sides::default(),
             fields: None,
             obs_last_actions: 0,
             obs_agent_id: false,
@@ -103,6 +106,11 @@ impl LanePlan {
     /// A synchronous lane of [`ToyEnv`]s.
     pub fn toy(num_envs: usize) -> LanePlan {
         LanePlan::new(TOY, num_envs)
+    }
+
+    /// The same lane with joint actions that play both sides, and no script.
+    pub fn both_sides(self, enemies: EnemySide) -> LanePlan {
+        LanePlan { sides: Sides::Both(enemies), opponents: Opponent::Learner.into(), ..self }
     }
 
     /// The same lane with a fault in environment `env`.
@@ -181,7 +189,7 @@ impl LanePlan {
     fn setup(&self) -> BattleSetup {
         let (_, files) = ScenarioFiles::resolve(&self.scenario).expect("a standard scenario");
         let (episode_limit, opponents) = (self.episode_limit.into(), self.opponents.clone());
-        BattleSetup { episode_limit, opponents, ..BattleSetup::new(files) }
+        BattleSetup { episode_limit, opponents, sides: self.sides, ..BattleSetup::new(files) }
     }
 
     fn field_set(&self) -> FieldSet {

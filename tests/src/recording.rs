@@ -1,19 +1,13 @@
 //! The reader of recorded battles.
 
 use std::error::Error;
-use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use crate::npy::Array;
+use crate::npy::Npz;
 use glam::Vec2;
-use serde_json::Value;
 use smaclite_engine::{Battle, Generator, NeighbourOrder, Opponent, Snapshot, TICKS_PER_STEP, Units};
 use smaclite_scenarios::Scenario;
-use zip::ZipArchive;
 
-/// A zip file with one array per member.
-type Archive = ZipArchive<BufReader<File>>;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// One recorded battle of T steps.
@@ -98,9 +92,8 @@ impl Recording {
     /// # Errors
     /// The part that could not be read.
     pub fn read(path: &Path) -> Result<Recording> {
-        let mut archive = ZipArchive::new(BufReader::new(File::open(path)?))?;
-        let meta: Vec<u8> = integers(&mut archive, "meta")?.into_iter().map(|x| x as u8).collect();
-        let meta: Value = serde_json::from_slice(&meta)?;
+        let arrays = Npz::read(path)?;
+        let meta = arrays.json("meta")?;
         let size = |key: &str| meta[key].as_u64().map(|x| x as usize).ok_or(format!("no {key} in meta"));
         let sizes = [
             size("n_agents")?,
@@ -111,12 +104,12 @@ impl Recording {
         ];
         let [n_agents, n_enemies, n_actions, obs_size, state_size] = sizes;
         let n_units = n_agents + n_enemies;
-        let has_ticks = archive.index_for_name("tick_pos.npy").is_some();
+        let has_ticks = arrays.has("tick_pos");
         let ticks = if has_ticks {
             Some(Ticks {
-                frames: frames(&mut archive, "tick_", n_units)?,
-                preferred: rows(vectors(&mut archive, "tick_pref")?, n_units),
-                earned: floats(&mut archive, "tick_reward")?,
+                frames: frames(&arrays, "tick_", n_units)?,
+                preferred: rows(vectors(&arrays, "tick_pref")?, n_units),
+                earned: arrays.floats("tick_reward")?,
             })
         } else {
             None
@@ -127,19 +120,16 @@ impl Recording {
             seed: meta["seed"].as_u64().ok_or("no seed in meta")?,
             sizes,
             max_reward: meta["max_reward"].as_f64().ok_or("no max_reward in meta")?,
-            frames: frames(&mut archive, "", n_units)?,
-            actions: rows(
-                integers(&mut archive, "actions")?.into_iter().map(|x| x as i32).collect(),
-                n_agents,
-            ),
-            orders: orders(&integers(&mut archive, "order")?, n_units),
-            rewards: floats(&mut archive, "reward")?,
-            terminated: flags(&mut archive, "terminated")?,
-            won: flags(&mut archive, "won")?.first().copied().ok_or("won is empty")?,
-            obs: rows(singles(&mut archive, "obs")?, n_agents * obs_size),
-            state: rows(singles(&mut archive, "state")?, state_size),
+            frames: frames(&arrays, "", n_units)?,
+            actions: rows(arrays.integers("actions")?.into_iter().map(|x| x as i32).collect(), n_agents),
+            orders: orders(&arrays.integers("order")?, n_units),
+            rewards: arrays.floats("reward")?,
+            terminated: arrays.flags("terminated")?,
+            won: arrays.flags("won")?.first().copied().ok_or("won is empty")?,
+            obs: rows(arrays.singles("obs")?, n_agents * obs_size),
+            state: rows(arrays.singles("state")?, state_size),
             avail: rows(
-                integers(&mut archive, "avail")?.into_iter().map(|x| x as u8).collect(),
+                arrays.integers("avail")?.into_iter().map(|x| x as u8).collect(),
                 n_agents * n_actions,
             ),
             ticks,
@@ -190,15 +180,22 @@ impl Recording {
         if units.declared.is_empty() {
             units.declared.clone_from(&played.units().declared);
         }
+        let Snapshot { types, neighbour_order, perception, .. } = played.save();
         let neighbour_order = if units.alive == played.units().alive {
-            played.save().neighbour_order
+            neighbour_order
         } else {
-            NeighbourOrder::new(played.arena(), &units)
+            NeighbourOrder::new(played.arena(), &types, &units)
         };
         Snapshot {
+            types,
             units,
             neighbour_order,
-            last_actions: (0..self.sizes[0]).map(|agent| last.map(|actions| actions[agent] as u32)).collect(),
+            perception,
+            // A script plays the enemies.
+            last_actions: (0..self.sizes[0])
+                .map(|agent| last.map(|actions| actions[agent] as u32))
+                .chain((0..self.sizes[1]).map(|_| None))
+                .collect(),
             opponent: Opponent::default(),
             generator: Generator::new(self.seed),
             episode_length: t as u32,
@@ -212,20 +209,20 @@ impl Recording {
     }
 }
 
-fn frames(archive: &mut Archive, prefix: &str, n_units: usize) -> Result<Vec<Units>> {
+fn frames(arrays: &Npz, prefix: &str, n_units: usize) -> Result<Vec<Units>> {
     let name = |column: &str| format!("{prefix}{column}");
-    let pos = rows(vectors(archive, &name("pos"))?, n_units);
-    let vel = rows(vectors(archive, &name("vel"))?, n_units);
-    let mut column = |column: &str| floats(archive, &name(column)).map(|values| rows(values, n_units));
+    let pos = rows(vectors(arrays, &name("pos"))?, n_units);
+    let vel = rows(vectors(arrays, &name("vel"))?, n_units);
+    let column = |column: &str| arrays.floats(&name(column)).map(|values| rows(values, n_units));
     let (hp, shield, energy) = (column("hp")?, column("shield")?, column("energy")?);
     let (cooldown, shield_cooldown) = (column("cooldown")?, column("shield_cooldown")?);
     let healing = column("healing")?;
-    let alive = rows(flags(archive, &name("alive"))?, n_units);
-    let target = integers(archive, &name("target"))?.into_iter().map(|id| u32::try_from(id).ok()).collect();
+    let alive = rows(arrays.flags(&name("alive"))?, n_units);
+    let target = arrays.integers(&name("target"))?.into_iter().map(|id| u32::try_from(id).ok()).collect();
     let target: Vec<Vec<Option<u32>>> = rows(target, n_units);
-    let declared = match archive.index_for_name(&format!("{}.npy", name("declared"))) {
-        Some(_) => rows(flags(archive, &name("declared"))?, n_units),
-        None => vec![Vec::new(); pos.len()],
+    let declared = match arrays.has(&name("declared")) {
+        true => rows(arrays.flags(&name("declared"))?, n_units),
+        false => vec![Vec::new(); pos.len()],
     };
     let frame = |t: usize| Units {
         pos: pos[t].clone(),
@@ -255,29 +252,6 @@ fn rows<T: Clone>(values: Vec<T>, size: usize) -> Vec<Vec<T>> {
     values.chunks_exact(size).map(<[T]>::to_vec).collect()
 }
 
-fn vectors(archive: &mut Archive, name: &str) -> Result<Vec<Vec2>> {
-    Ok(singles(archive, name)?.chunks_exact(2).map(Vec2::from_slice).collect())
-}
-
-fn member(archive: &mut Archive, name: &str) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let mut member = archive.by_name(&format!("{name}.npy")).map_err(|e| format!("{name}: {e}"))?;
-    member.read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
-fn singles(archive: &mut Archive, name: &str) -> Result<Vec<f32>> {
-    Array::new(&member(archive, name)?)?.singles().map_err(|e| format!("{name}: {e}").into())
-}
-
-fn floats(archive: &mut Archive, name: &str) -> Result<Vec<f64>> {
-    Array::new(&member(archive, name)?)?.floats().map_err(|e| format!("{name}: {e}").into())
-}
-
-fn flags(archive: &mut Archive, name: &str) -> Result<Vec<bool>> {
-    Ok(integers(archive, name)?.into_iter().map(|flag| flag != 0).collect())
-}
-
-fn integers(archive: &mut Archive, name: &str) -> Result<Vec<i64>> {
-    Array::new(&member(archive, name)?)?.integers().map_err(|e| format!("{name}: {e}").into())
+fn vectors(arrays: &Npz, name: &str) -> Result<Vec<Vec2>> {
+    Ok(arrays.singles(name)?.chunks_exact(2).map(Vec2::from_slice).collect())
 }

@@ -113,11 +113,8 @@ impl Reference {
             return self.reset(env, None);
         }
         let state = &mut self.envs[env as usize];
-        let words = actions.len() * state.env.sizes().n_actions.div_ceil(64);
-        let mut available = vec![0; words];
-        state.env.write_available_bits(&mut available);
-        for (row, &action) in available.chunks_exact(words / actions.len()).zip(actions) {
-            assert_eq!(row[action as usize / 64] >> (action % 64) & 1, 1, "illegal action {action}");
+        if let Some(battle) = state.env.battle() {
+            assert_eq!(battle.check(actions), Ok(()));
         }
         let memory: Vec<_> = actions.iter().map(|action| AtomicI32::new(*action)).collect();
         let step = state.env.step_checked(JointAction::new(&memory), &mut self.scratch);

@@ -2,7 +2,7 @@
 
 use crate::own_features::OwnFeatures;
 use crate::toy_env::hash;
-use smaclite_engine::{RecordLayout, RecordSizes, Scratch, Sizes, Step};
+use smaclite_engine::{Battle, Faction, RecordLayout, RecordSizes, Scratch, Sizes, Step};
 use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Dtype, FIELDS, Field};
 use smaclite_pool::layout::Layout;
@@ -12,7 +12,7 @@ use smaclite_pool::layout::Layout;
 #[derive(Clone, Debug)]
 pub struct Row {
     values: Vec<Option<Vec<u8>>>,
-    n_actions: usize,
+    sizes: Sizes,
 }
 
 impl Row {
@@ -23,7 +23,7 @@ impl Row {
             let len = layout.row_len(field) * field.spec().dtype.size();
             Some(frame[start + slot * len..][..len].to_vec())
         };
-        Row { values: FIELDS.iter().map(|f| value(f.field)).collect(), n_actions: layout.sizes().n_actions }
+        Row { values: FIELDS.iter().map(|f| value(f.field)).collect(), sizes: layout.sizes() }
     }
 
     /// What environment `index` must write as it is now; `step` is the step just made, if any.
@@ -34,11 +34,14 @@ impl Row {
         own: &OwnFeatures,
         scratch: &mut Scratch,
     ) -> Row {
-        let mut row = Row { values: vec![None; FIELDS.len()], n_actions: env.sizes().n_actions };
+        let mut row = Row { values: vec![None; FIELDS.len()], sizes: env.sizes() };
         let flag = |is_set: fn(&Step) -> bool| vec![u8::from(step.as_ref().is_some_and(is_set))];
         row.set(Field::EnvId, int(index));
         row.set(Field::WasReset, vec![u8::from(step.is_none())]);
         row.set(Field::Reward, floats(&[step.as_ref().map_or(0.0, |s| s.reward as f32)]));
+        if row.sizes.enemies.is_some() {
+            row.set(Field::EnemyReward, floats(&[step.as_ref().map_or(0.0, |s| s.enemy_reward as f32)]));
+        }
         row.set(Field::Terminated, flag(|s| s.terminated));
         row.set(Field::Truncated, flag(|s| s.truncated));
         row.set(Field::BattleWon, flag(|s| s.battle_won));
@@ -59,9 +62,15 @@ impl Row {
     /// Turns the row of an episode's last step into that of same-step autoreset: the last observation, state
     /// and mask move to the `final_*` fields, and those of `env`, which was reset, replace them.
     pub(crate) fn append_reset(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {
-        self.values.swap(Field::Obs as usize, Field::FinalObs as usize);
-        self.values.swap(Field::State as usize, Field::FinalState as usize);
-        self.values.swap(Field::AvailActions as usize, Field::FinalAvailActions as usize);
+        let finals = [
+            (Field::Obs, Field::FinalObs),
+            (Field::State, Field::FinalState),
+            (Field::AvailActions, Field::FinalAvailActions),
+            (Field::EnemyObs, Field::FinalEnemyObs),
+            (Field::EnemyState, Field::FinalEnemyState),
+            (Field::EnemyAvailActions, Field::FinalEnemyAvailActions),
+        ];
+        finals.into_iter().for_each(|(last, of)| self.values.swap(last as usize, of as usize));
         self.set_view(env, own, scratch);
     }
 
@@ -75,7 +84,7 @@ impl Row {
         env.write_alive(&mut alive);
         let mut obs = vec![0.0; n_agents * obs_size];
         env.write_obs(&mut obs, scratch);
-        self.set(Field::Obs, floats(&own.append_to(&obs, &alive, n_actions)));
+        self.set(Field::Obs, floats(&own.append_to(&obs, &alive, n_actions, 0)));
         self.set(Field::Alive, alive);
         let mut out = vec![0.0; state_size];
         env.write_state(&mut out);
@@ -84,12 +93,30 @@ impl Row {
         env.write_avail_actions(&mut out);
         self.set(Field::AvailActions, out);
         if let Some(battle) = env.battle() {
-            let Sizes { n_enemies, .. } = env.sizes();
-            let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: own.n_past() });
+            let layout = RecordLayout::new(RecordSizes::new(&env.sizes(), own.n_past()));
             let mut record = vec![0; layout.size()];
             battle.write_record(&layout, &own.past_actions(), &mut record);
             self.set(Field::Snapshot, record);
+            self.set_enemy_view(battle, own, scratch);
         }
+    }
+
+    fn set_enemy_view(&mut self, battle: &Battle, own: &OwnFeatures, scratch: &mut Scratch) {
+        let (first, side) = (battle.arena().sizes().n_agents, Faction::Enemy);
+        let Some(sizes) = battle.arena().sizes().of(side) else { return };
+        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = sizes;
+        let mut alive = vec![0; n_agents];
+        battle.write_alive_of(side, &mut alive);
+        let mut obs = vec![0.0; n_agents * obs_size];
+        battle.write_obs_of(side, &mut obs, scratch);
+        self.set(Field::EnemyObs, floats(&own.append_to(&obs, &alive, n_actions, first)));
+        self.set(Field::EnemyAlive, alive);
+        let mut out = vec![0.0; state_size];
+        battle.write_state_of(side, &mut out);
+        self.set(Field::EnemyState, floats(&out));
+        let mut out = vec![0; n_agents * n_actions];
+        battle.write_avail_actions_of(side, &mut out);
+        self.set(Field::EnemyAvailActions, out);
     }
 
     /// The bytes of a field.
@@ -111,9 +138,12 @@ impl Row {
         [Field::Terminated, Field::Truncated].iter().any(|field| self.value(*field) == [1])
     }
 
-    /// The masks of available actions, agent by agent.
+    /// The masks of available actions, agent by agent and then, if actions play both sides, enemy by enemy.
     pub fn masks(&self) -> impl Iterator<Item = &[u8]> {
-        self.value(Field::AvailActions).chunks(self.n_actions)
+        let enemies =
+            self.sizes.enemies.map(|sizes| self.value(Field::EnemyAvailActions).chunks(sizes.n_actions));
+        let agents = self.value(Field::AvailActions).chunks(self.sizes.n_actions);
+        agents.chain(enemies.into_iter().flatten())
     }
 
     /// A legal joint action, the same for the same row.

@@ -9,7 +9,15 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 pub const TOY: &str = "toy";
 
 /// The sizes of every toy environment.
-pub const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
+pub const SIZES: Sizes = Sizes {
+    n_agents: 2,
+    n_enemies: 1,
+    n_actions: 5,
+    obs_size: 3,
+    state_size: 4,
+    perception_size: 0,
+    enemies: None,
+};
 
 /// Episodes that reach this length are truncated.
 const EPISODE_LIMIT: u32 = 9;
@@ -72,7 +80,8 @@ impl Environment for ToyEnv {
         self.episode_return += reward;
         let terminated = self.history.is_multiple_of(11);
         let truncated = !terminated && self.episode_length == EPISODE_LIMIT;
-        Step { reward, terminated, truncated, battle_won: terminated && self.history.is_multiple_of(2) }
+        let battle_won = terminated && self.history.is_multiple_of(2);
+        Step { reward, terminated, truncated, battle_won, ..Step::default() }
     }
 
     fn write_obs(&self, out: &mut [f32], _scratch: &mut Scratch) {

@@ -8,7 +8,7 @@ use serde_json::json;
 use std::marker::PhantomData;
 
 /// Every key of a unit file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 22] = [
+pub(crate) const KEYS: [&dyn AnyKey; 24] = [
     &SCHEMA_KEY,
     &HP,
     &SHIELD,
@@ -24,6 +24,8 @@ pub(crate) const KEYS: [&dyn AnyKey; 22] = [
     &SPEED,
     &ATTACK_RANGE,
     &MINIMUM_SCAN_RANGE,
+    &SIGHT_RANGE,
+    &TARGETING_RANGE,
     &SIZE,
     &PLANE,
     &COMBAT_TYPE,
@@ -91,6 +93,19 @@ pub(crate) const MINIMUM_SCAN_RANGE: Key<Range> = Key::with_default(
     NON_NEGATIVE,
     5.0,
     "Range in which the unit looks for a target by itself, in squares.",
+);
+pub(crate) const SIGHT_RANGE: Key<Range> = Key::with_default(
+    "sight_range",
+    POSITIVE,
+    9.0,
+    "How far agents of this type see where a scenario has SMACv2's `use_unit_ranges`, in squares.",
+);
+pub(crate) const TARGETING_RANGE: Key<Range> = Key::with_default(
+    "targeting_range",
+    NON_NEGATIVE,
+    6.0,
+    "Distance between the centres within which agents of this type can target others where a scenario has \
+     SMACv2's `use_unit_ranges`, in squares.",
 );
 pub(crate) const SIZE: Key<Range> =
     Key::required("size", Range::left_open(0.0, MAX_SIZE), "Diameter, in squares.");

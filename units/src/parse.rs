@@ -57,6 +57,7 @@ impl UnitType {
         let (armor, damage) = (number(&keys::ARMOR), number(&keys::DAMAGE));
         let (cooldown, speed, size) = (number(&keys::COOLDOWN), number(&keys::SPEED), number(&keys::SIZE));
         let minimum_scan_range = number(&keys::MINIMUM_SCAN_RANGE);
+        let (sight_range, targeting_range) = (number(&keys::SIGHT_RANGE), number(&keys::TARGETING_RANGE));
         let (attacks, plane) = (file.read(&keys::ATTACKS), file.read(&keys::PLANE));
         let valid_targets = file.read(&keys::VALID_TARGETS);
         let attributes = file.read(&keys::ATTRIBUTES);
@@ -79,6 +80,8 @@ impl UnitType {
             speed: speed?,
             attack_range: attack_range?,
             minimum_scan_range: minimum_scan_range?,
+            sight_range: sight_range?,
+            targeting_range: targeting_range?,
             size: size?,
             plane: plane?,
             combat_type: combat_type?,

@@ -34,6 +34,11 @@ pub struct UnitType {
     pub attack_range: f64,
     /// How far the unit searches for targets under an attack-move command.
     pub minimum_scan_range: f64,
+    /// How far agents of this type see under SMACv2's `use_unit_ranges`.
+    pub sight_range: f64,
+    /// Distance between the centres within which agents of this type can target others under SMACv2's
+    /// `use_unit_ranges`.
+    pub targeting_range: f64,
     /// Diameter, above 0.
     pub size: f64,
     /// The layer it lives in.

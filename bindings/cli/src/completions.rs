@@ -5,6 +5,7 @@ use super::{Cli, CommandResult};
 use clap::{Args, CommandFactory};
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter};
 use clap_complete::env::{CompleteEnv, Shells};
+use smaclite_engine::Opponent;
 use smaclite_ipc::{RuntimeDir, running_pools};
 use smaclite_scenarios::Scenario;
 use std::ffi::{OsStr, OsString};
@@ -87,9 +88,18 @@ pub(super) fn pool() -> ArgValueCompleter {
     })
 }
 
+/// A script or the folder of a run.
+pub(super) fn player() -> ArgValueCompleter {
+    ArgValueCompleter::new(|current: &OsStr| {
+        let mut found = beginning_with(current, Opponent::scripts().map(Opponent::name));
+        found.extend(PathCompleter::dir().complete(current));
+        found
+    })
+}
+
 fn scenarios(current: &OsStr) -> Vec<CompletionCandidate> {
     let is_json = |path: &Path| path.extension().is_some_and(|suffix| suffix == "json");
-    let mut found = beginning_with(current, Scenario::standard_names());
+    let mut found = beginning_with(current, Scenario::standard_names().chain(Scenario::generated_names()));
     found.extend(PathCompleter::any().filter(is_json).complete(current));
     found
 }

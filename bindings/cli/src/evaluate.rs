@@ -2,10 +2,11 @@
 
 use super::{CommandResult, THREADS, replay, runtime_dir};
 use crate::number::{count, seed};
+use crate::opponent::OpponentOption;
 use crate::process::interrupt_flag;
 use clap::Args;
-use smaclite_engine::{IllegalAction, Opponents};
-use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, evaluate};
+use smaclite_engine::IllegalAction;
+use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, Weights, evaluate};
 use smaclite_pool::PoolOptions;
 use smaclite_view::Recorder;
 use std::error::Error;
@@ -22,10 +23,16 @@ pub(super) struct Evaluate {
     /// Environment i is seeded with SEED + i; actions are drawn from the seed too
     #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
-    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
-    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: those of the training]
-    #[arg(long, value_name = "NAME|WEIGHTS")]
-    opponent: Option<Opponents>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights,
+    /// such as attack_move=0.5,focus_fire=0.5, of which each episode draws one; or the folder of another
+    /// run, whose team plays them [default: the scripts of the training; attack_move if a team played the
+    /// enemies]
+    #[arg(long, value_name = "NAME|WEIGHTS|FOLDER")]
+    opponent: Option<OpponentOption>,
+    /// Which weights play: best (of the best evaluation, if the run was evaluated) or last [default: best, if
+    /// there are some; in self-play last]
+    #[arg(long, value_name = "best|last")]
+    weights: Option<Weights>,
     /// Take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
@@ -47,16 +54,28 @@ impl Evaluate {
     pub(super) fn run(self) -> CommandResult {
         let Evaluate { episodes, seed, greedy, json, .. } = self;
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let (opponents, opponent_team) = match self.opponent {
+            None => (None, None),
+            Some(OpponentOption::Scripts(scripts)) => (Some(scripts), None),
+            Some(OpponentOption::Team(folder)) => (None, Some(folder)),
+            Some(OpponentOption::OwnTeam | OpponentOption::League) => {
+                return Err(
+                    "`self` and `league` are opponents of training; to let a team play itself, name its \
+                            folder twice"
+                        .into(),
+                );
+            }
+        };
+        let weights = self.weights;
+        let evaluation = Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team };
         let mut recording = match &self.record {
             Some(file) => {
                 replay::check_suffix("--record", file)?;
-                Some(Recording::new(&self.folder, self.opponent.as_ref(), seed)?)
+                Some(Recording::new(&self.folder, &evaluation)?)
             }
             None => None,
         };
         let interrupted = interrupt_flag()?;
-        let opponents = self.opponent.clone();
-        let evaluation = Evaluation { episodes, seed, greedy, threads, opponents };
         let (mut printed, mut recorded) = (Ok(()), Ok(()));
         let mut on_event = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) if json && printed.is_ok() => printed = print_json(&episode),
@@ -86,10 +105,9 @@ struct Recording(Recorder);
 
 impl Recording {
     /// Of the run in a folder.
-    fn new(folder: &Path, opponents: Option<&Opponents>, seed: u64) -> Result<Recording, Box<dyn Error>> {
-        let mut setup = RunDescription::read(folder)?.setup;
-        setup.opponents = opponents.cloned().unwrap_or(setup.opponents);
-        Ok(Recording(Recorder::new(setup, seed)?))
+    fn new(folder: &Path, evaluation: &Evaluation) -> Result<Recording, Box<dyn Error>> {
+        let setup = evaluation.setup(&RunDescription::read(folder)?);
+        Ok(Recording(Recorder::new(setup, evaluation.seed)?))
     }
 
     fn step(&mut self, actions: &[i32]) -> Result<(), IllegalAction> {
@@ -116,7 +134,13 @@ fn print_text(result: &EvaluationResult) -> CommandResult {
         if result.greedy { "greedy" } else { "sampled" },
         result.seed
     )?;
-    out!("opponent     {}", result.opponents)?;
+    match &result.opponent_team {
+        Some(folder) => out!("opponent     the team of {}", folder.display())?,
+        None => out!("opponent     {}", result.opponents)?,
+    }
+    if result.weights == Weights::Best {
+        out!("weights      the best")?;
+    }
     out!("win rate     {:.1} %", 100.0 * result.win_rate)?;
     out!("mean return  {:.2} (standard deviation {:.2})", result.mean_return, result.return_deviation)?;
     out!("mean length  {:.1} steps", result.mean_length)?;

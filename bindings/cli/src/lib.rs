@@ -14,15 +14,19 @@ pub mod bench;
 mod check;
 mod clean;
 mod completions;
+mod dataset;
 mod doctor;
 mod edit;
 mod evaluate;
+mod exploit;
 mod licences;
 mod list;
 mod man;
 mod new;
 mod number;
+mod opponent;
 mod picture;
+mod play;
 pub mod process;
 mod record;
 mod replay;
@@ -32,8 +36,10 @@ mod serve;
 mod show;
 mod snapshot;
 mod table;
+mod tournament;
 mod train;
 mod usage;
+mod verify_run;
 mod watch;
 mod web;
 
@@ -89,6 +95,16 @@ enum Command {
     Train(Box<train::Train>),
     /// Play a trained team: win rate and return
     Evaluate(evaluate::Evaluate),
+    /// Play the recorded evaluations of a run again, and compare every number
+    VerifyRun(verify_run::VerifyRun),
+    /// Play against a script or a trained team, in the browser
+    Play(play::Play),
+    /// Play scripts and trained teams against each other: payoff matrix and Elo ratings
+    Tournament(tournament::PlayTournament),
+    /// Train best responses to a trained team: how much they win
+    Exploit(exploit::Exploit),
+    /// Record what policies play as a dataset for offline learning, expand and export it
+    Dataset(dataset::DatasetCommand),
     /// List your pools on this machine, with their lanes and learners
     List(list::List),
     /// Show one pool: learners, steps per second, episodes, win rate
@@ -166,6 +182,11 @@ impl Command {
             Command::Replay(replay) => replay.run(),
             Command::Train(train) => train.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
+            Command::VerifyRun(verify_run) => verify_run.run(),
+            Command::Play(play) => play.run(),
+            Command::Tournament(tournament) => tournament.run(),
+            Command::Exploit(exploit) => exploit.run(),
+            Command::Dataset(dataset) => dataset.run(),
             Command::List(list) => list.run(),
             Command::Status(status) => status.run(),
             Command::Watch(watch) => watch.run(),

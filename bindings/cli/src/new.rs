@@ -15,9 +15,10 @@ use std::str::FromStr;
 
 /// The maps, and on each the centres of agents and enemies: open ground, where a group of a dozen units fits.
 /// CHECKERBOARD is not among them, since no ground unit can leave its square there.
-const MAPS: [(&str, [u32; 2], [u32; 2]); 7] = [
+const MAPS: [(&str, [u32; 2], [u32; 2]); 8] = [
     ("ALL_GREEN", [9, 16], [23, 16]),
     ("CORRIDOR", [19, 19], [27, 27]),
+    ("FLAT", [8, 16], [24, 16]),
     ("NARROW", [9, 16], [23, 16]),
     ("OCTAGON", [16, 11], [16, 21]),
     ("PENTAGON", [14, 10], [14, 19]),
@@ -54,6 +55,10 @@ struct NewScenario {
     /// The enemies, written like the agents
     #[arg(long, value_name = "UNITS", default_value = "3xMARINE", value_delimiter = ',')]
     enemies: Vec<UnitCount>,
+    /// Draw the teams and start positions of each episode: as many units as the counts say in sum, of the
+    /// types of the agents, with their counts as weights
+    #[arg(long)]
+    generated: bool,
 }
 
 #[derive(Args)]
@@ -107,8 +112,8 @@ impl New {
 /// The scenario that `new scenario` writes without options.
 pub(crate) fn default_scenario(name: &str) -> String {
     let marines = vec![UnitCount { count: 3, unit_type: "MARINE".into() }];
-    let new =
-        NewScenario { file: name.into(), map: "SIMPLE".into(), agents: marines.clone(), enemies: marines };
+    let (map, agents, enemies) = ("SIMPLE".into(), marines.clone(), marines);
+    let new = NewScenario { file: name.into(), map, agents, enemies, generated: false };
     new.with_shields(name, [false; 2])
 }
 
@@ -169,7 +174,9 @@ impl NewScenario {
     /// The value of `num_unit_types`, and the line of `unit_type_ids` if there are several types.
     fn unit_type_ids(&self) -> (usize, String) {
         let mut types: Vec<&str> = Vec::new();
-        for UnitCount { unit_type, .. } in self.agents.iter().chain(&self.enemies) {
+        // The types of a generated scenario are those of the agents.
+        let enemies: &[UnitCount] = if self.generated { &[] } else { &self.enemies };
+        for UnitCount { unit_type, .. } in self.agents.iter().chain(enemies) {
             if !types.contains(&unit_type.as_str()) {
                 types.push(unit_type);
             }
@@ -182,25 +189,49 @@ impl NewScenario {
         (types.len(), format!("\n    \"unit_type_ids\": {{ {ids} }},"))
     }
 
+    /// The keys of two groups.
+    fn groups(&self) -> String {
+        let (agents, enemies) = (units_object(&self.agents), units_object(&self.enemies));
+        let centres = MAPS.iter().find(|(name, ..)| *name == self.map).unwrap_or(&MAPS[0]);
+        let (_, [ax, ay], [ex, ey]) = centres;
+        format!(
+            r#"    "groups": [
+        {{ "x": {ax}, "y": {ay}, "faction": "ALLY", "units": {agents} }},
+        {{ "x": {ex}, "y": {ey}, "faction": "ENEMY", "units": {enemies} }}
+    ],
+    "attack_point": [{ax}, {ay}],"#
+        )
+    }
+
+    /// The keys of teams and start positions that are drawn.
+    fn distributions(&self) -> String {
+        let counts = counted(&self.agents);
+        let types = json!(counts.iter().map(|unit| &unit.unit_type).collect::<Vec<_>>());
+        let weights = json!(counts.iter().map(|unit| unit.count).collect::<Vec<_>>());
+        format!(
+            r#"    "teams": {{
+        "distribution": "weighted_teams",
+        "unit_types": {types},
+        "weights": {weights}
+    }},
+    "start_positions": {{ "distribution": "surrounded_and_reflect", "p": 0.5 }},
+    "opponent": "attack_nearest","#
+        )
+    }
+
     /// The text of the file.
     fn with_shields(&self, name: &str, [ally_has_shields, enemy_has_shields]: [bool; 2]) -> String {
         let (n_types, ids) = self.unit_type_ids();
-        let (agents, enemies) = (units_object(&self.agents), units_object(&self.enemies));
         let total = |units: &[UnitCount]| units.iter().map(|unit| u64::from(unit.count)).sum::<u64>();
         let (n_agents, n_enemies) = (total(&self.agents), total(&self.enemies));
         let (name, map) = (json!(name), json!(self.map));
-        let centres = MAPS.iter().find(|(name, ..)| *name == self.map).unwrap_or(&MAPS[0]);
-        let (_, [ax, ay], [ex, ey]) = centres;
+        let units = if self.generated { self.distributions() } else { self.groups() };
         format!(
             r#"{{
     "name": {name},
     "num_allied_units": {n_agents},
     "num_enemy_units": {n_enemies},
-    "groups": [
-        {{ "x": {ax}, "y": {ay}, "faction": "ALLY", "units": {agents} }},
-        {{ "x": {ex}, "y": {ey}, "faction": "ENEMY", "units": {enemies} }}
-    ],
-    "attack_point": [{ax}, {ay}],
+{units}
     "terrain_preset": {map},
     "num_unit_types": {n_types},{ids}
     "ally_has_shields": {ally_has_shields},
@@ -212,8 +243,8 @@ impl NewScenario {
     }
 }
 
-/// Types and their counts as a JSON object; a type that is named twice is counted together.
-fn units_object(units: &[UnitCount]) -> String {
+/// Types and their counts; a type that is named twice is counted together.
+fn counted(units: &[UnitCount]) -> Vec<UnitCount> {
     let mut counts: Vec<UnitCount> = Vec::new();
     for unit in units {
         match counts.iter_mut().find(|known| known.unit_type == unit.unit_type) {
@@ -221,7 +252,12 @@ fn units_object(units: &[UnitCount]) -> String {
             None => counts.push(unit.clone()),
         }
     }
+    counts
+}
+
+/// Types and their counts as a JSON object.
+fn units_object(units: &[UnitCount]) -> String {
     let entries: Vec<_> =
-        counts.iter().map(|unit| format!("{}: {}", json!(unit.unit_type), unit.count)).collect();
+        counted(units).iter().map(|unit| format!("{}: {}", json!(unit.unit_type), unit.count)).collect();
     format!("{{ {} }}", entries.join(", "))
 }

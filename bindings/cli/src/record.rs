@@ -111,7 +111,7 @@ impl Record {
         let scenario = self.scenario.as_deref();
         let Some(from) = &self.from else {
             let setup = resolve_scenario(scenario.unwrap_or_default(), self.rules)?;
-            let opponents = self.opponent.clone().unwrap_or_default();
+            let opponents = self.opponent.clone().unwrap_or_else(|| setup.opponents.clone());
             return Ok((BattleSetup { opponents, ..setup }, None));
         };
         let SavedBattle { setup, arena, mut snapshot, .. } = SavedBattle::read(from, scenario)?;

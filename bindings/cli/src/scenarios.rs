@@ -23,23 +23,31 @@ impl Scenarios {
             "obs size",
             "state size",
             "episode limit",
+            "units",
         ]);
-        for name in Scenario::standard_names() {
-            let arena = Arena::new(&Scenario::resolve(name)?, Rules::default());
+        for name in Scenario::standard_names().chain(Scenario::generated_names()) {
+            let scenario = Scenario::resolve(name)?;
+            let is_generated = scenario.generation.is_some();
+            let arena = Arena::new(&scenario, Rules::default());
             let (s, limit) = (arena.sizes(), arena.episode_limit());
             if self.json {
                 let scenario = serde_json::json!({
                     "scenario": name, "n_agents": s.n_agents, "n_enemies": s.n_enemies,
                     "n_actions": s.n_actions, "obs_size": s.obs_size, "state_size": s.state_size,
-                    "episode_limit": limit,
+                    "episode_limit": limit, "generated": is_generated,
                 });
                 out!("{scenario}")?;
                 continue;
             }
+            let units = if is_generated { "drawn for each episode" } else { "fixed" };
             let sizes = [s.n_agents, s.n_enemies, s.n_actions, s.obs_size, s.state_size];
             let limit = limit.map_or("none".to_owned(), |steps| format!("{steps} steps"));
-            table
-                .push([name.to_owned()].into_iter().chain(sizes.map(|size| size.to_string())).chain([limit]));
+            table.push(
+                [name.to_owned()]
+                    .into_iter()
+                    .chain(sizes.map(|size| size.to_string()))
+                    .chain([limit, units.to_owned()]),
+            );
         }
         if !self.json {
             table.print()?;

@@ -4,9 +4,10 @@ use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use clap::Args;
+use serde_json::Value;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
+use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Opponents, Rules, Sides};
 use smaclite_ipc::{
     LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
@@ -48,9 +49,23 @@ pub(super) struct Serve {
     #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
     episode_limit: Option<EpisodeLimit>,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
-    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move; with --sides
+    /// both: learner]
     #[arg(long, value_name = "NAME|WEIGHTS")]
     opponent: Option<Opponents>,
+    /// A key of the scenario files with another value, as JSON: `--set 'smacv2={"prob_obs_enemy": 0.5}'`;
+    /// null removes a key, and options of smacv2 are added to those of the file. For all lanes
+    #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
+    set: Vec<(String, Value)>,
+    /// Which sides actions play: allies, or both
+    #[arg(long, default_value = "allies", value_name = "SIDES")]
+    sides: String,
+    /// With --sides both: reflect what the enemies see and do at the centre of the map
+    #[arg(long)]
+    mirror: bool,
+    /// With --sides both: the reward of each side is what it earns less what the other side earns
+    #[arg(long)]
+    zero_sum: bool,
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     fields: Option<Vec<String>>,
@@ -122,13 +137,19 @@ impl Serve {
             }
             None => (rest, DEFAULT_ENVS),
         };
-        let (scenario, files) = ScenarioFiles::resolve(scenario)?;
+        let (mut scenario, mut files) = ScenarioFiles::resolve(scenario)?;
+        if !self.set.is_empty() {
+            files = files.with_keys(self.set.iter().cloned());
+            scenario = files.scenario()?;
+        }
         warn_of(&files);
-        let name = name.unwrap_or(scenario.name);
+        let name = name.unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
-        let opponents = self.opponent.clone().unwrap_or_default();
-        let setup = BattleSetup { files, rules: self.rules, episode_limit, opponents };
+        let sides = Sides::new(&self.sides, EnemySide { mirror: self.mirror, zero_sum: self.zero_sum })?;
+        sides.check(&scenario)?;
+        let opponents = self.opponent.clone().unwrap_or_else(|| Opponents::of(&files, sides));
+        let setup = BattleSetup { files, rules: self.rules, episode_limit, opponents, sides };
         let mut lane = LaneConfig::new(name, setup, num_envs);
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.seed = self.seed;
@@ -142,6 +163,13 @@ impl Serve {
         lane.spectators = self.spectators;
         Ok(lane)
     }
+}
+
+/// A key and its value.
+fn key_and_value(text: &str) -> Result<(String, Value), String> {
+    let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
+    let value = serde_json::from_str(value).map_err(|e| format!("the value of `{key}` must be JSON: {e}"))?;
+    Ok((key.to_owned(), value))
 }
 
 fn print_start(supervisor: &Supervisor) {

@@ -5,7 +5,7 @@ use super::snapshot::{SavedBattle, is_snapshot};
 use super::{CommandResult, completions};
 use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules, Units};
-use smaclite_scenarios::{Faction, Placement, Scenario};
+use smaclite_scenarios::{Faction, Generation, Placement, Scenario, Starts, Teams};
 use smaclite_units::UnitType;
 use smaclite_view::{Cell, Observer, Options, Picture, Renderer, Sheet, SizeError, type_letters};
 use std::collections::BTreeMap;
@@ -24,6 +24,13 @@ pub(super) struct Show {
     /// Scenario of a snapshot [default: the standard scenario that it is of]
     #[arg(long = "scenario", value_name = "SCENARIO", add = completions::scenario())]
     of: Option<String>,
+    /// Show so many draws of the teams and start positions of a generated scenario
+    #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["all", "of"],
+        value_parser = clap::value_parser!(u16).range(1..=100))]
+    samples: u16,
+    /// Seed of the first draw; each further one has the next
+    #[arg(long, default_value_t = 0, conflicts_with_all = ["all", "of"])]
+    seed: u64,
     /// Put all standard scenarios into one picture, each with its name
     #[arg(long, conflicts_with = "scenario", requires = "png")]
     all: bool,
@@ -57,7 +64,8 @@ impl Show {
     pub(super) fn run(self) -> CommandResult {
         let Some(name) = &self.scenario else {
             let all = Scenario::standard_names().filter_map(Scenario::standard);
-            return self.write_png(&self.sheet(all)?);
+            let starts = all.map(|scenario| (scenario.name.clone(), Start::drawn(scenario, 0)));
+            return self.write_png(&self.sheet(starts)?);
         };
         let (scenario, units) = if is_snapshot(name.as_ref()) {
             let saved = SavedBattle::read(name.as_ref(), self.of.as_deref())?;
@@ -70,7 +78,10 @@ impl Show {
             return Err(format!("--scenario is for snapshots, FILE.snapshot; `{name}` is none").into());
         } else {
             let scenario = Scenario::resolve(name)?;
-            let units = start_of(&scenario);
+            if self.samples > 1 {
+                return self.show_samples(&scenario);
+            }
+            let Start { scenario, units } = Start::drawn(scenario, self.seed);
             (scenario, units)
         };
         if self.png.is_none() {
@@ -79,6 +90,24 @@ impl Show {
         let default = Options::default();
         let size = Size { width: default.width, height: default.height };
         self.write_png(&self.picture(&scenario, &units, self.size.unwrap_or(size))?)
+    }
+
+    /// Shows several draws, as maps one after the other or as one picture.
+    fn show_samples(&self, scenario: &Scenario) -> CommandResult {
+        if scenario.generation.is_none() {
+            return Err(format!("--samples is for generated scenarios; `{}` is none", scenario.name).into());
+        }
+        let seeds = (0..u64::from(self.samples)).map(|i| self.seed.wrapping_add(i));
+        let starts = seeds.map(|seed| (format!("seed {seed}"), Start::drawn(scenario.clone(), seed)));
+        if self.png.is_some() {
+            return self.write_png(&self.sheet(starts)?);
+        }
+        for (caption, Start { scenario, units }) in starts {
+            out!("{caption}")?;
+            print(&scenario, &units)?;
+            out!()?;
+        }
+        Ok(())
     }
 
     fn write_png(&self, picture: &Picture) -> CommandResult {
@@ -100,31 +129,46 @@ impl Show {
             theme: self.theme.unwrap_or_default().into(),
             ..Options::default()
         };
-        let start = Observer::new(scenario, units);
+        let start = Observer::of_units(scenario, units);
         Ok(Renderer::new(scenario, options)?.render(start.moment()))
     }
 
-    /// A contact sheet of scenarios.
-    fn sheet(&self, scenarios: impl Iterator<Item = Scenario>) -> Result<Picture, SizeError> {
+    /// A contact sheet of starts with their captions.
+    fn sheet(&self, starts: impl Iterator<Item = (String, Start)>) -> Result<Picture, SizeError> {
         let size = self.size.unwrap_or(CELL);
         let picture =
-            |scenario: Scenario| Ok((self.picture(&scenario, &start_of(&scenario), size)?, scenario.name));
-        let pictures = scenarios.map(picture);
+            |(caption, Start { scenario, units })| Ok((self.picture(&scenario, &units, size)?, caption));
+        let pictures = starts.map(picture);
         let pictures = pictures.collect::<Result<Vec<_>, SizeError>>()?;
         let cells = pictures.iter().map(|(picture, caption)| Cell { picture, caption }).collect::<Vec<_>>();
         Sheet { columns: COLUMNS, theme: self.theme.unwrap_or_default().into() }.compose(&cells)
     }
 }
 
-/// The units at the start of a battle.
-fn start_of(scenario: &Scenario) -> Units {
-    Battle::new(Arc::new(Arena::new(scenario, Rules::default())), 0).units().clone()
+/// The start of a battle: its units, and the scenario with them as its own.
+struct Start {
+    scenario: Scenario,
+    units: Units,
+}
+
+impl Start {
+    /// The start of the first battle of a seed.
+    fn drawn(mut scenario: Scenario, seed: u64) -> Start {
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::default())), seed);
+        for (unit, unit_type) in scenario.units.iter_mut().zip(battle.types()) {
+            unit.unit_type = unit_type;
+        }
+        Start { units: battle.units().clone(), scenario }
+    }
 }
 
 fn print(scenario: &Scenario, units: &Units) -> CommandResult {
     let limit = scenario.episode_limit.map_or("none".to_owned(), |steps| format!("{steps} steps"));
     let (width, height) = (scenario.terrain.width(), scenario.terrain.height());
     out!("{}: {width} x {height} squares, episode limit {limit}", scenario.name)?;
+    if let Some(generation) = &scenario.generation {
+        out!("drawn for each episode: {}", described(generation, scenario))?;
+    }
     out!("< agents: {}", army(scenario, units, Faction::Ally))?;
     out!("> enemies: {}\n", army(scenario, units, Faction::Enemy))?;
     let units = units_by_square(scenario, units);
@@ -133,6 +177,31 @@ fn print(scenario: &Scenario, units: &Units) -> CommandResult {
         out!("{}", row.trim_end())?;
     }
     Ok(())
+}
+
+/// The distributions of a generated scenario.
+fn described(generation: &Generation, scenario: &Scenario) -> String {
+    let name = |unit_type: &usize| &*scenario.unit_types[*unit_type].name;
+    let names = |types: &[usize]| types.iter().map(name).collect::<Vec<_>>().join(", ");
+    let teams = match &generation.teams {
+        Teams::OfGroups => "the units of the groups".to_owned(),
+        Teams::Weighted { types, weights, .. } => {
+            let shares = types.iter().zip(weights);
+            let shares =
+                shares.map(|(unit_type, weight)| format!("{} {:.0} %", name(unit_type), 100.0 * weight));
+            shares.collect::<Vec<_>>().join(", ")
+        }
+        Teams::All { types, .. } => format!("all teams of {}", names(types)),
+        Teams::Fixed { teams } => format!("one of {} teams", teams.len()),
+    };
+    let starts = match generation.starts {
+        Starts::OfGroups => "at their groups".to_owned(),
+        Starts::Reflect => "reflected".to_owned(),
+        Starts::Surrounded => "surrounded".to_owned(),
+        Starts::SurroundedAndReflect { p } => format!("reflected ({:.0} %) or surrounded", 100.0 * p),
+        Starts::Uniform { .. } => "uniform in areas".to_owned(),
+    };
+    format!("{teams}; {starts}")
 }
 
 /// The living units of a faction by type, such as `2 STALKER (S), 3 ZEALOT (Z)`.
@@ -188,7 +257,7 @@ mod tests {
     #[test]
     fn a_map_shows_north_above_south_and_units_with_their_side() {
         let scenario = Scenario::standard("2s3z").unwrap();
-        let start = start_of(&scenario);
+        let start = Start::drawn(scenario.clone(), 0).units;
         assert_eq!(army(&scenario, &start, Faction::Ally), "2 STALKER (S), 3 ZEALOT (Z)");
         let units = units_by_square(&scenario, &start);
         let unit = &scenario.units[0];

@@ -124,7 +124,10 @@ fn find_scenario(
     let hash = layout.column(bytes, Column::Scenario).iter().rev();
     let hash = hash.fold(0, |hash, byte| hash << 8 | u64::from(*byte)); // little-endian
     let RecordSizes { n_agents, n_enemies, .. } = layout.sizes();
-    let names: Vec<&str> = named.map_or_else(|| Scenario::standard_names().collect(), |name| vec![name]);
+    let names: Vec<&str> = named.map_or_else(
+        || Scenario::standard_names().chain(Scenario::generated_names()).collect(),
+        |name| vec![name],
+    );
     let mut other = None;
     for name in names {
         for rules in [Rules::Paper, Rules::Smaclite] {

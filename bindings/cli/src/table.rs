@@ -28,4 +28,15 @@ impl Table {
         }
         Ok(())
     }
+
+    /// The table in Markdown. Cells do not contain `|`, except for names of files.
+    pub(crate) fn markdown(&self) -> String {
+        let line = |row: &Vec<String>| {
+            let cells = row.iter().map(|cell| cell.replace('|', "\\|"));
+            format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+        };
+        let rule = format!("| --- |{}\n", " ---: |".repeat(self.rows[0].len() - 1));
+        let (head, rows) = (line(&self.rows[0]), self.rows[1..].iter().map(line));
+        head + &rule + &rows.collect::<String>()
+    }
 }

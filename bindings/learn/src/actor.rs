@@ -1,28 +1,70 @@
-//! From a batch to actions. The first layer reads the observations in shared memory.
+//! From observations to actions. The first layer reads the observations in shared memory.
 
 use crate::math::vectorised;
 use crate::mlp::Workspace;
 use crate::policy::{Choice, choose};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{Network, agent_ids};
+use crate::view::View;
 use faer::MatRef;
 use smaclite_engine::Sizes;
-use smaclite_ipc::Batch;
-use smaclite_pool::fields::Field;
 
-/// The memory of inference. Rows are agents of environments of one lane.
+/// The memory of inference. Rows are agents of environments.
 #[derive(Debug, Default)]
 pub(crate) struct Actor {
     workspace: Workspace,
     ids: Vec<u16>,
     /// Of the actions of one row.
     powers: Vec<f32>,
+    pub chosen: Chosen,
+}
+
+/// What a policy chose, by row.
+#[derive(Debug, Default)]
+pub(crate) struct Chosen {
     /// `[rows, padded_actions]`.
     pub masks: Vec<u8>,
     /// `[rows]`.
     pub actions: Vec<i32>,
     /// `[rows]`.
     pub log_probs: Vec<f32>,
+}
+
+impl Chosen {
+    /// That many rows, with no-op alone.
+    pub fn clear(&mut self, rows: usize, padded: usize) {
+        self.masks.clear();
+        self.masks.resize(rows * padded, 0);
+        self.actions.clear();
+        self.actions.resize(rows, 0);
+        self.log_probs.clear();
+        self.log_probs.resize(rows, 0.0);
+    }
+
+    /// Copies the rows of environment `from_env` of another choice to those of environment `env`.
+    pub fn copy_env(&mut self, env: usize, from: &Chosen, from_env: usize, n_agents: usize) {
+        let masks = n_agents * (from.masks.len() / from.actions.len());
+        self.masks[env * masks..][..masks].copy_from_slice(&from.masks[from_env * masks..][..masks]);
+        let (to, rows) = (env * n_agents, from_env * n_agents..(from_env + 1) * n_agents);
+        self.actions[to..][..n_agents].copy_from_slice(&from.actions[rows.clone()]);
+        self.log_probs[to..][..n_agents].copy_from_slice(&from.log_probs[rows]);
+    }
+}
+
+/// What a policy chooses from: the rows of some environments.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    pub sizes: Sizes,
+    /// `[environments, n_agents, obs_size]`.
+    pub obs: &'a [f32],
+    /// `[environments, n_agents, n_actions]`.
+    pub available: &'a [u8],
+}
+
+impl<'a> From<&View<'a>> for Rows<'a> {
+    fn from(view: &View<'a>) -> Rows<'a> {
+        Rows { sizes: view.sizes, obs: view.obs, available: view.available }
+    }
 }
 
 /// Where the random numbers of actions come from.
@@ -32,32 +74,36 @@ pub(crate) struct Draw {
     pub purpose: Purpose,
     /// Steps before this one.
     pub step: u64,
-    /// The number of the lane's first environment.
-    pub first_env: usize,
 }
 
 impl Actor {
-    /// Chooses an action for every agent. A dead agent has only no-op to choose.
-    pub fn act(&mut self, network: &Network, sizes: Sizes, batch: &Batch, choice: Choice, draw: Draw) {
-        let Sizes { n_agents, n_actions, obs_size, .. } = sizes;
-        let obs = batch.obs();
+    /// Chooses an action for every agent of the environments with these numbers. A dead agent has only
+    /// no-op to choose.
+    pub fn act(
+        &mut self,
+        network: &Network,
+        rows: Rows<'_>,
+        choice: Choice,
+        draw: Draw,
+        envs: impl Iterator<Item = usize>,
+    ) {
+        let Rows { sizes: Sizes { n_agents, n_actions, obs_size, .. }, obs, available } = rows;
         let x = MatRef::from_row_major_slice(obs, obs.len() / obs_size, obs_size); // no copy of shared memory
         let (rows, padded) = (x.nrows(), network.mlp.padded_out());
         if self.ids.len() != rows {
             self.ids = agent_ids(rows, n_agents);
-            (self.actions, self.log_probs) = (vec![0; rows], vec![0.0; rows]);
-            (self.masks, self.powers) = (vec![0; rows * padded], vec![0.0; padded]);
+            self.chosen.clear(rows, padded);
         }
-        let available: &[u8] = batch.field(Field::AvailActions).unwrap_or(&[]);
-        for (padded, mask) in self.masks.chunks_exact_mut(padded).zip(available.chunks_exact(n_actions)) {
+        self.powers.resize(padded, 0.0);
+        let masks = self.chosen.masks.chunks_exact_mut(padded);
+        for (padded, mask) in masks.zip(available.chunks_exact(n_actions)) {
             padded[..n_actions].copy_from_slice(mask);
         }
         network.forward(x, &self.ids, &mut self.workspace);
-        let Actor { workspace, masks, actions, log_probs, powers, .. } = self;
+        let Actor { workspace, chosen: Chosen { masks, actions, log_probs }, powers, .. } = self;
         let rows = workspace.output().chunks_exact_mut(padded).zip(masks.chunks_exact(padded));
         let chosen = actions.iter_mut().zip(log_probs.iter_mut());
-        let mut generators = (0..)
-            .map(|env: u64| generator(draw.seed, draw.purpose, [draw.step, draw.first_env as u64 + env]));
+        let mut generators = envs.map(|env| generator(draw.seed, draw.purpose, [draw.step, env as u64]));
         let mut current = generators.next();
         vectorised(
             #[inline(always)]

@@ -6,9 +6,10 @@
 use crate::adam::Adam;
 use crate::config::Config;
 use crate::lanes::SavedEnvs;
+use crate::league::{League, Player, Rival};
 use crate::mlp::Mlp;
 use crate::normaliser::Normaliser;
-use crate::rollout::Episode;
+use crate::rollout::{Against, Ended, Episode};
 use crate::team::{Network, Team};
 use crate::tensors::{Array, Arrays, FileError, encode, read, write};
 use smaclite_engine::Sizes;
@@ -34,10 +35,15 @@ pub(crate) struct Checkpoint {
     pub team: Team,
     pub progress: Progress,
     /// The newest episodes that ended, the oldest first.
-    pub recent: Vec<Episode>,
+    pub recent: Vec<Ended>,
     /// `None` before the first update, and if a lane does not serve snapshots.
     pub envs: Option<SavedEnvs>,
+    /// Who plays the enemies. The policies of rivals are in files of their own.
+    pub league: League,
 }
+
+/// Reads the policy of the rival of this number.
+pub(crate) type ReadRival<'a> = dyn FnMut(u64) -> Result<Network, FileError> + 'a;
 
 impl Checkpoint {
     /// Writes the file whole or not at all.
@@ -46,13 +52,14 @@ impl Checkpoint {
     }
 
     fn arrays(&self) -> Vec<Array> {
-        let Checkpoint { team, progress, recent, envs } = self;
+        let Checkpoint { team, progress, recent, envs, league } = self;
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
         let Normaliser { mean, square, weight } = team.normaliser;
         let counts = [updates, steps, episodes, team.actor.adam.steps, team.critic.adam.steps];
+        let against: Vec<u8> = recent.iter().map(|ended| ended.against as u8).collect();
         let recent: Vec<f32> = recent
             .iter()
-            .flat_map(|episode| {
+            .flat_map(|Ended { episode, .. }| {
                 [episode.episode_return, episode.length as f32, f32::from(u8::from(episode.won))]
             })
             .collect();
@@ -66,6 +73,10 @@ impl Checkpoint {
             arrays.push(Array::flat("snapshots", snapshots));
             arrays.push(Array::flat("over", over));
         }
+        if league.is_played() {
+            arrays.push(Array::flat("recent_against", &against));
+            arrays.extend(league_arrays(league));
+        }
         for (name, network) in [("actor", &team.actor), ("critic", &team.critic)] {
             arrays.push(Array::flat(format!("{name}.params"), &network.params));
             arrays.push(Array::flat(format!("{name}.adam.mean"), &network.adam.mean));
@@ -75,7 +86,12 @@ impl Checkpoint {
     }
 
     /// Reads the checkpoint of a run with this configuration.
-    pub fn read(path: &Path, config: &Config, sizes: Sizes) -> Result<Checkpoint, FileError> {
+    pub fn read(
+        path: &Path,
+        config: &Config,
+        sizes: Sizes,
+        read_rival: &mut ReadRival<'_>,
+    ) -> Result<Checkpoint, FileError> {
         let bytes = read(path)?;
         let arrays = Arrays::decode(path, &bytes)?;
         let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
@@ -85,12 +101,6 @@ impl Checkpoint {
         team.normaliser = Normaliser { mean: normaliser[0], square: normaliser[1], weight: normaliser[2] };
         read_network(&arrays, "actor", counts[3], &mut team.actor)?;
         read_network(&arrays, "critic", counts[4], &mut team.critic)?;
-        let episode = |values: &[f32]| Episode {
-            episode_return: values[0],
-            length: values[1] as i32,
-            won: values[2] != 0.0,
-        };
-        let recent: Vec<f32> = arrays.values("recent_episodes")?;
         let progress = Progress {
             updates: counts[0],
             steps: counts[1],
@@ -98,15 +108,79 @@ impl Checkpoint {
             seconds: times[0],
             cpu_seconds: times[1],
         };
-        let recent = recent.chunks_exact(3).map(episode).collect();
+        let recent = read_recent(&arrays)?;
         let envs = if arrays.has("snapshots") {
             let over = arrays.shaped("over", &[config.num_envs])?;
             Some(SavedEnvs { snapshots: arrays.values("snapshots")?, over })
         } else {
             None
         };
-        Ok(Checkpoint { team, progress, recent, envs })
+        let league = if config.enemies.are_scripts() {
+            League::default()
+        } else {
+            read_league(&arrays, config.num_envs, read_rival)?
+        };
+        Ok(Checkpoint { team, progress, recent, envs, league })
     }
+}
+
+/// Stands for the team itself among the numbers of rivals.
+const OWN: u64 = u64::MAX;
+
+fn league_arrays(league: &League) -> [Array; 4] {
+    let number = |player: &Player| match player {
+        Player::Own => OWN,
+        Player::Rival(number) => *number,
+    };
+    let players: Vec<u64> = league.players.iter().map(number).collect();
+    let of_rivals = league.rivals.iter();
+    let numbers: Vec<u64> = of_rivals.clone().map(|rival| rival.number).collect();
+    let win_rates: Vec<f64> = of_rivals.clone().map(|rival| rival.win_rate).collect();
+    let retired: Vec<u8> = of_rivals.map(|rival| u8::from(rival.is_retired)).collect();
+    [
+        Array::flat("league.players", &players),
+        Array::flat("league.rivals", &numbers),
+        Array::flat("league.win_rates", &win_rates),
+        Array::flat("league.retired", &retired),
+    ]
+}
+
+fn read_league(
+    arrays: &Arrays,
+    num_envs: usize,
+    read_rival: &mut ReadRival<'_>,
+) -> Result<League, FileError> {
+    let players: Vec<u64> = arrays.shaped("league.players", &[num_envs])?;
+    let numbers: Vec<u64> = arrays.values("league.rivals")?;
+    let win_rates: Vec<f64> = arrays.shaped("league.win_rates", &[numbers.len()])?;
+    let retired: Vec<u8> = arrays.shaped("league.retired", &[numbers.len()])?;
+    if let Some(player) = players.iter().find(|player| **player != OWN && !numbers.contains(player)) {
+        return Err(arrays.damaged(format!("`league.rivals` has no {player}, which plays")));
+    }
+    let mut rivals = Vec::new();
+    for (number, (win_rate, retired)) in numbers.into_iter().zip(win_rates.into_iter().zip(retired)) {
+        let rival = Rival::new(number, read_rival(number)?);
+        rivals.push(Rival { win_rate, is_retired: retired != 0, ..rival });
+    }
+    let player = |number| if number == OWN { Player::Own } else { Player::Rival(number) };
+    Ok(League { rivals, players: players.into_iter().map(player).collect() })
+}
+
+fn read_recent(arrays: &Arrays) -> Result<Vec<Ended>, FileError> {
+    let recent: Vec<f32> = arrays.values("recent_episodes")?;
+    let against: Vec<u8> = match arrays.has("recent_against") {
+        true => arrays.shaped("recent_against", &[recent.len() / 3])?,
+        false => vec![Against::Script as u8; recent.len() / 3],
+    };
+    let ended = |(values, against): (&[f32], u8)| Ended {
+        episode: Episode { episode_return: values[0], length: values[1] as i32, won: values[2] != 0.0 },
+        against: match against {
+            1 => Against::Own,
+            2 => Against::Rival,
+            _ => Against::Script,
+        },
+    };
+    Ok(recent.chunks_exact(3).zip(against).map(ended).collect())
 }
 
 /// Reads the parameters of a network and its optimiser, which has made `steps` steps.
@@ -127,14 +201,20 @@ fn write_arrays(path: &Path, arrays: &[Array]) -> Result<(), FileError> {
 
 /// Writes the weights of both networks, `actor.0.weight` and so on, in the shapes of PyTorch.
 pub(crate) fn write_weights(path: &Path, team: &Team) -> Result<(), FileError> {
-    let arrays =
-        [("actor", &team.actor), ("critic", &team.critic)].into_iter().flat_map(|(prefix, network)| {
-            network.mlp.tensors().into_iter().map(move |tensor| {
-                let name = format!("{prefix}.{}", tensor.name);
-                Array::new(name, &tensor.shape, &network.params[tensor.range])
-            })
-        });
-    write_arrays(path, &arrays.collect::<Vec<_>>())
+    let networks = [("actor", &team.actor), ("critic", &team.critic)];
+    write_arrays(path, &networks.into_iter().flat_map(tensors).collect::<Vec<_>>())
+}
+
+/// Writes the weights of an actor alone, named as in such a file.
+pub(crate) fn write_actor(path: &Path, actor: &Network) -> Result<(), FileError> {
+    write_arrays(path, &tensors(("actor", actor)).collect::<Vec<_>>())
+}
+
+fn tensors<'a>((prefix, network): (&'a str, &'a Network)) -> impl Iterator<Item = Array> + 'a {
+    network.mlp.tensors().into_iter().map(move |tensor| {
+        let name = format!("{prefix}.{}", tensor.name);
+        Array::new(name, &tensor.shape, &network.params[tensor.range])
+    })
 }
 
 /// Reads the actor of such a file.

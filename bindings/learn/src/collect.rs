@@ -1,59 +1,109 @@
 //! Fills a rollout: lane by lane, a batch is stored, the policy acts on it in place, and its actions are
 //! sent. The workers step one lane while the policy acts on the other.
 
-use crate::actor::{Actor, Draw};
+use crate::actor::{Chosen, Draw};
+use crate::enemy_actor::{BothActors, Teams, players};
 use crate::lanes::{LaneBatch, Lanes};
+use crate::league::{League, Player};
 use crate::policy::Choice;
-use crate::random::Purpose;
-use crate::rollout::{Episode, Rollout};
+use crate::random::{Purpose, generator};
+use crate::rollout::{Against, Ended, Episode, Rollout};
 use crate::team::Network;
+use crate::view::View;
+use smaclite_engine::{Faction, Sizes};
 use smaclite_ipc::{Batch, ClientError};
 use smaclite_pool::fields::Field;
 use std::time::{Duration, Instant};
 
-/// The memory of collection, one actor per lane.
+/// The memory of collection, per lane.
 #[derive(Debug, Default)]
 pub(crate) struct Collector {
-    actors: Vec<Actor>,
+    actors: Vec<BothActors>,
+}
+
+/// Where the random numbers of a rollout come from, and how players are drawn.
+#[derive(Clone, Copy)]
+pub(crate) struct Draws {
+    pub seed: u64,
+    /// Steps made before.
+    pub first_step: u64,
+    /// See [`League::draw`].
+    pub self_share: f64,
 }
 
 impl Collector {
-    /// Plays `rollout.horizon` steps of every environment. `seed` and the number of steps made before decide
-    /// the random numbers. Returns the time that was spent waiting for batches.
+    /// Plays `rollout.horizon` steps of every environment. Returns the time that was spent waiting for
+    /// batches.
     pub fn collect(
         &mut self,
         lanes: &mut Lanes,
         network: &Network,
+        league: &mut League,
         rollout: &mut Rollout,
-        (seed, first_step): (u64, u64),
+        draws: Draws,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Duration, ClientError> {
-        self.actors.resize_with(lanes.count(), Actor::default);
+        self.actors.resize_with(lanes.count(), Default::default);
         rollout.episodes.clear();
-        let mut waited = Duration::ZERO;
+        let (mut waited, sizes) = (Duration::ZERO, lanes.sizes());
         for t in 0..=rollout.horizon {
             if interrupted() {
                 return Err(ClientError::Interrupted);
             }
-            for (lane, actor) in self.actors.iter_mut().enumerate() {
+            for (lane, actors) in self.actors.iter_mut().enumerate() {
                 let begin = Instant::now();
-                let LaneBatch { first_env, batch, over } = lanes.batch(lane, interrupted)?;
+                let lane_batch = lanes.batch(lane, interrupted)?;
                 waited += begin.elapsed();
-                rollout.store_inputs(t, first_env, batch);
+                rollout.store_inputs(t, sizes, &lane_batch);
                 if t > 0 {
-                    rollout.store_outcome(t - 1, first_env, batch);
+                    rollout.store_outcome(t - 1, sizes, &lane_batch, league);
                 }
                 if t < rollout.horizon {
-                    let step = first_step + t as u64;
-                    let draw = Draw { seed, purpose: Purpose::Actions, step, first_env };
-                    actor.act(network, rollout.sizes, batch, Choice::Sampled, draw);
-                    rollout.store_actions(t, first_env, over, actor);
-                    lanes.send(lane, &actor.actions)?;
+                    let turn = Turn { t, step: draws.first_step + t as u64, sizes, lane_batch };
+                    let actions = act(actors, network, league, turn, rollout, draws);
+                    lanes.send(lane, actions)?;
                 }
             }
         }
         Ok(waited)
     }
+}
+
+/// A batch to act on.
+struct Turn<'a> {
+    /// Step of the rollout.
+    t: usize,
+    /// Step of the run.
+    step: u64,
+    sizes: Sizes,
+    lane_batch: LaneBatch<'a>,
+}
+
+/// Chooses, stores and returns the actions of both sides.
+fn act<'a>(
+    actors: &'a mut BothActors,
+    network: &Network,
+    league: &mut League,
+    turn: Turn<'_>,
+    rollout: &mut Rollout,
+    draws: Draws,
+) -> &'a [i32] {
+    let Turn { t, step, sizes, lane_batch: LaneBatch { first_env, batch, over } } = turn;
+    let Draws { seed, self_share, .. } = draws;
+    let of_sides = [Purpose::Actions, Purpose::EnemyActions].map(|purpose| Draw { seed, purpose, step });
+    let teams = Teams { own: network, league };
+    actors.act(teams, batch, sizes, first_env, Choice::Sampled, of_sides);
+    let BothActors { allies, enemies, .. } = actors;
+    rollout.store_actions(t, Faction::Ally, first_env, over.iter().copied(), &allies.chosen);
+    if league.is_played() {
+        let is_skipped = over.iter().enumerate().map(|(env, over)| *over || !enemies.is_own(env));
+        rollout.store_actions(t, Faction::Enemy, first_env, is_skipped, &enemies.chosen);
+        // The next step resets these; the player stays for the whole episode that it begins.
+        for env in (first_env..).zip(over).filter(|(_, over)| **over).map(|(env, _)| env) {
+            league.draw(env, self_share, &mut generator(seed, Purpose::Players, [step, env as u64]));
+        }
+    }
+    actors.actions()
 }
 
 /// Copies `values` into row `row` of rows of `width`.
@@ -63,37 +113,66 @@ fn store<T: Copy>(to: &mut [T], row: usize, width: usize, values: &[T]) {
 
 impl Rollout {
     /// Stores what the networks see at time `t`.
-    fn store_inputs(&mut self, t: usize, first_env: usize, batch: &Batch) {
-        let sample = t * self.num_envs + first_env;
-        store(&mut self.obs, sample, self.sizes.n_agents * self.sizes.obs_size, batch.obs());
-        if !self.state.is_empty() {
-            let state = batch.field(Field::State).unwrap_or(&[]);
-            store(&mut self.state, sample, self.sizes.state_size, state);
+    fn store_inputs(&mut self, t: usize, sizes: Sizes, lane_batch: &LaneBatch<'_>) {
+        let LaneBatch { first_env, batch, .. } = *lane_batch;
+        for (side, sizes) in self.views(sizes) {
+            let view = View::of(batch, side, sizes);
+            let sample = self.sample(t, side, first_env);
+            store(&mut self.obs, sample, sizes.n_agents * sizes.obs_size, view.obs);
+            if !self.state.is_empty() {
+                store(&mut self.state, sample, sizes.state_size, view.state);
+            }
         }
     }
 
-    /// Stores what the policy chose at time `t`. Where the episode is over, next-step autoreset ignores the
-    /// choice.
-    fn store_actions(&mut self, t: usize, first_env: usize, over: &[bool], actor: &Actor) {
-        let sample = t * self.num_envs + first_env;
+    /// Stores what a side chose at time `t`. Nothing is learnt from what `is_skipped`.
+    fn store_actions(
+        &mut self,
+        t: usize,
+        side: Faction,
+        first_env: usize,
+        is_skipped: impl Iterator<Item = bool>,
+        chosen: &Chosen,
+    ) {
+        if !self.sides.contains(&side) {
+            return;
+        }
+        let sample = self.sample(t, side, first_env);
         let row = sample * self.sizes.n_agents;
-        store(&mut self.masks, row, self.padded_actions, &actor.masks);
-        store(&mut self.log_probs, row, 1, &actor.log_probs);
-        let actions = self.actions[row..].iter_mut().zip(&actor.actions);
+        store(&mut self.masks, row, self.padded_actions, &chosen.masks);
+        store(&mut self.log_probs, row, 1, &chosen.log_probs);
+        let actions = self.actions[row..].iter_mut().zip(&chosen.actions);
         actions.for_each(|(to, action)| *to = *action as u16);
-        store(&mut self.is_reset, sample, 1, over);
+        self.is_skipped[sample..].iter_mut().zip(is_skipped).for_each(|(to, skipped)| *to = skipped);
     }
 
     /// Stores what the step of time `t` led to.
-    fn store_outcome(&mut self, t: usize, first_env: usize, batch: &Batch) {
-        let sample = t * self.num_envs + first_env;
-        store(&mut self.rewards, sample, 1, batch.reward());
-        let flags = batch.terminated().iter().zip(batch.truncated());
-        for (i, (terminated, truncated)) in flags.enumerate() {
-            self.terminated[sample + i] = *terminated != 0;
-            self.truncated[sample + i] = *truncated != 0;
+    fn store_outcome(&mut self, t: usize, sizes: Sizes, lane_batch: &LaneBatch<'_>, league: &mut League) {
+        let LaneBatch { first_env, batch, .. } = *lane_batch;
+        for (side, sizes) in self.views(sizes) {
+            let sample = self.sample(t, side, first_env);
+            store(&mut self.rewards, sample, 1, View::of(batch, side, sizes).rewards);
+            let flags = batch.terminated().iter().zip(batch.truncated());
+            for (i, (terminated, truncated)) in flags.enumerate() {
+                self.terminated[sample + i] = *terminated != 0;
+                self.truncated[sample + i] = *truncated != 0;
+            }
         }
-        self.episodes.extend(ended_episodes(batch).map(|(_, episode)| episode));
+        if !league.is_played() {
+            let ended = ended_episodes(batch);
+            self.episodes.extend(ended.map(|(_, episode)| Ended { episode, against: Against::Script }));
+            return;
+        }
+        let players: Vec<Option<Player>> = players(batch, league, first_env).collect();
+        for (slot, episode) in ended_episodes(batch) {
+            let against = match players[slot] {
+                None => Against::Script,
+                Some(Player::Own) => Against::Own,
+                Some(Player::Rival(_)) => Against::Rival,
+            };
+            players[slot].into_iter().for_each(|player| league.observe(player, episode.won));
+            self.episodes.push(Ended { episode, against });
+        }
     }
 }
 

@@ -1,6 +1,8 @@
-//! The hyperparameters of a run. The defaults solve most standard scenarios; docs/tutorials/training.md
-//! describes them.
+//! The hyperparameters of a run. docs/how-to/training.md describes them and why their defaults win.
 
+mod enemies;
+
+pub use enemies::{Enemies, SelfPlay};
 use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;
 
@@ -9,9 +11,9 @@ use smaclite_pool::MAX_LAST_ACTIONS;
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// The state: one value per environment.
-    #[default]
     Mappo,
     /// The agent's own observation: one value per agent.
+    #[default]
     Ippo,
 }
 
@@ -26,12 +28,18 @@ pub enum Activation {
     Tanh,
 }
 
-/// A keyword that names no algorithm or activation.
+/// A keyword that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected `{}`, got `{given}`", expected.join("` or `"))]
 pub struct UnknownKeyword {
     expected: [&'static str; 2],
     given: String,
+}
+
+impl UnknownKeyword {
+    pub(crate) fn new(expected: [&'static str; 2], given: &str) -> UnknownKeyword {
+        UnknownKeyword { expected, given: given.to_owned() }
+    }
 }
 
 impl std::str::FromStr for Algorithm {
@@ -41,7 +49,7 @@ impl std::str::FromStr for Algorithm {
         match keyword {
             "mappo" => Ok(Algorithm::Mappo),
             "ippo" => Ok(Algorithm::Ippo),
-            _ => Err(UnknownKeyword { expected: ["mappo", "ippo"], given: keyword.to_owned() }),
+            _ => Err(UnknownKeyword::new(["mappo", "ippo"], keyword)),
         }
     }
 }
@@ -53,7 +61,7 @@ impl std::str::FromStr for Activation {
         match keyword {
             "relu" => Ok(Activation::Relu),
             "tanh" => Ok(Activation::Tanh),
-            _ => Err(UnknownKeyword { expected: ["relu", "tanh"], given: keyword.to_owned() }),
+            _ => Err(UnknownKeyword::new(["relu", "tanh"], keyword)),
         }
     }
 }
@@ -105,40 +113,55 @@ pub struct Config {
     pub value_clip: f64,
     /// Where the Huber loss becomes linear, in standard deviations of the returns.
     pub huber: f64,
-    /// Weight of the entropy at the beginning.
+    /// Weight of the entropy of an agent's actions at the beginning.
     pub entropy: f64,
     /// Weight of the entropy at the end.
     pub entropy_end: f64,
     /// The longest gradient of each network.
     pub max_grad_norm: f64,
+    /// The run is evaluated at multiples of that many steps, at least 1, and at its end; `None` for never. It
+    /// changes no bit of the training.
+    #[serde(default, skip_serializing_if = "Option::is_none")] // older runs have none
+    pub evaluate_every: Option<u64>,
+    /// Who plays the enemies.
+    #[serde(default, skip_serializing_if = "Enemies::are_scripts")]
+    pub enemies: Enemies,
 }
 
-impl Default for Config {
-    fn default() -> Config {
+/// The default weight of the entropy at the beginning, divided by the number of agents. The more agents explore
+/// at once, the less can each of them learn from the reward that they share; with the quotient, teams of 2 and of
+/// 27 explore as long as they should.
+pub const TEAM_ENTROPY: f64 = 0.3;
+
+impl Config {
+    /// The default hyperparameters for a team of that many agents.
+    pub fn for_agents(n_agents: usize) -> Config {
         Config {
             seed: 0,
-            steps: 1_000_000,
-            algorithm: Algorithm::Mappo,
-            last_actions: 0,
+            steps: 2_000_000,
+            algorithm: Algorithm::Ippo,
+            last_actions: 4,
             num_envs: 64,
             horizon: 64,
             epochs: 4,
-            minibatches: 4,
+            minibatches: 8,
             hidden: vec![64, 64],
             activation: Activation::Relu,
             actor_lr: 7e-4,
             critic_lr: 1e-3,
-            lr_end: 1.0,
+            lr_end: 0.05,
             adam_eps: 1e-5,
             gamma: 0.99,
             lambda: 0.95,
-            advantage_floor: 0.0,
+            advantage_floor: 0.3,
             clip: 0.2,
             value_clip: 0.2,
             huber: 10.0,
-            entropy: 0.01,
-            entropy_end: 0.01,
+            entropy: TEAM_ENTROPY / n_agents.max(1) as f64,
+            entropy_end: 0.0,
             max_grad_norm: 1.0,
+            evaluate_every: None,
+            enemies: Enemies::Scripts,
         }
     }
 }
@@ -159,7 +182,8 @@ impl Config {
     /// Names the first hyperparameter that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
         self.check_sizes()?;
-        self.check_factors()
+        self.check_factors()?;
+        self.enemies.check()
     }
 
     fn check_sizes(&self) -> Result<(), ConfigError> {
@@ -171,6 +195,8 @@ impl Config {
         ensure(history, "last_actions", "between 0 and 16", &self.last_actions)?;
         count("num_envs", self.num_envs, "between 1 and 65536", 1 << 16)?;
         count("horizon", self.horizon, "between 1 and 65536", 1 << 16)?;
+        let every = self.evaluate_every.unwrap_or(1);
+        ensure(every > 0, "evaluate_every", "at least 1", &every)?;
         let samples = self.num_envs * self.horizon;
         ensure(samples <= 1 << 20, "num_envs times horizon", "at most 1048576", &samples)?;
         count("epochs", self.epochs, "between 1 and 1000", 1000)?;
@@ -221,7 +247,7 @@ impl Config {
     }
 }
 
-fn ensure(
+pub(crate) fn ensure(
     holds: bool,
     name: &'static str,
     accepted: &'static str,
@@ -236,20 +262,20 @@ mod tests {
 
     #[test]
     fn the_defaults_are_in_range_and_nan_is_not() {
-        assert_eq!(Config::default().check(), Ok(()));
-        let config = Config { gamma: f64::NAN, ..Config::default() };
+        assert_eq!(Config::for_agents(3).check(), Ok(()));
+        let config = Config { gamma: f64::NAN, ..Config::for_agents(3) };
         assert_eq!(config.check().unwrap_err().to_string(), "gamma must be between 0 and 1, got NaN");
-        let config = Config { last_actions: 17, ..Config::default() };
+        let config = Config { last_actions: 17, ..Config::for_agents(3) };
         assert_eq!(config.check().unwrap_err().to_string(), "last_actions must be between 0 and 16, got 17");
-        let config = Config { hidden: vec![64, 1], ..Config::default() };
+        let config = Config { hidden: vec![64, 1], ..Config::for_agents(3) };
         assert!(config.check().unwrap_err().to_string().ends_with("between 2 and 4096, got [64, 1]"));
-        let config = Config { max_grad_norm: f64::INFINITY, ..Config::default() };
+        let config = Config { max_grad_norm: f64::INFINITY, ..Config::for_agents(3) };
         assert!(config.check().is_err());
     }
 
     #[test]
     fn annealing_is_linear_and_ends() {
-        let config = Config { steps: 200, ..Config::default() };
+        let config = Config { steps: 200, ..Config::for_agents(3) };
         let at = |steps| config.annealed(1.0, 0.5, steps);
         assert_eq!([at(0), at(100), at(200), at(300)], [1.0, 0.75, 0.5, 0.5]);
     }

@@ -1,20 +1,23 @@
 //! Plays a trained team. Of every environment the first episodes are counted, the same number in each (to
 //! within one): to count the first episodes that end anywhere would favour short ones.
 
-use crate::actor::{Actor, Draw};
-use crate::checkpoint::read_actor;
+use crate::actor::Draw;
 use crate::collect::ended_episodes;
-use crate::lanes::{LaneBatch, LaneError, Lanes};
+use crate::config::Enemies;
+use crate::enemy_actor::{BothActors, Teams};
+use crate::lane_error::LaneError;
+use crate::lanes::{LaneBatch, Lanes};
+use crate::league::League;
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
-use crate::run::RunDescription;
-use crate::team::{Network, Team};
+use crate::run::{RunDescription, read_rival, read_team};
 use crate::tensors::FileError;
+use crate::trained_team::Weights;
 use serde::Serialize;
-use smaclite_engine::Opponents;
+use smaclite_engine::{BattleSetup, Opponents};
 use smaclite_ipc::{Batch, ClientError, RuntimeDir};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Most environments of an evaluation.
 const MAX_ENVS: usize = 64;
@@ -26,12 +29,27 @@ pub struct Evaluation {
     pub episodes: usize,
     /// Environment `i` is seeded with `seed + i`; actions are drawn from the seed too.
     pub seed: u64,
+    /// Which weights play; `None` for those of [`Weights::of`].
+    pub weights: Option<Weights>,
     /// Take the most probable action, instead of drawing one by its probability.
     pub greedy: bool,
     /// Worker threads of the pool.
     pub threads: usize,
-    /// Who plays the enemies; `None` for those of the training.
+    /// Who plays the enemies; `None` for the scripts of the training, or attack-move if a team played them.
     pub opponents: Option<Opponents>,
+    /// The folder of a trained team that plays the enemies instead.
+    pub opponent_team: Option<PathBuf>,
+}
+
+impl Evaluation {
+    /// What the team of a run plays.
+    pub fn setup(&self, run: &RunDescription) -> BattleSetup {
+        if let Some(folder) = &self.opponent_team {
+            return Enemies::Team { folder: folder.clone() }.setup(&run.setup);
+        }
+        let opponents = self.opponents.clone().unwrap_or(run.setup.opponents.clone());
+        BattleSetup { opponents, ..run.setup.clone() }
+    }
 }
 
 /// An episode that counts.
@@ -49,7 +67,8 @@ pub struct EvaluatedEpisode {
 /// What happens in an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub enum EvaluationEvent<'a> {
-    /// An environment is to make a step of an episode that counts, with one action per agent.
+    /// An environment is to make a step of an episode that counts, with one action per agent, and then one
+    /// per enemy if a team plays them.
     Step {
         /// The environment.
         env_id: usize,
@@ -71,8 +90,13 @@ pub struct EvaluationResult {
     pub num_envs: usize,
     /// Who played the enemies.
     pub opponents: Opponents,
+    /// The folder of the team that played them, if one did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opponent_team: Option<PathBuf>,
     /// The seed.
     pub seed: u64,
+    /// Which weights played.
+    pub weights: Weights,
     /// Whether the actions were the most probable ones.
     pub greedy: bool,
     /// Share of won episodes.
@@ -108,14 +132,18 @@ pub fn evaluate(
     on_event: &mut dyn FnMut(EvaluationEvent),
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads, .. } = evaluation;
-    let mut run = RunDescription::read(folder)?;
-    run.setup.opponents = evaluation.opponents.clone().unwrap_or(run.setup.opponents);
-    let network = read_network(folder, &run)?;
-    let num_envs = episodes.clamp(1, MAX_ENVS);
-    let mut lanes = Lanes::start(&run.setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
+    let (run, weights, network) = read_team(folder, evaluation.weights)?;
+    let (num_envs, setup) = (episodes.clamp(1, MAX_ENVS), evaluation.setup(&run));
+    let mut lanes = Lanes::start(&setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
+    let league = match &evaluation.opponent_team {
+        None => League::default(),
+        Some(folder) => League::of_one(num_envs, read_rival::<EvaluateError>(folder, &lanes)?),
+    };
+    let teams = Teams { own: &network, league: &league };
     lanes.reset(seed)?;
     let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
-    let mut actors: Vec<Actor> = (0..lanes.count()).map(|_| Actor::default()).collect();
+    let mut actors: Vec<BothActors> = (0..lanes.count()).map(|_| BothActors::default()).collect();
+    let (sizes, n_actors) = (lanes.sizes(), lanes.sizes().n_actors());
     let mut tally = Tally { episodes, ended: vec![0; num_envs], counted: Vec::with_capacity(episodes) };
     let mut step = 0;
     while tally.counted.len() < episodes {
@@ -125,25 +153,23 @@ pub fn evaluate(
         for (lane, actor) in actors.iter_mut().enumerate() {
             let LaneBatch { first_env, batch, .. } = lanes.batch(lane, interrupted)?;
             tally.add_ended(first_env, batch, on_event);
-            let draw = Draw { seed, purpose: Purpose::Evaluation, step, first_env };
-            actor.act(&network, run.sizes, batch, choice, draw);
+            let draws = [Purpose::Evaluation, Purpose::EnemyEvaluation];
+            let draws = draws.map(|purpose| Draw { seed, purpose, step });
+            actor.act(teams, batch, sizes, first_env, choice, draws);
+            let joint = actor.actions();
             // After the last batch of an episode, next-step autoreset ignores the actions.
             let ends = batch.terminated().iter().zip(batch.truncated());
-            let actions = actor.actions.chunks(run.sizes.n_agents);
+            let actions = joint.chunks(n_actors);
             for ((env_id, actions), (terminated, truncated)) in (first_env..).zip(actions).zip(ends) {
                 if terminated | truncated == 0 && tally.is_open(env_id) {
                     on_event(EvaluationEvent::Step { env_id, actions });
                 }
             }
-            lanes.send(lane, &actor.actions)?;
+            lanes.send(lane, joint)?;
         }
         step += 1;
     }
-    Ok(result(&run, &evaluation, num_envs, &tally.counted))
-}
-
-fn read_network(folder: &Path, run: &RunDescription) -> Result<Network, FileError> {
-    read_actor(&folder.join("weights.safetensors"), Team::new(&run.config, run.sizes).actor.mlp)
+    Ok(result(&run, weights, &setup, &evaluation, num_envs, &tally.counted))
 }
 
 /// The episodes that ended, by environment, and those of them that count.
@@ -178,6 +204,8 @@ impl Tally {
 
 fn result(
     run: &RunDescription,
+    weights: Weights,
+    setup: &BattleSetup,
     evaluation: &Evaluation,
     num_envs: usize,
     counted: &[Episode],
@@ -191,8 +219,10 @@ fn result(
         scenario: run.name.clone(),
         episodes,
         num_envs,
-        opponents: run.setup.opponents.clone(),
+        opponents: setup.opponents.clone(),
+        opponent_team: evaluation.opponent_team.clone(),
         seed,
+        weights,
         greedy,
         win_rate: mean(&|episode| f64::from(u8::from(episode.won))),
         mean_return,

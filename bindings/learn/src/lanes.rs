@@ -4,64 +4,24 @@
 //! Environment `i` of the run is environment `i` minus the number of environments in the lanes before. Its
 //! seed and its actions depend on `i` alone, not on the lanes.
 
-use crate::config::Config;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Rules, Sizes};
+use crate::config::{Config, Enemies};
+use crate::lane_error::LaneError;
+use crate::view::fields_of;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Faction, Rules, Sizes};
 use smaclite_ipc::{
-    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, StartError,
-    Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, Supervisor,
+    SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
-use smaclite_scenarios::{Problems, ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{ScenarioError, ScenarioFiles};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// How long to wait for a batch. Those of the slowest scenarios take less than a second.
 const TIMEOUT: Duration = Duration::from_secs(120);
-
-/// Why a team cannot play on lanes.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // the messages say it
-pub enum LaneError {
-    #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
-    MissingField { lane: String, field: &'static str },
-    #[error(
-        "lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`"
-    )]
-    Autoreset { lane: String, given: &'static str },
-    #[error(
-        "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
-         without --batch-size"
-    )]
-    Asynchronous { lane: String, batch_size: usize, num_envs: usize },
-    #[error(
-        "lane `{lane}` plays {given}, but {name} was expected; scenario, unit types, rules and episode limit \
-         must be equal"
-    )]
-    OtherScenario { lane: String, given: String, name: String },
-    #[error("lane `{lane}` has {n_agents} agents and {n_actions} actions; a team can have 65535 of each")]
-    TooLarge { lane: String, n_agents: usize, n_actions: usize },
-    #[error("the lanes have {given} environments, but the run has {expected}")]
-    NumEnvs { given: usize, expected: usize },
-    #[error(
-        "lane `{lane}` appends {given} last actions to observations, but the run has {expected}; serve it \
-         with --obs-last-actions {expected}"
-    )]
-    LastActions { lane: String, given: usize, expected: usize },
-    #[error(
-        "lane `{lane}` appends agent numbers, which the team's networks have; serve it without --obs-agent-id"
-    )]
-    AgentId { lane: String },
-    #[error("scenario: {0}")]
-    Scenario(#[from] Problems),
-    #[error(transparent)]
-    Start(#[from] StartError),
-    #[error(transparent)]
-    Connect(#[from] ConnectError),
-    #[error(transparent)]
-    Client(#[from] ClientError),
-}
 
 /// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
 const DEFAULT_LIMIT: u32 = 1000;
@@ -131,6 +91,12 @@ const FIELDS: [Field; 6] = [
     Field::EpisodeReturn,
     Field::EpisodeLength,
 ];
+
+/// The fields that a team reads on lanes of these sides.
+fn fields_read(both_sides: bool) -> impl Iterator<Item = Field> {
+    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent]);
+    FIELDS.into_iter().chain(of_enemies.filter(move |_| both_sides))
+}
 
 impl Lanes {
     /// Starts a pool in this process, with `threads` worker threads. Agents observe their own last
@@ -241,7 +207,46 @@ impl Lanes {
                 return Err(LaneError::LastActions { lane, given, expected });
             }
         }
+        self.check_sides(&config.enemies)?;
         Ok(self)
+    }
+
+    /// Checks that joint actions play the sides that the run has teams for, and that one team can play both.
+    fn check_sides(&self, enemies: &Enemies) -> Result<(), LaneError> {
+        let Some(Lane { client, .. }) = self.lanes.first() else { return Ok(()) };
+        let of_enemies = self.sizes.of(Faction::Enemy);
+        if of_enemies.is_some() == enemies.are_scripts() {
+            let name = |both| if both { "both" } else { "allies" };
+            let (given, expected) = (name(of_enemies.is_some()), name(!enemies.are_scripts()));
+            return Err(LaneError::Sides { lane: client.description().lane.clone(), given, expected });
+        }
+        match (enemies, of_enemies) {
+            (Enemies::SelfPlay(_), Some(of_enemies)) if !is_playable(self.sizes, of_enemies) => {
+                let scenario = client.description().scenario.clone();
+                let (agents, enemies) = (in_words(self.sizes), in_words(of_enemies));
+                Err(LaneError::UnequalSides { scenario, agents, enemies })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that a team that was trained as allies with these sizes can play the enemies.
+    pub(crate) fn check_rival(&self, folder: &Path, sizes: Sizes) -> Result<(), LaneError> {
+        let (Some(Lane { client, .. }), Some(of_enemies)) =
+            (self.lanes.first(), self.sizes.of(Faction::Enemy))
+        else {
+            return Ok(());
+        };
+        if is_playable(sizes, of_enemies) {
+            return Ok(());
+        }
+        Err(LaneError::OtherTeam {
+            folder: folder.display().to_string(),
+            given: in_words(sizes),
+            scenario: client.description().scenario.clone(),
+            last_actions: self.last_actions(),
+            expected: in_words(of_enemies),
+        })
     }
 
     /// Environments of all lanes.
@@ -347,18 +352,34 @@ pub(crate) fn sizes_with_history(sizes: Sizes, last_actions: usize) -> Sizes {
     LaneSettings { obs_last_actions: last_actions, ..LaneSettings::new(1) }.frame_sizes(sizes)
 }
 
+/// Whether what plays a side with these sizes can play the other side.
+fn is_playable(own: Sizes, other: Sizes) -> bool {
+    let of_networks = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size, sizes.state_size);
+    of_networks(own) == of_networks(other)
+}
+
+fn in_words(sizes: Sizes) -> String {
+    let Sizes { n_agents, n_actions, obs_size, state_size, .. } = sizes;
+    format!(
+        "{n_agents} units with {n_actions} actions, observations of {obs_size} numbers and a state of \
+         {state_size}"
+    )
+}
+
 /// A lane with the fields that a team reads, and the snapshots by which a run is resumed.
 fn lane_config(setup: &BattleSetup, name: &str, num_envs: usize) -> LaneConfig {
     let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
-    let is_read = |field: &Field| FIELDS.contains(field) || *field == Field::Snapshot || !field.is_optional();
-    lane.settings.fields = FieldSet::ALL.iter().filter(is_read).collect();
+    let read: FieldSet = fields_read(setup.sides.are_both()).chain([Field::Snapshot]).collect();
+    let is_kept = |field: &Field| read.contains(*field) || !field.is_optional();
+    lane.settings.fields = FieldSet::ALL.iter().filter(is_kept).collect();
     lane
 }
 
 /// Can a team play on a lane with these settings?
 fn check_settings(description: &LaneDescription) -> Result<(), LaneError> {
     let (lane, settings) = (description.lane.clone(), description.settings);
-    if let Some(field) = FIELDS.into_iter().find(|field| !settings.fields.contains(*field)) {
+    let mut read = fields_read(description.sizes.enemies.is_some());
+    if let Some(field) = read.find(|field| !settings.fields.contains(*field)) {
         return Err(LaneError::MissingField { lane, field: field.spec().name });
     }
     if settings.autoreset != Autoreset::NextStep {

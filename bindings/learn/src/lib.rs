@@ -5,14 +5,18 @@
 //!
 //! 1. `collect` plays `horizon` steps of all environments of the `lanes`. `actor` evaluates the policy on the
 //!    observations in shared memory, and `policy` draws available actions. What learning needs is copied into
-//!    a `rollout`.
+//!    a `rollout`. If teams play the enemies (`enemies`), `enemy_actor` chooses their actions too: those of
+//!    the team itself, or of a rival of the `league`. Either side is read through a `view`.
 //! 2. `ppo` values every state with the critic; `gae` estimates advantages and returns from the values, and
 //!    `normaliser` scales them.
 //! 3. For some epochs of minibatches, `gradient` computes the gradient: `mlp` the passes through the
 //!    networks, `loss` what lies between. `adam` clips it and makes a step.
 //!
-//! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), and `evaluate` plays a
-//! trained team. `team` is what is trained. `random`, `parallel`, `math` and `tensors` serve the others.
+//! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
+//! while a run trains, `seeds` trains several runs at a time, `evaluate` plays a trained team, and
+//! `trained_team` lets it play a single battle. `dataset` keeps what teams play, for offline learning. `team`
+//! is what is trained. `random`,
+//! `parallel`, `math` and `tensors` serve the others.
 //!
 //! **Determinism.** The seed and the hyperparameters decide every bit of a run on one machine. They do so for
 //! any load and any number of threads, of the learner and of the pool: each random number comes from a
@@ -27,10 +31,17 @@ mod adam;
 mod checkpoint;
 mod collect;
 mod config;
+mod cpu_timer;
+mod dataset;
+mod enemy_actor;
 mod evaluate;
+mod evaluations;
+mod exploit;
 mod gae;
 mod gradient;
+mod lane_error;
 mod lanes;
+mod league;
 mod log;
 mod loss;
 mod math;
@@ -42,17 +53,37 @@ mod ppo;
 mod random;
 mod rollout;
 mod run;
+mod seeds;
 mod team;
 mod tensors;
+mod tournament;
+mod trained_team;
 mod training;
+mod view;
 
-pub use config::{Activation, Algorithm, Config, ConfigError, UnknownKeyword};
+pub use config::{
+    Activation, Algorithm, Config, ConfigError, Enemies, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
+};
+pub use dataset::{
+    ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,
+    Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,
+    Source, UnknownArray, UnknownQuality, Values,
+};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };
-pub use lanes::{LaneError, Lanes, resolve_scenario};
+pub use evaluations::{
+    Actions, Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary,
+    Verification, VerifyError, verify,
+};
+pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
+pub use lane_error::LaneError;
+pub use lanes::{Lanes, resolve_scenario};
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;
 pub use run::{Run, RunDescription};
+pub use seeds::{OnSeedEvent, SeedEvent, Seeds};
 pub use tensors::FileError;
-pub use training::{Record, TrainError};
+pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
+pub use trained_team::{TrainedTeam, UnfitTeam, Weights};
+pub use training::{Record, SelfPlayRecord, TrainError};

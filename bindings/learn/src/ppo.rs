@@ -237,8 +237,8 @@ fn estimate(
 ) -> Estimates {
     let (mean, deviation) = team.normaliser.mean_and_deviation();
     values.iter_mut().for_each(|value| *value = (f64::from(*value) * deviation + mean) as f32);
-    let Rollout { rewards, terminated, truncated, num_envs, horizon, .. } = rollout;
-    let steps = Steps { rewards, terminated, truncated, num_envs: *num_envs };
+    let Rollout { rewards, terminated, truncated, num_seats, horizon, .. } = rollout;
+    let steps = Steps { rewards, terminated, truncated, num_envs: *num_seats };
     let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
     advantages(&steps, &values, config.gamma, config.lambda, &mut estimated);
     let returns: Vec<f32> =

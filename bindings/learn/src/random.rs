@@ -18,6 +18,17 @@ pub(crate) enum Purpose {
     Minibatches = 4,
     /// Actions of an evaluation; the counters are the step and the environment.
     Evaluation = 5,
+    /// Actions of enemies; the counters are the step and the environment.
+    EnemyActions = 6,
+    /// Actions of enemies in an evaluation; the counters are the step and the environment.
+    EnemyEvaluation = 7,
+    /// Who plays the enemies; the counters are the step and the environment.
+    Players = 8,
+    /// Seeds of evaluations of a run while it trains; the counters are the step count, and 1 if actions are
+    /// sampled.
+    TrainingEvaluations = 9,
+    /// Seeds of the evaluation of its best weights; the second counter is 1 if actions are sampled.
+    FinalEvaluation = 10,
 }
 
 /// Mixes the bits of a number so that numbers that differ in one bit differ in half of the bits: the last
@@ -61,7 +72,13 @@ mod tests {
     #[test]
     fn purposes_and_counters_give_different_seeds() {
         let mut seeds: Vec<u64> = Vec::new();
-        for purpose in [Purpose::Weights, Purpose::Environments, Purpose::Actions, Purpose::Minibatches] {
+        let purposes = [Purpose::Weights, Purpose::Environments, Purpose::Actions, Purpose::Minibatches];
+        for purpose in purposes.into_iter().chain([
+            Purpose::EnemyActions,
+            Purpose::Players,
+            Purpose::TrainingEvaluations,
+            Purpose::FinalEvaluation,
+        ]) {
             for run in 0..3 {
                 seeds.extend((0..100).map(|i| seed(run, purpose, [i / 10, i % 10])));
             }

@@ -1,12 +1,16 @@
 //! The data of one update: `horizon` steps of every environment, step after step, in one array per field.
+//!
+//! A *seat* is a side of an environment that is learnt from. The allies of all environments come first; if
+//! the team plays both sides, the enemies of all environments follow.
 
+use crate::config::Enemies;
 use crate::config::{Algorithm, Config};
 use crate::math::WIDTH;
-use serde::Serialize;
-use smaclite_engine::Sizes;
+use serde::{Deserialize, Serialize};
+use smaclite_engine::{Faction, Sizes};
 
 /// An episode that ended.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
     /// The sum of its rewards.
     pub episode_return: f32,
@@ -16,68 +20,107 @@ pub struct Episode {
     pub won: bool,
 }
 
-/// What happened in `horizon` steps; a sample is an environment in one of them.
+/// Who played the enemies of an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Against {
+    Script = 0,
+    /// The team that is trained.
+    Own = 1,
+    /// A team that does not learn.
+    Rival = 2,
+}
+
+/// An episode of a run that ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ended {
+    pub episode: Episode,
+    pub against: Against,
+}
+
+/// What happened in `horizon` steps; a sample is a seat in one of them.
 #[derive(Debug)]
 pub(crate) struct Rollout {
     pub horizon: usize,
     pub num_envs: usize,
+    /// The sides that are learnt from.
+    pub sides: &'static [Faction],
+    pub num_seats: usize,
+    /// As the units of either side have them.
     pub sizes: Sizes,
     /// `n_actions`, padded.
     pub padded_actions: usize,
-    /// `[horizon + 1, num_envs, n_agents, obs_size]`.
+    /// `[horizon + 1, num_seats, n_agents, obs_size]`.
     pub obs: Vec<f32>,
-    /// `[horizon + 1, num_envs, state_size]`; empty if the critic does not see the state.
+    /// `[horizon + 1, num_seats, state_size]`; empty if the critic does not see the state.
     pub state: Vec<f32>,
-    /// `[horizon, num_envs, n_agents, padded_actions]`.
+    /// `[horizon, num_seats, n_agents, padded_actions]`.
     pub masks: Vec<u8>,
-    /// `[horizon, num_envs, n_agents]`.
+    /// `[horizon, num_seats, n_agents]`.
     pub actions: Vec<u16>,
-    /// `[horizon, num_envs, n_agents]`.
+    /// `[horizon, num_seats, n_agents]`.
     pub log_probs: Vec<f32>,
-    /// `[horizon, num_envs]`, as the following three.
+    /// `[horizon, num_seats]`, as the following three.
     pub rewards: Vec<f32>,
     pub terminated: Vec<bool>,
     pub truncated: Vec<bool>,
-    /// The step only reset the environment: next-step autoreset ignores its actions.
-    pub is_reset: Vec<bool>,
+    /// Nothing is learnt from the sample: the step only reset the environment, as next-step autoreset ignores
+    /// its actions, or others played the seat.
+    pub is_skipped: Vec<bool>,
     /// The episodes that ended, by step and environment.
-    pub episodes: Vec<Episode>,
+    pub episodes: Vec<Ended>,
 }
 
 impl Rollout {
     pub fn new(config: &Config, sizes: Sizes) -> Rollout {
         let Config { horizon, num_envs, .. } = *config;
+        let plays_itself = matches!(config.enemies, Enemies::SelfPlay(_));
+        let sides: &[Faction] =
+            if plays_itself { &[Faction::Ally, Faction::Enemy] } else { &[Faction::Ally] };
+        let num_seats = num_envs * sides.len();
         let padded_actions = sizes.n_actions.next_multiple_of(WIDTH);
-        let samples = horizon * num_envs;
+        let samples = horizon * num_seats;
         let rows = samples * sizes.n_agents;
         let sees_state = config.algorithm == Algorithm::Mappo;
         Rollout {
             horizon,
             num_envs,
+            sides,
+            num_seats,
             sizes,
             padded_actions,
-            obs: vec![0.0; (horizon + 1) * num_envs * sizes.n_agents * sizes.obs_size],
-            state: vec![0.0; if sees_state { (horizon + 1) * num_envs * sizes.state_size } else { 0 }],
+            obs: vec![0.0; (horizon + 1) * num_seats * sizes.n_agents * sizes.obs_size],
+            state: vec![0.0; if sees_state { (horizon + 1) * num_seats * sizes.state_size } else { 0 }],
             masks: vec![0; rows * padded_actions],
             actions: vec![0; rows],
             log_probs: vec![0.0; rows],
             rewards: vec![0.0; samples],
             terminated: vec![false; samples],
             truncated: vec![false; samples],
-            is_reset: vec![false; samples],
+            is_skipped: vec![false; samples],
             episodes: Vec::new(),
         }
     }
 
-    /// Steps that were not resets.
-    pub fn steps(&self) -> u64 {
-        self.is_reset.iter().filter(|is_reset| !**is_reset).count() as u64
+    /// The number of the sample of a side of an environment.
+    pub fn sample(&self, t: usize, side: Faction, env: usize) -> usize {
+        t * self.num_seats + env + if side == Faction::Enemy { self.num_envs } else { 0 }
     }
 
-    /// The samples from which something can be learnt: those that are not resets.
+    /// The sides that are learnt from, with their sizes in an environment with these.
+    pub fn views(&self, sizes: Sizes) -> impl Iterator<Item = (Faction, Sizes)> + use<> {
+        self.sides.iter().filter_map(move |side| Some((*side, sizes.of(*side)?)))
+    }
+
+    /// Environment steps that were not resets.
+    pub fn steps(&self) -> u64 {
+        let of_allies = self.is_skipped.chunks(self.num_seats).flat_map(|step| &step[..self.num_envs]);
+        of_allies.filter(|is_skipped| !**is_skipped).count() as u64
+    }
+
+    /// The samples from which something can be learnt.
     pub fn samples(&self) -> Vec<u32> {
         let samples = 0..self.rewards.len();
-        samples.filter(|sample| !self.is_reset[*sample]).map(|sample| sample as u32).collect()
+        samples.filter(|sample| !self.is_skipped[*sample]).map(|sample| sample as u32).collect()
     }
 
     /// The rows, agents in samples, from which the policy learns: those with a choice. Dead agents have only
@@ -100,19 +143,53 @@ pub(crate) fn rows(samples: &[u32], width: usize) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::SelfPlay;
+    use smaclite_engine::EnemySizes;
 
     #[test]
     fn resets_and_agents_without_a_choice_are_not_learnt() {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 1, state_size: 1 };
-        let config = Config { horizon: 2, num_envs: 1, ..Config::default() };
+        let sizes = Sizes {
+            n_agents: 2,
+            n_enemies: 1,
+            n_actions: 7,
+            obs_size: 1,
+            state_size: 1,
+            perception_size: 0,
+            enemies: None,
+        };
+        let config = Config { horizon: 2, num_envs: 1, ..Config::for_agents(3) };
         let mut rollout = Rollout::new(&config, sizes);
         rollout.masks[..5].fill(1); // step 0, agent 0
         rollout.masks[8] = 1; // step 0, agent 1: one action
         rollout.masks[16..].fill(1); // step 1, both
         assert_eq!(rollout.policy_rows(&rollout.samples()), [0, 2, 3]);
         assert!(rows(&rollout.samples(), 2).eq(0..4));
-        rollout.is_reset[1] = true;
+        rollout.is_skipped[1] = true;
         assert_eq!((rollout.samples(), rollout.steps()), (vec![0], 1));
         assert_eq!(rollout.policy_rows(&rollout.samples()), [0]);
+    }
+
+    /// The steps of an environment count once, whoever learns from them.
+    #[test]
+    fn enemies_have_seats_behind_those_of_allies() {
+        let enemies = EnemySizes { n_actions: 7, obs_size: 1, state_size: 1 };
+        let sizes = Sizes {
+            n_agents: 1,
+            n_enemies: 1,
+            n_actions: 7,
+            obs_size: 1,
+            state_size: 1,
+            perception_size: 0,
+            enemies: Some(enemies),
+        };
+        let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
+        let config = Config { horizon: 2, num_envs: 3, enemies, ..Config::for_agents(3) };
+        let mut rollout = Rollout::new(&config, sizes);
+        assert_eq!(rollout.views(sizes).map(|(side, _)| side).collect::<Vec<_>>(), rollout.sides);
+        assert_eq!((rollout.sample(1, Faction::Ally, 2), rollout.sample(1, Faction::Enemy, 2)), (8, 11));
+        rollout.is_skipped[8] = true; // a reset: both sides
+        rollout.is_skipped[11] = true;
+        rollout.is_skipped[4] = true; // others play these enemies
+        assert_eq!((rollout.steps(), rollout.samples()), (5, vec![0, 1, 2, 3, 5, 6, 7, 9, 10]));
     }
 }

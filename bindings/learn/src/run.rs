@@ -6,21 +6,38 @@
 //! | `weights.safetensors` | the weights of actor and critic |
 //! | `checkpoint.safetensors` | what the run is resumed from |
 //! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
+//! | `evaluations.csv`, `evaluation_episodes.csv` | one row per evaluation, and per episode of one |
+//! | `evaluations/*.safetensors` | the weights of the actor in each evaluation |
+//! | `best.safetensors` | the weights of the best one |
+//! | `final.json` | how the best weights play |
+//! | `opponent/` | `run.json` and weights of the team that plays the enemies, if one does |
+//! | `league/*.safetensors` | in a league: the weights of the actor after some updates |
 //!
 //! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end
 //! of the process.
 
-use crate::checkpoint::{Checkpoint, write_weights};
+use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::config::Config;
+use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
+use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::log::{CsvLog, TensorBoardLog};
+use crate::team::{Network, Team};
 use crate::tensors::{FileError, read, write};
+use crate::trained_team::Weights;
 use crate::training::{Record, TrainError, Training};
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{BattleSetup, Sizes};
+use smaclite_scenarios::Problems;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// The last weights of a run, which others read.
+pub(crate) const WEIGHTS: &str = "weights.safetensors";
+
+/// Its best weights, if it was evaluated.
+pub(crate) const BEST: &str = "best.safetensors";
 
 /// How often a checkpoint is written, besides at the end.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
@@ -39,7 +56,7 @@ struct RunFile {
 pub struct RunDescription {
     /// The hyperparameters.
     pub config: Config,
-    /// What the team plays.
+    /// What the team plays, where scripts play the enemies: in a run in which teams play them, `attack_move`.
     pub setup: BattleSetup,
     /// The scenario's name.
     pub name: String,
@@ -63,9 +80,18 @@ impl RunDescription {
         }
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
-        let (scenario, arena) = file.setup.arena().map_err(|error| damaged(&error))?;
-        let sizes = sizes_with_history(arena.sizes(), file.config.last_actions);
-        Ok(RunDescription { config: file.config, name: scenario.name, sizes, setup: file.setup })
+        RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))
+    }
+
+    fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
+        let (scenario, arena) = setup.arena()?;
+        let sizes = sizes_with_history(arena.sizes(), config.last_actions);
+        Ok(RunDescription { config, name: scenario.name, sizes, setup })
+    }
+
+    /// What the lanes of the run play.
+    pub fn lanes_setup(&self) -> BattleSetup {
+        self.config.enemies.setup(&self.setup)
     }
 }
 
@@ -87,7 +113,7 @@ impl RunDescription {
 /// # let runtime_dir = RuntimeDir::at(folder.path().join("pools"))?;
 /// # let path = folder.path().join("run");
 /// let scenario = resolve_scenario("3m", Rules::Smaclite)?;
-/// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::default() };
+/// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
 /// let config = Config { steps: 64, ..small };
 /// let lanes = Lanes::start(&scenario, config.num_envs, config.last_actions, 1, &runtime_dir)?;
 /// let mut run = Run::begin(&path, config, &scenario, lanes, 1)?;
@@ -112,13 +138,14 @@ pub struct Run {
     training: Training,
     csv: CsvLog,
     tensorboard: TensorBoardLog,
+    evaluations: Option<Evaluations>,
     last_checkpoint: Instant,
     _lock: File,
 }
 
 impl Run {
     /// Begins a run in a folder, which is created and must not hold a run. `threads` threads learn; they do
-    /// not change a result.
+    /// not change a result. The lanes play [`Enemies::setup`](crate::Enemies::setup) of `setup`.
     ///
     /// # Errors
     /// If the folder holds a run or cannot be written, if another process begins one in it, or the
@@ -135,11 +162,19 @@ impl Run {
             if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
         };
         check_free()?;
-        let training = Training::new(config, lanes, threads)?;
+        let rival_folder = config.enemies.folder().map(Path::to_owned);
+        let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes));
+        let rival = rival.transpose()?;
+        let training = Training::new(config, lanes, threads, rival)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
-        let mut run = Run::open(folder, training, lock)?;
+        if let Some(rival) = rival_folder {
+            copy_team(&rival, &folder.join(OPPONENT))?;
+        }
+        EvaluationFiles::clear(folder)?;
+        let description = RunDescription::new(training.config.clone(), setup.clone());
+        let mut run = Run::open(folder, &description.map_err(LaneError::from)?, training, threads, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         // Last: a folder with this file is a run that can be resumed, and one without can be begun.
         write_description(folder, run.config(), setup)?;
@@ -158,21 +193,35 @@ impl Run {
         threads: usize,
     ) -> Result<Run, TrainError> {
         let lock = lock(folder)?;
-        let RunDescription { mut config, setup, .. } = RunDescription::read(folder)?;
-        config.steps = steps.unwrap_or(config.steps);
+        let mut description = RunDescription::read(folder)?;
+        description.config.steps = steps.unwrap_or(description.config.steps);
+        let RunDescription { config, setup, .. } = description.clone();
         let lanes = lanes.for_run(&config)?;
-        let state = Checkpoint::read(&folder.join("checkpoint.safetensors"), &config, lanes.sizes())?;
+        let mlp = Team::new(&config, lanes.sizes()).actor.mlp;
+        let mut read_rival = |number| match number {
+            0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
+            number => read_actor(&copy_path(folder, number), mlp.clone()),
+        };
+        let path = folder.join("checkpoint.safetensors");
+        let state = Checkpoint::read(&path, &config, lanes.sizes(), &mut read_rival)?;
         let training = Training::resume(config, lanes, threads, state)?;
         write_description(folder, &training.config, &setup)?;
-        Run::open(folder, training, lock)
+        Run::open(folder, &description, training, threads, lock)
     }
 
-    fn open(folder: &Path, training: Training, lock: File) -> Result<Run, TrainError> {
+    fn open(
+        folder: &Path,
+        description: &RunDescription,
+        training: Training,
+        threads: usize,
+        lock: File,
+    ) -> Result<Run, TrainError> {
         let progress = training.state().progress;
         let csv = CsvLog::open(&folder.join("log.csv"), progress.updates)?;
         let tensorboard = TensorBoardLog::begin(folder, progress.steps)?;
-        let last_checkpoint = Instant::now();
-        Ok(Run { folder: folder.to_owned(), training, csv, tensorboard, last_checkpoint, _lock: lock })
+        let evaluations = Evaluations::open(folder, description, progress.steps, threads)?;
+        let (folder, last_checkpoint) = (folder.to_owned(), Instant::now());
+        Ok(Run { folder, training, csv, tensorboard, evaluations, last_checkpoint, _lock: lock })
     }
 
     /// The hyperparameters.
@@ -180,17 +229,29 @@ impl Run {
         &self.training.config
     }
 
+    /// The evaluations so far, by step count.
+    pub fn evaluations(&self) -> &[EvaluationRow] {
+        self.evaluations.as_ref().map_or(&[], Evaluations::rows)
+    }
+
     /// Makes one update, logs it, and writes a checkpoint if the last one is a minute old. `None` if the run
-    /// is complete.
+    /// is complete. Before, it plays the evaluations that are due.
     ///
     /// # Errors
     /// If the pool fails, training diverges or a file cannot be written; `ClientError::Interrupted` if
     /// `interrupted` returned true. Then [`checkpoint`](Run::checkpoint) writes the state before the update.
     pub fn update(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<Option<Record>, TrainError> {
+        self.evaluate(interrupted)?;
         if self.training.is_complete() {
             return Ok(None);
         }
         let record = self.training.update(interrupted)?;
+        if let Some(copy) = self.training.new_copy() {
+            let path = copy_path(&self.folder, copy.number);
+            let folder = self.folder.join(LEAGUE);
+            fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
+            write_actor(&path, &copy.actor)?;
+        }
         self.csv.append(&record)?;
         self.tensorboard.append(&record)?;
         if self.last_checkpoint.elapsed() > CHECKPOINT_INTERVAL {
@@ -199,17 +260,77 @@ impl Run {
         Ok(Some(record))
     }
 
+    /// Plays what is due: evaluations, and the final one of a run that is complete.
+    fn evaluate(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<(), TrainError> {
+        let Some(evaluations) = &mut self.evaluations else { return Ok(()) };
+        let (state, before) = (self.training.state(), evaluations.rows().len());
+        evaluations.play_due(state, interrupted)?;
+        for row in &evaluations.rows()[before..] {
+            self.tensorboard.append_evaluation(row)?;
+        }
+        match self.training.is_complete() {
+            true => evaluations.finish(state, interrupted),
+            false => Ok(()),
+        }
+    }
+
     /// Writes the weights and the checkpoint.
     ///
     /// # Errors
     /// If they cannot be written. The old files stay complete.
     pub fn checkpoint(&mut self) -> Result<(), TrainError> {
         let state = self.training.state();
-        write_weights(&self.folder.join("weights.safetensors"), &state.team)?;
+        write_weights(&self.folder.join(WEIGHTS), &state.team)?;
         state.write(&self.folder.join("checkpoint.safetensors"))?;
         self.last_checkpoint = Instant::now();
         Ok(())
     }
+}
+
+/// The folder, in that of a run, of the team that plays the enemies.
+pub(crate) const OPPONENT: &str = "opponent";
+
+/// The folder, in that of a run, of its copies.
+const LEAGUE: &str = "league";
+
+/// The file of the copy that was made after that many updates.
+fn copy_path(folder: &Path, updates: u64) -> PathBuf {
+    folder.join(LEAGUE).join(format!("{updates:06}.safetensors"))
+}
+
+/// The trained team in the folder of a run: the run, which of its weights, and the policy with those.
+///
+/// # Errors
+/// If the files cannot be read or are damaged.
+pub(crate) fn read_team(
+    folder: &Path,
+    weights: Option<Weights>,
+) -> Result<(RunDescription, Weights, Network), FileError> {
+    let run = RunDescription::read(folder)?;
+    let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
+    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+    let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
+    Ok((run, weights, actor))
+}
+
+/// The policy of the team in a folder, if it can play the enemies of these lanes.
+pub(crate) fn read_rival<E>(folder: &Path, lanes: &Lanes) -> Result<Network, E>
+where
+    E: From<FileError> + From<LaneError>,
+{
+    let (run, _, actor) = read_team(folder, None)?;
+    lanes.check_rival(folder, run.sizes)?;
+    Ok(actor)
+}
+
+/// Copies what [`read_rival`] reads.
+fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
+    fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    let weights = Weights::of(from, &RunDescription::read(from)?).file_name();
+    for (source, name) in [("run.json", "run.json"), (weights, WEIGHTS)] {
+        write(&to.join(name), &read(&from.join(source))?)?;
+    }
+    Ok(())
 }
 
 /// Locks the folder until the file is dropped.

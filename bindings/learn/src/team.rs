@@ -27,6 +27,11 @@ impl Network {
         Network { mlp, params, adam }
     }
 
+    /// The same network, for playing alone.
+    pub fn without_optimiser(&self) -> Network {
+        Network { mlp: self.mlp.clone(), params: self.params.clone(), adam: Adam::new(0) }
+    }
+
     pub fn forward(&self, x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
         self.mlp.forward(&self.params, x, ids, workspace);
     }
@@ -82,9 +87,17 @@ mod tests {
 
     #[test]
     fn a_change_of_the_returns_changes_no_prediction() {
-        let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 4, state_size: 5 };
+        let sizes = Sizes {
+            n_agents: 2,
+            n_enemies: 1,
+            n_actions: 7,
+            obs_size: 4,
+            state_size: 5,
+            perception_size: 0,
+            enemies: None,
+        };
         for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
-            let mut team = Team::new(&Config { algorithm, ..Config::default() }, sizes);
+            let mut team = Team::new(&Config { algorithm, ..Config::for_agents(3) }, sizes);
             let x: Vec<f32> = (0..20).map(|i| i as f32 / 10.0).collect();
             let predict = |team: &Team| {
                 let mut workspace = Workspace::default();

@@ -4,15 +4,17 @@
 //! Between restarts a run is resumed from snapshots of its environments.
 
 use crate::checkpoint::{Checkpoint, Progress};
-use crate::collect::Collector;
-use crate::config::{Config, ConfigError};
-use crate::lanes::{LaneError, Lanes};
+use crate::collect::{Collector, Draws};
+use crate::config::{Config, ConfigError, Enemies};
+use crate::cpu_timer::CpuTimer;
+use crate::lane_error::LaneError;
+use crate::lanes::Lanes;
+use crate::league::{League, Rival};
 use crate::ppo::{Diverged, Ppo, UpdateError, UpdateStats};
-use crate::random::{Purpose, seed};
-use crate::rollout::{Episode, Rollout};
-use crate::team::Team;
+use crate::random::{Purpose, generator, seed};
+use crate::rollout::{Against, Ended, Rollout};
+use crate::team::{Network, Team};
 use crate::tensors::FileError;
-use rustix::time::{ClockId, clock_gettime};
 use smaclite_ipc::ClientError;
 use std::time::{Duration, Instant};
 
@@ -75,14 +77,28 @@ pub struct Record {
     pub wait_share: f64,
     /// Share that was spent in the gradient steps.
     pub learn_share: f64,
+    /// `None` if the team does not play itself.
+    pub self_play: Option<SelfPlayRecord>,
+}
+
+/// Win rates by who played the enemies, of the same episodes as the others; and the copies that are drawn
+/// from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs)] // as of `Record`
+pub struct SelfPlayRecord {
+    pub win_rate_self: f64,
+    pub win_rate_league: f64,
+    pub win_rate_attack_move: f64,
+    pub league_size: u64,
 }
 
 impl Record {
-    /// Names and values, as in the logs. The first three are integers. Those before `seconds` are the same in
-    /// every run with this seed.
-    pub fn columns(&self) -> [(&'static str, f64); 22] {
+    /// Names and values, as in the logs. The first three are integers. Those before `seconds`, and those
+    /// after
+    /// `learn_share`, are the same in every run with this seed.
+    pub fn columns(&self) -> Vec<(&'static str, f64)> {
         let stats = &self.stats;
-        [
+        let mut columns = vec![
             ("update", self.updates as f64),
             ("steps", self.steps as f64),
             ("episodes", self.episodes as f64),
@@ -105,17 +121,37 @@ impl Record {
             ("steps_per_s", self.steps_per_s),
             ("wait_share", self.wait_share),
             ("learn_share", self.learn_share),
-        ]
+        ];
+        if let Some(self_play) = &self.self_play {
+            columns.extend([
+                ("win_rate_self", self_play.win_rate_self),
+                ("win_rate_league", self_play.win_rate_league),
+                ("win_rate_attack_move", self_play.win_rate_attack_move),
+                ("league_size", self_play.league_size as f64),
+            ]);
+        }
+        columns
     }
 }
 
 impl Training {
-    /// Begins a run.
-    pub fn new(config: Config, lanes: Lanes, threads: usize) -> Result<Training, TrainError> {
+    /// Begins a run. `rival` plays the enemies if those are a trained team's.
+    pub fn new(
+        config: Config,
+        lanes: Lanes,
+        threads: usize,
+        rival: Option<Network>,
+    ) -> Result<Training, TrainError> {
         config.check()?;
         let lanes = lanes.for_run(&config)?;
         let team = Team::new(&config, lanes.sizes());
-        let state = Checkpoint { team, progress: Progress::default(), recent: Vec::new(), envs: None };
+        let rivals = rival.map(|actor| Rival::new(0, actor)).into_iter().collect();
+        let league = match config.enemies {
+            Enemies::Scripts => League::default(),
+            Enemies::Team { .. } | Enemies::SelfPlay(_) => League::new(config.num_envs, rivals),
+        };
+        let (progress, recent) = (Progress::default(), Vec::new());
+        let state = Checkpoint { team, progress, recent, envs: None, league };
         Ok(Training::with_state(config, lanes, threads, state))
     }
 
@@ -156,14 +192,16 @@ impl Training {
     /// Collects a rollout and learns from it. If that is interrupted, the state is that before the update,
     /// and the run can only be resumed.
     pub fn update(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<Record, TrainError> {
-        let (begin, cpu_begin) = (Instant::now(), cpu_time());
+        let (begin, cpu) = (Instant::now(), CpuTimer::start());
         let updates = self.state.progress.updates;
         if updates.is_multiple_of(RESTART_INTERVAL) {
             self.restart_environments()?;
         }
         let Training { config, lanes, state, rollout, collector, ppo } = self;
-        let draws = (config.seed, updates * config.horizon as u64);
-        let waited = collector.collect(lanes, &state.team.actor, rollout, draws, interrupted)?;
+        let (first_step, self_share) = (updates * config.horizon as u64, config.enemies.self_share());
+        let draws = Draws { seed: config.seed, first_step, self_share };
+        let mut league = state.league.clone(); // the state's stays if this update is interrupted
+        let waited = collector.collect(lanes, &state.team.actor, &mut league, rollout, draws, interrupted)?;
         let learn_begin = Instant::now();
         let before = state.team.clone();
         let stats = ppo.update(&mut state.team, rollout, config, updates, state.progress.steps, interrupted);
@@ -179,10 +217,17 @@ impl Training {
         state.recent.extend_from_slice(&rollout.episodes);
         state.recent.drain(..state.recent.len().saturating_sub(RECENT));
         state.progress.updates += 1;
+        state.league = league;
+        if let Enemies::SelfPlay(play) = config.enemies
+            && play.copies_after(state.progress.updates)
+        {
+            let copy = Rival::new(state.progress.updates, state.team.actor.without_optimiser());
+            state.league.add(copy, play.league_size);
+        }
         state.progress.steps += rollout.steps();
         state.progress.episodes += rollout.episodes.len() as u64;
         state.progress.seconds += elapsed.as_secs_f64();
-        state.progress.cpu_seconds += (cpu_time() - cpu_begin).as_secs_f64();
+        state.progress.cpu_seconds += cpu.seconds();
         let share = |time: Duration| time.as_secs_f64() / elapsed.as_secs_f64();
         Ok(Record {
             stats,
@@ -195,34 +240,56 @@ impl Training {
 
     /// The state as a record, without an update.
     fn record(&self) -> Record {
-        let Checkpoint { progress, recent, .. } = &self.state;
+        let Checkpoint { progress, recent, league, .. } = &self.state;
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
-        let mean = |value: fn(&Episode) -> f64| recent.iter().map(value).sum::<f64>() / recent.len() as f64;
+        let mean = |value: fn(&Ended) -> f64| recent.iter().map(value).sum::<f64>() / recent.len() as f64;
         Record {
             updates,
             steps,
             episodes,
-            mean_return: mean(|episode| f64::from(episode.episode_return)),
-            win_rate: mean(|episode| f64::from(u8::from(episode.won))),
-            mean_length: mean(|episode| f64::from(episode.length)),
+            mean_return: mean(|ended| f64::from(ended.episode.episode_return)),
+            win_rate: mean(won),
+            mean_length: mean(|ended| f64::from(ended.episode.length)),
             stats: UpdateStats::default(),
             seconds,
             cpu_seconds,
             steps_per_s: 0.0,
             wait_share: 0.0,
             learn_share: 0.0,
+            self_play: matches!(self.config.enemies, Enemies::SelfPlay(_)).then(|| SelfPlayRecord {
+                win_rate_self: win_rate(recent, Against::Own),
+                win_rate_league: win_rate(recent, Against::Rival),
+                win_rate_attack_move: win_rate(recent, Against::Script),
+                league_size: league.size() as u64,
+            }),
         }
+    }
+
+    /// The copy that was made after the last update, if one was.
+    pub fn new_copy(&self) -> Option<&Rival> {
+        let Checkpoint { progress, league, .. } = &self.state;
+        league.rivals.last().filter(|rival| rival.number > 0 && rival.number == progress.updates)
     }
 
     fn restart_environments(&mut self) -> Result<(), ClientError> {
         let updates = self.state.progress.updates;
         let counters = [updates / RESTART_INTERVAL, updates % RESTART_INTERVAL];
+        let (first_step, self_share) =
+            (updates * self.config.horizon as u64, self.config.enemies.self_share());
+        for env in 0..self.state.league.players.len() {
+            let mut generator = generator(self.config.seed, Purpose::Players, [first_step, env as u64]);
+            self.state.league.draw(env, self_share, &mut generator);
+        }
         self.lanes.reset(seed(self.config.seed, Purpose::Environments, counters))
     }
 }
 
-/// Processor time of all threads of this process so far; that of a pool in another process is not in it.
-fn cpu_time() -> Duration {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec as u32)
+fn won(ended: &Ended) -> f64 {
+    f64::from(u8::from(ended.episode.won))
+}
+
+/// Of the episodes against such enemies; NaN if there are none.
+fn win_rate(recent: &[Ended], against: Against) -> f64 {
+    let of_kind = || recent.iter().filter(|ended| ended.against == against);
+    of_kind().map(won).sum::<f64>() / of_kind().count() as f64
 }

@@ -28,6 +28,7 @@ __all__ = [
     "WEST",
     "WIN_REWARD",
     "Batch",
+    "CapabilityBattle",
     "Envs",
     "Frame",
     "Recorder",
@@ -72,6 +73,7 @@ _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]
 _Policy = Literal["random", "nearest", "focus_fire", "kite", "hold", "line", "flank", "escort", "spread"]
 _Rules = Literal["smaclite", "paper"]
+_Sides = Literal["allies", "both"]
 
 @final
 class Frame:
@@ -144,6 +146,33 @@ class Batch:
     @property
     def opponent(self) -> NDArray[np.int32]:
         """int32 [M]: what plays the enemies, an index in `OPPONENTS`; lanes must name this field."""
+    @property
+    def level(self) -> NDArray[np.float32]:
+        """float32 [M, n_units, 5]: how the episode began; lanes must name this field."""
+    @property
+    def enemy_obs(self) -> NDArray[np.float32]:
+        """float32 [M, n_enemies, enemy_obs_size]: both sides: observation of each enemy."""
+    @property
+    def enemy_state(self) -> NDArray[np.float32]:
+        """float32 [M, enemy_state_size]: both sides: global state from the enemies' side."""
+    @property
+    def enemy_avail_actions(self) -> NDArray[np.bool_]:
+        """bool [M, n_enemies, n_enemy_actions]: both sides: available actions of enemies."""
+    @property
+    def enemy_alive(self) -> NDArray[np.bool_]:
+        """bool [M, n_enemies]: both sides: which enemies are alive and played by actions."""
+    @property
+    def enemy_reward(self) -> NDArray[np.float32]:
+        """float32 [M]: both sides: the enemies' reward of the step just made."""
+    @property
+    def final_enemy_obs(self) -> NDArray[np.float32]:
+        """float32 [M, n_enemies, enemy_obs_size]: last enemy_obs, as final_obs."""
+    @property
+    def final_enemy_state(self) -> NDArray[np.float32]:
+        """float32 [M, enemy_state_size]: last enemy_state, as final_obs."""
+    @property
+    def final_enemy_avail_actions(self) -> NDArray[np.bool_]:
+        """bool [M, n_enemies, n_enemy_actions]: last enemy_avail_actions, as final_obs."""
     def keys(self) -> list[str]: ...
     def replace(self, **fields: Any) -> ChangedBatch:
         """Return this batch with other arrays in some fields."""
@@ -166,6 +195,8 @@ class Envs:
         mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
+        *,
+        levels: ArrayLike | None = None,
     ) -> Batch: ...
     def step(
         self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
@@ -246,6 +277,18 @@ class Envs:
     @property
     def state_size(self) -> int: ...
     @property
+    def side(self) -> Literal["allies", "enemies"] | None: ...
+    @property
+    def sides(self) -> _Sides: ...
+    @property
+    def n_actors(self) -> int: ...
+    @property
+    def n_enemy_actions(self) -> int: ...
+    @property
+    def enemy_obs_size(self) -> int: ...
+    @property
+    def enemy_state_size(self) -> int: ...
+    @property
     def snapshot_size(self) -> int: ...
     @property
     def episode_limit(self) -> int | None: ...
@@ -309,6 +352,40 @@ class Spectator:
     ) -> None: ...
 
 @final
+class CapabilityBattle:
+    """One battle of a scenario with the options `smacv2`, in this process."""
+
+    def __new__(cls, scenario: dict[str, Any] | str, seed: int = 0) -> CapabilityBattle: ...
+    @property
+    def n_agents(self) -> int: ...
+    @property
+    def n_enemies(self) -> int: ...
+    @property
+    def n_actions(self) -> int: ...
+    @property
+    def obs_size(self) -> int: ...
+    @property
+    def state_size(self) -> int: ...
+    @property
+    def cap_size(self) -> int: ...
+    @property
+    def episode_limit(self) -> int | None: ...
+    @property
+    def type_names(self) -> list[str]: ...
+    def reset(self, seed: int | None = None) -> None: ...
+    def step(self, actions: Sequence[int]) -> tuple[float, bool, dict[str, Any]]: ...
+    def perceive(self) -> None: ...
+    def obs(self) -> NDArray[np.float32]: ...
+    def state(self) -> NDArray[np.float32]: ...
+    def avail(self) -> NDArray[np.uint8]: ...
+    def capabilities(self) -> NDArray[np.float32]: ...
+    def visibility(self) -> NDArray[np.uint8]: ...
+    def time(self) -> float: ...
+    def max_reward(self) -> float: ...
+    def units(self) -> dict[str, NDArray[Any]]: ...
+    def picture(self, width: int, height: int) -> NDArray[np.uint8]: ...
+
+@final
 class Renderer:
     """Draws the battles of one scenario."""
 
@@ -346,9 +423,10 @@ class ScriptedPolicy:
         envs: Envs,
         *,
         seed: int = 0,
+        side: Literal["allies", "enemies"] = "allies",
     ) -> ScriptedPolicy: ...
     def __call__(self, batch: Batch, out: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
-        """Actions of all slots of a batch: int32 [M, n_agents]."""
+        """Actions of all slots of a batch: int32 [M, n_agents], or of the enemies [M, n_enemies]."""
     @property
     def name(self) -> str: ...
 
@@ -363,7 +441,13 @@ def make(
     autoreset: _Autoreset = "next_step",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
-    opponent: str | Mapping[str, float] = "attack_move",
+    opponent: str | Mapping[str, float] | None = None,
+    sides: _Sides = "allies",
+    mirror: bool = False,
+    zero_sum: bool = False,
+    teams: dict[str, Any] | None = None,
+    start_positions: dict[str, Any] | None = None,
+    smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -385,7 +469,13 @@ def make(
     autoreset: _Autoreset = "next_step",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
-    opponent: str | Mapping[str, float] = "attack_move",
+    opponent: str | Mapping[str, float] | None = None,
+    sides: _Sides = "allies",
+    mirror: bool = False,
+    zero_sum: bool = False,
+    teams: dict[str, Any] | None = None,
+    start_positions: dict[str, Any] | None = None,
+    smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -403,9 +493,11 @@ def connect(
     timeout: float | None = 0.0,
     wait: _Wait = "adaptive",
     record: str | PathLike[str] | None = None,
+    side: Literal["allies", "enemies"] | None = None,
+    on_leave: _Policy | None = None,
 ) -> Envs: ...
 def scenario(scenario: str | PathLike[str]) -> Scenario: ...
-def scenarios() -> list[str]: ...
+def scenarios(*, generated: bool | None = None) -> list[str]: ...
 def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...
 def snapshot_columns(snapshot: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:

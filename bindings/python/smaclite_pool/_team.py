@@ -117,7 +117,7 @@ def train(
     *,
     steps: int = 1_000_000,
     seed: int = 0,
-    opponent: str | Mapping[str, float] = "attack_move",
+    opponent: str | PathLike[str] | Mapping[str, float] = "attack_move",
     on_update: Callable[[dict[str, Any]], object] | None = None,
     **options: object,
 ) -> Team:
@@ -132,7 +132,7 @@ def train(
         out: the folder of the run, which must not hold one.
         steps: environment steps.
         seed: of weights, environments, actions and minibatches.
-        opponent: who plays the enemies, as in `make`.
+        opponent: who plays the enemies, as in `make`; or the folder of another run, `"self"` or `"league"`.
         on_update: called with the record of every update, the columns of `log.csv`; by default a line with
             steps, return and win rate is printed every two seconds.
         options: other options of the program, such as `num_envs=128` or `actor_lr=5e-4`.
@@ -140,7 +140,7 @@ def train(
     Ctrl-C ends the training; `smaclite-pool train --resume OUT` continues it. Raises InvalidRequest with the
     program's message if it fails.
     """
-    if not isinstance(opponent, str):
+    if isinstance(opponent, Mapping):
         opponent = ",".join(f"{name}={weight}" for name, weight in opponent.items())
     given = {"out": out, "steps": steps, "seed": seed, "opponent": opponent, **options}
     arguments = [f"--{name.replace('_', '-')}={value}" for name, value in given.items()]

@@ -18,6 +18,7 @@ __all__ = [
     "LaneFailed",
     "LaneTaken",
     "NoSuchPool",
+    "OtherLearnerLeft",
     "PoolDied",
     "PoolError",
     "ScenarioError",
@@ -47,15 +48,24 @@ class IllegalAction(InvalidRequest):
     """The invalid action; -1 if unknown."""
     available: list[int]
     """The actions that are available to the agent, in ascending order; empty if unknown."""
+    side: str
+    """Whose the index `agent` is: "allies", or "enemies" for the index of an enemy."""
 
     def __init__(
-        self, message: str, env: int = -1, agent: int = -1, action: int = -1, available: Sequence[int] = ()
+        self,
+        message: str,
+        env: int = -1,
+        agent: int = -1,
+        action: int = -1,
+        available: Sequence[int] = (),
+        side: str = "allies",
     ) -> None:
         super().__init__(message)
         self.env, self.agent, self.action, self.available = env, agent, action, list(available)
+        self.side = side
 
-    def __reduce__(self) -> tuple[type[IllegalAction], tuple[str, int, int, int, list[int]]]:
-        return type(self), (str(self), self.env, self.agent, self.action, self.available)
+    def __reduce__(self) -> tuple[type[IllegalAction], tuple[str, int, int, int, list[int], str]]:
+        return type(self), (str(self), self.env, self.agent, self.action, self.available, self.side)
 
 
 class ScenarioError(PoolError, ValueError):
@@ -98,6 +108,10 @@ class PoolDied(PoolError, ConnectionError):
 
 class LaneFailed(PoolError, RuntimeError):
     """An internal error stopped the lane. Other lanes of the pool continue."""
+
+
+class OtherLearnerLeft(PoolError, ConnectionError):
+    """The learner of the other side left or died. Close and connect again to go on with another."""
 
 
 class Timeout(PoolError, TimeoutError):

@@ -15,6 +15,8 @@ from typing import Literal, TypedDict
 
 __all__ = [
     "Capacity",
+    "EnemySide",
+    "EnemySizes",
     "LaneDescription",
     "LaneStats",
     "LaneStatus",
@@ -95,11 +97,28 @@ class Scenario(TypedDict):
 class Capacity(TypedDict):
     """How many frames and requests the memory of a lane has room for."""
 
+    learners: int
+    """2 if each side can have one."""
     max_held_batches: int
     frames_waiting: int
     frames_filling: int
     spectators: int
     requests_waiting: int
+
+
+class EnemySide(TypedDict):
+    """What enemies that actions play see and earn."""
+
+    mirror: bool
+    zero_sum: bool
+
+
+class EnemySizes(TypedDict):
+    """The sizes that differ for the enemies."""
+
+    n_actions: int
+    obs_size: int
+    state_size: int
 
 
 class LaneDescription(TypedDict):
@@ -119,6 +138,8 @@ class LaneDescription(TypedDict):
     """Floats in the observation of one agent, with what the lane appends."""
     state_size: int
     """Floats in the state."""
+    perception_size: int
+    """Entries of a snapshot's column `perception`; 0 without the options `smacv2`."""
     num_envs: int
     batch_size: int
     seed: int
@@ -131,6 +152,10 @@ class LaneDescription(TypedDict):
     rules: Literal["smaclite", "paper"]
     opponents: dict[str, float]
     """Who plays the enemies, with weights."""
+    sides: Literal["allies"] | dict[Literal["both"], EnemySide]
+    """Which sides actions play."""
+    enemies: EnemySizes | None
+    """What differs for the enemies, if actions play both sides, else None."""
     layout_hash: int
     """Equal if two programs agree on every offset of a batch."""
     capacity: Capacity
@@ -162,7 +187,9 @@ class LaneStatus(TypedDict):
 
     description: LaneDescription
     learner_pid: int | None
-    """Process id of the attached learner."""
+    """Process id of the attached learner, or of that of the allies."""
+    enemy_learner_pid: int | None
+    """Process id of the attached learner of the enemies, if each side has one."""
     spectators: int
     """How many are attached."""
     stats: LaneStats

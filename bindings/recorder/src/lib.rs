@@ -79,10 +79,14 @@ impl PoolRecorder {
         let follower = Follower::connect_within(runtime_dir, pool, lane, env_ids, wait)?;
         // Files that are no scenario are an error of `replay`.
         let arena = follower.setup().arena().ok();
-        let fresh = Fresh(arena.map(|(_, arena)| Battle::new(Arc::new(arena), 0).units().clone()));
-        let n_agents = follower.description().sizes.n_agents;
+        let fresh = match arena {
+            None => Fresh::Any,
+            Some((scenario, _)) if scenario.generation.is_some() || scenario.smacv2.is_some() => Fresh::None,
+            Some((_, arena)) => Fresh::Units(Box::new(Battle::new(Arc::new(arena), 0).units().clone())),
+        };
+        let n_actors = follower.description().sizes.n_actors();
         let (envs, n_complete, n_actions) = (BTreeMap::new(), 0, 0);
-        let max_actions = MAX_TEXT / text_bytes_per_step(&follower) * n_agents;
+        let max_actions = MAX_TEXT / text_bytes_per_step(&follower) * n_actors;
         Ok(PoolRecorder { follower, max_episodes, envs, n_complete, n_actions, max_actions, fresh })
     }
 
@@ -168,7 +172,7 @@ impl PoolRecorder {
     /// # Errors
     /// If this release plays other battles than the pool.
     pub fn replay(&self, with_incomplete: bool) -> Result<Replay, PoolRecorderError> {
-        let n_agents = self.follower.description().sizes.n_agents;
+        let n_actors = self.follower.description().sizes.n_actors();
         let mut recorder = Recorder::new(self.follower.setup().clone(), 0)?;
         for episode in self.envs.values().flat_map(|env| &env.episodes) {
             match episode.start.as_ref().filter(|_| episode.is_complete || with_incomplete) {
@@ -176,7 +180,7 @@ impl PoolRecorder {
                 Some(Start::Reset(position, opponent)) => recorder.begin(*position, *opponent),
                 Some(Start::Restored(snapshot)) => recorder.begin_at(snapshot)?,
             }
-            for actions in episode.actions.chunks(n_agents) {
+            for actions in episode.actions.chunks(n_actors) {
                 let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
                 recorder.step(&actions)?;
             }
@@ -185,13 +189,23 @@ impl PoolRecorder {
     }
 }
 
-/// The units after a reset, if the scenario is known.
-struct Fresh(Option<Units>);
+/// The units after a reset.
+enum Fresh {
+    /// The scenario is not known.
+    Any,
+    /// They are drawn anew, so an episode begins with a snapshot, which has them.
+    None,
+    Units(Box<Units>),
+}
 
 impl Fresh {
     /// How an episode begins. The first one that is seen of an environment may have begun before.
     fn start_of(&self, start: &Snapshot, is_first: bool) -> Option<Start> {
-        let is_fresh = self.0.as_ref().is_none_or(|fresh| *fresh == start.units);
+        let is_fresh = match self {
+            Fresh::Any => true,
+            Fresh::None => false,
+            Fresh::Units(fresh) => **fresh == start.units,
+        };
         if start.episode_length == 0 && is_fresh {
             Some(Start::Reset(start.generator.position(), start.opponent))
         } else if is_first && start.episode_length > 0 {
@@ -205,6 +219,6 @@ impl Fresh {
 /// Bytes of a step in the text of a replay, at most: the actions, and a checksum of five digits.
 fn text_bytes_per_step(follower: &Follower) -> usize {
     let sizes = follower.description().sizes;
-    let digits = sizes.n_actions.to_string().len();
-    sizes.n_agents * (digits + 1) + 6
+    let n_actions = sizes.n_actions.max(sizes.enemies.map_or(0, |enemies| enemies.n_actions));
+    sizes.n_actors() * (n_actions.to_string().len() + 1) + 6
 }

@@ -14,6 +14,8 @@ use crate::services::{
     FramePort, IpcListener, IpcNode, IpcNotifier, LaneServices, RequestPublisher, WorkEvent, open_node,
 };
 use crate::wait_options::WaitOptions;
+use smaclite_engine::Faction;
+use smaclite_engine::policy::Tactic;
 use smaclite_pool::WaitStrategy;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
@@ -57,6 +59,40 @@ impl Client {
         strategy: WaitStrategy,
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
+        Client::connect_as(runtime_dir, pool, lane, None, None, strategy, wait)
+    }
+
+    /// As [`connect_within`](Client::connect_within), as the learner of one side of a lane whose joint
+    /// actions play both: another learner, in any process, has the other side. A step is made when both have
+    /// sent their actions, and a reset when both have asked for it. The batches have the fields of the own
+    /// side, with the names and the sizes that those of the agents have. When the other learner leaves, the
+    /// scripted policy `on_leave` plays its side; without one the session ends with
+    /// [`Rejection::OtherLearnerLeft`](smaclite_pool::Rejection::OtherLearnerLeft).
+    ///
+    /// # Errors
+    /// As [`connect_within`](Client::connect_within), and if the lane does not have two sides, or steps
+    /// asynchronously.
+    pub fn connect_to_side(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        side: Faction,
+        on_leave: Option<Tactic>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
+    ) -> Result<Client, ConnectError> {
+        Client::connect_as(runtime_dir, pool, lane, Some(side), on_leave, strategy, wait)
+    }
+
+    fn connect_as(
+        runtime_dir: &RuntimeDir,
+        pool: &str,
+        lane: Option<&str>,
+        side: Option<Faction>,
+        on_leave: Option<Tactic>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
+    ) -> Result<Client, ConnectError> {
         let WaitOptions { timeout, interrupted } = wait;
         let begin = Instant::now();
         loop {
@@ -66,7 +102,7 @@ impl Client {
                 _ => left.map(|left| left.max(CHECK_INTERVAL)),
             };
             let wait = WaitOptions { timeout: for_answer, interrupted: &mut *interrupted };
-            match Client::attach(runtime_dir, pool, lane, strategy, wait) {
+            match Client::attach(runtime_dir, pool, lane, side, on_leave, strategy, wait) {
                 Err(ConnectError::Control(
                     ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
                 )) if left != Some(Duration::ZERO) => {
@@ -84,17 +120,24 @@ impl Client {
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
+        side: Option<Faction>,
+        on_leave: Option<Tactic>,
         strategy: WaitStrategy,
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let request = ControlRequest::Attach { lane: lane.map(str::to_owned) };
+        let request = ControlRequest::Attach { lane: lane.map(str::to_owned), side, on_leave };
         let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
-        let (session, description) = match response {
+        let (session, mut description) = match response {
             ControlResponse::Attached { session, lane } => (session, *lane),
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
             other => return Err(ControlError::unexpected(&other).into()),
         };
-        let layout = Arc::new(checked_layout(&description)?);
+        let mut layout = checked_layout(&description)?;
+        if let Some(side) = side {
+            layout = layout.of_side(side);
+            description.sizes = layout.sizes();
+        }
+        let layout = Arc::new(layout);
         let ports = Ports::open(runtime_dir, &description, &layout);
         let lane = AttachedLane {
             participant: None,
@@ -106,7 +149,9 @@ impl Client {
             polling: strategy.polling(description.threads),
             description,
             layout,
+            side,
             epoch: Epoch { session: SessionId(session), reset: None },
+            previous_reset: None,
             last_request: RequestNumber(0),
             sequence: None,
             failure: None,

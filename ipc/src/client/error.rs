@@ -6,6 +6,7 @@ use crate::memory::TooLittleMemory;
 use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
+use smaclite_engine::Sizes;
 use smaclite_pool::Rejection;
 use std::time::Duration;
 
@@ -37,8 +38,13 @@ pub enum ConnectError {
 pub enum ClientError {
     #[error("{0}")]
     Rejected(#[from] Rejection),
-    #[error("got {given} actions; {envs} environments of {n_agents} agents take {expected}")]
-    WrongLength { given: usize, envs: usize, n_agents: usize, expected: usize },
+    #[error("got {given} actions; {envs} environments of {} take {expected}", of_each(sizes))]
+    WrongLength { given: usize, envs: usize, sizes: Sizes, expected: usize },
+    #[error(
+        "a learner of one side cannot restore or fork battles or choose levels: battles are the other \
+         learner's, too"
+    )]
+    OneSide,
     #[error("this lane has no snapshots: name the field `snapshot` among its fields when it is made")]
     NoSnapshots,
     #[error(
@@ -46,6 +52,10 @@ pub enum ClientError {
          another scenario have another size)"
     )]
     WrongSnapshots { given: usize, envs: usize, size: usize },
+    #[error("this lane has no levels: name the field `level` among its fields when it is made")]
+    NoLevels,
+    #[error("got {given} numbers; {envs} environments take {envs} levels of {size} numbers")]
+    WrongLevels { given: usize, envs: usize, size: usize },
     #[error("a fork takes as many environments to copy as to change, got {from} and {to}")]
     WrongForks { from: usize, to: usize },
     #[error(
@@ -82,6 +92,8 @@ pub enum ClientError {
     NotInBatch { env: i32 },
     #[error("actions are sampled by the field `avail_actions`, which this lane leaves out of its batches")]
     NoMasks,
+    #[error("actions are sampled by `enemy_avail_actions` too, which this lane leaves out of its batches")]
+    NoEnemyMasks,
     #[error(
         "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
     )]
@@ -110,4 +122,11 @@ impl From<NotOwner> for ClientError {
     fn from(NotOwner { owner }: NotOwner) -> ClientError {
         ClientError::Forked { owner }
     }
+}
+
+/// The units of an environment that actions play.
+fn of_each(sizes: &Sizes) -> String {
+    let Sizes { n_agents, n_enemies, enemies, .. } = sizes;
+    let enemies = enemies.map_or(String::new(), |_| format!(" and {n_enemies} enemies"));
+    format!("{n_agents} agents{enemies}")
 }

@@ -23,6 +23,7 @@ use crate::wait_options::WaitOptions;
 use attach::Ports;
 use outstanding::Outstanding;
 use sampler::Sampler;
+use smaclite_engine::Faction;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
 use smaclite_pool::{Participant, Polling, Rejection};
@@ -91,12 +92,18 @@ struct AttachedLane {
     ports: Ports,
     control: ControlClient,
     description: LaneDescription,
+    /// Of the frames as this learner reads them.
     layout: Arc<Layout>,
+    /// The side of this learner, if the lane has a learner for each.
+    side: Option<Faction>,
     outstanding: Outstanding,
     sampler: Sampler,
     /// The batch that was received last, which actions are sampled by.
     newest: Option<Arc<Batch>>,
     epoch: Epoch,
+    /// The reset that began the epoch before: that goes on if the lane refuses the levels of the newest
+    /// reset.
+    previous_reset: Option<RequestNumber>,
     last_request: RequestNumber,
     /// The sequence number of the last frame; `None` before the first of this epoch.
     sequence: Option<u64>,
@@ -110,6 +117,11 @@ impl Client {
     /// The lane that this learner is attached to.
     pub fn description(&self) -> &LaneDescription {
         &self.lane.description
+    }
+
+    /// The side of this learner, if the lane has a learner for each.
+    pub fn side(&self) -> Option<Faction> {
+        self.lane.side
     }
 
     /// Where each field of a batch lies.
@@ -130,12 +142,28 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_reset(seed, env_ids, &mut wait);
+        let sent = self.attached()?.send_reset(seed, env_ids, None, &mut wait);
         self.leave();
         sent
     }
 
-    /// Sends actions, `[count, n_agents]`, to the environments of `env_ids` or to all in order. Returns as
+    /// As [`send_reset`](Client::send_reset) to levels, f32 `[count, n_units, 5]` as the field `level`, which
+    /// the lane must have: the episodes begin with these units. If the lane refuses the request, the next
+    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed.
+    pub fn send_reset_to(
+        &mut self,
+        levels: &[f32],
+        seed: Option<u64>,
+        env_ids: Option<&[i32]>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let sent = self.attached()?.send_reset(seed, env_ids, Some(levels), &mut wait);
+        self.leave();
+        sent
+    }
+
+    /// Sends actions, `[count, n_agents]`, or `[count, n_agents + n_enemies]` in a lane whose joint actions
+    /// play both sides, to the environments of `env_ids` or to all in order. Returns as
     /// [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
     /// [`recv`](Client::recv) says why.
     pub fn send(
@@ -182,7 +210,18 @@ impl Client {
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_reset(seed, env_ids, wait), &mut wait)
+        self.request(|lane, wait| lane.send_reset(seed, env_ids, None, wait), &mut wait)
+    }
+
+    /// [`send_reset_to`](Client::send_reset_to) and [`recv`](Client::recv).
+    pub fn reset_to(
+        &mut self,
+        levels: &[f32],
+        seed: Option<u64>,
+        env_ids: Option<&[i32]>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        self.request(|lane, wait| lane.send_reset(seed, env_ids, Some(levels), wait), &mut wait)
     }
 
     /// [`send`](Client::send) and [`recv`](Client::recv).
@@ -267,7 +306,7 @@ impl Client {
         self.lane.newest.as_ref()
     }
 
-    /// Draws uniformly random available actions into `out`, `[count, n_agents]`, for the environments of
+    /// Draws uniformly random available actions into `out`, `[count, n_actors]`, for the environments of
     /// `env_ids`, which must be in the newest batch, or for all in order.
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
@@ -313,7 +352,7 @@ impl Client {
 
 /// A joint action for every environment of a request.
 pub trait Actions {
-    /// How many numbers it has: `count * n_agents`.
+    /// How many numbers it has: `count * n_actors`.
     fn count(&self) -> usize;
     /// Writes them, in row-major order, to memory of that length.
     fn write_to(&mut self, out: &mut [i32]);
@@ -330,15 +369,15 @@ impl Actions for &[i32] {
 }
 
 impl AttachedLane {
-    /// Does an array of actions have `n_agents` for every environment?
+    /// Does an array of actions have `n_actors` for every environment?
     fn check_length(&self, given: usize, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
         let envs = self.count(env_ids);
-        let n_agents = self.description.sizes.n_agents;
-        let expected = envs * n_agents;
+        let sizes = self.description.sizes;
+        let expected = envs * sizes.n_actors();
         if given == expected {
             Ok(())
         } else {
-            Err(ClientError::WrongLength { given, envs, n_agents, expected })
+            Err(ClientError::WrongLength { given, envs, sizes, expected })
         }
     }
 

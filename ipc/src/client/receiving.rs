@@ -119,10 +119,12 @@ impl AttachedLane {
 
     /// Reports the rejection of a request whose results are outstanding.
     fn reject(&mut self, request: Option<RequestNumber>, rejection: Rejection) -> Result<(), ClientError> {
-        if matches!(rejection, Rejection::LaneFailed { .. }) {
+        if matches!(rejection, Rejection::LaneFailed { .. } | Rejection::OtherLearnerLeft { .. }) {
             self.failure = Some(rejection.clone());
         } else if !request.is_some_and(|request| self.outstanding.release(request)) {
             return Ok(());
+        } else if request == self.epoch.reset {
+            (self.epoch.reset, self.sequence) = (self.previous_reset, None);
         }
         Err(rejection.into())
     }

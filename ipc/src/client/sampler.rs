@@ -4,6 +4,7 @@ use super::error::ClientError;
 use crate::batch::Batch;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use smaclite_engine::{Faction, Sizes};
 use smaclite_pool::env_ids::env_index;
 use smaclite_pool::fields::Field;
 
@@ -17,8 +18,8 @@ impl Sampler {
         Sampler { generator: Pcg64Mcg::seed_from_u64(seed) }
     }
 
-    /// Writes an action for every agent of the environments of `ids`, which must be in the batch; if `None`,
-    /// of those of the batch in order of their ids. `out` is `[count, n_agents]`.
+    /// Writes an action for every actor of the environments of `ids`, which must be in the batch; if `None`,
+    /// of those of the batch in order of their ids. `out` is `[count, n_actors]`.
     pub(super) fn fill(
         &mut self,
         batch: &Batch,
@@ -27,9 +28,16 @@ impl Sampler {
         out: &mut [i32],
     ) -> Result<(), ClientError> {
         let sizes = batch.layout().sizes();
-        let masks = batch.field::<u8>(Field::AvailActions).ok_or(ClientError::NoMasks)?;
+        let masks = Masks::of(batch, Faction::Ally, Field::AvailActions).ok_or(ClientError::NoMasks)?;
+        let enemy_masks = match sizes.enemies {
+            None => None,
+            Some(_) => {
+                let masks = Masks::of(batch, Faction::Enemy, Field::EnemyAvailActions);
+                Some(masks.ok_or(ClientError::NoEnemyMasks)?)
+            }
+        };
         let envs = batch.env_id();
-        for (i, actions) in out.chunks_exact_mut(sizes.n_agents).enumerate() {
+        for (i, actions) in out.chunks_exact_mut(sizes.n_actors()).enumerate() {
             let id = ids.map_or(i as i32, |ids| ids[i]);
             // In a synchronous batch, and where the ids are the batch's, the slot is the index.
             let slot =
@@ -38,12 +46,31 @@ impl Sampler {
                 env_index(id, num_envs)?;
                 return Err(ClientError::NotInBatch { env: id });
             };
-            let rows = masks[slot * sizes.n_agents * sizes.n_actions..].chunks_exact(sizes.n_actions);
+            let rows = masks.rows(slot).chain(enemy_masks.iter().flat_map(|masks| masks.rows(slot)));
             for (action, mask) in actions.iter_mut().zip(rows) {
                 *action = pick(mask, self.generator.next_u64()) as i32;
             }
         }
         Ok(())
+    }
+}
+
+/// The available actions of a side, `[M, n_units, n_actions]`.
+struct Masks<'a> {
+    bytes: &'a [u8],
+    n_units: usize,
+    n_actions: usize,
+}
+
+impl<'a> Masks<'a> {
+    fn of(batch: &'a Batch, side: Faction, field: Field) -> Option<Masks<'a>> {
+        let Sizes { n_agents: n_units, n_actions, .. } = batch.layout().sizes().of(side)?;
+        Some(Masks { bytes: batch.field(field)?, n_units, n_actions })
+    }
+
+    fn rows(&self, slot: usize) -> impl Iterator<Item = &'a [u8]> {
+        let len = self.n_units * self.n_actions;
+        self.bytes[slot * len..][..len].chunks_exact(self.n_actions)
     }
 }
 

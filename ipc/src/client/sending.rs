@@ -22,6 +22,7 @@ enum Body<'a> {
     Nothing,
     Actions(&'a mut dyn Actions),
     Snapshots(&'a [u8]),
+    Levels(&'a [f32]),
     Envs(&'a [i32]),
 }
 
@@ -31,13 +32,14 @@ impl Body<'_> {
             Body::Nothing => {}
             Body::Actions(actions) => actions.write_to(bytemuck::cast_slice_mut(out)),
             Body::Snapshots(records) => out.copy_from_slice(records),
+            Body::Levels(levels) => out.copy_from_slice(bytemuck::cast_slice(levels)),
             Body::Envs(envs) => out.copy_from_slice(bytemuck::cast_slice(envs)),
         }
     }
 }
 
 impl AttachedLane {
-    /// Sends actions, `[count, n_agents]`.
+    /// Sends actions, `[count, n_actors]`.
     pub(super) fn send_step(
         &mut self,
         actions: &mut dyn Actions,
@@ -53,22 +55,39 @@ impl AttachedLane {
         &mut self,
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
+        levels: Option<&[f32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
+        if let Some(levels) = levels {
+            self.check_levels(levels, env_ids)?;
+        }
         let number = self.last_request.next();
-        let kind = RequestKind::Reset { seed };
+        let kind = RequestKind::Reset { seed, levels: levels.is_some() };
+        let body = levels.map_or(Body::Nothing, Body::Levels);
         if let Some(ids) = env_ids
             && !self.outstanding.names_all(ids)
         {
             self.outstanding.reserve_some(number, ids)?;
-            return self.send(kind, env_ids, Body::Nothing, wait);
+            return self.send(kind, env_ids, body, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
-        self.send(kind, env_ids, Body::Nothing, wait)?;
+        self.send(kind, env_ids, body, wait)?;
         self.outstanding.reserve_full_reset(number);
-        self.epoch.reset = Some(number);
+        self.previous_reset = self.epoch.reset.replace(number);
         self.sequence = None;
         Ok(())
+    }
+
+    fn check_levels(&self, levels: &[f32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+        let (envs, size) = (self.count(env_ids), self.layout.level_len());
+        if self.side.is_some() {
+            return Err(ClientError::OneSide);
+        }
+        if size == 0 {
+            return Err(ClientError::NoLevels);
+        }
+        let given = levels.len();
+        if given == envs * size { Ok(()) } else { Err(ClientError::WrongLevels { given, envs, size }) }
     }
 
     /// Sends snapshots, `[count, snapshot_size]`.
@@ -120,6 +139,9 @@ impl AttachedLane {
                 &all
             }
         };
+        if self.side.is_some() {
+            return Err(ClientError::OneSide);
+        }
         self.outstanding.reserve_some(self.last_request.next(), ids)?;
         self.send(kind, Some(ids), body, wait)
     }
@@ -137,7 +159,8 @@ impl AttachedLane {
             participant.join();
         }
         let count = self.count(env_ids);
-        let header = RequestHeader::new(&self.layout, self.epoch.session, self.last_request, kind, count);
+        let header =
+            RequestHeader::new(&self.layout, self.epoch.session, self.side, self.last_request, kind, count);
         let mut full_queue = None;
         loop {
             let ended = match self.try_send(&header, kind, env_ids, &mut body) {

@@ -3,14 +3,15 @@
 
 use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Opponents, Sizes};
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{Faction, Opponents, Sides, Sizes};
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, or what is played again from it.
-pub const PROTOCOL_VERSION: u32 = 4;
+pub const PROTOCOL_VERSION: u32 = 5;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -47,7 +48,7 @@ impl<T> Message<T> {
     }
 }
 
-/// `release 0.1.0 (protocol 4)`.
+/// `release 0.1.0 (protocol 5)`.
 pub(crate) fn release_text(release: &str, version: u32) -> String {
     format!("release {} (protocol {version})", release.escape_default())
 }
@@ -69,6 +70,10 @@ pub enum ControlRequest {
     Attach {
         /// The lane's name.
         lane: Option<String>,
+        /// The side, to be the learner of that side alone.
+        side: Option<Faction>,
+        /// What plays the other side when its learner leaves; without it the session ends.
+        on_leave: Option<Tactic>,
     },
     /// Become a spectator of a lane, or of the only lane if none is named, until the connection ends.
     Watch {
@@ -101,7 +106,7 @@ pub struct EpisodeMessage {
     pub number: u64,
     /// The snapshot in the format of `postcard`, which keeps the bits of numbers, as base64.
     pub start: Option<String>,
-    /// The joint actions, `[steps, n_agents]`.
+    /// The joint actions, `[steps, n_actors]`.
     pub actions: Vec<u16>,
     /// Whether the episode ended with the last of these steps.
     pub is_over: bool,
@@ -147,6 +152,10 @@ pub enum ControlResponse {
 #[serde(tag = "error", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlError {
+    #[error(
+        "lane `{lane}` has no learner per side: its actions must play both sides, and it must be synchronous"
+    )]
+    NoSides { lane: String },
     #[error("lane `{lane}` already has a learner: process {learner_pid}")]
     LaneTaken { lane: String, learner_pid: u32 },
     #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
@@ -215,6 +224,8 @@ pub struct LaneStatus {
     pub description: LaneDescription,
     /// The process of its learner, if it has one.
     pub learner_pid: Option<u32>,
+    /// The process of the learner of the enemies, if each side has one; then `learner_pid` is of the allies.
+    pub enemy_learner_pid: Option<u32>,
     /// Spectators that watch it.
     pub spectators: usize,
     /// Counts since the supervisor started.
@@ -252,6 +263,8 @@ pub struct LaneDescription {
     pub rules: String,
     /// Who plays the enemies.
     pub opponents: Opponents,
+    /// Which sides of its battles joint actions play.
+    pub sides: Sides,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
     /// How many frames and requests its memory has room for.
@@ -269,14 +282,16 @@ impl LaneDescription {
     pub fn layout(&self) -> Result<Layout, ControlError> {
         let malformed = |what: String| ControlError::Malformed { what };
         self.settings.check().map_err(|error| malformed(error.to_string()))?;
-        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = self.sizes;
-        let widest = obs_size.max(state_size).max(n_actions);
-        // No field is larger than this, so no sum of them overflows.
-        let field = [self.settings.num_envs, n_agents, widest, size_of::<f32>()];
-        let field = field.iter().fold(1u128, |product, size| product.saturating_mul(*size as u128));
         let most = u128::from(u64::MAX) / FIELDS.len() as u128 / 2;
-        if n_agents == 0 || n_actions == 0 || field > most {
-            return Err(malformed(format!("no lane has {:?}", self.sizes)));
+        for sizes in [Faction::Ally, Faction::Enemy].into_iter().filter_map(|side| self.sizes.of(side)) {
+            let Sizes { n_agents, n_actions, obs_size, state_size, .. } = sizes;
+            let widest = obs_size.max(state_size).max(n_actions);
+            // No field is larger than this, so no sum of them overflows.
+            let field = [self.settings.num_envs, n_agents, widest, size_of::<f32>()];
+            let field = field.iter().fold(1u128, |product, size| product.saturating_mul(*size as u128));
+            if n_agents == 0 || n_actions == 0 || field > most {
+                return Err(malformed(format!("no lane has {:?}", self.sizes)));
+            }
         }
         Ok(self.settings.layout(self.sizes))
     }
@@ -297,13 +312,22 @@ mod tests {
             instance: "train.1.0".to_owned(),
             lane: "2s3z".to_owned(),
             scenario: "2s3z".to_owned(),
-            sizes: Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 },
+            sizes: Sizes {
+                n_agents: 5,
+                n_enemies: 5,
+                n_actions: 11,
+                obs_size: 80,
+                state_size: 120,
+                perception_size: 0,
+                enemies: None,
+            },
             settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
             opponents: Opponents::default(),
+            sides: Sides::default(),
             layout_hash: 0,
-            capacity: Capacity::new(&settings, 1, 2, 0),
+            capacity: Capacity::new(&settings, Sides::Allies, 1, 2, 0),
             threads: 2,
         }
     }

@@ -6,11 +6,13 @@ use super::protocol::{
     ControlError, ControlRequest, ControlResponse, MAX_REQUEST, Message, PROTOCOL_VERSION, PoolStatus,
     RELEASE, Sender, release_text,
 };
-use super::served_lane::ServedLane;
+use super::served_lane::{AttachedLearner, ServedLane};
 use crate::CHECK_INTERVAL;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use smaclite_engine::Faction;
+use smaclite_engine::policy::Tactic;
 use smaclite_pool::Pool;
 use smaclite_pool::transport::SessionId;
 use std::collections::VecDeque;
@@ -64,7 +66,7 @@ struct Connection {
 #[derive(PartialEq)]
 enum Role {
     None,
-    Learner(usize),
+    Learner(usize, Option<Faction>),
     Spectator(usize),
     Follower(usize, Followed),
 }
@@ -256,7 +258,9 @@ impl ControlServer {
     ) -> Result<ControlResponse, ControlError> {
         match request {
             ControlRequest::Status => Ok(ControlResponse::Status(self.status())),
-            ControlRequest::Attach { lane } => self.attach(connection, lane, sessions),
+            ControlRequest::Attach { lane, side, on_leave } => {
+                self.attach(connection, lane, side, on_leave, sessions)
+            }
             ControlRequest::Watch { lane } => self.watch(connection, lane),
             ControlRequest::Scenario { lane } => self.scenario(lane),
             ControlRequest::Follow { lane, env_ids } => self.follow(connection, lane, env_ids),
@@ -268,24 +272,34 @@ impl ControlServer {
         &mut self,
         connection: &mut Connection,
         lane: Option<String>,
+        side: Option<Faction>,
+        on_leave: Option<Tactic>,
         sessions: &mut u64,
     ) -> Result<ControlResponse, ControlError> {
         let pid = self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let name = lane.description.lane.clone();
-        if let Some(learner_pid) = lane.learner_pid {
+        if side.is_some() && !lane.has_sides() {
+            return Err(ControlError::NoSides { lane: name });
+        }
+        if let Some(learner_pid) = lane.rival(side) {
             return Err(ControlError::LaneTaken { lane: name, learner_pid });
         }
         if let Some(text) = self.pool.lane(index).failure() {
             return Err(ControlError::LaneFailed { lane: name, text: text.to_owned() });
         }
-        *sessions += 1;
-        lane.learner_pid = Some(pid);
-        connection.take_role(Role::Learner(index));
-        self.pool.lane(index).set_session(Some(SessionId(*sessions)));
-        tracing::info!(lane = name, pid, "learner attached");
-        Ok(ControlResponse::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
+        // The second of two learners joins the session of the first.
+        let joined = lane.learners.first().map(|other| other.session);
+        let session = joined.unwrap_or(*sessions + 1);
+        if joined.is_none() {
+            *sessions = session;
+            self.pool.lane(index).set_session(Some(SessionId(session)));
+        }
+        lane.learners.push(AttachedLearner { pid, side, session, on_leave });
+        connection.take_role(Role::Learner(index, side));
+        tracing::info!(lane = name, pid, ?side, "learner attached");
+        Ok(ControlResponse::Attached { session, lane: Box::new(lane.description.clone()) })
     }
 
     fn watch(
@@ -331,11 +345,20 @@ impl ControlServer {
             Role::None => {}
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
             Role::Follower(index, ref followed) => self.unfollow(index, followed),
-            Role::Learner(index) => {
+            Role::Learner(index, side) => {
                 // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
-                self.pool.lane(index).set_session(None);
-                self.lanes[index].learner_pid = None;
+                let lane = &mut self.lanes[index];
+                lane.learners.retain(|learner| learner.side != side);
+                let other = lane.learners.first().map(|other| other.on_leave);
+                // Nobody joins the learner that is left.
+                lane.is_session_over = other.is_some();
+                let lane = self.pool.lane(index);
+                match side.zip(other) {
+                    None => lane.set_session(None),
+                    Some((side, None)) => lane.end_session(side),
+                    Some((side, Some(tactic))) => lane.stand_in(side, tactic),
+                }
                 tracing::info!(
                     lane = self.lanes[index].description.lane,
                     pid = connection.pid,

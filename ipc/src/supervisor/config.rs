@@ -108,6 +108,9 @@ impl LaneConfig {
     fn check(&self) -> Result<(), LaneConfigError> {
         check_name(&self.name)?;
         self.settings.check()?;
+        if let LaneEnvs::Battle(setup) = &self.envs {
+            setup.opponents.check(setup.sides)?;
+        }
         if !(2..=1024).contains(&self.max_held_batches) {
             return Err(LaneConfigError::MaxHeldBatches(self.max_held_batches));
         }
@@ -119,12 +122,13 @@ impl LaneConfig {
 
     /// Splits the configuration into what the pool builds and what learners receive.
     fn prepare(self, pool: &PoolInfo<'_>) -> Result<PreparedLane, StartError> {
-        let settings = LaneSettings { fields: self.settings.frame_fields(), ..self.settings };
         let PreparedEnvs { scenario, episode_limit, sizes, make, setup } =
-            self.envs.prepare(settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
+            self.envs.prepare(self.settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
+        let settings = LaneSettings { fields: self.settings.frame_fields(sizes), ..self.settings };
         if setup.is_none() && settings.fields.contains(Field::Snapshot) {
             return Err(in_lane(&self.name, LaneConfigError::NoSnapshots));
         }
+        let sides = setup.as_ref().map(|setup| setup.sides).unwrap_or_default();
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
@@ -136,8 +140,9 @@ impl LaneConfig {
             episode_limit,
             rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
             opponents: setup.as_ref().map(|setup| setup.opponents.clone()).unwrap_or_default(),
+            sides,
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
-            capacity: Capacity::new(&settings, pool.writers, self.max_held_batches, self.spectators),
+            capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
         let spec = LaneSpec { name: self.name, sizes, settings, make };
@@ -186,7 +191,7 @@ impl SupervisorConfig {
         let clients = lanes.iter().map(|PreparedLane { spec, description, .. }| {
             let capacity = description.capacity;
             let requests = capacity.request_memory(&spec.layout(), spec.settings.num_envs);
-            requests + (2 + capacity.spectators) * PORTS
+            capacity.learners * requests + (1 + capacity.learners + capacity.spectators) * PORTS
         });
         check_room(
             shared_memory + clients.sum::<usize>(),

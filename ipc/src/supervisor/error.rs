@@ -49,6 +49,8 @@ pub enum LaneConfigError {
     NoSnapshots,
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
+    #[error(transparent)]
+    Opponents(#[from] smaclite_engine::OpponentsError),
     #[error("max_held_batches must be between 2 and 1024, got {0}")]
     MaxHeldBatches(usize),
     #[error("spectators must be between 0 and 64, got {0}")]

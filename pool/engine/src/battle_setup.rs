@@ -1,11 +1,12 @@
 //! What battles are played with: the one record that pools, replays and training runs keep of it.
 
-use crate::{Arena, Opponents, Rules};
+use crate::{Arena, Opponents, Rules, Sides};
 use serde::{Deserialize, Serialize};
-use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
+use smaclite_scenarios::{Problem, Problems, Scenario, ScenarioFiles};
+use smaclite_units::file::Report;
 
-/// What battles are played with. As JSON, the keys `files`, `rules`, `episode_limit` and, if they
-/// are others than attack-move, `opponents`.
+/// What battles are played with. As JSON, the keys `files`, `rules`, `episode_limit` and, where they are not
+/// the defaults, `opponents` and `sides`.
 ///
 /// ```
 /// use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
@@ -29,6 +30,9 @@ pub struct BattleSetup {
     /// Who plays the enemies.
     #[serde(default, skip_serializing_if = "Opponents::is_default")]
     pub opponents: Opponents,
+    /// Which sides joint actions play.
+    #[serde(default, skip_serializing_if = "Sides::is_default")]
+    pub sides: Sides,
 }
 
 /// When an episode is truncated. As JSON `"scenario"`, a number or `null`.
@@ -47,19 +51,34 @@ pub enum EpisodeLimit {
 }
 
 impl BattleSetup {
-    /// A scenario with the default rules and opponent and its own episode limit.
+    /// A scenario with the default rules, its own opponent and its own episode limit.
     pub fn new(files: ScenarioFiles) -> BattleSetup {
         let (rules, episode_limit) = (Rules::default(), EpisodeLimit::default());
-        BattleSetup { files, rules, episode_limit, opponents: Opponents::default() }
+        let sides = Sides::default();
+        let opponents = Opponents::of(&files, sides);
+        BattleSetup { files, rules, episode_limit, opponents, sides }
+    }
+
+    /// The same with joint actions that play these sides, and the opponent that is the default then.
+    pub fn with_sides(self, sides: Sides) -> BattleSetup {
+        let opponents = Opponents::of(&self.files, sides);
+        BattleSetup { sides, opponents, ..self }
     }
 
     /// The scenario, and the arena in which the battles are played.
     ///
     /// # Errors
-    /// If the texts are no valid scenario.
+    /// If the texts are no valid scenario, or its battles cannot have these sides.
     pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
         let scenario = self.files.scenario()?;
-        let arena = Arena::new(&scenario, self.rules).with_opponents(self.opponents.clone());
+        let report = Report::default();
+        let sides = self.sides.check(&scenario).map_err(|why| {
+            let (file, path, message) = (self.files.source.clone(), "smacv2".to_owned(), why.to_string());
+            report.add(|| Problem { file, line: None, column: None, path, message })
+        });
+        report.finish(sides)?;
+        let arena = Arena::new(&scenario, self.rules).with_sides(self.sides);
+        let arena = arena.with_opponents(self.opponents.clone());
         let arena = match self.episode_limit {
             EpisodeLimit::Scenario => arena,
             EpisodeLimit::Steps(steps) => arena.with_episode_limit(Some(steps)),

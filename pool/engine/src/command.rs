@@ -3,6 +3,8 @@
 use glam::Vec2;
 use thiserror::Error;
 
+use crate::sides::Actor;
+
 /// The numbers of an agent's actions.
 pub mod action {
     /// The only action of a dead agent.
@@ -19,6 +21,17 @@ pub mod action {
     pub const WEST: usize = 5;
     /// `FIRST_TARGET + i`: attack enemy i; for a healer, heal ally i.
     pub const FIRST_TARGET: usize = 6;
+
+    /// The action that does in the battle what this one does in its reflection.
+    pub(crate) const fn mirrored(action: usize) -> usize {
+        match action {
+            NORTH => SOUTH,
+            SOUTH => NORTH,
+            EAST => WEST,
+            WEST => EAST,
+            _ => action,
+        }
+    }
 }
 
 /// Length of a move, in squares.
@@ -64,32 +77,34 @@ impl Command {
 /// Why a joint action was refused; the battle is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum IllegalAction {
-    /// The number of actions differs from the number of agents.
-    #[error("expected {n_agents} actions, one per agent and 0 (no-op) for dead agents, got {given}")]
+    /// The number of actions differs from the number of units that they play.
+    #[error("expected {expected} actions, one per {units} and 0 (no-op) for dead ones, got {given}")]
     WrongCount {
         /// Number of actions.
         given: usize,
-        /// Number of agents.
-        n_agents: usize,
+        /// Number of units.
+        expected: usize,
+        /// `agent`, or `agent and enemy`.
+        units: &'static str,
     },
     /// No action has that number.
-    #[error("agent {agent}: actions must be between 0 and {last}, got {action}", last = n_actions - 1)]
+    #[error("{actor}: actions must be between 0 and {last}, got {action}", last = n_actions - 1)]
     OutOfRange {
-        /// The agent.
-        agent: usize,
+        /// The unit.
+        actor: Actor,
         /// The action.
         action: i32,
-        /// Number of actions of an agent.
+        /// Number of actions of such a unit.
         n_actions: usize,
     },
-    /// The action is not available to the agent now.
-    #[error("agent {agent}: action {action} is not available now; its available actions are {available:?}")]
+    /// The action is not available to the unit now.
+    #[error("{actor}: action {action} is not available now; its available actions are {available:?}")]
     Unavailable {
-        /// The agent.
-        agent: usize,
+        /// The unit.
+        actor: Actor,
         /// The action.
         action: i32,
-        /// The available actions of the agent.
+        /// The available actions of the unit.
         available: Vec<usize>,
     },
 }

@@ -30,14 +30,15 @@
 //! | which unit is attacked, also of two equally near ones, and which is healed | `tick/target_choice.rs` |
 //! | where a unit wants to go, and when it is within attack range | `tick/preferred.rs` |
 //! | collision avoidance between units and at walls (ORCA) | `tick/avoid/` |
-//! | execution order of the units of a tick | `battle.rs` (`set_execution_order`), `random.rs` |
-//! | what the enemies do | `battle.rs` (`command_enemies`), `opponents.rs`, `policy/` |
+//! | execution order of the units of a tick | `battle/` (`set_execution_order`), `random.rs` |
+//! | what the enemies do | `battle/commands.rs`, `opponents.rs`, `policy/` |
 //! | movement, start of the cooldown, regeneration of shields, health and energy | `tick/execute.rs` |
 //! | damage, shields and armor, explosions, lasers, healing and its energy | `tick/targeters.rs` |
 //! | death, and what a dead unit keeps | `tick/deaths.rs` |
 //! | rewards: earning | `tick/targeters.rs` (`hit`, `explode`) |
 //! | rewards: scaling | `arena/mod.rs` (`scale_reward`) |
-//! | victory, defeat and the time limit | `battle.rs` (`finish_step`) |
+//! | which sides joint actions play, and the mirror | `sides.rs`, `battle/`, `encode/` |
+//! | victory, defeat and the time limit | `battle/` (`finish_step`) |
 //! | available actions: targets | `encode/avail.rs` |
 //! | available actions: moves near walls | `arena/moves.rs` |
 //! | targeting range | `encode/unit_tables.rs` |
@@ -60,30 +61,40 @@ mod command;
 mod distance;
 mod encode;
 mod fast_math;
+mod features;
 pub mod fnv;
+mod level;
 mod neighbour_order;
 mod opponents;
 pub mod policy;
 mod random;
 mod rules;
 mod scratch;
+mod sides;
 mod simd;
+mod sizes;
+pub mod smacv2;
 mod snapshot;
 mod step;
 mod tactic;
 mod tick;
 mod units;
 
-pub use arena::{Arena, Sizes};
+pub use arena::Arena;
 pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
-pub use encode::{FeatureBlock, UnitFeatures, obs_features, state_features};
+pub use encode::{UnitFeatures, obs_features, state_features};
+pub use features::FeatureBlock;
+pub use level::{LEVEL_COLUMNS, LevelError};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use opponents::{Opponent, Opponents, OpponentsError};
 pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
+pub use sides::{Actor, EnemySide, Sides, SidesError};
+pub use sizes::{EnemySizes, Sizes};
+pub use smaclite_scenarios::Faction;
 pub use snapshot::{
     COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, RECORD_VERSION, RecordLayout,
     RecordSizes, Snapshot, SnapshotError,

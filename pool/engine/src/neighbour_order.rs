@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 
 use crate::arena::Arena;
-use crate::buffers::refill;
+use crate::buffers::{clear_and_reserve, refill};
 use crate::units::Units;
 
 /// All planes, by `Plane as usize`.
@@ -37,13 +37,14 @@ pub struct PlaneOrder {
 }
 
 impl NeighbourOrder {
-    /// The order at the start of an episode: the units that are alive in `units`, by ascending id.
+    /// The order at the start of an episode: the units that are alive in `units`, by ascending id. `types`
+    /// are the units' types, as a [`Snapshot`](crate::Snapshot) has them.
     ///
     /// # Panics
-    /// If `units` has fewer units than the arena.
-    pub fn new(arena: &Arena, units: &Units) -> NeighbourOrder {
+    /// If the arena has no such types.
+    pub fn new(arena: &Arena, types: &[u32], units: &Units) -> NeighbourOrder {
         let mut order = NeighbourOrder::default();
-        order.reset(arena, units);
+        order.reset(arena, types.iter().copied(), units);
         order
     }
 
@@ -56,10 +57,14 @@ impl NeighbourOrder {
     }
 
     /// Resets the order, as a new episode does.
-    pub(crate) fn reset(&mut self, arena: &Arena, units: &Units) {
+    pub(crate) fn reset(&mut self, arena: &Arena, types: impl Iterator<Item = u32> + Clone, units: &Units) {
+        // Where types are drawn, another number of units is of a plane each time.
+        let n_units = if arena.drawer().is_some() { units.alive.len() } else { 0 };
         for (plane, order) in PLANES.into_iter().zip(&mut self.planes) {
-            refill(&mut order.list, alive_in(arena, units, plane));
-            refill(&mut order.by_number, alive_in(arena, units, plane));
+            clear_and_reserve(&mut order.list, n_units);
+            clear_and_reserve(&mut order.by_number, n_units);
+            refill(&mut order.list, alive_in(arena, types.clone(), units, plane));
+            refill(&mut order.by_number, alive_in(arena, types.clone(), units, plane));
         }
     }
 
@@ -88,22 +93,30 @@ impl NeighbourOrder {
     }
 
     /// The first plane whose orders do not contain exactly the living units of that plane, if any.
-    pub(crate) fn invalid_plane(&self, arena: &Arena, units: &Units) -> Option<Plane> {
+    pub(crate) fn invalid_plane(&self, arena: &Arena, types: &[u32], units: &Units) -> Option<Plane> {
         // Both orders must be permutations of the living units, which `alive_in` lists ascending.
         let is_valid = |(plane, order): &(Plane, &PlaneOrder)| {
             [&order.list, &order.by_number].into_iter().all(|ids| {
                 let mut ids = ids.clone();
                 ids.sort_unstable();
-                ids.into_iter().eq(alive_in(arena, units, *plane))
+                ids.into_iter().eq(alive_in(arena, types.iter().copied(), units, *plane))
             })
         };
         PLANES.into_iter().zip(&self.planes).find(|plane| !is_valid(plane)).map(|(plane, _)| plane)
     }
 }
 
-fn alive_in(arena: &Arena, units: &Units, plane: Plane) -> impl Iterator<Item = u32> {
-    let belongs = move |&id: &u32| units.alive[id as usize] && arena.stats(id).plane == plane;
-    arena.unit_ids().filter(belongs)
+fn alive_in(
+    arena: &Arena,
+    types: impl Iterator<Item = u32>,
+    units: &Units,
+    plane: Plane,
+) -> impl Iterator<Item = u32> {
+    let all = (0..).zip(types).zip(&units.alive);
+    let belongs = move |((_, unit_type), alive): &((u32, u32), &bool)| {
+        **alive && arena.types()[*unit_type as usize].plane == plane
+    };
+    all.filter(belongs).map(|((id, _), _)| id)
 }
 
 #[cfg(test)]

@@ -7,7 +7,9 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::random::Generator;
+use crate::sides::Sides;
 use crate::tactic::Tactic;
+use smaclite_scenarios::ScenarioFiles;
 
 /// What plays the enemies in one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,12 +23,15 @@ pub enum Opponent {
     /// A scripted policy. It has the actions of agents, targets within 6 squares, and knows of agents within
     /// 9 squares of an enemy; while there are none, enemies go to the attack point.
     Scripted(Tactic),
+    /// Whoever gives the joint actions, which have the enemies' actions too.
+    Learner,
 }
 
 impl Opponent {
     /// All opponents; the field `opponent` and snapshots have their index.
-    pub const ALL: [Opponent; 2 + Tactic::ALL.len()] = {
-        let mut all = [Opponent::AttackMove; 2 + Tactic::ALL.len()];
+    pub const ALL: [Opponent; 3 + Tactic::ALL.len()] = {
+        let mut all = [Opponent::Learner; 3 + Tactic::ALL.len()];
+        all[0] = Opponent::AttackMove;
         all[1] = Opponent::AttackNearest;
         let mut i = 0;
         while i < Tactic::ALL.len() {
@@ -42,7 +47,13 @@ impl Opponent {
             Opponent::AttackMove => "attack_move",
             Opponent::AttackNearest => "attack_nearest",
             Opponent::Scripted(tactic) => tactic.name(),
+            Opponent::Learner => "learner",
         }
+    }
+
+    /// Those that choose the enemies' actions by themselves.
+    pub fn scripts() -> impl Iterator<Item = Opponent> {
+        Opponent::ALL.into_iter().filter(|opponent| *opponent != Opponent::Learner)
     }
 
     /// The opponent of that name.
@@ -65,6 +76,7 @@ impl Opponent {
             Opponent::AttackMove => 0,
             Opponent::AttackNearest => 1,
             Opponent::Scripted(tactic) => 2 + tactic as usize,
+            Opponent::Learner => 2 + Tactic::ALL.len(),
         }
     }
 }
@@ -88,7 +100,7 @@ pub struct Opponents {
 }
 
 /// Why a text or a table names no opponents.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpponentsError {
     /// A name that no opponent has.
     #[error("unknown opponent `{0}`; the opponents are {names}", names = Opponent::names())]
@@ -104,6 +116,9 @@ pub enum OpponentsError {
     /// A name that occurs twice.
     #[error("opponent `{0}` is named twice")]
     Twice(String),
+    /// Nobody gives actions to the enemies.
+    #[error("opponent `learner` needs sides `both`, so that the actions of the enemies are given")]
+    OneSide,
     /// No name.
     #[error("at least one opponent must be named: {names}", names = Opponent::names())]
     None,
@@ -146,9 +161,26 @@ impl Opponents {
         if own.is_empty() { Err(OpponentsError::None) } else { Ok(Opponents { weights: own }) }
     }
 
+    /// Who plays the enemies where nothing else is said: the learner if joint actions play both sides, else
+    /// the opponent that the scenario file names, else attack-move.
+    pub fn of(files: &ScenarioFiles, sides: Sides) -> Opponents {
+        let named = || files.opponent().and_then(|name| Opponent::from_name(&name).ok());
+        let own = if sides.are_both() { Some(Opponent::Learner) } else { named() };
+        own.map(Opponents::from).unwrap_or_default()
+    }
+
     /// Whether they are attack-move alone.
     pub fn is_default(&self) -> bool {
         *self == Opponents::default()
+    }
+
+    /// Checks that there is somebody who plays each opponent.
+    ///
+    /// # Errors
+    /// If the joint actions are those of the agents alone, and an opponent is [`Opponent::Learner`].
+    pub fn check(&self, sides: Sides) -> Result<(), OpponentsError> {
+        let has_learner = self.weights.iter().any(|(opponent, _)| *opponent == Opponent::Learner);
+        if has_learner && !sides.are_both() { Err(OpponentsError::OneSide) } else { Ok(()) }
     }
 
     /// The opponents and their weights.

@@ -23,7 +23,7 @@ pub struct Generator {
 }
 
 /// How far a generator has come: its seed, and how much it has drawn since.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StreamPosition {
     /// The seed.
     pub seed: u64,
@@ -95,6 +95,12 @@ impl Generator {
     /// A number from 0 to less than 1, a multiple of 2^-32.
     pub(crate) fn next_share(&mut self) -> f64 {
         f64::from(self.next_word()) / 4_294_967_296.0
+    }
+
+    /// A number from 0 to less than 1, a multiple of 2^-53.
+    pub(crate) fn next_f64(&mut self) -> f64 {
+        let (low, high) = (u64::from(self.next_word()), u64::from(self.next_word()));
+        ((high << 32 | low) >> 11) as f64 / 9_007_199_254_740_992.0
     }
 
     /// Shuffles `items` as NumPy's `Generator.shuffle` shuffles a list of that length.

@@ -6,10 +6,13 @@ use crate::TICKS_PER_STEP;
 use crate::units::Units;
 
 /// The outcome of a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
     /// The common reward of all agents, scaled so that a win without enemy regeneration gives a return of 20.
     pub reward: f64,
+    /// The common reward of all enemies by the same formula: what they do to the agents, and more if no agent
+    /// is alive.
+    pub enemy_reward: f64,
     /// No unit of a faction is alive.
     pub terminated: bool,
     /// The episode limit is reached, and both factions have living units.
@@ -39,6 +42,6 @@ pub struct Tick<'a> {
     pub units: &'a Units,
     /// The preferred velocity of each unit that was alive when the tick began, by battle-wide id.
     pub preferred: &'a [Vec2],
-    /// The reward of the tick, unscaled and without that for winning.
+    /// The agents' reward of the tick, unscaled and without that for winning.
     pub earned: f64,
 }

@@ -8,6 +8,7 @@
 //! behind it.
 
 use super::Lane;
+use super::pairing::{Halves, Incoming, Joint};
 use crate::autoreset::Autoreset;
 use crate::env_ids::env_index;
 use crate::hosted_env::Task;
@@ -15,6 +16,7 @@ use crate::rejection::Rejection;
 use crate::sync::{Ordering, lock};
 use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport};
 use crate::work::Work;
+use smaclite_engine::{Actor, Faction};
 use std::hint::black_box;
 use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
 
@@ -23,7 +25,10 @@ use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
 pub(super) struct Intake<I: Inlet> {
     inlet: I,
     /// A reset of all environments that waits.
-    waiting: Option<I::Message>,
+    waiting: Option<Incoming<I::Message>>,
+    halves: Halves<I::Message>,
+    /// The side that a scripted policy plays, because its learner left.
+    left: Option<Faction>,
     /// `None` while the lane has no learner.
     pub(super) epoch: Option<Epoch>,
     /// The session's last request.
@@ -40,7 +45,9 @@ impl<I: Inlet> Intake<I> {
     pub(super) fn new(inlet: I, num_envs: usize, snapshot_size: usize) -> Self {
         let (envs, named) = (Vec::with_capacity(num_envs), vec![false; num_envs]);
         let record = vec![0; snapshot_size / size_of::<i32>()];
-        Intake { inlet, waiting: None, epoch: None, last_request: None, envs, named, record }
+        let halves = Halves::new();
+        let (waiting, left, epoch, last_request) = (None, None, None, None);
+        Intake { inlet, waiting, halves, left, epoch, last_request, envs, named, record }
     }
 
     /// The learner's session.
@@ -50,8 +57,16 @@ impl<I: Inlet> Intake<I> {
 
     pub(super) fn begin_session(&mut self, session: Option<SessionId>) {
         self.waiting = None;
+        self.halves.clear();
+        self.left = None;
         self.last_request = None;
         self.epoch = session.map(|session| Epoch { session, reset: None });
+    }
+
+    /// From now on the learner of the other side sends whole requests.
+    pub(super) fn set_left(&mut self, side: Faction) {
+        self.halves.drop_side(side);
+        self.left = Some(side);
     }
 
     /// Notes an environment of the request.
@@ -85,8 +100,8 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn accept(&self) -> Accepted {
         let mut intake = lock(&self.intake);
         let Some(message) = self.next_message(&mut intake) else { return Accepted::Nothing };
-        let request = match message.request() {
-            Ok(request) => request,
+        let joint = match message.request() {
+            Ok(joint) => joint,
             Err(rejection) => {
                 // A malformed request names no sender to answer. Our own client sends well-formed requests.
                 tracing::warn!(lane = self.name, %rejection, "request ignored");
@@ -94,6 +109,7 @@ impl<T: Transport> Lane<T> {
                 return Accepted::Refused;
             }
         };
+        let request = joint.first;
         if intake.session() != Some(request.session) {
             let session = request.session.0;
             tracing::debug!(lane = self.name, session, "request of another session ignored");
@@ -104,7 +120,7 @@ impl<T: Transport> Lane<T> {
             intake.waiting = Some(message);
             return Accepted::Nothing;
         }
-        let checked = self.check(&mut intake, &request);
+        let checked = self.check(&mut intake, &joint);
         if let Err(rejection) = checked {
             intake.forget_envs();
             // The answer may wait for a frame, and the control thread must not wait for that.
@@ -142,13 +158,31 @@ impl<T: Transport> Lane<T> {
         }
     }
 
-    fn next_message(&self, intake: &mut Intake<T::Inlet>) -> Option<<T::Inlet as Inlet>::Message> {
-        intake.waiting.take().or_else(|| {
-            intake.inlet.receive().unwrap_or_else(|error| {
+    fn next_message(&self, intake: &mut Intake<T::Inlet>) -> Option<Incoming<<T::Inlet as Inlet>::Message>> {
+        if let Some(waiting) = intake.waiting.take() {
+            return Some(waiting);
+        }
+        if let Some(side) = intake.left
+            && let Some(message) = intake.halves.take(side.opponent())
+        {
+            return Some(Incoming::Whole(message));
+        }
+        loop {
+            let received = intake.inlet.receive().unwrap_or_else(|error| {
                 tracing::warn!(lane = self.name, %error, "requests cannot be received");
                 None
-            })
-        })
+            });
+            let message = received?;
+            // What is malformed is reported by the caller.
+            let (session, side) = message.request().map_or((None, None), |r| (Some(r.session), r.side));
+            let is_half = session == intake.session() && intake.left.is_none();
+            let Some(side) = side.filter(|_| is_half) else {
+                return Some(Incoming::Whole(message));
+            };
+            if let Some(pair) = intake.halves.pair(side, message) {
+                return Some(pair);
+            }
+        }
     }
 
     /// Whether this is a reset of all environments and some are outstanding. The thread that carries out the
@@ -164,22 +198,32 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Checks a request and writes the orders of its environments.
-    fn check(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
+    fn check(&self, intake: &mut Intake<T::Inlet>, joint: &Joint<'_>) -> Result<(), Rejection> {
+        let request = &joint.first;
         check_order(intake.last_request, request.number)?;
         intake.last_request = Some(request.number);
         if let Some(text) = self.failure() {
             return Err(Rejection::LaneFailed { text: text.to_owned() });
         }
-        match request.kind {
-            RequestKind::Step => self.check_step(intake, request),
-            RequestKind::Reset { seed } => self.check_reset(intake, request, seed),
+        joint.check()?;
+        match joint.kind() {
+            RequestKind::Step => self.check_step(intake, joint),
+            RequestKind::Reset { seed, levels } => self.check_reset(intake, request, seed, levels),
             RequestKind::Restore { seed } => self.check_restore(intake, request, seed),
             RequestKind::Fork { seed } => self.check_fork(intake, request, seed),
         }
     }
 
-    fn check_step(&self, intake: &mut Intake<T::Inlet>, request: &Request<'_>) -> Result<(), Rejection> {
-        let Request { env_ids, body: actions, .. } = *request;
+    fn check_step(&self, intake: &mut Intake<T::Inlet>, joint: &Joint<'_>) -> Result<(), Rejection> {
+        let Request { env_ids, body: actions, .. } = joint.first;
+        let sizes = self.layout.sizes();
+        // The actions of the enemies come from their own learner, or are in the row of the agents'.
+        let mut of_enemies = joint.enemies.map(|enemies| enemies.body.chunks_exact(sizes.n_enemies));
+        let (first, row) = match joint.first.side {
+            None => (0, sizes.n_actors()),
+            Some(Faction::Ally) => (0, sizes.n_agents),
+            Some(Faction::Enemy) => (sizes.n_agents, sizes.n_enemies),
+        };
         if intake.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
             return Err(Rejection::NotReset);
         }
@@ -188,19 +232,21 @@ impl<T: Transport> Lane<T> {
         }
         prefetch(env_ids);
         prefetch(actions);
-        for (id, actions) in env_ids.iter().zip(actions.chunks_exact(self.layout.sizes().n_agents)) {
+        for (id, actions) in env_ids.iter().zip(actions.chunks_exact(row)) {
+            let actions =
+                actions.iter().chain(of_enemies.as_mut().and_then(Iterator::next).unwrap_or_default());
             let env = self.check_env(intake, id.load(Relaxed))?;
             let is_over = self.table.is_over(env);
             if is_over && self.autoreset == Autoreset::Disabled {
                 return Err(Rejection::FinishedEnv { env });
             }
             // Each action is read once: a learner could change its sample after the check.
-            let agents = self.table.actions(env).iter().zip(actions).zip(self.table.masks(env));
-            for (agent, ((own, sent), mask)) in agents.enumerate() {
+            let own = self.table.actions(env).iter().zip(self.table.masks(env)).enumerate().skip(first);
+            for ((place, (own, mask)), sent) in own.zip(actions) {
                 let action = sent.load(Relaxed);
                 if !is_over && !mask.has(action) {
-                    let available = mask.actions();
-                    return Err(Rejection::UnavailableAction { env, agent, action, available });
+                    let (available, actor) = (mask.actions(), Actor::at(place, sizes.n_agents));
+                    return Err(Rejection::UnavailableAction { env, actor, action, available });
                 }
                 own.store(action, Relaxed);
             }
@@ -214,6 +260,7 @@ impl<T: Transport> Lane<T> {
         intake: &mut Intake<T::Inlet>,
         request: &Request<'_>,
         seed: Option<u64>,
+        levels: bool,
     ) -> Result<(), Rejection> {
         let Some(epoch) = intake.epoch else { return Err(Rejection::NotReset) };
         let is_full = request.env_ids.len() == self.num_envs;
@@ -223,13 +270,17 @@ impl<T: Transport> Lane<T> {
         for id in request.env_ids {
             self.check_env(intake, id.load(Relaxed))?;
         }
+        if levels {
+            self.check_levels(&intake.envs, request)?;
+        }
+        let task = if levels { Task::ResetTo } else { Task::Reset };
         // Every session begins with the lane's own seed, so that it does not depend on earlier learners.
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         for &env in &intake.envs {
             if let Some(seed) = seed {
                 lock(&self.envs[env as usize]).env.reseed(seed.wrapping_add(u64::from(env)));
             }
-            self.table.order(env as usize, Task::Reset);
+            self.table.order(env as usize, task);
         }
         if is_full {
             let epoch = Epoch { reset: Some(request.number), ..epoch };
@@ -237,6 +288,23 @@ impl<T: Transport> Lane<T> {
             lock(&self.frames).begin_epoch(epoch);
         } else {
             self.observe_others(intake);
+        }
+        Ok(())
+    }
+
+    /// Reads every level into the memory of its environment, which begins with it when it is served.
+    fn check_levels(&self, envs: &[u32], request: &Request<'_>) -> Result<(), Rejection> {
+        let level_len = self.layout.level_len();
+        if level_len == 0 {
+            let what =
+                "the lane has no field `level`, without which no episode begins with a level".to_owned();
+            return Err(Rejection::Malformed { what });
+        }
+        for (&env, level) in envs.iter().zip(request.body.chunks_exact(level_len)) {
+            // Each number is read once: a learner could change its sample after the check.
+            let numbers = level.iter().map(|number| f32::from_bits(number.load(Relaxed) as u32));
+            let staged = lock(&self.envs[env as usize]).stage_level(numbers);
+            staged.map_err(|why| Rejection::BadLevel { env: env as usize, why })?;
         }
         Ok(())
     }

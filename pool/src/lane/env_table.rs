@@ -9,20 +9,20 @@
 //! orders to the thread that takes it; the end of the work (`is_busy`, or the lane's count of outstanding
 //! environments) releases the reports. So every access here is relaxed but that to `busy`.
 
-use crate::hosted_env::{HostedEnv, Task};
+use crate::hosted_env::{HostedEnv, Task, words_per_actor};
 use crossbeam::atomic::AtomicCell;
 use smaclite_engine::Sizes;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::*};
 
 pub(super) struct EnvTable {
-    n_agents: usize,
-    /// Words of bits per agent.
+    n_actors: usize,
+    /// Words of bits per actor.
     words: usize,
     /// The orders.
     tasks: Vec<AtomicCell<Task>>,
-    /// `[num_envs, n_agents]`: the orders' joint actions.
+    /// `[num_envs, n_actors]`: the orders' joint actions.
     actions: Vec<AtomicI32>,
-    /// `[num_envs, n_agents, words]`: the available actions, as an environment writes them.
+    /// `[num_envs, n_actors, words]`: the available actions.
     available: Vec<AtomicU64>,
     /// The episode ended and the environment was not reset since.
     over: Vec<AtomicBool>,
@@ -41,14 +41,13 @@ macro_rules! set {
 
 impl EnvTable {
     pub(super) fn new(num_envs: usize, sizes: Sizes) -> EnvTable {
-        let Sizes { n_agents, n_actions, .. } = sizes;
-        let words = n_actions.div_ceil(64);
+        let (n_actors, words) = (sizes.n_actors(), words_per_actor(sizes));
         EnvTable {
-            n_agents,
+            n_actors,
             words,
             tasks: (0..num_envs).map(|_| AtomicCell::new(Task::Step)).collect(),
-            actions: (0..num_envs * n_agents).map(|_| AtomicI32::new(0)).collect(),
-            available: (0..num_envs * n_agents * words).map(|_| AtomicU64::new(0)).collect(),
+            actions: (0..num_envs * n_actors).map(|_| AtomicI32::new(0)).collect(),
+            available: (0..num_envs * n_actors * words).map(|_| AtomicU64::new(0)).collect(),
             over: (0..num_envs).map(|_| AtomicBool::new(false)).collect(),
             busy: (0..num_envs).map(|_| AtomicBool::new(false)).collect(),
         }
@@ -66,22 +65,20 @@ impl EnvTable {
         self.tasks[env].load()
     }
 
-    /// `[n_agents]`: the joint action of an environment's order.
+    /// `[n_actors]`: the joint action of an environment's order.
     #[inline]
     pub(super) fn actions(&self, env: usize) -> &[AtomicI32] {
-        &self.actions[env * self.n_agents..][..self.n_agents]
+        &self.actions[env * self.n_actors..][..self.n_actors]
     }
 
     /// Reports how far an environment is.
     #[inline]
     pub(super) fn report(&self, env: usize, hosted: &mut HostedEnv) {
-        let len = self.n_agents * self.words;
-        let HostedEnv { env: state, available, is_over, .. } = hosted;
-        state.write_available_bits(available);
-        for (cell, bits) in self.available[env * len..][..len].iter().zip(available) {
+        let len = self.n_actors * self.words;
+        for (cell, bits) in self.available[env * len..][..len].iter().zip(hosted.available()) {
             set!(cell, *bits);
         }
-        set!(self.over[env], *is_over);
+        set!(self.over[env], hosted.is_over);
     }
 
     /// Whether the episode ended and the environment was not reset since.
@@ -90,10 +87,10 @@ impl EnvTable {
         self.over[env].load(Relaxed)
     }
 
-    /// `[n_agents]`: the actions that are available in an environment.
+    /// `[n_actors]`: the actions that are available in an environment.
     #[inline]
     pub(super) fn masks(&self, env: usize) -> impl Iterator<Item = ActionMask<'_>> {
-        let len = self.n_agents * self.words;
+        let len = self.n_actors * self.words;
         self.available[env * len..][..len].chunks_exact(self.words).map(ActionMask)
     }
 
@@ -108,7 +105,7 @@ impl EnvTable {
     }
 }
 
-/// The actions that are available to an agent.
+/// The actions that are available to an actor.
 pub(super) struct ActionMask<'a>(&'a [AtomicU64]);
 
 impl ActionMask<'_> {

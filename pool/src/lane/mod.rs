@@ -5,6 +5,7 @@
 mod accept;
 mod branching;
 mod env_table;
+mod pairing;
 mod stats;
 
 pub(crate) use accept::Accepted;
@@ -19,13 +20,15 @@ use crate::lane_settings::{LaneSettings, LaneSpec};
 use crate::layout::Layout;
 use crate::rejection::Rejection;
 use crate::slot::{FrameMemory, SharedFrame};
+use crate::stand_in::StandIn;
 use crate::sync::{AtomicBool, AtomicUsize, Mutex, Ordering, lock};
 use crate::transport::{Request, SessionId, Transport, TransportError};
 use crate::work::{CHUNK, Work};
 use accept::Intake;
 use arrayvec::ArrayVec;
 use env_table::EnvTable;
-use smaclite_engine::{Scratch, Step};
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{Faction, Scratch, Step};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
@@ -106,11 +109,36 @@ impl<T: Transport> Lane<T> {
     /// session reaches it. Its work is still carried out, so that later episodes do not depend on how far the
     /// threads had come, but its results get no slots.
     pub fn set_session(&self, session: Option<SessionId>) {
+        if self.layout.sizes().enemies.is_some() {
+            self.set_stand_ins(|_| None);
+        }
         let mut intake = lock(&self.intake);
         intake.begin_session(session);
         self.reset_waits.store(false, Ordering::SeqCst);
         self.accepts_itself.store(false, Ordering::Release);
         lock(&self.frames).begin_session(session);
+    }
+
+    /// A scripted policy plays `side` from now on, because its learner left; that of the other side goes on.
+    pub fn stand_in(&self, side: Faction, tactic: Tactic) {
+        self.set_stand_ins(|env| Some(StandIn::new(side, tactic, env as u64)));
+        lock(&self.intake).set_left(side);
+    }
+
+    fn set_stand_ins(&self, stand_in: impl Fn(usize) -> Option<StandIn>) {
+        let envs = self.envs.iter().enumerate();
+        envs.for_each(|(i, env)| lock(env).set_stand_in(stand_in(i)));
+    }
+
+    /// Ends the session because the learner of `side` left, and tells that of the other side.
+    pub fn end_session(&self, side: Faction) {
+        let session = lock(&self.intake).session();
+        if let Some(session) = session {
+            let text = json(&Rejection::OtherLearnerLeft { side });
+            let sent = self.with_frame(|frames| frames.report_end(session, &text));
+            sent.unwrap_or_else(|error| self.fail(error.to_string()));
+        }
+        self.set_session(None);
     }
 
     /// Whether the learner of `session`, a thread of this process, accepts its requests itself. Changes

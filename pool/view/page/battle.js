@@ -39,7 +39,8 @@ export class BattleView extends MapView {
 
   /** @param {number} unit */
   type(unit) {
-    return this.info.types[this.info.units[unit].type];
+    const { info } = this.track;
+    return info.types[info.units[unit].type];
   }
 
   /**
@@ -86,19 +87,32 @@ export class BattleView extends MapView {
   draw(time) {
     this.measure();
     this.aim();
+    this.states = this.info.units.map((_, unit) => this.track.unitAt(unit, time));
     this.terrain.draw();
+    this.drawGround();
     drawDeaths(this, time);
     drawEffects(this, time, false);
-    this.states = this.info.units.map((_, unit) => this.track.unitAt(unit, time));
     if (this.selected >= 0) this.drawRanges(this.states[this.selected]);
     const flashes = hitFlashes(this.track, time);
-    const living = this.states.filter((state) => state.alive);
+    const living = this.states.filter((state) => state.alive && this.shows(state.unit));
     /** @param {UnitState} state */
     const height = ({ unit }) => PLANES.indexOf(this.type(unit).plane);
     living.sort((a, b) => height(a) - height(b));
     for (const state of living) this.drawUnit(state, flashes.get(state.unit) ?? 0);
     drawEffects(this, time, true);
-    for (const unit of [this.hovered, this.selected]) if (unit >= 0) this.drawName(this.states[unit]);
+    for (const unit of [this.hovered, this.selected])
+      if (unit >= 0 && this.shows(unit)) this.drawName(this.states[unit]);
+  }
+
+  /** Draws what is between the map and the units. */
+  drawGround() {}
+
+  /**
+   * Whether a living unit is drawn.
+   * @param {number} _unit
+   */
+  shows(_unit) {
+    return true;
   }
 
   /**
@@ -345,7 +359,7 @@ export class BattleView extends MapView {
     const { context } = this,
       at = this.toCanvas(state.x, state.y),
       r = this.radius(state.unit);
-    const text = unitName(this.info, state.unit);
+    const text = unitName(this.track.info, state.unit);
     context.font = '600 12px system-ui, "DejaVu Sans", sans-serif';
     const width = context.measureText(text).width + 14,
       y = at.y - r - 30 < 4 ? at.y + r + 10 : at.y - r - 32;
@@ -371,7 +385,7 @@ export class BattleView extends MapView {
     let best = -1,
       nearest = Infinity;
     for (const state of this.states) {
-      if (!state.alive) continue;
+      if (!state.alive || !this.shows(state.unit)) continue;
       const at = this.toCanvas(state.x, state.y),
         away = Math.hypot(at.x - x, at.y - y);
       if (away < Math.max(9, this.radius(state.unit) + 3) && away < nearest)

@@ -47,6 +47,7 @@ function recentAttacks(track, time, draw) {
 export function drawEffects(view, time, above) {
   const { track } = view;
   recentAttacks(track, time, (attack, age, tick) => {
+    if (!view.shows(attack.by) && !view.shows(attack.on)) return;
     const faction = track.info.units[attack.by].faction;
     const tone = FACTION_COLOURS[faction];
     const at = { by: view.place(attack.by, time), on: view.place(attack.on, time) };

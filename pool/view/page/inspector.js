@@ -37,7 +37,7 @@ function actionName(info, agent, action) {
 export class Inspector {
   /**
    * @param {ScenarioInfo} info
-   * @param {(unit: number) => void} select
+   * @param {(unit: number, add: boolean) => void} select
    */
   constructor(info, select) {
     this.info = info;
@@ -45,6 +45,21 @@ export class Inspector {
     /** @type {Chip[]} By unit. */
     this.chips = [];
     this.shown = "";
+    /** What the card says while no unit is selected. */
+    this.hint = "Click a unit, or press [ or ], to see its numbers.";
+    /** @type {(unit: number) => boolean} Whether a unit is selected beside the one of the card. */
+    this.isMarked = () => false;
+    /** @type {(unit: number) => boolean} Whether the numbers of a unit are shown. */
+    this.shows = () => true;
+    this.use(info);
+  }
+
+  /**
+   * Lists the units of an episode.
+   * @param {ScenarioInfo} info
+   */
+  use(info) {
+    Object.assign(this, { info, chips: [], shown: "" });
     for (const faction of [0, 1]) {
       const units = info.units.flatMap((unit, id) => (unit.faction === faction ? [id] : []));
       const roster = byId(`roster${faction}`);
@@ -65,7 +80,7 @@ export class Inspector {
       { type: "button", className: "chip", title: unitName(this.info, unit), "aria-pressed": "false" },
       [type.label, health, ...(type.shield ? [shield] : [])],
     );
-    button.addEventListener("click", () => this.select(unit));
+    button.addEventListener("click", (event) => this.select(unit, event.shiftKey));
     this.chips[unit] = { button, health, shield, last: "" };
     return button;
   }
@@ -83,7 +98,9 @@ export class Inspector {
       const living = byId(`alive${faction}`);
       living.replaceChildren(String(track.living[faction][tick]), make("small", {}, ` of ${all}`));
     }
-    this.chips.forEach((chip, unit) => this.updateChip(chip, track, tick, unit, unit === selected));
+    this.chips.forEach((chip, unit) =>
+      this.updateChip(chip, track, tick, unit, unit === selected || this.isMarked(unit)),
+    );
     this.updateCard(track, tick, selected);
   }
 
@@ -97,15 +114,22 @@ export class Inspector {
   updateChip(chip, track, tick, unit, isSelected) {
     const at = tick * track.units + unit,
       type = this.info.types[this.info.units[unit].type],
-      alive = track.alive[at] > 0;
-    const key = [track.hp[at], track.shield[at], alive, isSelected].join();
+      alive = track.alive[at] > 0,
+      isShown = !alive || this.shows(unit);
+    const key = [track.hp[at], track.shield[at], alive, isShown, isSelected].join();
     if (key === chip.last) return;
     chip.last = key;
-    chip.health.style.transform = `scaleX(${alive ? track.hp[at] / type.hp : 0})`;
-    if (type.shield) chip.shield.style.transform = `scaleX(${alive ? track.shield[at] / type.shield : 0})`;
+    chip.health.style.transform = `scaleX(${alive && isShown ? track.hp[at] / type.hp : 0})`;
+    if (type.shield)
+      chip.shield.style.transform = `scaleX(${alive && isShown ? track.shield[at] / type.shield : 0})`;
     chip.button.classList.toggle("dead", !alive);
+    chip.button.classList.toggle("unseen", !isShown);
     chip.button.setAttribute("aria-pressed", String(isSelected));
-    const health = alive ? `${Math.round(track.hp[at])} of ${type.hp} health` : "dead";
+    const health = !alive
+      ? "dead"
+      : isShown
+        ? `${Math.round(track.hp[at])} of ${type.hp} health`
+        : "out of sight";
     chip.button.setAttribute("aria-label", `${unitName(this.info, unit)}, ${health}`);
   }
 
@@ -116,15 +140,13 @@ export class Inspector {
    */
   updateCard(track, tick, unit) {
     const card = byId("unit"),
-      key = [track.serial, tick, unit].join();
+      key = [track.serial, tick, unit, unit < 0 ? this.hint : ""].join();
     if (key === this.shown) return;
     this.shown = key;
     if (unit < 0) {
-      if (!card.querySelector(".hint")) {
+      if (card.querySelector(".hint")?.textContent !== this.hint) {
         card.className = "card";
-        card.replaceChildren(
-          make("p", { className: "hint" }, "Click a unit, or press [ or ], to see its numbers."),
-        );
+        card.replaceChildren(make("p", { className: "hint" }, this.hint));
       }
       return;
     }
@@ -139,7 +161,7 @@ export class Inspector {
       { type: "button", className: "close", "aria-label": "Close", "data-name": "close" },
       "\u00d7",
     );
-    close.addEventListener("click", () => this.select(-1));
+    close.addEventListener("click", () => this.select(-1, false));
     card.replaceChildren(
       make("header", {}, [
         make("h2", {}, titleCase(type.name)),
@@ -204,7 +226,7 @@ export class Inspector {
         { type: "button", className: "link", "data-name": "target" },
         unitName(this.info, target),
       );
-      aim.addEventListener("click", () => this.select(target));
+      aim.addEventListener("click", () => this.select(target, false));
     }
     /** @type {[string, string | HTMLElement][]} */
     const rows = [

@@ -25,8 +25,8 @@ export class BattlePlayer {
      * @type {{ from: [number, number], hasMoved: boolean } | null}
      */
     this.drag = null;
-    this.view = new BattleView(byId("battle"), info);
-    this.inspector = new Inspector(info, (unit) => this.select(unit));
+    this.view = this.viewOf(info);
+    this.inspector = new Inspector(info, (unit, add) => this.select(unit, add));
     this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
     this.chart = new HealthChart(byId("chart"), this.view.track, (tick) => this.seek(tick));
     this.showLegend();
@@ -38,11 +38,19 @@ export class BattlePlayer {
    */
   use(info) {
     this.info = info;
-    this.view = new BattleView(byId("battle"), info);
-    this.inspector = new Inspector(info, (unit) => this.select(unit));
+    this.view = this.viewOf(info);
+    this.inspector = new Inspector(info, (unit, add) => this.select(unit, add));
     this.chart.track = this.view.track;
     this.showLegend();
     this.redraw();
+  }
+
+  /**
+   * What draws battles of a scenario.
+   * @param {ScenarioInfo} info
+   */
+  viewOf(info) {
+    return new BattleView(byId("battle"), info);
   }
 
   showLegend() {
@@ -74,8 +82,11 @@ export class BattlePlayer {
     this.redraw();
   }
 
-  /** @param {number} unit */
-  select(unit) {
+  /**
+   * @param {number} unit
+   * @param {boolean} [_add] Whether other units stay selected, where several can be.
+   */
+  select(unit, _add) {
     this.view.selected = unit === this.view.selected ? -1 : unit;
     this.redraw();
   }
@@ -120,6 +131,10 @@ export class BattlePlayer {
     if (view.width !== undefined && (box.width !== view.width || box.height !== view.height))
       view.camera = null;
     this.drawn = key;
+    if (track.info !== this.info) {
+      this.info = track.info;
+      this.inspector.use(track.info);
+    }
     view.draw(time);
     this.chart.draw(time);
     this.timeline.draw(track, time);
@@ -138,9 +153,8 @@ export class BattlePlayer {
     byId("play").setAttribute("aria-label", clock.playing ? "Pause" : "Play");
     byId("start").hidden = clock.playing || clock.time > 0;
     byId("speed").textContent = `${clock.speed}\u00d7`;
-    const steps = Math.floor(track.last / TICKS_PER_STEP);
     const text = [
-      ["step ", `${Math.floor(tick / TICKS_PER_STEP)}`, ` / ${steps}`],
+      ["step ", `${Math.floor(tick / TICKS_PER_STEP)}`, ` / ${this.stepsOf(track)}`],
       ["tick ", `${tick}`, ""],
       ["", (tick / TICKS_PER_SECOND).toFixed(1), " s"],
     ];
@@ -152,6 +166,14 @@ export class BattlePlayer {
         after,
       ]),
     );
+  }
+
+  /**
+   * The number of steps that the step is shown with.
+   * @param {Track} track
+   */
+  stepsOf(track) {
+    return Math.floor(track.last / TICKS_PER_STEP);
   }
 
   listen() {

@@ -62,6 +62,17 @@ class Numbers {
   }
 }
 
+/**
+ * By faction: all health and shields at the start.
+ * @param {ScenarioInfo} info
+ */
+function mostHealth(info) {
+  const most = [0, 0];
+  for (const unit of info.units)
+    most[unit.faction] += info.types[unit.type].hp + info.types[unit.type].shield;
+  return most;
+}
+
 export class Track {
   /** @param {ScenarioInfo} info */
   constructor(info) {
@@ -91,10 +102,18 @@ export class Track {
     /** By step and agent.
      * @type {Decision[][]} */
     this.decisions = [];
-    const most = [0, 0];
-    for (const unit of info.units)
-      most[unit.faction] += info.types[unit.type].hp + info.types[unit.type].shield;
-    this.mostHealth = most;
+    this.mostHealth = mostHealth(info);
+  }
+
+  /**
+   * Takes in the types of the units, which differ between the episodes of a generated scenario.
+   * @param {number[]} types
+   */
+  takeTypes(types) {
+    const { info } = this;
+    if (types.every((type, unit) => info.units[unit].type === type)) return;
+    this.info = { ...info, units: info.units.map((unit, i) => ({ ...unit, type: types[i] })) };
+    this.mostHealth = mostHealth(this.info);
   }
 
   get last() {
@@ -121,6 +140,7 @@ export class Track {
       alive: 1,
     };
     const numbers = new Numbers(bytes);
+    this.takeTypes(Array.from({ length: this.units }, () => numbers.unsigned()));
     for (const name of COLUMNS) {
       const column = this[name],
         factor = 1 / scale[name],

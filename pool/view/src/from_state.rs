@@ -13,7 +13,7 @@ impl Moment {
     /// picture has a mark of them. What else it does not contain is 0: the tick, shields that the scenario
     /// hides, the energy and cooldown of enemies, the cooldown of healers and the energy of other agents.
     /// Units face their nearest living opponent. Values may differ from those of the battle by rounding: a
-    /// position by 1e-5 squares.
+    /// position by 1e-5 squares. A state that is all observations (`obs_instead_of_state`) shows no unit.
     ///
     /// # Panics
     /// If `state` does not have `state_size` values.
@@ -41,7 +41,10 @@ struct UnitFeatures<'a> {
 impl<'a> UnitFeatures<'a> {
     fn new(scenario: &Scenario, id: usize, blocks: &'a [FeatureBlock], state: &'a [f32]) -> Self {
         let unit = &scenario.units[id];
-        let block = &blocks[usize::from(unit.faction == Faction::Enemy)];
+        let name = if unit.faction == Faction::Enemy { "enemies" } else { "allies" };
+        let Some(block) = blocks.iter().find(|block| block.name == name) else {
+            return UnitFeatures { names: &[], values: &[] };
+        };
         let start = block.start + unit.id_in_faction * block.features.len();
         UnitFeatures { names: &block.features, values: &state[start..start + block.features.len()] }
     }
@@ -53,9 +56,18 @@ impl<'a> UnitFeatures<'a> {
     }
 }
 
+impl UnitFeatures<'_> {
+    /// The type that the one-hot of types names, of a living unit.
+    fn unit_type(&self, scenario: &Scenario) -> Option<usize> {
+        let n_types = scenario.num_unit_types;
+        let place = (0..n_types).find(|i| self.get(&format!("type_{i}")) == 1.0)?;
+        scenario.type_ids.iter().position(|id| *id == place)
+    }
+}
+
 fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> UnitMoment {
-    let unit = &scenario.units[id];
-    let unit_type = &scenario.unit_types[unit.unit_type];
+    let type_index = features.unit_type(scenario).unwrap_or(scenario.units[id].unit_type);
+    let unit_type = &scenario.unit_types[type_index];
     let map = DVec2::new(f64::from(scenario.terrain.width()), f64::from(scenario.terrain.height()));
     let alive = features.get("health") > 0.0;
     let relative = DVec2::new(features.get("rel_x"), features.get("rel_y"));
@@ -64,6 +76,7 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
     let (energy, cooldown) =
         if unit_type.is_healer() { (energy_or_cooldown, 0.0) } else { (0.0, energy_or_cooldown) };
     UnitMoment {
+        unit_type: type_index,
         pos: pos.as_vec2(),
         facing: 0.0,
         hp: (features.get("health") * unit_type.hp) as f32,

@@ -1,8 +1,8 @@
 //! The visible state of a battle after a tick.
 
 use glam::Vec2;
-use smaclite_engine::Units;
-use smaclite_scenarios::{Faction, Placement, Scenario};
+use smaclite_engine::{Battle, Units};
+use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::{Targeter, UnitType};
 
 /// A battle after a tick.
@@ -19,6 +19,8 @@ pub struct Moment {
 /// A unit after a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitMoment {
+    /// Its type, as an index into the types of the scenario.
+    pub unit_type: usize,
     /// Position in squares; x grows east, y north.
     pub pos: Vec2,
     /// Direction in which the unit faces, in radians counterclockwise from east.
@@ -109,13 +111,23 @@ impl Attacker {
 }
 
 impl Observer {
-    /// Begins with the start of an episode.
-    pub fn new(scenario: &Scenario, units: &Units) -> Observer {
-        let attacker = |unit: &Placement| Attacker::new(&scenario.unit_types[unit.unit_type]);
-        let attackers = scenario.units.iter().map(attacker).collect();
+    /// Begins with a battle as it is, at the start of an episode.
+    pub fn new(scenario: &Scenario, battle: &Battle) -> Observer {
+        Observer::with_types(scenario, battle.units(), battle.types().collect())
+    }
+
+    /// Begins with these units, of the types that the scenario gives them.
+    pub fn of_units(scenario: &Scenario, units: &Units) -> Observer {
+        Observer::with_types(scenario, units, scenario.units.iter().map(|unit| unit.unit_type).collect())
+    }
+
+    fn with_types(scenario: &Scenario, units: &Units, types: Vec<usize>) -> Observer {
+        let attackers = types.iter().map(|&unit_type| Attacker::new(&scenario.unit_types[unit_type]));
+        let attackers = attackers.collect();
         let opponents = Opponents::new(scenario, units);
-        let start = |id: usize| state(units, id, opponents.seen_from(scenario, units.pos[id], id));
-        let units = (0..units.pos.len()).map(start).collect();
+        let facing = |id: usize| opponents.seen_from(scenario, units.pos[id], id);
+        let start = |(id, &unit_type)| state(units, id, unit_type, facing(id));
+        let units = types.iter().enumerate().map(start).collect();
         let last = Moment { tick: 0, units, attacks: Vec::new() };
         Observer { attackers, last }
     }
@@ -139,7 +151,8 @@ impl Observer {
             let aim = aim.map(|attack| units.pos[attack.on as usize] - units.pos[id]);
             let moves = Some(units.vel[id]).filter(|vel| vel.length_squared() > SLOW * SLOW);
             let direction = aim.or(moves).filter(|direction| *direction != Vec2::ZERO);
-            states.push(state(units, id, direction.map_or(last.facing, Vec2::to_angle)));
+            let facing = direction.map_or(last.facing, Vec2::to_angle);
+            states.push(state(units, id, last.unit_type, facing));
         }
         self.last = Moment { tick: self.last.tick + 1, units: states, attacks };
         &self.last
@@ -213,8 +226,9 @@ impl Opponents {
     }
 }
 
-fn state(units: &Units, id: usize, facing: f32) -> UnitMoment {
+fn state(units: &Units, id: usize, unit_type: usize, facing: f32) -> UnitMoment {
     UnitMoment {
+        unit_type,
         pos: units.pos[id],
         facing,
         hp: units.hp[id] as f32,

@@ -83,6 +83,9 @@ fn the_page_has_every_moment_to_what_can_be_seen() {
     assert_eq!(episode["rewards"].as_array().unwrap().len() * 8 + 1, moments.len());
 
     let mut bytes = inflated(&episode["moments"]).into_iter();
+    for unit in &moments[0].units {
+        assert_eq!(number(&mut bytes), unit.unit_type as u64);
+    }
     // Values are rounded; health is rounded up, so that a unit that lives has some.
     let mut column = |value: &dyn Fn(&UnitMoment) -> f32, per: f32, error: f32| {
         for id in 0..units {

@@ -26,7 +26,7 @@ fn record(setup: BattleSetup, seed: u64, episodes: usize) -> (Replay, Vec<Moment
         if episode > 0 {
             recorder.reset();
         }
-        let mut observer = Observer::new(&scenario, recorder.battle().units());
+        let mut observer = Observer::new(&scenario, recorder.battle());
         moments = vec![observer.moment().clone()];
         while !recorder.battle().is_over() {
             policy.act(recorder.battle(), &mut actions);
@@ -186,7 +186,10 @@ fn episodes_begin_in_the_state_of_a_snapshot() {
     };
     assert_eq!(steps(&copy), [(14, 14), (16, 7), (3, 3)]);
     let mut player = copy.play(1).unwrap();
-    assert_eq!(player.moment().clone(), Observer::new(copy.scenario(), &snapshot.units).moment().clone());
+    assert_eq!(
+        player.moment().clone(),
+        Observer::of_units(copy.scenario(), &snapshot.units).moment().clone()
+    );
     player.seek(7).unwrap();
     let mut spoilt = json_of(&copy.to_bytes().unwrap());
     spoilt["episodes"][1]["snapshot"] = "AAAA".into();

@@ -5,9 +5,12 @@ mod read;
 
 use crate::obstacles;
 use crate::sight::Outlines;
+use smaclite_units::file::Range;
 
 /// The longest side a map may have, in squares.
 pub const MAX_SIDE: u32 = 1024;
+/// The coordinates of points on the largest map.
+pub(crate) const ON_ANY_MAP: Range = Range::closed(0.0, MAX_SIDE as f64);
 
 /// A walkable square in drawings and files.
 const WALKABLE: char = '_';
@@ -64,6 +67,14 @@ impl Terrain {
     pub fn from_fn(width: u32, height: u32, is_walkable: impl Fn(u32, u32) -> bool) -> Option<Terrain> {
         let squares = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         Terrain::new(width, height, squares.map(|(x, y)| is_walkable(x, y)).collect())
+    }
+
+    /// The map after half a turn: north is south, and east is west.
+    pub(crate) fn turned(&self) -> Terrain {
+        let walkable = self.walkable.iter().rev().copied().collect();
+        let mut turned = Terrain { walkable, obstacles: Vec::new(), ..*self };
+        turned.obstacles = obstacles::rectangles(&turned);
+        turned
     }
 
     /// Number of squares from west to east.

@@ -1,13 +1,14 @@
-//! The eight terrain presets, embedded from `scenarios/terrains`.
+//! The nine terrain presets, embedded from `scenarios/terrains`.
 
 use super::{Terrain, WALKABLE};
 use crate::keys::DEFAULT_SIDE;
 
 /// Names and drawings: `_` walkable, `X` blocked, north row first.
-const PRESETS: [(&str, &str); 8] = [
+const PRESETS: [(&str, &str); 9] = [
     ("ALL_GREEN", include_str!("../../terrains/ALL_GREEN.txt")),
     ("CHECKERBOARD", include_str!("../../terrains/CHECKERBOARD.txt")),
     ("CORRIDOR", include_str!("../../terrains/CORRIDOR.txt")),
+    ("FLAT", include_str!("../../terrains/FLAT.txt")),
     ("NARROW", include_str!("../../terrains/NARROW.txt")),
     ("OCTAGON", include_str!("../../terrains/OCTAGON.txt")),
     ("PENTAGON", include_str!("../../terrains/PENTAGON.txt")),
@@ -20,7 +21,7 @@ impl Terrain {
     pub fn preset(name: &str) -> Option<Terrain> {
         let (_, drawing) = PRESETS.iter().find(|(preset, _)| *preset == name)?;
         let squares = drawing.lines().rev().flat_map(str::chars).map(|square| square == WALKABLE);
-        // A test reads all eight, so an embedded drawing never fails here.
+        // A test reads all nine, so an embedded drawing never fails here.
         Terrain::new(DEFAULT_SIDE, DEFAULT_SIDE, squares.collect())
     }
 

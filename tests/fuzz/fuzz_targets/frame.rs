@@ -19,7 +19,9 @@ fuzz_target!(|bytes: &[u8]| {
     if *keep == 255 {
         return read_response(rest);
     }
-    let sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 5, obs_size: 3, state_size: 4 };
+    let (n_actions, obs_size, state_size) = (5, 3, 4);
+    let sizes =
+        Sizes { n_agents: 2, n_enemies: 1, n_actions, obs_size, state_size, ..Sizes::default() };
     let layout = Layout::new(sizes, 40, 4, FieldSet::ALL);
     // The fields that are not kept come first, then the payload.
     let (changed, rest) = rest.split_at((8 * (keep & 0x7f).count_ones() as usize).min(rest.len()));

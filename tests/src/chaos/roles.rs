@@ -258,6 +258,7 @@ impl Client {
             let mut header = RequestHeader::new(
                 &layout,
                 SessionId(session),
+                None,
                 RequestNumber(number),
                 RequestKind::Step,
                 count,

@@ -100,6 +100,12 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// The number, if this is a whole one from 0 on.
+    pub fn as_whole(&self) -> Option<u32> {
+        let Value::Number(value) = self.json.value else { return None };
+        (value.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&value)).then_some(value as u32)
+    }
+
     /// `true` or `false`.
     pub fn bool(&self) -> Result<bool, Reported> {
         match self.json.value {

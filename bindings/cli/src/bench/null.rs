@@ -14,7 +14,15 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 /// The sizes of 2s3z.
-pub const SIZES: Sizes = Sizes { n_agents: 5, n_enemies: 5, n_actions: 11, obs_size: 80, state_size: 120 };
+pub const SIZES: Sizes = Sizes {
+    n_agents: 5,
+    n_enemies: 5,
+    n_actions: 11,
+    obs_size: 80,
+    state_size: 120,
+    perception_size: 0,
+    enemies: None,
+};
 
 struct Null;
 
@@ -25,7 +33,7 @@ impl Environment for Null {
     fn reseed(&mut self, _: u64) {}
     fn reset(&mut self) {}
     fn step_checked(&mut self, _: JointAction<'_>, _: &mut Scratch) -> Step {
-        Step { reward: 0.0, terminated: false, truncated: false, battle_won: false }
+        Step::default()
     }
     fn write_obs(&self, _: &mut [f32], _: &mut Scratch) {}
     fn write_state(&self, _: &mut [f32]) {}

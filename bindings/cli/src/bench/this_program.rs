@@ -26,7 +26,7 @@ fn this_program() -> std::io::Result<Command> {
 
 /// The interpreter, if this program runs in Python. It is named as this process was: the interpreter of a
 /// virtual environment is a link, and knows its packages by the link's path.
-pub(super) fn python_interpreter() -> Option<PathBuf> {
+pub(crate) fn python_interpreter() -> Option<PathBuf> {
     let executable = std::env::current_exe().ok()?;
     let is_python = executable.file_name()?.to_str()?.starts_with("python");
     is_python.then(|| std::env::args_os().next().map_or(executable, PathBuf::from))

@@ -7,7 +7,7 @@ use super::picture::{Size, ThemeName, write_file};
 use crate::number::count;
 use clap::Args;
 use export::Format;
-use smaclite_engine::{RecordLayout, RecordSizes, Sizes};
+use smaclite_engine::{RecordLayout, RecordSizes};
 use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
 use std::path::{Path, PathBuf};
 
@@ -115,8 +115,7 @@ impl Replay {
         let failed = |error| format!("{}: {error}", self.file.display());
         let mut player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
         player.seek(self.step.unwrap_or(0)).map_err(failed)?;
-        let Sizes { n_agents, n_enemies, .. } = replay.arena().sizes();
-        let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+        let layout = RecordLayout::new(RecordSizes::new(&replay.arena().sizes(), 0));
         let mut record = vec![0; layout.size()];
         player.battle().write_record(&layout, &[], &mut record);
         write_file(to, |output| output.write_all(&record))

@@ -8,7 +8,9 @@ mod guard;
 pub(crate) mod live;
 mod page;
 mod pages;
+pub(crate) mod play;
 mod protocol;
+mod simulation;
 
 pub(crate) use page::{Closed, Page};
 

@@ -1,6 +1,6 @@
 //! Scenario and unit files by the program: new, check, schema.
 
-use crate::kit::{error, output, run};
+use crate::kit::{check_error, error, output, run};
 use serde_json::{Value, json};
 use smaclite_scenarios::{Scenario, Terrain};
 use std::fs;
@@ -127,6 +127,44 @@ fn new_files_are_valid_on_every_map() {
         let recorded = output(folder.path(), &format!("record {options}"));
         assert!(recorded.contains("won after "), "{map}: no way to the enemies: {recorded}");
     }
+}
+
+#[test]
+fn a_new_generated_scenario_draws_the_units_that_were_asked_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = "--generated --agents 3xSTALKER,2xZEALOT --enemies 7xZEALOT --map FLAT";
+    output(folder.path(), &format!("new scenario a.json {options}"));
+    let scenario = Scenario::load(&folder.path().join("a.json")).expect("a scenario");
+    assert_eq!((scenario.n_agents(), scenario.n_enemies()), (5, 7));
+    let shown = output(folder.path(), "show a.json --samples 3 --seed 5");
+    assert_eq!(
+        shown
+            .matches("drawn for each episode: STALKER 60 %, ZEALOT 40 %; reflected (50 %) or surrounded")
+            .count(),
+        3
+    );
+    assert!(shown.contains("seed 5\n") && shown.contains("seed 7\n"), "{shown}");
+    assert_eq!(
+        output(folder.path(), "show a.json --samples 3 --seed 5"),
+        shown,
+        "a seed gives the same draws"
+    );
+    output(folder.path(), "show a.json --samples 4 --png draws.png");
+    check_error(
+        folder.path(),
+        "show 2s3z --samples 2",
+        1,
+        "--samples is for generated scenarios; `2s3z` is none",
+    );
+    check_error(
+        folder.path(),
+        "serve a.json --set teams={\"distribution\":\"fair\"}",
+        1,
+        "`teams.distribution` is \"fair\", but must be one of weighted_teams, all_teams, fixed",
+    );
+    check_error(folder.path(), "serve a.json --set teams", 2, "must be KEY=JSON");
+    let listed = output(folder.path(), "scenarios");
+    assert_eq!(listed.matches("drawn for each episode").count(), 15, "{listed}");
 }
 
 #[test]

@@ -154,7 +154,7 @@ impl Url {
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
         let mut page = OpenPage { socket, next: 1, events: Vec::new() };
-        page.request("hello", json!({"version": 2}));
+        page.request("hello", json!({"version": 3}));
         page
     }
 }

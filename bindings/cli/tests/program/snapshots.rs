@@ -17,8 +17,7 @@ fn battle(scenario: &Scenario, rules: Rules, steps: usize, n_past: usize) -> (Ba
         policy::nearest(&battle, &mut actions);
         battle.step(&actions, &mut scratch).expect("a legal action");
     }
-    let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past });
+    let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), n_past));
     let mut record = vec![0; layout.size()];
     battle.write_record(&layout, &[], &mut record);
     (battle, record)

@@ -75,6 +75,59 @@ fn a_team_is_trained_resumed_and_evaluated() {
     assert!(printed.starts_with(expected), "{printed}");
 }
 
+/// The enemies of a run can be a script, a trained team, or the team itself.
+#[test]
+fn teams_play_the_enemies() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 500 --seed 1 --out first {SMALL}"));
+    output(folder, &format!("train 3m --steps 500 --seed 2 --out second --opponent first {SMALL}"));
+    let league = "--opponent league --league-every 1 --league-size 2 --script-share 0.3 --zero-sum";
+    let updates =
+        json_lines(&output(folder, &format!("train 3m --steps 600 --out third --json {league} {SMALL}")));
+    assert_eq!(updates[updates.len() - 1]["league_size"].as_f64(), Some(2.0), "{updates:?}");
+    let resumed = output(folder, "train --resume third --steps 2000");
+    assert!(resumed.contains("  wins ") && resumed.contains(" % (self "), "{resumed}");
+    for (run, names) in [("second", "opponent"), ("third", "league")] {
+        let inner = fs::read_dir(folder.join(run).join(names)).expect("a folder").count();
+        assert!(inner >= 2, "{run}/{names}");
+        let printed = output(folder, &format!("evaluate {run} --episodes 5"));
+        assert!(printed.contains("opponent     attack_move\n"), "{printed}");
+    }
+    let record = "evaluate second --episodes 3 --opponent first --record both.smreplay";
+    let (printed, replayed) = (output(folder, record), output(folder, "replay both.smreplay"));
+    assert!(printed.contains("opponent     the team of first\n"), "{printed}");
+    assert!(replayed.contains("episode 0: "), "{replayed}");
+}
+
+#[test]
+fn opponents_that_do_not_exist_or_fit_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let train = "train 3m --out run";
+    check_error(
+        folder,
+        &format!("{train} --opponent kites"),
+        2,
+        "unknown opponent `kites`; the opponents are",
+    );
+    check_error(folder, &format!("{train} --opponent ./kite"), 1, "`./kite` is not the folder of a run");
+    check_error(folder, &format!("{train} --opponent learner"), 2, "`learner` is no opponent of a team");
+    check_error(folder, &format!("{train} --opponent self --league-size 3"), 1, "need --opponent league");
+    check_error(folder, &format!("{train} --opponent kite --zero-sum"), 1, "need --opponent self or league");
+    check_error(folder, &format!("{train} --opponent league --self-share 2"), 1, "between 0 and 1, got 2");
+    check_error(
+        folder,
+        "train 5m_vs_6m --out run --opponent self",
+        1,
+        "but in 5m_vs_6m the agents are 5 units with 12 actions",
+    );
+    assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
+    check_error(folder, "evaluate run --opponent self", 1, "name its folder twice");
+    check_error(folder, "train --resume run --opponent self", 2, "cannot be used with");
+}
+
 #[test]
 fn ctrl_c_writes_a_checkpoint() {
     let folder = tempfile::tempdir().expect("a folder");

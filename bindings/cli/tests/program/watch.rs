@@ -131,7 +131,7 @@ fn requests_that_make_no_sense_are_refused() {
         ("follow", json!({"env": 0}), "select a lane first"),
         ("get_steps", json!({"number": 0, "step": 0}), "no environment is followed"),
         ("get_observation", json!({"number": 0, "step": 0, "agent": 0}), "no environment is followed"),
-        ("get_builtins", json!({}), "this request is one of the editor"),
+        ("get_builtins", json!({}), "this request is one of another page"),
     ] {
         let error = page.error(name, request);
         assert!(error.contains(expected), "{name}: {error}");
@@ -213,7 +213,7 @@ fn a_page_of_another_version_is_told_to_be_reloaded() {
     let mut page = url.open();
     assert!(page.error("hello", json!({"version": 1_000_000})).ends_with("reload the page"));
     assert!(page.error("unfollow", json!({})).ends_with("reload the page"));
-    page.request("hello", json!({"version": 2}));
+    page.request("hello", json!({"version": 3}));
     page.request("unfollow", json!({}));
 }
 

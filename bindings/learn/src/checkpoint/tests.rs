@@ -1,9 +1,18 @@
 //! Tests of `checkpoint`: what is written is read, and what is damaged or foreign is refused.
 
 use super::*;
+use crate::config::{Enemies, SelfPlay};
 use std::fs;
 
-const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 3, n_actions: 9, obs_size: 4, state_size: 6 };
+const SIZES: Sizes = Sizes {
+    n_agents: 2,
+    n_enemies: 3,
+    n_actions: 9,
+    obs_size: 4,
+    state_size: 6,
+    perception_size: 0,
+    enemies: None,
+};
 
 fn checkpoint(config: &Config) -> Checkpoint {
     let mut team = Team::new(config, SIZES);
@@ -11,22 +20,53 @@ fn checkpoint(config: &Config) -> Checkpoint {
     team.actor.adam.mean.fill(0.25);
     team.critic.adam.steps = 7;
     let progress = Progress { updates: 3, steps: 500, episodes: 4, seconds: 1.5, cpu_seconds: 2.5 };
-    let recent = vec![Episode { episode_return: 3.5, length: 20, won: true }];
+    let episode = Episode { episode_return: 3.5, length: 20, won: true };
+    let recent = vec![Ended { episode, against: Against::Script }];
     let envs = Some(SavedEnvs { snapshots: vec![5; 3 * 16], over: vec![0, 1, 0] });
-    Checkpoint { team, progress, recent, envs }
+    Checkpoint { team, progress, recent, envs, league: League::default() }
+}
+
+fn read_checkpoint(path: &Path, config: &Config) -> Result<Checkpoint, FileError> {
+    // Each rival is the first team of another seed.
+    let mut rival = |seed| Ok(Team::new(&Config { seed, ..config.clone() }, SIZES).actor);
+    Checkpoint::read(path, config, SIZES, &mut rival)
+}
+
+#[test]
+fn a_league_is_read_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
+    let config = Config { num_envs: 3, hidden: vec![8], enemies, ..Config::for_agents(3) };
+    let actor = |seed| Team::new(&Config { seed, ..config.clone() }, SIZES).actor;
+    let rivals = vec![
+        Rival { win_rate: 0.75, is_retired: true, ..Rival::new(10, actor(10)) },
+        Rival { win_rate: 0.125, ..Rival::new(20, actor(20)) },
+    ];
+    let players = vec![Player::Rival(10), Player::Own, Player::Rival(20)];
+    let mut written = Checkpoint { league: League { rivals, players }, ..checkpoint(&config) };
+    for against in [Against::Own, Against::Rival] {
+        written.recent.push(Ended { against, ..written.recent[0] });
+    }
+    written.write(&path).unwrap();
+    assert_eq!(read_checkpoint(&path, &config).unwrap(), written);
+    written.league.players[0] = Player::Rival(30);
+    written.write(&path).unwrap();
+    let error = read_checkpoint(&path, &config).unwrap_err().to_string();
+    assert!(error.contains("`league.rivals` has no 30, which plays"), "{error}");
 }
 
 #[test]
 fn a_checkpoint_is_read_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
-    let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
+    let config = Config { num_envs: 3, hidden: vec![8], ..Config::for_agents(3) };
     let written = checkpoint(&config);
     written.write(&path).unwrap();
-    assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
+    assert_eq!(read_checkpoint(&path, &config).unwrap(), written);
     let written = Checkpoint { envs: None, ..written };
     written.write(&path).unwrap();
-    assert_eq!(Checkpoint::read(&path, &config, SIZES).unwrap(), written);
+    assert_eq!(read_checkpoint(&path, &config).unwrap(), written);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file remains");
 }
 
@@ -34,7 +74,7 @@ fn a_checkpoint_is_read_as_it_was_written() {
 fn weights_have_the_names_and_shapes_of_pytorch() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("weights.safetensors");
-    let config = Config { hidden: vec![8, 5], ..Config::default() };
+    let config = Config { hidden: vec![8, 5], ..Config::for_agents(3) };
     let team = checkpoint(&config).team;
     write_weights(&path, &team).unwrap();
     let actor = read_actor(&path, team.actor.mlp.clone()).unwrap();
@@ -53,12 +93,12 @@ fn weights_have_the_names_and_shapes_of_pytorch() {
 fn damaged_and_foreign_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
-    let config = Config { num_envs: 3, hidden: vec![8], ..Config::default() };
+    let config = Config { num_envs: 3, hidden: vec![8], ..Config::for_agents(3) };
     checkpoint(&config).write(&path).unwrap();
     let good = fs::read(&path).unwrap();
     let check = |bytes: &[u8], config: &Config, expected: &str| {
         fs::write(&path, bytes).unwrap();
-        let error = Checkpoint::read(&path, config, SIZES).unwrap_err().to_string();
+        let error = read_checkpoint(&path, config).unwrap_err().to_string();
         assert!(error.contains(expected) && error.contains("checkpoint.safetensors"), "{error}");
     };
     let mut flipped = good.clone();
@@ -73,7 +113,7 @@ fn damaged_and_foreign_files_are_refused() {
     check(b"{\"this is\": \"JSON\"}", &config, "damaged");
     let wider = Config { hidden: vec![16], ..config.clone() };
     check(&good, &wider, "`actor.params` has the shape");
-    let error = Checkpoint::read(folder.path(), &config, SIZES).unwrap_err().to_string();
+    let error = read_checkpoint(folder.path(), &config).unwrap_err().to_string();
     assert!(error.contains("not a regular file"), "{error}");
 
     let weights = folder.path().join("weights.safetensors");
@@ -91,7 +131,7 @@ fn damaged_and_foreign_files_are_refused() {
 fn weights_with_flipped_bits_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("weights.safetensors");
-    let config = Config { hidden: vec![8], ..Config::default() };
+    let config = Config { hidden: vec![8], ..Config::for_agents(3) };
     let team = checkpoint(&config).team;
     write_weights(&path, &team).unwrap();
     let good = fs::read(&path).unwrap();

@@ -26,11 +26,12 @@ impl CsvLog {
     /// Appends a line, after the header if it is the first.
     pub fn append(&mut self, record: &Record) -> Result<(), FileError> {
         let columns = record.columns();
-        let line = columns.map(|(_, value)| if value.is_nan() { String::new() } else { value.to_string() });
+        let text_of = |value: f64| if value.is_nan() { String::new() } else { value.to_string() };
+        let line: Vec<String> = columns.iter().map(|(_, value)| text_of(*value)).collect();
         let mut text = line.join(",") + "\n";
         let mut append = || -> io::Result<()> {
             if self.file.metadata()?.len() == 0 {
-                text = columns.map(|(name, _)| name).join(",") + "\n" + &text;
+                text = columns.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(",") + "\n" + &text;
             }
             self.file.write_all(text.as_bytes())
         };

@@ -9,6 +9,7 @@
 //! - `Value`: tag = 1 (string), simple_value = 2 (float)
 //! - `SessionLog`: status = 1 (enum; 1 is START: what older files have from its step on is void)
 
+use crate::evaluations::EvaluationRow;
 use crate::tensors::FileError;
 use crate::training::Record;
 use std::fs::File;
@@ -39,15 +40,30 @@ impl TensorBoardLog {
 
     /// Adds the values of an update, except those that do not exist yet.
     pub fn append(&mut self, record: &Record) -> Result<(), FileError> {
+        let columns = record.columns().into_iter().filter(|(_, value)| !value.is_nan());
+        self.append_values(record.steps, columns)
+    }
+
+    /// Adds the results of an evaluation.
+    pub fn append_evaluation(&mut self, row: &EvaluationRow) -> Result<(), FileError> {
+        let means = row.values().into_iter().filter(|(name, _)| !name.ends_with("seconds"));
+        self.append_values(row.trained_steps, means)
+    }
+
+    fn append_values(
+        &mut self,
+        steps: u64,
+        values: impl Iterator<Item = (&'static str, f64)>,
+    ) -> Result<(), FileError> {
         let mut summary = Vec::new();
-        for (name, value) in record.columns().into_iter().filter(|(_, value)| !value.is_nan()) {
+        for (name, value) in values {
             let mut message = Vec::new();
             bytes_field(&mut message, 1, name.as_bytes());
             message.push(2 << 3 | 5); // 32 bits
             message.extend((value as f32).to_le_bytes());
             bytes_field(&mut summary, 1, &message);
         }
-        self.write(&event(record.steps, |event| bytes_field(event, 5, &summary)))
+        self.write(&event(steps, |event| bytes_field(event, 5, &summary)))
     }
 
     fn write(&mut self, data: &[u8]) -> Result<(), FileError> {

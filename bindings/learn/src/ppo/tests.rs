@@ -10,10 +10,18 @@ use crate::team::agent_ids;
 use faer::MatRef;
 use smaclite_engine::Sizes;
 
-const SIZES: Sizes = Sizes { n_agents: 2, n_enemies: 1, n_actions: 3, obs_size: 3, state_size: 6 };
+const SIZES: Sizes = Sizes {
+    n_agents: 2,
+    n_enemies: 1,
+    n_actions: 3,
+    obs_size: 3,
+    state_size: 6,
+    perception_size: 0,
+    enemies: None,
+};
 
 fn config(algorithm: Algorithm) -> Config {
-    Config { algorithm, num_envs: 16, horizon: 8, hidden: vec![16], ..Config::default() }
+    Config { algorithm, num_envs: 16, horizon: 8, hidden: vec![16], ..Config::for_agents(3) }
 }
 
 /// Plays one rollout. The share of right actions is its mean reward, divided by the number of agents.

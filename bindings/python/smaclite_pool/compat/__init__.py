@@ -1,11 +1,12 @@
-"""Drop-in replacements for the packages `smaclite` and `smac`, for code that should run unchanged.
+"""Drop-in replacements for the packages `smaclite`, `smac` and `smacv2`, for code that should run unchanged.
 
-Run a program with both replacements first on Python's path:
+Run a program with all replacements first on Python's path:
 
     python -m smaclite_pool.compat src/main.py --config=qmix --env-config=smaclite with env_args.map_name=MMM
 
-`--smaclite` or `--smac` selects one of them. Without a program the command prints the value for PYTHONPATH.
-In code, call `install_smaclite` or `install_smac` before the first import of the package:
+`--smaclite`, `--smac` and `--smacv2` select some of them. Without a program the command prints the value for
+PYTHONPATH. In code, call `install_smaclite`, `install_smac` or `install_smacv2` before the first import of
+the package:
 
     from smaclite_pool import compat
 
@@ -20,15 +21,16 @@ In code, call `install_smaclite` or `install_smac` before the first import of th
     observations, reward, terminated, truncated, info = env.step([int(agent.argmax()) for agent in available])
     env.close()
 
-Without any of this, `import smaclite` and `import smac` get the published packages, if they are installed.
+Without any of this, these imports get the published packages, if they are installed.
 
-The replacement of `smac` is `smaclite_pool.marl.smac`. That of `smaclite` is `smaclite_pool.compat.smaclite`,
-which needs gymnasium. Like the published environment it has no episode limit: callers wrap it in Gymnasium's
-`TimeLimit`, and only `truncated` distinguishes a time-out from a defeat. EPyMARL reads
-`info["episode_limit"]` instead, and so stores every time-out as a defeat. With `episode_limit=150` the
-environment truncates episodes itself and sets that key. Where the arguments of the constructor are out of
-reach, the environment variable SMACLITE_POOL_EPISODE_LIMIT or the option `--episode-limit` is the default;
-EPyMARL needs the same number as its time limit:
+The replacement of `smac` is `smaclite_pool.marl.smac`, that of `smacv2` is `smaclite_pool.marl.smacv2`.
+
+That of `smaclite` is `smaclite_pool.compat.smaclite`, which needs gymnasium. Like the published environment
+it has no episode limit: callers wrap it in Gymnasium's `TimeLimit`, and only `truncated` distinguishes a
+time-out from a defeat. EPyMARL reads `info["episode_limit"]` instead, and so stores every time-out as a
+defeat. With `episode_limit=150` the environment truncates episodes itself and sets that key. Where the
+arguments of the constructor are out of reach, the environment variable SMACLITE_POOL_EPISODE_LIMIT or the
+option `--episode-limit` is the default; EPyMARL needs the same number as its time limit:
 
     python -m smaclite_pool.compat --episode-limit 150 src/main.py ... with env_args.time_limit=150 ...
 """
@@ -41,9 +43,9 @@ from pathlib import Path
 
 from ..errors import InvalidRequest
 
-__all__ = ["EPISODE_LIMIT_VARIABLE", "FOLDERS", "install_smac", "install_smaclite"]
+__all__ = ["EPISODE_LIMIT_VARIABLE", "FOLDERS", "install_smac", "install_smaclite", "install_smacv2"]
 
-FOLDERS = {name: Path(__file__).parent / name for name in ("smaclite", "smac")}
+FOLDERS = {name: Path(__file__).parent / name for name in ("smaclite", "smac", "smacv2")}
 """By package, the folder that contains its replacement. First on the path, it takes precedence."""
 
 EPISODE_LIMIT_VARIABLE = "SMACLITE_POOL_EPISODE_LIMIT"
@@ -64,6 +66,14 @@ def install_smac() -> None:
     Raises InvalidRequest if the published package was imported before.
     """
     _install("smac")
+
+
+def install_smacv2() -> None:
+    """Let `import smacv2` get the replacement from now on, in this process and in child processes.
+
+    Raises InvalidRequest if the published package was imported before.
+    """
+    _install("smacv2")
 
 
 def _install(package: str) -> None:

@@ -1,4 +1,4 @@
-"""Run Python with drop-in replacements for `smaclite` and `smac` first on its path."""
+"""Run Python with drop-in replacements for `smaclite`, `smac` and `smacv2` first on its path."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import sys
 from . import EPISODE_LIMIT_VARIABLE, FOLDERS
 
 USAGE = """\
-usage: python -m smaclite_pool.compat [--smaclite] [--smac] [--episode-limit STEPS]
-                                      [SCRIPT | -m MODULE | -c CODE] [ARGUMENTS ...]
+usage: python -m smaclite_pool.compat [--smaclite] [--smac] [--smacv2]
+                                      [--episode-limit STEPS] [SCRIPT | -m MODULE | -c CODE] [ARGUMENTS ...]
 
-Runs Python with drop-in replacements for the packages `smaclite` and `smac`. Without a
-script it prints the value for PYTHONPATH that has the same effect.
+Runs Python with drop-in replacements for the packages `smaclite`, `smac` and `smacv2`.
+Without a script it prints the value for PYTHONPATH that has the same effect.
 
-  --smaclite             replace `smaclite`; with neither option both packages are replaced
+  --smaclite             replace `smaclite`; without these options all three packages are replaced
   --smac                 replace `smac`
+  --smacv2               replace `smacv2`
   --episode-limit STEPS  smaclite: truncate episodes after STEPS and set info["episode_limit"]"""
 
 
@@ -28,7 +29,7 @@ def main() -> int:
         if option == "--help":
             print(USAGE)
             return 0
-        if option in ("--smaclite", "--smac"):
+        if option.removeprefix("--") in FOLDERS:
             packages.add(option.removeprefix("--"))
         elif option == "--episode-limit":
             if not "".join(arguments[:1]).isdecimal():

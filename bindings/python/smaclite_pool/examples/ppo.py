@@ -1,11 +1,11 @@
-"""PPO of a team in one file: MAPPO, or IPPO with `--algorithm ippo`.
+"""PPO of a team in one file: IPPO, or MAPPO with `--algorithm mappo`.
 
     python -m smaclite_pool.examples.ppo 2s3z --steps 500000 --seed 1
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All
 agents share one policy, which sees an agent's own observation and its number. The critic, which only training
-uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO: one per agent).
+uses, sees an agent's observation (IPPO: one value per agent) or the state (MAPPO: one per environment).
 
 Algorithm, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
 (docs/tutorials/training.md). This file is to be read and changed: from top to bottom, options, networks,
@@ -21,6 +21,7 @@ import csv
 import json
 import time
 from collections import defaultdict, deque
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from itertools import pairwise
@@ -36,6 +37,11 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 
+TEAM_ENTROPY = 0.3
+"""The more agents explore at once, the less can each of them learn from the reward that they share. So the
+default weight of the entropy is divided by their number."""
+
+
 def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
     return field(default=default, metadata={"help": f"{text} (default: %(default)s)", "choices": choices})
 
@@ -46,9 +52,9 @@ class Options:
 
     scenario: str = "2s3z"
     algorithm: str = option(
-        "mappo", "what the critic sees: the state (mappo) or an observation (ippo)", ["mappo", "ippo"]
+        "ippo", "what the critic sees: the state (mappo) or an observation (ippo)", ["mappo", "ippo"]
     )
-    steps: int = option(1_000_000, "environment steps of the run")
+    steps: int = option(2_000_000, "environment steps of the run")
     seed: int = option(0, "of weights, environments, actions and minibatches")
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
@@ -56,26 +62,25 @@ class Options:
     # in a busy loop, and on a machine with other work that multiplies the time.
     torch_threads: int = option(1, "threads of PyTorch")
     threads: int = option(0, "threads of the pool; 0: as many as there are cores")
-    last_actions: int = option(0, "how many of its own last actions an agent observes")
+    last_actions: int = option(4, "how many of its own last actions an agent observes")
     num_envs: int = option(64, "number of environments")
     horizon: int = option(64, "steps of each environment per update")
     epochs: int = option(4, "passes over the data of an update")
-    # Minibatches of less than about 4096 rows cost more processor time per row.
-    minibatches: int = option(4, "gradient steps per epoch")
+    minibatches: int = option(8, "gradient steps per epoch")
     hidden: str = option("64,64", "widths of the hidden layers")
     activation: str = option("relu", "non-linearity of the hidden layers", ["relu", "tanh"])
     actor_lr: float = option(7e-4, "step size of the actor")
     critic_lr: float = option(1e-3, "step size of the critic")
-    lr_end: float = option(1.0, "share of the step sizes that is left at the end, falling linearly")
+    lr_end: float = option(0.05, "share of the step sizes that is left at the end, falling linearly")
     adam_eps: float = option(1e-5, "added to the denominator of Adam")
     gamma: float = option(0.99, "discount per step")
     lambda_: float = option(0.95, "decay of the generalised advantage estimate")
-    advantage_floor: float = option(0.0, "divide advantages at least by this share of the returns' deviation")
+    advantage_floor: float = option(0.3, "divide advantages at least by this share of the returns' deviation")
     clip: float = option(0.2, "how far the probability ratio may leave 1")
     value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
     huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
-    entropy: float = option(0.01, "weight of the entropy at the beginning")
-    entropy_end: float = option(-1.0, "weight of the entropy at the end; -1: as at the beginning")
+    entropy: float = option(-1.0, "weight of the entropy at the beginning; -1: 0.3 / number of agents")
+    entropy_end: float = option(0.0, "weight of the entropy at the end")
     max_grad_norm: float = option(1.0, "longest gradient of each network")
     evaluate_episodes: int = option(200, "episodes of the evaluation at the end; 0: none")
     greedy: bool = option(False, "evaluate the most probable actions, not sampled ones")
@@ -251,8 +256,8 @@ class Learner:
         means over the gradient steps."""
         options = self.options
         lr_factor = 1 + (options.lr_end - 1) * progress
-        entropy_end = options.entropy if options.entropy_end < 0 else options.entropy_end
-        entropy_weight = options.entropy + (entropy_end - options.entropy) * progress
+        entropy = options.entropy if options.entropy >= 0 else TEAM_ENTROPY / self.envs.n_agents
+        entropy_weight = entropy + (options.entropy_end - entropy) * progress
         self.actor_optimiser.param_groups[0]["lr"] = options.actor_lr * lr_factor
         self.critic_optimiser.param_groups[0]["lr"] = options.critic_lr * lr_factor
         data = self.rows()
@@ -399,7 +404,7 @@ def make(options: Options, num_envs: int) -> sp.Envs:
     return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=own_actions)
 
 
-def train(options: Options) -> Learner:
+def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
@@ -408,7 +413,7 @@ def train(options: Options) -> Learner:
     (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     update = steps = n_episodes = 0
-    with make(options, options.num_envs) as envs:
+    with make_envs(options, options.num_envs) as envs:
         learner, log = Learner(envs, options), Log(folder)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         while steps < options.steps:
@@ -433,9 +438,9 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
         )
 
 
-def parse_options() -> Options:
+def parse_options(description: str | None) -> Options:
     keep_lines = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
+    parser = argparse.ArgumentParser(description=description, formatter_class=keep_lines)
     parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file")
     for o in fields(Options)[1:]:
         flag, kind = "--" + o.name.strip("_").replace("_", "-"), type(o.default)
@@ -446,10 +451,10 @@ def parse_options() -> Options:
     return Options(**vars(parser.parse_args()))
 
 
-def main() -> None:
-    options = parse_options()
+def main(description: str | None = __doc__, make_envs: Callable[[Options, int], Any] = make) -> None:
+    options = parse_options(description)
     try:
-        learner = train(options)
+        learner = train(options, make_envs)
         if options.evaluate_episodes > 0:
             result = evaluate(learner, options)
             print(

@@ -10,11 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import Batch, make
+from .._native import Batch, Envs, make
 from ..errors import InvalidRequest
 
 OBSERVATION_KEYS = {"obs": "obs", "state": "state", "action_mask": "avail_actions"}
 """Keys of the observations of vector environments, and the field of a batch that each one contains."""
+
+ENEMY_OBSERVATION_KEYS = {
+    "enemy_obs": "enemy_obs",
+    "enemy_state": "enemy_state",
+    "enemy_action_mask": "enemy_avail_actions",
+}
+"""The same of the enemies, where actions play both sides."""
 
 OUTCOME_FIELDS = ("battle_won", "dead_allies", "dead_enemies")
 """Fields of a batch in the info of a single battle."""
@@ -23,8 +30,33 @@ INFO_FIELDS = (*OUTCOME_FIELDS, "episode_return", "episode_length")
 """Fields of a batch in the infos of vector environments. `Envs.fields` has their dtypes."""
 
 
-SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, "snapshot")
-"""Fields of the lane of a single battle."""
+ENEMY_FIELDS = ("enemy_obs", "enemy_avail_actions", "enemy_reward")
+"""Fields of the enemies, where actions play both sides."""
+
+SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, *ENEMY_FIELDS, "snapshot")
+"""Fields of the lane of a single battle; a lane leaves those out that it cannot have."""
+
+
+def check_one_side(envs: Envs) -> Envs:
+    """The environments, if a script plays their enemies. Raises InvalidRequest if actions play them, too."""
+    if envs.sides == "both":
+        raise InvalidRequest(
+            "sides must be 'allies' here, got 'both'; smaclite_pool.make, connect(side=...) and PettingZoo's "
+            "environment play both sides"
+        )
+    return envs
+
+
+@dataclass(frozen=True)
+class EnemyTimeStep:
+    """The enemies of a battle after a reset or step, where actions play both sides."""
+
+    obs: NDArray[np.float32]
+    """float32 [n_enemies, enemy_obs_size]."""
+    avail_actions: NDArray[np.bool_]
+    """bool [n_enemies, n_enemy_actions]."""
+    reward: float
+    """The enemies' reward."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +81,29 @@ class TimeStep:
     """uint8 [snapshot_size]: the battle, to restore it later."""
     info: dict[str, Any]
     """`battle_won` (bool), `dead_allies` and `dead_enemies` (int)."""
+    enemies: EnemyTimeStep | None
+    """If actions play both sides."""
 
     @property
     def ended(self) -> bool:
         """Whether the episode has ended."""
         return self.terminated or self.truncated
+
+    @property
+    def rows(self) -> list[NDArray[np.float32]]:
+        """The observation of each agent, and then of each enemy if actions play both sides."""
+        return [*self.obs, *(self.enemies.obs if self.enemies else ())]
+
+    @property
+    def masks(self) -> list[NDArray[np.bool_]]:
+        """The available actions of the units of `rows`."""
+        return [*self.avail_actions, *(self.enemies.avail_actions if self.enemies else ())]
+
+    @property
+    def rewards(self) -> list[float]:
+        """The reward of the team of each unit of `rows`."""
+        of_enemies = [self.enemies.reward] * len(self.enemies.obs) if self.enemies else []
+        return [self.reward] * len(self.obs) + of_enemies
 
     @property
     def totals(self) -> dict[str, Any]:
@@ -63,6 +113,13 @@ class TimeStep:
     @staticmethod
     def of(batch: Batch) -> TimeStep:
         """The only environment of a batch."""
+        enemies = None
+        if "enemy_obs" in batch:
+            enemies = EnemyTimeStep(
+                obs=batch.enemy_obs[0].copy(),
+                avail_actions=batch.enemy_avail_actions[0].copy(),
+                reward=batch.enemy_reward[0].item(),
+            )
         return TimeStep(
             obs=batch.obs[0].copy(),
             avail_actions=batch.avail_actions[0].copy(),
@@ -74,6 +131,7 @@ class TimeStep:
             episode_length=batch.episode_length[0].item(),
             snapshot=batch.snapshot[0].copy(),
             info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
+            enemies=enemies,
         )
 
 
@@ -87,18 +145,25 @@ class SingleBattle:
         scenario: a standard scenario or the path of a scenario file.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except
             `fields`.
+        both_sides: whether `sides="both"` is accepted among them; then `agents` has the enemies too.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
-    def __init__(self, scenario: str | PathLike[str], settings: Mapping[str, Any]) -> None:
+    def __init__(
+        self, scenario: str | PathLike[str], settings: Mapping[str, Any], *, both_sides: bool = False
+    ) -> None:
         if "fields" in settings:
             raise InvalidRequest("a single battle has all fields; remove `fields`")
         fields = list(SINGLE_BATTLE_FIELDS)
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
         self.envs = make(scenario, 1, autoreset="disabled", fields=fields, **{**defaults, **settings})
+        if not both_sides:
+            check_one_side(self.envs)
         self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
+        if self.envs.sides == "both":
+            self.agents += [f"enemy_{enemy}" for enemy in range(self.envs.n_enemies)]
         self._next_seed: int | None = None
         self._last: TimeStep | None = None
 
@@ -155,6 +220,14 @@ class SingleBattle:
                 f"actions must contain every agent, missing {', '.join(missing)}; dead agents use 0 (no-op)"
             )
         return self.step([int(actions.get(agent, 0)) for agent in self.agents])
+
+    @property
+    def sizes(self) -> dict[str, tuple[int, int]]:
+        """`obs_size` and `n_actions` by name."""
+        envs = self.envs
+        own = dict.fromkeys(self.agents[: envs.n_agents], (envs.obs_size, envs.n_actions))
+        sizes = (envs.enemy_obs_size, envs.n_enemy_actions)
+        return own | dict.fromkeys(self.agents[envs.n_agents :], sizes)
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

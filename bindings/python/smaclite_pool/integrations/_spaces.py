@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._native import Envs
 from ..errors import Closed, InvalidRequest
-from ._common import OBSERVATION_KEYS
+from ._common import ENEMY_OBSERVATION_KEYS, OBSERVATION_KEYS
 
 
 class AvailableDiscrete(spaces.Discrete):
@@ -33,10 +33,12 @@ class AvailableDiscrete(spaces.Discrete):
         return spaces.Discrete, (int(self.n),)  # a copy is not updated
 
 
-def update_masks(each: Mapping[str, AvailableDiscrete], avail_actions: NDArray[np.bool_]) -> None:
-    """Set the masks of the agents' spaces, from bool [n_agents, n_actions]."""
-    for space, mask in zip(each.values(), avail_actions.view(np.int8), strict=True):
-        space.mask = mask
+def update_masks(
+    each: Mapping[str, AvailableDiscrete], avail_actions: Sequence[NDArray[np.bool_]] | NDArray[np.bool_]
+) -> None:
+    """Set the masks of the agents' spaces, each from bool [n_actions]."""
+    for space, mask in zip(each.values(), avail_actions, strict=True):
+        space.mask = mask.view(np.int8)
 
 
 class _SamplesAvailable:
@@ -123,11 +125,12 @@ def single_observation_space(envs: Envs) -> spaces.Dict:
     """The observation of one environment, with the keys whose fields the lane has.
 
     `obs` float32 [n_agents, obs_size] and `state` float32 [state_size], both in [-1, 1], and `action_mask`
-    int8 [n_agents, n_actions].
+    int8 [n_agents, n_actions]; if actions play both sides, then `enemy_obs`, `enemy_state` and
+    `enemy_action_mask` too.
     """
     fields = envs.fields
     present: dict[str, spaces.Space[Any]] = {}
-    for key, field in OBSERVATION_KEYS.items():
+    for key, field in (OBSERVATION_KEYS | ENEMY_OBSERVATION_KEYS).items():
         if field in fields:
             dtype, (_, *shape) = fields[field]
             if dtype == np.bool_:  # not MultiBinary, as TorchRL knows that with one axis only
@@ -145,8 +148,9 @@ def batched_observation_space(envs: Envs) -> spaces.Dict:
 
 
 def single_action_space(envs: Envs) -> spaces.MultiDiscrete:
-    """`MultiDiscrete([n_actions] * n_agents)`."""
-    return spaces.MultiDiscrete([envs.n_actions] * envs.n_agents)
+    """`MultiDiscrete([n_actions] * n_agents)`, and the same of the enemies if actions play both sides."""
+    of_enemies = [envs.n_enemy_actions] * (envs.n_actors - envs.n_agents)
+    return spaces.MultiDiscrete([envs.n_actions] * envs.n_agents + of_enemies)
 
 
 def batched_action_space(envs: Envs) -> AvailableBox:

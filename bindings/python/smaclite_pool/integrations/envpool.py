@@ -13,9 +13,11 @@
 
 An observation is a dict: `obs` float32 [M, n_agents, obs_size], `state` float32 [M, state_size],
 `action_mask` bool [M, n_agents, n_actions]. Agents are an axis and not players of EnvPool: there is one
-reward per environment, that of the team. Two differences from EnvPool: `reset` accepts a seed, and an
-unavailable action is an error. This module needs no further package; only the spaces of `spec` need
-gymnasium.
+reward per environment, that of the team. With `sides="both"`, the other team is no player either:
+observations have `enemy_obs`, `enemy_state` and `enemy_action_mask`, info has `enemy_reward` and
+`enemy_alive`, and actions are [M, n_agents + n_enemies]. Two differences from EnvPool: `reset` accepts a
+seed, and an unavailable action is an error. This module needs no further package; only the spaces of `spec`
+need gymnasium.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _native
 from .._native import Batch, Envs, scenarios
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS, OBSERVATION_KEYS
+from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS
 
 if TYPE_CHECKING:
     from gymnasium import spaces
@@ -46,8 +48,13 @@ INFO_KEYS = {
     "elapsed_step": "episode_length",
     **{field: field for field in INFO_FIELDS if field != "episode_length"},
     "alive": "alive",
+    "enemy_alive": "enemy_alive",
+    "enemy_reward": "enemy_reward",
 }
 """Keys of `info`, EnvPool's where it has one, and the field of a batch that each one contains."""
+
+OBS_KEYS = OBSERVATION_KEYS | ENEMY_OBSERVATION_KEYS
+"""Keys of observations; those of fields that the lane has."""
 
 
 class ArraySpec(NamedTuple):
@@ -106,7 +113,7 @@ class EnvPool:
     @property
     def spec(self) -> EnvSpec:
         """Names, dtypes, shapes and spaces."""
-        keys = {f"obs:{key}": field for key, field in OBSERVATION_KEYS.items()}
+        keys = {f"obs:{key}": field for key, field in OBS_KEYS.items()}
         keys |= {f"info:{key}": field for key, field in INFO_KEYS.items()}
         keys |= {"reward": "reward", "terminated": "terminated", "trunc": "truncated"}
         received = {}
@@ -115,7 +122,7 @@ class EnvPool:
                 dtype, shape = self._fields[name]
                 received[key] = ArraySpec(dtype, shape[1:])
         int32 = np.dtype(np.int32)
-        sent = {"env_id": ArraySpec(int32, ()), "action": ArraySpec(int32, (self._envs.n_agents,))}
+        sent = {"env_id": ArraySpec(int32, ()), "action": ArraySpec(int32, (self._envs.n_actors,))}
         return EnvSpec(self.config, received, sent, self._envs)
 
     @property
@@ -143,7 +150,8 @@ class EnvPool:
     def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
         """Send actions to environments and return at once.
 
-        `action`: integers [K, n_agents]. `env_id`: integers [K]; None for all environments in order. If an
+        `action`: integers [K, n_agents], with those of the enemies behind them if actions play both sides.
+        `env_id`: integers [K]; None for all environments in order. If an
         action is not available, nothing is stepped, and the next `recv` raises IllegalAction.
         """
         self._envs.send(action, env_id)
@@ -189,7 +197,7 @@ class EnvPool:
         return self._decode(batch, None if self.is_async else ids)
 
     def _decode(self, batch: Batch, slots: NDArray[Any] | None = None) -> tuple[Arrays, Arrays]:
-        return self._select(OBSERVATION_KEYS, batch, slots), self._select(INFO_KEYS, batch, slots)
+        return self._select(OBS_KEYS, batch, slots), self._select(INFO_KEYS, batch, slots)
 
     def _select(self, keys: dict[str, str], batch: Batch, slots: NDArray[Any] | None) -> Arrays:
         present = {key: field for key, field in keys.items() if field in self._fields}

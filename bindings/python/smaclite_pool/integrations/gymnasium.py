@@ -50,7 +50,7 @@ from .._render import (
 )
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle, TimeStep
+from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle, TimeStep, check_one_side
 from ._extra import extra
 
 with extra("gymnasium"):
@@ -127,6 +127,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         renderer: Renderer | None = None,
     ) -> None:
         self.closed = True  # if this fails, the caller still owns the lane
+        check_one_side(envs)
         require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy
         self._stops = _stops(illegal_actions)

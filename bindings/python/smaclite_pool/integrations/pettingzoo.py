@@ -16,8 +16,9 @@
 PettingZoo's checks of actions and of the order of calls. All take the same arguments.
 
 Agents are "agent_0", "agent_1", ...; all of them stay in `agents` until the battle ends. Dead agents observe
-zeros, and their only available action is 0 (no-op). Single battles are slow; for training, step many at once
-with `smaclite_pool.make` or an integration with vector environments.
+zeros, and their only available action is 0 (no-op). With `sides="both"`, "enemy_0", "enemy_1", ... are agents
+too, with the observations, actions and rewards of their side. Single battles are slow; for training, step
+many at once with `smaclite_pool.make` or an integration with vector environments.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     """One battle with PettingZoo's parallel interface.
 
     Each agent observes `{"observation": float32 [obs_size], "action_mask": int8 [n_actions]}`, copies that
-    you can keep and change. Every agent gets the team reward; termination, truncation and info (`battle_won`,
-    `dead_allies`, `dead_enemies`) are the same for all.
+    you can keep and change. Every agent gets its team's reward; termination, truncation and info
+    (`battle_won`, `dead_allies`, `dead_enemies`) are the same for all.
 
     Args:
         scenario: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
@@ -76,7 +77,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     ) -> None:
         self.render_mode = render_mode
         self._viewer = BattleViewer(scenario, *self.picture_size, render_mode, render_speed)
-        self._battle = SingleBattle(scenario, settings)
+        self._battle = SingleBattle(scenario, settings, both_sides=True)
         envs = self._battle.envs
         self.metadata = {
             "name": f"smaclite_pool_{envs.scenario}",
@@ -86,14 +87,10 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         }
         self.possible_agents = self._battle.agents
         self.agents: list[str] = []
-        self.observation_spaces = {agent: self._observation_space() for agent in self.possible_agents}
-        self.action_spaces = {agent: AvailableDiscrete(envs.n_actions) for agent in self.possible_agents}
+        sizes = self._battle.sizes
+        self.observation_spaces = {agent: _observation_space(*size) for agent, size in sizes.items()}
+        self.action_spaces = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
         self.state_space = Box(-1.0, 1.0, (envs.state_size,), np.float32)
-
-    def _observation_space(self) -> Dict:
-        envs = self._battle.envs
-        observation = Box(-1.0, 1.0, (envs.obs_size,), np.float32)
-        return Dict(observation=observation, action_mask=Box(0, 1, (envs.n_actions,), np.int8))
 
     def observation_space(self, agent: str) -> Dict:
         """The observation space of an agent; the same object every time."""
@@ -125,7 +122,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         now = self._battle.step_by_name(actions)
         self._viewer.observe(now.state)
         observations, infos = self._observe(now), self._infos(now)
-        rewards = dict.fromkeys(self.agents, now.reward)
+        rewards = dict(zip(self.agents, now.rewards, strict=True))
         terminations = dict.fromkeys(self.agents, now.terminated)
         truncations = dict.fromkeys(self.agents, now.truncated)
         if now.ended:
@@ -133,11 +130,10 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         return observations, rewards, terminations, truncations, infos
 
     def _observe(self, now: TimeStep) -> dict[str, Observation]:
-        update_masks(self.action_spaces, now.avail_actions)
-        masks = now.avail_actions.astype(np.int8)
+        update_masks(self.action_spaces, now.masks)
         return {
-            agent: {"observation": obs, "action_mask": mask}
-            for agent, obs, mask in zip(self.possible_agents, now.obs, masks, strict=True)
+            agent: {"observation": obs, "action_mask": mask.astype(np.int8)}
+            for agent, obs, mask in zip(self.possible_agents, now.rows, now.masks, strict=True)
         }
 
     def _infos(self, now: TimeStep) -> dict[str, dict[str, Any]]:
@@ -183,6 +179,11 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         self.agents = []
         self._viewer.close()
         self._battle.close()
+
+
+def _observation_space(obs_size: int, n_actions: int) -> Dict:
+    observation = Box(-1.0, 1.0, (obs_size,), np.float32)
+    return Dict(observation=observation, action_mask=Box(0, 1, (n_actions,), np.int8))
 
 
 def raw_env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:

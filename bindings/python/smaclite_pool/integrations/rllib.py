@@ -27,6 +27,10 @@ A module that ignores the mask soon chooses an unavailable action, and the step 
 `episode_return_mean` is the sum over all agents, each of which gets the reward of the team; `log_team` adds
 the return of the team.
 
+With `"sides": "both"` in `env_config`, "enemy_0", "enemy_1", ... are agents too, with the observations,
+actions and rewards of their side. For a policy per side, name the policies "agent" and "enemy", and map by
+`policy_mapping_fn=lambda agent, episode, **_: agent.split("_")[0]`.
+
 RLlib steps one battle at a time through dicts, hundreds of times slower than a pool can. To use an RLlib
 cluster at full speed, see `smaclite_pool.integrations.ray`.
 """
@@ -59,7 +63,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     """One battle with the interface of RLlib's multi-agent environments.
 
     Each agent observes `{"observations": float32 [obs_size], "action_mask": float32 [n_actions]}`. Every
-    agent gets the team reward, and infos (`battle_won`, `dead_allies`, `dead_enemies`, `episode_return`,
+    agent gets its team's reward, and infos (`battle_won`, `dead_allies`, `dead_enemies`, `episode_return`,
     `episode_length`) are the same for all.
 
     Args:
@@ -84,18 +88,13 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
         speed: float | None = settings.pop("render_speed", 1.0)
         self._viewer = BattleViewer(scenario, *self.picture_size, self.render_mode, speed)
-        self._battle = SingleBattle(scenario, settings)
-        agents, n_actions = self._battle.agents, self._battle.envs.n_actions
-        self._available_actions = {agent: AvailableDiscrete(n_actions) for agent in agents}
+        self._battle = SingleBattle(scenario, settings, both_sides=True)
+        agents, sizes = self._battle.agents, self._battle.sizes
+        self._available_actions = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
         self.possible_agents, self.agents = list(agents), list(agents)
-        self.observation_spaces = {agent: self._observation_space() for agent in agents}
+        self.observation_spaces = {agent: _observation_space(*size) for agent, size in sizes.items()}
         self.action_spaces = {agent: self._available_actions[agent] for agent in agents}
         super().__init__()
-
-    def _observation_space(self) -> Dict:
-        envs = self._battle.envs
-        observations = Box(-1.0, 1.0, (envs.obs_size,), np.float32)
-        return Dict(action_mask=Box(0.0, 1.0, (envs.n_actions,), np.float32), observations=observations)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -117,15 +116,15 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self._viewer.observe(now.state)
         terminateds = self._for_all(now.terminated) | {"__all__": now.terminated}
         truncateds = self._for_all(now.truncated) | {"__all__": now.truncated}
-        rewards, infos = self._for_all(now.reward), self._for_all(now.totals)
+        rewards = dict(zip(self._battle.agents, now.rewards, strict=True))
+        infos = self._for_all(now.totals)
         return self._observe(now), rewards, terminateds, truncateds, infos
 
     def _observe(self, now: TimeStep) -> dict[str, dict[str, NDArray[np.float32]]]:
-        update_masks(self._available_actions, now.avail_actions)  # RLlib begins with a random step as a check
-        masks = now.avail_actions.astype(np.float32)
+        update_masks(self._available_actions, now.masks)  # RLlib begins with a random step as a check
         return {
-            agent: {"action_mask": mask, "observations": obs}
-            for agent, mask, obs in zip(self._battle.agents, masks, now.obs, strict=True)
+            agent: {"action_mask": mask.astype(np.float32), "observations": obs}
+            for agent, mask, obs in zip(self._battle.agents, now.masks, now.rows, strict=True)
         }
 
     def _for_all(self, value: Any) -> dict[str, Any]:
@@ -143,6 +142,11 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         """End the pool and close the window. Calling it again has no effect."""
         self._viewer.close()
         self._battle.close()
+
+
+def _observation_space(obs_size: int, n_actions: int) -> Dict:
+    observations = Box(-1.0, 1.0, (obs_size,), np.float32)
+    return Dict(action_mask=Box(0.0, 1.0, (n_actions,), np.float32), observations=observations)
 
 
 def log_team(*, episode: Any, metrics_logger: Any, **_: Any) -> None:

@@ -15,6 +15,9 @@ nothing is stepped. Random actions are available ones: `rollout` without a polic
 collectors whose policy is None. A finished environment waits for its reset, which collectors and
 `step_and_maybe_reset` request by a `_reset` mask. With `snapshot` among `fields`, `save` and `restore` return
 to an earlier state.
+
+With `sides="both"`, the group "enemies" has an observation, an action_mask, an action and a reward of each
+enemy: ("enemies", "reward") float32 [num_envs, n_enemies, 1], the same for all of them.
 """
 
 from __future__ import annotations
@@ -123,6 +126,8 @@ class PoolEnv(EnvBase):
         self.render_mode = render_mode
         self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
         self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.n_agents)]}
+        if envs.sides == "both":
+            self.group_map["enemies"] = [f"enemy_{enemy}" for enemy in range(envs.n_enemies)]
         self._next_seed: int | None = None
         self._snapshots: torch.Tensor | None = None
         self._make_specs()
@@ -134,28 +139,42 @@ class PoolEnv(EnvBase):
         require_synchronous(envs, "TorchRL", "disabled")
 
     def _make_specs(self) -> None:
-        count, agents, device = self.batch_size, self.envs.n_agents, self.device
-        team = torch.Size([*count, agents])
-        shape = torch.Size([*team, self.envs.obs_size])
-        observation = Bounded(-1.0, 1.0, shape, device=device, dtype=torch.float32)
-        mask = Binary(shape=torch.Size([*team, self.envs.n_actions]), device=device, dtype=torch.bool)
-        action = AvailableActions(self.envs.n_actions, team, device, torch.int64, mask.one())
-        self._available = action.mask
+        count, device, envs = self.batch_size, self.device, self.envs
         info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
+        sizes = {
+            "agents": (envs.n_agents, envs.obs_size, envs.n_actions),
+            "enemies": (envs.n_enemies, envs.enemy_obs_size, envs.n_enemy_actions),
+        }
+        groups = {group: self._group_specs(*sizes[group]) for group in self.group_map}
+        self._available = {group: actions["action"].mask for group, (_, actions) in groups.items()}
         self.observation_spec = Composite(
-            agents=Composite(observation=observation, action_mask=mask, shape=team, device=device),
+            **{group: observed for group, (observed, _) in groups.items()},
             state=Unbounded(torch.Size([*count, self.envs.state_size]), device=device, dtype=torch.float32),
             info=Composite(info, shape=count, device=device),
             shape=count,
             device=device,
         )
-        actions = Composite(action=action, shape=team, device=device)
-        self.full_action_spec = Composite(agents=actions, shape=count, device=device)
+        actions = {group: actions for group, (_, actions) in groups.items()}
+        self.full_action_spec = Composite(**actions, shape=count, device=device)
         column = torch.Size([*count, 1])
-        reward = self._scalar(self._dtype("reward"), column)
-        self.full_reward_spec = Composite(reward=reward, shape=count, device=device)
+        rewards: dict[str, Any] = {"reward": self._scalar(self._dtype("reward"), column)}
+        if "enemies" in groups:
+            team = torch.Size([*count, envs.n_enemies])
+            of_each = self._scalar(self._dtype("enemy_reward"), torch.Size([*team, 1]))
+            rewards["enemies"] = Composite(reward=of_each, shape=team, device=device)
+        self.full_reward_spec = Composite(**rewards, shape=count, device=device)
         ends = {name: self._scalar(torch.bool, column) for name in ("done", "terminated", "truncated")}
         self.full_done_spec = Composite(ends, shape=count, device=device)
+
+    def _group_specs(self, n_units: int, obs_size: int, n_actions: int) -> tuple[Composite, Composite]:
+        """What the units of a group observe, and their actions."""
+        team, device = torch.Size([*self.batch_size, n_units]), self.device
+        shape = torch.Size([*team, obs_size])
+        observation = Bounded(-1.0, 1.0, shape, device=device, dtype=torch.float32)
+        mask = Binary(shape=torch.Size([*team, n_actions]), device=device, dtype=torch.bool)
+        action = AvailableActions(n_actions, team, device, torch.int64, mask.one())
+        observed = Composite(observation=observation, action_mask=mask, shape=team, device=device)
+        return observed, Composite(action=action, shape=team, device=device)
 
     def _dtype(self, field: str) -> torch.dtype:
         numpy_dtype, _ = self.envs.fields[field]
@@ -177,14 +196,20 @@ class PoolEnv(EnvBase):
         return self._decode(batch)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        actions = tensordict.get(("agents", "action")).to("cpu", torch.int32).contiguous()
-        batch = self.envs.step(actions.numpy())
+        each = [tensordict.get((group, "action")).to("cpu", torch.int32) for group in self.group_map]
+        batch = self.envs.step(torch.cat(each, dim=-1).contiguous().numpy())
         self._viewer.observe(batch)
         observed = self._decode(batch)
         terminated = self._field(batch, "terminated").unsqueeze(-1)
         truncated = self._field(batch, "truncated").unsqueeze(-1)
         ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
-        return observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
+        observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
+        if "enemies" in self.group_map:
+            team = (*self.batch_size, self.envs.n_enemies, 1)
+            observed["enemies", "reward"] = (
+                self._field(batch, "enemy_reward")[:, None, None].expand(team).clone()
+            )
+        return observed
 
     def save(self) -> torch.Tensor:
         """The battles as they are now, uint8 [num_envs, snapshot_size], for `restore`.
@@ -213,20 +238,24 @@ class PoolEnv(EnvBase):
     def _decode(self, batch: Batch) -> TensorDictBase:
         if "snapshot" in self.envs.fields:
             self._snapshots = tensor(batch.snapshot).plain.clone()
-        mask = self._field(batch, "avail_actions")
-        self._available.copy_(mask)  # for random actions
-        agents = {"observation": self._field(batch, "obs"), "action_mask": mask}
-        team = torch.Size([*self.batch_size, self.envs.n_agents])
+        groups = {group: self._decode_group(batch, group) for group in self.group_map}
         info = {name: self._field(batch, name) for name in INFO_FIELDS}
         return TensorDict(
             {
-                "agents": TensorDict(agents, batch_size=team, device=self.device),
+                **groups,
                 "state": self._field(batch, "state"),
                 "info": TensorDict(info, batch_size=self.batch_size, device=self.device),
             },
             batch_size=self.batch_size,
             device=self.device,
         )
+
+    def _decode_group(self, batch: Batch, group: str) -> TensorDict:
+        prefix = "enemy_" if group == "enemies" else ""
+        mask = self._field(batch, f"{prefix}avail_actions")
+        self._available[group].copy_(mask)  # for random actions
+        observed = {"observation": self._field(batch, f"{prefix}obs"), "action_mask": mask}
+        return TensorDict(observed, batch_size=mask.shape[:2], device=self.device)
 
     def _field(self, batch: Batch, name: str) -> torch.Tensor:
         """A copy of a field on the device; a rollout keeps more batches than `max_held_batches`."""

@@ -1,1 +1,1 @@
-"""Interfaces of MARL code bases: SMAC and PyMARL, EPyMARL, and on-policy."""
+"""Interfaces of MARL code bases: SMAC and PyMARL, SMACv2, EPyMARL, and on-policy."""

@@ -6,29 +6,40 @@
 mod cells;
 mod edges;
 mod line_choice;
+mod lineup;
 mod moves;
 mod partition;
 mod unit_stats;
 
+use std::sync::Arc;
+
 use glam::{DVec2, Vec2};
-use serde::{Deserialize, Serialize};
-use smaclite_scenarios::{Faction, Placement, Scenario, Terrain};
+use smaclite_scenarios::{Drawer, Faction, Scenario, Terrain};
+use smaclite_units::UnitType;
 
 pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
+use crate::REWARD_SCALE;
+use crate::command::action;
 use crate::fnv::Fnv1a;
-use crate::opponents::Opponents;
+use crate::opponents::{Opponent, Opponents};
 use crate::rules::Rules;
-use crate::{KILL_REWARD, REWARD_SCALE, WIN_REWARD};
+use crate::sides::Sides;
+use crate::sizes::{EnemySizes, Sizes};
+use crate::smacv2::Interface;
 use moves::Moves;
 
-/// Everything about a scenario that never changes, under one rule set; shared by `Arc` between battles.
-#[derive(Debug)]
+/// Everything about a scenario that no step changes, under one rule set; shared by `Arc` between battles.
+///
+/// In a generated scenario the types of the units, and what follows from them, change with every episode:
+/// then each battle has an arena of its own, which shares the map and the tables of types with those of
+/// others.
+#[derive(Clone, Debug)]
 pub struct Arena {
     pub(crate) rules: Rules,
-    pub(crate) terrain: Terrain,
+    pub(crate) terrain: Arc<Terrain>,
     /// Battle-wide ids of the agents' units, by in-faction id.
     pub(crate) agents: Vec<u32>,
     /// Battle-wide ids of the enemies, by in-faction id.
@@ -36,10 +47,20 @@ pub struct Arena {
     pub(crate) starts: Vec<Vec2>,
     pub(crate) attack_point: [f64; 2],
     pub(crate) features: Features,
-    pub(crate) edges: EdgesByCell,
+    pub(crate) edges: Arc<EdgesByCell>,
+    moves: Arc<Moves>,
+    /// All types that units can have.
+    types: Arc<[UnitType]>,
+    /// What each type can do to each other, in rows by the attacker's type.
+    matchups: Arc<[Matchup]>,
+    /// Draws the units of an episode, if the scenario is generated.
+    drawer: Option<Arc<Drawer>>,
+    is_enemy: Vec<bool>,
+    id_in_faction: Vec<usize>,
+
+    // What follows from the types of the units: `lineup` sets it.
     /// The parameters of collision avoidance of each unit, by battle-wide id.
     pub(crate) avoidance: Vec<AvoidanceParams>,
-    moves: Moves,
     /// The stats of each unit, by battle-wide id.
     all_stats: Vec<UnitStats>,
     /// What phases 1 and 2 read of each unit, by battle-wide id.
@@ -53,41 +74,19 @@ pub struct Arena {
     pub(crate) has_reserves: bool,
     /// Whether a unit attacks an area, not a target alone.
     pub(crate) has_area_attacks: bool,
-    n_types: usize,
-    is_enemy: Vec<bool>,
-    id_in_faction: Vec<usize>,
-    /// What each type can do to each other, in rows by the attacker's type.
-    matchups: Vec<Matchup>,
-    /// The largest radius of all units in the scenario.
+    /// The largest radius of all units in the battle.
     pub(crate) largest_radius: f64,
+    /// By faction.
+    max_rewards: [f64; 2],
+
+    /// What agents observe, may do and are rewarded for, where it is SMACv2's interface.
+    interface: Option<Arc<Interface>>,
     sizes: Sizes,
-    n_enemy_actions: usize,
-    max_reward: f64,
+    enemy_sizes: Sizes,
+    sides: Sides,
     episode_limit: Option<u32>,
     opponents: Opponents,
     scenario_hash: u64,
-}
-
-/// The numbers of units and actions of a battle, and the sizes of its outputs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Sizes {
-    /// Agents, which are the allied units.
-    pub n_agents: usize,
-    /// Enemies.
-    pub n_enemies: usize,
-    /// Actions of an agent: no-op, stop, four moves, and one for each unit that can be targeted.
-    pub n_actions: usize,
-    /// Floats in the observation of one agent.
-    pub obs_size: usize,
-    /// Floats in the state.
-    pub state_size: usize,
-}
-
-impl Sizes {
-    /// Agents and enemies.
-    pub fn n_units(&self) -> usize {
-        self.n_agents + self.n_enemies
-    }
 }
 
 /// Which optional features observations and state have, and the values that scale positions.
@@ -97,8 +96,8 @@ pub(crate) struct Features {
     pub enemy_shields: bool,
     /// Length of the one-hot of unit types; 0 for none.
     pub n_types: usize,
-    /// Position in that one-hot, by battle-wide id.
-    pub type_of: Vec<usize>,
+    /// Position in that one-hot, by type.
+    pub of_type: Arc<[usize]>,
     pub width: f64,
     pub height: f64,
 }
@@ -106,52 +105,78 @@ pub(crate) struct Features {
 impl Arena {
     /// Prepares a scenario. The episode limit is the scenario's.
     pub fn new(scenario: &Scenario, rules: Rules) -> Arena {
-        let units = &scenario.units;
-        let types = &scenario.unit_types;
-        let largest_radius = units.iter().map(|unit| types[unit.unit_type].radius()).fold(0.0, f64::max);
-        let all_stats: Vec<UnitStats> =
-            units.iter().map(|unit| UnitStats::new(&types[unit.unit_type], largest_radius)).collect();
+        let (units, types) = (&scenario.units, &scenario.unit_types);
         let matchups =
             types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
-        let features = Features::new(scenario);
-        let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
-        let heal = |ids: &[u32]| ids.iter().any(|&id| all_stats[id as usize].is_healer);
-        Arena {
+        let interface = scenario.smacv2.as_ref();
+        let interface = interface.map(|options| Arc::new(Interface::new(scenario, options)));
+        let mut arena = Arena {
             rules,
-            terrain: scenario.terrain.clone(),
-            agents_heal: heal(&agents),
-            enemies_heal: heal(&enemies),
-            has_reserves: all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0),
-            has_area_attacks: all_stats.iter().any(UnitStats::attacks_an_area),
+            terrain: Arc::new(scenario.terrain.clone()),
+            agents: ids_of(scenario, Faction::Ally),
+            enemies: ids_of(scenario, Faction::Enemy),
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
-            edges: edges_in_sight(&scenario.terrain, &all_stats),
-            approaches: approaches(scenario, &agents, &all_stats),
-            regenerations: all_stats.iter().map(Regeneration::new).collect(),
-            moves: Moves::new(&scenario.terrain),
-            n_types: types.len(),
+            features: Features::new(scenario),
+            edges: Arc::new(edges_in_sight(&scenario.terrain, types)),
+            moves: Arc::new(Moves::new(&scenario.terrain)),
+            matchups: matchups.collect(),
+            types: types.as_slice().into(),
+            drawer: Drawer::new(scenario).map(Arc::new),
             is_enemy: units.iter().map(|unit| unit.faction == Faction::Enemy).collect(),
             id_in_faction: units.iter().map(|unit| unit.id_in_faction).collect(),
-            matchups: matchups.collect(),
-            largest_radius,
-            sizes: sizes(scenario, &features),
-            n_enemy_actions: n_actions(scenario, Faction::Enemy),
-            features,
-            avoidance: all_stats.iter().map(|stats| stats.avoid).collect(),
-            max_reward: max_reward(scenario, &enemies),
-            agents,
-            enemies,
-            all_stats,
+            avoidance: Vec::new(),
+            all_stats: Vec::new(),
+            approaches: Vec::new(),
+            regenerations: Vec::new(),
+            agents_heal: false,
+            enemies_heal: false,
+            has_reserves: false,
+            has_area_attacks: false,
+            largest_radius: 0.0,
+            max_rewards: [0.0; 2],
+            sizes: interface.as_ref().map_or(sizes(scenario, Faction::Ally), |interface| interface.sizes()),
+            interface,
+            enemy_sizes: sizes(scenario, Faction::Enemy),
+            sides: Sides::default(),
             episode_limit: scenario.episode_limit,
             opponents: Opponents::default(),
             scenario_hash: scenario_hash(scenario, rules),
-        }
+        };
+        arena.set_types(units.iter().map(|unit| unit.unit_type as u32));
+        arena
     }
 
     /// The numbers of units and actions of a battle, and the sizes of its outputs.
     pub fn sizes(&self) -> Sizes {
         self.sizes
+    }
+
+    /// The [sizes](Self::sizes) as the units of a faction have them: for the enemies, their own number is
+    /// `n_agents`.
+    pub fn sizes_of(&self, faction: Faction) -> Sizes {
+        match faction {
+            Faction::Ally => self.sizes,
+            Faction::Enemy => self.enemy_sizes,
+        }
+    }
+
+    /// Which sides joint actions play.
+    pub fn sides(&self) -> Sides {
+        self.sides
+    }
+
+    /// The same arena with joint actions that play these sides. If they are both, then
+    /// [`Opponent::Learner`](crate::Opponent::Learner) is the opponent, until
+    /// [others](Self::with_opponents) are set.
+    pub fn with_sides(self, sides: Sides) -> Arena {
+        let Sizes { n_actions, obs_size, state_size, .. } = self.enemy_sizes;
+        let enemies = sides.are_both().then_some(EnemySizes { n_actions, obs_size, state_size });
+        let sizes = Sizes { enemies, ..self.sizes };
+        let learner = sides.are_both().then_some(Opponent::Learner.into());
+        let opponents = learner.unwrap_or(self.opponents);
+        Arena { sides, sizes, opponents, ..self }
     }
 
     /// The rule set.
@@ -171,7 +196,9 @@ impl Arena {
 
     /// The same arena with another episode limit, or none.
     pub fn with_episode_limit(self, episode_limit: Option<u32>) -> Arena {
-        Arena { episode_limit, ..self }
+        let interface = self.interface;
+        let interface = interface.map(|it| Arc::new(Interface::clone(&it).with_episode_limit(episode_limit)));
+        Arena { episode_limit, interface, ..self }
     }
 
     /// Who plays the enemies.
@@ -187,13 +214,14 @@ impl Arena {
     /// The unscaled return of a win without enemy regeneration: all health and shields of the enemies, a
     /// reward per kill, and the reward for winning. It is scaled to a return of 20.
     pub fn max_reward(&self) -> f64 {
-        self.max_reward
+        self.max_rewards[Faction::Ally as usize]
     }
 
-    /// Scales the reward of a step, so that a return of [`max_reward`](Self::max_reward) becomes 20.
-    pub(crate) fn scale_reward(&self, earned: f64) -> f64 {
+    /// Scales what a faction earned in a step, so that a return of its [`max_reward`](Self::max_reward)
+    /// becomes 20.
+    pub(crate) fn scale_reward(&self, faction: Faction, earned: f64) -> f64 {
         // Two divisions, as in the published environment: the last bit depends on it.
-        earned / (self.max_reward / REWARD_SCALE)
+        earned / (self.max_rewards[faction as usize] / REWARD_SCALE)
     }
 
     /// The battle-wide ids of a faction's units, by in-faction id.
@@ -204,28 +232,80 @@ impl Arena {
         }
     }
 
+    /// SMACv2's interface, if the scenario has its options.
+    pub fn interface(&self) -> Option<&Arc<Interface>> {
+        self.interface.as_ref()
+    }
+
+    /// The number of a unit, agents first, then enemies, each by in-faction id.
+    pub(crate) fn place(&self, id: u32) -> usize {
+        self.id_in_faction(id) + if self.is_enemy(id) { self.agents.len() } else { 0 }
+    }
+
+    /// The battle-wide id of a unit by that number.
+    pub(crate) fn id_at(&self, place: usize) -> u32 {
+        match place.checked_sub(self.agents.len()) {
+            None => self.agents[place],
+            Some(enemy) => self.enemies[enemy],
+        }
+    }
+
+    /// The first target action of the units of a side.
+    pub fn first_target(&self, side: Faction) -> usize {
+        match (&self.interface, side) {
+            (Some(interface), Faction::Ally) => interface.first_target(),
+            _ => action::FIRST_TARGET,
+        }
+    }
+
+    /// Whether states have a row for each unit.
+    pub(crate) fn states_have_units(&self, side: Faction) -> bool {
+        let is_whole = |interface: &Arc<Interface>| !interface.options().obs_instead_of_state;
+        side == Faction::Enemy || self.interface.as_ref().is_none_or(is_whole)
+    }
+
+    /// The lengths of the rows of own units and of others in a state of a side.
+    pub(crate) fn state_rows(&self, side: Faction) -> [usize; 2] {
+        if let (Some(interface), Faction::Ally) = (&self.interface, side) {
+            return interface.state_rows();
+        }
+        [3 + self.features.body(side), 2 + self.features.body(side.opponent())]
+    }
+
     /// The units that the target actions of a unit mean, by in-faction id: those that it heals or attacks.
     pub(crate) fn targets_of(&self, id: u32) -> &[u32] {
-        let own = if self.is_enemy(id) { Faction::Enemy } else { Faction::Ally };
+        let own = self.faction(id);
         self.ids(if self.stats(id).is_healer { own } else { own.opponent() })
     }
 
     /// Actions of a unit of a faction, available or not.
     pub(crate) fn n_actions(&self, faction: Faction) -> usize {
-        match faction {
-            Faction::Ally => self.sizes.n_actions,
-            Faction::Enemy => self.n_enemy_actions,
-        }
+        self.sizes_of(faction).n_actions
     }
 
     /// The battle-wide ids of all units.
     pub(crate) fn unit_ids(&self) -> impl Iterator<Item = u32> + use<> {
-        0..self.all_stats.len() as u32
+        0..self.is_enemy.len() as u32
+    }
+
+    /// All types that units can have.
+    pub(crate) fn types(&self) -> &[UnitType] {
+        &self.types
+    }
+
+    /// What draws the units of each episode; `None` if they are always the same.
+    pub(crate) fn drawer(&self) -> Option<&Arc<Drawer>> {
+        self.drawer.as_ref()
     }
 
     /// The stats of a unit, by battle-wide id.
     pub(crate) fn stats(&self, id: u32) -> &UnitStats {
         &self.all_stats[id as usize]
+    }
+
+    /// The faction of a unit, by battle-wide id.
+    pub(crate) fn faction(&self, id: u32) -> Faction {
+        if self.is_enemy(id) { Faction::Enemy } else { Faction::Ally }
     }
 
     /// Whether a unit is an enemy, by battle-wide id.
@@ -256,26 +336,28 @@ impl Arena {
 
     /// What a unit of one type can do to a unit of another.
     pub(crate) fn matchup_of(&self, attacker: &Approach, victim: &Approach) -> &Matchup {
-        &self.matchups[attacker.unit_type as usize * self.n_types + victim.unit_type as usize]
+        &self.matchups[attacker.unit_type as usize * self.types.len() + victim.unit_type as usize]
     }
 }
 
 impl Features {
     fn new(scenario: &Scenario) -> Features {
-        let type_of = |unit_type: usize| scenario.type_ids.get(unit_type).copied().unwrap_or(0);
         Features {
             ally_shields: scenario.ally_has_shields,
             enemy_shields: scenario.enemy_has_shields,
             n_types: scenario.num_unit_types,
-            type_of: scenario.units.iter().map(|unit| type_of(unit.unit_type)).collect(),
+            of_type: scenario.type_ids.as_slice().into(),
             width: f64::from(scenario.terrain.width()),
             height: f64::from(scenario.terrain.height()),
         }
     }
 
     /// Whether shields of a faction are features.
-    pub fn has_shield(&self, is_enemy: bool) -> bool {
-        if is_enemy { self.enemy_shields } else { self.ally_shields }
+    pub fn has_shield(&self, faction: Faction) -> bool {
+        match faction {
+            Faction::Ally => self.ally_shields,
+            Faction::Enemy => self.enemy_shields,
+        }
     }
 
     /// A position relative to the centre of the map, in shares of its sides: -0.5 to 0.5.
@@ -294,43 +376,18 @@ impl Features {
         squares.as_vec2()
     }
 
-    /// Floats that describe an ally's health, shield and type.
-    pub fn ally_body(&self) -> usize {
-        1 + usize::from(self.ally_shields) + self.n_types
-    }
-
-    /// Floats that describe an enemy's health, shield and type.
-    pub fn enemy_body(&self) -> usize {
-        1 + usize::from(self.enemy_shields) + self.n_types
+    /// Floats that describe the health, shield and type of a unit of a faction.
+    pub fn body(&self, faction: Faction) -> usize {
+        1 + usize::from(self.has_shield(faction)) + self.n_types
     }
 }
 
 /// The edges that units see.
-fn edges_in_sight(terrain: &Terrain, all_stats: &[UnitStats]) -> EdgesByCell {
+fn edges_in_sight(terrain: &Terrain, types: &[UnitType]) -> EdgesByCell {
     // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
-    let ranges_squared = all_stats.iter().filter_map(|stats| stats.avoid.edge_range_squared);
+    let ranges_squared =
+        types.iter().filter_map(|unit_type| AvoidanceParams::new(unit_type, 0.0).edge_range_squared);
     EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
-}
-
-/// What phases 1 and 2 read of each unit.
-fn approaches(scenario: &Scenario, agents: &[u32], all_stats: &[UnitStats]) -> Vec<Approach> {
-    let healers = || agents.iter().map(|&id| &all_stats[id as usize]).filter(|stats| stats.is_healer);
-    let approach = |(unit, stats): (&Placement, _)| {
-        let attacks = |healer: &UnitStats| scenario.unit_types[unit.unit_type].can_attack(healer.plane);
-        Approach::new(unit.unit_type as u32, stats, healers().any(attacks))
-    };
-    scenario.units.iter().zip(all_stats).map(approach).collect()
-}
-
-/// The unscaled return of a win without enemy regeneration.
-fn max_reward(scenario: &Scenario, enemies: &[u32]) -> f64 {
-    let total = |id: &u32| {
-        let unit_type = &scenario.unit_types[scenario.units[*id as usize].unit_type];
-        unit_type.hp + unit_type.shield
-    };
-    // The first two terms are exact, so only the order of the sum of health decides the last bit: it is by
-    // enemy id.
-    KILL_REWARD * enemies.len() as f64 + WIN_REWARD + enemies.iter().map(total).sum::<f64>()
 }
 
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
@@ -351,10 +408,15 @@ fn scenario_hash(scenario: &Scenario, rules: Rules) -> u64 {
     hash.finish()
 }
 
-fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
-    let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
-    let n_actions = n_actions(scenario, Faction::Ally);
-    let (ally, enemy) = (features.ally_body(), features.enemy_body());
+/// The sizes as the units of a faction have them.
+fn sizes(scenario: &Scenario, own: Faction) -> Sizes {
+    let features = Features::new(scenario);
+    let (n_agents, n_enemies) = match own {
+        Faction::Ally => (scenario.n_agents(), scenario.n_enemies()),
+        Faction::Enemy => (scenario.n_enemies(), scenario.n_agents()),
+    };
+    let n_actions = n_actions(scenario, own);
+    let (ally, enemy) = (features.body(own), features.body(own.opponent()));
     Sizes {
         n_agents,
         n_enemies,
@@ -362,22 +424,29 @@ fn sizes(scenario: &Scenario, features: &Features) -> Sizes {
         // The terms are those of `Battle::write_obs` and `Battle::write_state`, in their order.
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
+        perception_size: 0,
+        enemies: None,
     }
 }
 
 /// Actions of a unit of a faction, available or not.
 pub(crate) fn n_actions(scenario: &Scenario, faction: Faction) -> usize {
-    crate::action::FIRST_TARGET + n_targets(scenario, faction)
+    action::FIRST_TARGET + n_targets(scenario, faction)
 }
 
 /// Number of target actions: enough for every opponent, and if a unit of the faction is a healer for all that
 /// it can heal.
 fn n_targets(scenario: &Scenario, faction: Faction) -> usize {
     let of = |faction| scenario.units.iter().filter(move |unit| unit.faction == faction);
-    // A target action is numbered by in-faction id, so the last unit that can be healed decides.
     let heals = |unit_type: usize| scenario.unit_types[unit_type].is_healer();
-    let healable = of(faction).filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
     let n_opponents = of(faction.opponent()).count();
+    if scenario.generation.is_some() {
+        // Any unit may be drawn as a healer, and any other one can then be healed.
+        let any_heals = (0..scenario.unit_types.len()).any(heals);
+        return n_opponents.max(if any_heals { of(faction).count() } else { 0 });
+    }
+    // A target action is numbered by in-faction id, so the last unit that can be healed decides.
+    let healable = of(faction).filter(|unit| !heals(unit.unit_type)).map(|unit| unit.id_in_faction + 1).max();
     match healable {
         Some(healable) if of(faction).any(|unit| heals(unit.unit_type)) => healable.max(n_opponents),
         _ => n_opponents,

@@ -142,7 +142,7 @@ impl Matchup {
 }
 
 impl AvoidanceParams {
-    fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
+    pub(super) fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
         let (radius, max_speed) = (unit_type.radius() as f32, unit_type.speed as f32);
         let neighbour_range = (largest_radius + unit_type.radius()) as f32;
         // Units are neighbours only if they would touch, should the other have the largest radius. Edges

@@ -1,11 +1,15 @@
-//! The available actions of the units of a faction, as bits: those of the agents are computed once after each
-//! step, reset or restore, those of the enemies where their actions are chosen.
+//! The available actions of the units of a faction, as bits: those of units that joint actions play are
+//! computed once after each step, reset or restore, those of others where their actions are chosen.
 
 use super::unit_tables::{UNITS_PER_WORD, UnitTables, within_targeting_range};
 use crate::arena::Arena;
-use crate::command::action;
+use crate::command::{IllegalAction, action};
+use crate::sides::Actor;
 use crate::units::Units;
 use smaclite_scenarios::Faction;
+
+/// Moves to the north and to the east; the bits above them are their opposites.
+const EVEN_MOVES: u64 = 1 << action::NORTH | 1 << action::EAST;
 
 /// One row of bits per unit of the faction, by in-faction id: bit `a % 64` of word `a / 64` says whether
 /// action `a` is available.
@@ -43,6 +47,23 @@ impl Available {
     /// Whether an action is available to a unit.
     pub fn has(&self, unit: usize, action: usize) -> bool {
         action < self.n_actions && self.of(unit)[action / 64] >> (action % 64) & 1 == 1
+    }
+
+    /// Checks the actions of the units; none is of more units than there are.
+    pub fn check(&self, actions: &[i32], actor: fn(usize) -> Actor) -> Result<(), IllegalAction> {
+        let n_actions = self.n_actions;
+        for (unit, &action) in actions.iter().enumerate() {
+            // One look at a bit for a legal action; only for an illegal one is the reason determined.
+            match usize::try_from(action) {
+                Ok(number) if self.has(unit, number) => {}
+                Ok(number) if number < n_actions => {
+                    let available = (0..n_actions).filter(|&action| self.has(unit, action)).collect();
+                    return Err(IllegalAction::Unavailable { actor: actor(unit), action, available });
+                }
+                _ => return Err(IllegalAction::OutOfRange { actor: actor(unit), action, n_actions }),
+            }
+        }
+        Ok(())
     }
 
     /// How many actions are available to a unit.
@@ -88,14 +109,33 @@ impl Available {
         }
     }
 
+    /// Takes all actions but no-op away: somebody else plays the units.
+    pub fn withdraw(&mut self) {
+        for row in self.bits.chunks_exact_mut(self.words) {
+            row.fill(0);
+            row[0] = 1 << action::NO_OP;
+        }
+    }
+
+    /// Exchanges the moves of opposite directions.
+    pub fn mirror(&mut self) {
+        for row in self.bits.chunks_exact_mut(self.words) {
+            // North and east are even, south and west odd.
+            let (even, odd) = (row[0] & EVEN_MOVES, row[0] & EVEN_MOVES << 1);
+            row[0] = row[0] & !(EVEN_MOVES | EVEN_MOVES << 1) | even << 1 | odd >> 1;
+        }
+    }
+
+    /// All rows, to be written.
+    pub fn all_mut(&mut self) -> &mut [u64] {
+        &mut self.bits
+    }
+
     /// Computes all rows.
     #[inline(never)]
     pub fn update(&mut self, arena: &Arena, units: &Units, tables: &UnitTables) {
         let own = arena.ids(self.faction);
-        let (own_table, other_table) = match self.faction {
-            Faction::Ally => (&tables.allies, &tables.enemies),
-            Faction::Enemy => (&tables.enemies, &tables.allies),
-        };
+        let (own_table, other_table) = (tables.of(self.faction), tables.of(self.faction.opponent()));
         for (row, &id) in self.bits.chunks_exact_mut(self.words).zip(own) {
             // No-op is the only action of the dead, and not available to the living.
             if !units.alive[id as usize] {

@@ -5,28 +5,9 @@
 
 use smaclite_scenarios::{Faction, Scenario};
 
-use crate::action;
 use crate::arena::n_actions;
-
-/// Consecutive features that belong together: one row, or one row per unit.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FeatureBlock {
-    /// Which part this is, such as `enemies`; unique within an observation or state.
-    pub name: &'static str,
-    /// Index of its first feature in the observation or state.
-    pub start: usize,
-    /// Number of rows, by in-faction id; `None` for a block that is one row and not a list of units.
-    pub rows: Option<usize>,
-    /// Names of the features of a row.
-    pub features: Vec<String>,
-}
-
-impl FeatureBlock {
-    /// Index after its last feature.
-    pub fn end(&self) -> usize {
-        self.start + self.rows.unwrap_or(1) * self.features.len()
-    }
-}
+use crate::features::{FeatureBlock, action_names, in_sequence, names};
+use crate::smacv2::Interface;
 
 /// The blocks of the observation of one agent: `moves` (whether a move in each direction is available),
 /// `enemies`, `allies` (all but the agent itself) and `own`.
@@ -34,6 +15,9 @@ impl FeatureBlock {
 /// A unit out of sight has zeros only. Distances are divided by the sight range, `health` and `shield` by
 /// their maximum, and `type_i` is 1 for the unit's type.
 pub fn obs_features(scenario: &Scenario) -> Vec<FeatureBlock> {
+    if let Some(options) = &scenario.smacv2 {
+        return Interface::new(scenario, options).obs_features();
+    }
     let others = scenario.n_agents().saturating_sub(1);
     let seen = |mark| [mark, "distance", "dx", "dy"];
     in_sequence([
@@ -50,6 +34,9 @@ pub fn obs_features(scenario: &Scenario) -> Vec<FeatureBlock> {
 /// `rel_x` and `rel_y` are the offset from the centre of the map, divided by its width and height. The dead
 /// have zeros only.
 pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
+    if let Some(options) = &scenario.smacv2 {
+        return Interface::new(scenario, options).state_features();
+    }
     // Health is the first feature of a unit in the state, and the others follow what stands between.
     let in_state = |between: &[&str], faction| {
         let mut features = unit(scenario, &[], faction);
@@ -59,7 +46,7 @@ pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
     let allies = in_state(&["energy/cooldown", "rel_x", "rel_y"], Faction::Ally);
     let enemies = in_state(&["rel_x", "rel_y"], Faction::Enemy);
-    let actions = (0..n_actions(scenario, Faction::Ally)).map(action_name).collect();
+    let actions = action_names(0, n_actions(scenario, Faction::Ally));
     in_sequence([
         ("allies", Some(n_agents), allies),
         ("enemies", Some(n_enemies), enemies),
@@ -76,29 +63,6 @@ fn unit(scenario: &Scenario, first: &[&str], faction: Faction) -> Vec<String> {
     let shield = if has_shield { &["shield"][..] } else { &[] };
     let types = (0..scenario.num_unit_types).map(|i| format!("type_{i}"));
     names(first).into_iter().chain(names(&["health"])).chain(names(shield)).chain(types).collect()
-}
-
-fn action_name(action: usize) -> String {
-    const BEFORE_TARGETS: [&str; action::FIRST_TARGET] = ["no_op", "stop", "north", "south", "east", "west"];
-    match BEFORE_TARGETS.get(action) {
-        Some(name) => (*name).to_owned(),
-        None => format!("target_{}", action - action::FIRST_TARGET),
-    }
-}
-
-fn names(names: &[&str]) -> Vec<String> {
-    names.iter().map(|&name| name.to_owned()).collect()
-}
-
-/// Puts blocks one after the other.
-fn in_sequence<const N: usize>(blocks: [(&'static str, Option<usize>, Vec<String>); N]) -> Vec<FeatureBlock> {
-    let mut start = 0;
-    let place = |(name, rows, features)| {
-        let block = FeatureBlock { name, start, rows, features };
-        start = block.end();
-        block
-    };
-    blocks.into_iter().map(place).collect()
 }
 
 #[cfg(test)]
@@ -120,6 +84,31 @@ mod tests {
                 assert_eq!(end(&obs_features(&scenario)), sizes.obs_size, "{name}");
                 assert_eq!(end(&state_features(&scenario)), sizes.state_size, "{name}");
             }
+        }
+    }
+
+    /// With all options of SMACv2's interface off and on, one after the other.
+    #[test]
+    fn there_are_as_many_features_with_each_option() {
+        let with = |name: &str, options: &serde_json::Value| {
+            let mut scenario = Scenario::standard(name).unwrap();
+            scenario.smacv2 = Some(serde_json::from_value(options.clone()).unwrap());
+            let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
+            assert_eq!(end(&obs_features(&scenario)), sizes.obs_size, "{name} {options}");
+            assert_eq!(end(&state_features(&scenario)), sizes.state_size, "{name} {options}");
+        };
+        let mut options = serde_json::to_value(smaclite_scenarios::Smacv2::default()).unwrap();
+        let capability = serde_json::json!({"lower_bound": 0.1, "upper_bound": 0.4, "observe": true});
+        let keys: Vec<String> = options.as_object().unwrap().keys().cloned().collect();
+        for key in keys {
+            match &options[&key] {
+                serde_json::Value::Bool(on) => options[&key] = (!on).into(),
+                serde_json::Value::Null if key != "enemy_mask" => options[&key] = capability.clone(),
+                _ => {}
+            }
+            Scenario::standard_names()
+                .chain(Scenario::generated_names())
+                .for_each(|name| with(name, &options));
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Observations: what each agent sees within its sight range.
+//! Observations: what each unit of a side sees within its sight range. "Allies" and "enemies" are here those
+//! of the side that observes.
 
 use std::ops::Range;
 
@@ -6,8 +7,8 @@ use glam::Vec2;
 
 use super::View;
 use super::unit_tables::{
-    SIGHT_SQUARED, TARGETING_SQUARED, UNITS_PER_WORD, UnitTable, UnitTables, at_most, distances_squared,
-    fours, stride, within_targeting_range, write_body,
+    SIGHT_SQUARED, TARGETING_SQUARED, UNITS_PER_WORD, UnitTable, at_most, distances_squared, fours, stride,
+    within_targeting_range, write_body,
 };
 use crate::SIGHT_RANGE;
 use crate::command::action;
@@ -24,23 +25,24 @@ const MOVES: usize = 4;
 /// Floats of a unit before its body: the mark, distance, dx, dy.
 const HEAD: usize = 4;
 
-/// Writes the rows of all agents. Rows may be longer than `obs_size`; the rest of them becomes 0.
+/// Writes the rows of all units of a side. Rows may be longer than `obs_size`; the rest of them becomes 0.
 ///
 /// A row is written from left to right in whole registers, four units at a time. Each part may end beyond
 /// its end, where the next part, or the next row, is written later. So rows near the end of the output are
 /// written elsewhere and copied.
 #[inline(never)]
 pub(crate) fn write_obs(view: &View, out: &mut [f32], scratch: &mut ObsScratch) {
-    let (sizes, features) = (view.arena.sizes(), &view.arena.features);
+    let sizes = view.arena.sizes_of(view.faction);
     let row_len = out.len() / sizes.n_agents;
     assert!(row_len >= sizes.obs_size && out.len() == sizes.n_agents * row_len, "one row per agent");
-    let (enemy_body, ally_body) = (features.enemy_body(), features.ally_body());
+    let (enemy_body, ally_body) = (view.others().body_size, view.own().body_size);
     // Up to three units too many, or an own body of whole registers.
     let extent = row_len + (WIDTH - 1) * (HEAD + enemy_body.max(ally_body));
     let writer = RowWriter {
         view,
         allies: MOVES + sizes.n_enemies * (HEAD + enemy_body),
         row_len,
+        sight: view.sign() * SIGHT_RANGE as f32,
         write_enemies: writer(enemy_body),
         write_allies: writer(ally_body),
     };
@@ -61,6 +63,8 @@ struct RowWriter<'a> {
     /// Floats before the allies.
     allies: usize,
     row_len: usize,
+    /// What offsets are divided by.
+    sight: f32,
     write_enemies: WriteUnits,
     write_allies: WriteUnits,
 }
@@ -68,28 +72,32 @@ struct RowWriter<'a> {
 impl RowWriter<'_> {
     /// Writes a row, and anything beyond it.
     fn write(&self, agent: usize, row: &mut [f32]) {
-        let View { arena, tables: UnitTables { allies, enemies }, available, .. } = self.view;
+        let View { arena, faction, available, .. } = self.view;
+        let (allies, enemies) = (self.view.own(), self.view.others());
+        let ids = arena.ids(*faction);
         let available = available.first_bits(agent);
         if available == 1 << action::NO_OP {
-            // The agent is dead.
+            // It is dead, or an enemy that a script plays.
             row[..self.row_len].fill(0.0);
             return;
         }
         row[..MOVES].copy_from_slice(&move_features(available));
         let position = allies.position(agent);
+        let observer = Observer { position, sight: self.sight };
+        let all = 0..arena.ids(faction.opponent()).len();
         let blocks = &mut row[MOVES..];
-        if arena.stats(arena.agents[agent]).is_healer {
-            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, SIGHT_SQUARED, blocks);
+        if arena.stats(ids[agent]).is_healer {
+            (self.write_enemies)(enemies, all, observer, SIGHT_SQUARED, blocks);
             mark_healable(self.view, position, agent, blocks);
         } else {
-            (self.write_enemies)(enemies, 0..arena.enemies.len(), position, TARGETING_SQUARED, blocks);
+            (self.write_enemies)(enemies, all, observer, TARGETING_SQUARED, blocks);
         }
-        // An agent has no block in its own row.
-        let (before, after) = (0..agent, agent + 1..arena.agents.len());
+        // A unit has no block in its own row.
+        let (before, after) = (0..agent, agent + 1..ids.len());
         let own_block = self.allies + agent * (HEAD + allies.body_size);
-        (self.write_allies)(allies, before, position, SIGHT_SQUARED, &mut row[self.allies..]);
-        (self.write_allies)(allies, after, position, SIGHT_SQUARED, &mut row[own_block..]);
-        let end = arena.sizes().obs_size;
+        (self.write_allies)(allies, before, observer, SIGHT_SQUARED, &mut row[self.allies..]);
+        (self.write_allies)(allies, after, observer, SIGHT_SQUARED, &mut row[own_block..]);
+        let end = arena.sizes_of(*faction).obs_size;
         write_body(allies.body(agent), &mut row[end - allies.body_size..]);
         if self.row_len > end {
             row[end..self.row_len].fill(0.0);
@@ -106,10 +114,10 @@ fn move_features(available: u64) -> [f32; MOVES] {
 /// actions mean allies, so beside enemy i it says whether ally i is within targeting range. It does so for
 /// healers too, which the available actions exclude.
 fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
-    let UnitTables { allies, enemies } = view.tables;
+    let (allies, enemies) = (view.own(), view.others());
     let mut in_range = 0;
     let blocks = blocks.chunks_exact_mut(HEAD + enemies.body_size);
-    for (enemy, block) in blocks.take(view.arena.enemies.len()).enumerate() {
+    for (enemy, block) in blocks.take(view.arena.ids(view.faction.opponent()).len()).enumerate() {
         if enemy % UNITS_PER_WORD == 0 {
             in_range = within_targeting_range(healer, allies, enemy);
         }
@@ -120,9 +128,17 @@ fn mark_healable(view: &View, healer: Vec2, agent: usize, blocks: &mut [f32]) {
     }
 }
 
-/// Writes the blocks of a range of units for an observer at a position: a mark, which is 1 for units that are
-/// seen and whose squared distance is at most the fourth argument, distance, dx, dy, and the body.
-type WriteUnits = fn(&UnitTable, Range<usize>, Vec2, f64, &mut [f32]);
+/// A unit that sees others.
+#[derive(Clone, Copy)]
+struct Observer {
+    position: Vec2,
+    /// What offsets are divided by: the sight range, negative if they are reflected.
+    sight: f32,
+}
+
+/// Writes the blocks of a range of units for an observer: a mark, which is 1 for units that are seen and
+/// whose squared distance is at most the fourth argument, distance, dx, dy, and the body.
+type WriteUnits = fn(&UnitTable, Range<usize>, Observer, f64, &mut [f32]);
 
 /// [`write_units`] for bodies of this size.
 fn writer(body_size: usize) -> WriteUnits {
@@ -147,14 +163,14 @@ fn writer(body_size: usize) -> WriteUnits {
 fn write_units<const BODY: usize>(
     units: &UnitTable,
     range: Range<usize>,
-    observer: Vec2,
+    observer: Observer,
     marked_within: f64,
     out: &mut [f32],
 ) {
     let body_len = if BODY == 0 { units.body_size } else { BODY };
     let (four, block_len) = (units.four, HEAD + body_len);
     for FourUnits { xs, ys, bodies, blocks } in fours_of(units, range, body_len, out) {
-        let squared = distances_squared(four, observer, xs, ys);
+        let squared = distances_squared(four, observer.position, xs, ys);
         let seen = at_most(squared, SIGHT_SQUARED);
         if !seen.any() {
             blocks.fill(0.0);
@@ -200,7 +216,7 @@ fn fours_of<'a>(
 /// Mark, distance, dx and dy of four units; zeros for those that are not seen.
 #[inline(always)]
 fn heads(
-    observer: Vec2,
+    observer: Observer,
     [xs, ys]: [&[f32; WIDTH]; 2],
     squared: F64x4,
     marked: Mask4,
@@ -210,9 +226,9 @@ fn heads(
     // The distance is computed in f64 and rounded once; dx and dy are f32 throughout, as in the published
     // environment.
     let distance = squared.sqrt().div(F64x4::splat(four, SIGHT_RANGE)).rounded();
-    let offset =
-        Vec2x4 { x: F32x4::new(four, *xs), y: F32x4::new(four, *ys) } - Vec2x4::splat(four, observer);
-    let sight = F32x4::splat(four, SIGHT_RANGE as f32);
+    let offset = Vec2x4 { x: F32x4::new(four, *xs), y: F32x4::new(four, *ys) }
+        - Vec2x4::splat(four, observer.position);
+    let sight = F32x4::splat(four, observer.sight);
     let mark = marked.keep(F32x4::splat(four, 1.0));
     F32x4::transpose(
         [mark, distance, offset.x.div(sight), offset.y.div(sight)].map(|column| seen.keep(column)),

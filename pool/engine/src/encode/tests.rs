@@ -14,9 +14,24 @@ use crate::units::Units;
 struct Definition<'a> {
     arena: &'a Arena,
     units: &'a Units,
+    side: Faction,
+    mirror: bool,
 }
 
 impl Definition<'_> {
+    fn own(&self) -> &[u32] {
+        self.arena.ids(self.side)
+    }
+
+    fn others(&self) -> &[u32] {
+        self.arena.ids(self.side.opponent())
+    }
+
+    /// An offset as the side sees it.
+    fn seen(&self, offset: f32) -> f32 {
+        if self.mirror { -offset } else { offset }
+    }
+
     fn alive(&self, id: u32) -> bool {
         self.units.alive[id as usize]
     }
@@ -36,10 +51,12 @@ impl Definition<'_> {
     fn body(&self, id: u32) -> Vec<f32> {
         let (features, stats, i) = (&self.arena.features, self.arena.stats(id), id as usize);
         let mut body = vec![Self::ratio(self.units.hp[i], stats.hp)];
-        if features.has_shield(self.arena.is_enemy(id)) {
+        if features.has_shield(self.arena.faction(id)) {
             body.push(Self::ratio(self.units.shield[i], stats.shield));
         }
-        body.extend((0..features.n_types).map(|t| if t == features.type_of[i] { 1.0 } else { 0.0 }));
+        body.extend((0..features.n_types).map(|t| {
+            if t == features.of_type[self.arena.approaches[i].unit_type as usize] { 1.0 } else { 0.0 }
+        }));
         body
     }
 
@@ -52,6 +69,8 @@ impl Definition<'_> {
             action::STOP => true,
             action::NORTH..action::FIRST_TARGET => {
                 let [dx, dy] = DIRECTIONS[action - action::NORTH];
+                let sign = f64::from(self.seen(1.0));
+                let (dx, dy) = (sign * dx, sign * dy);
                 let (x, y) = (f64::from(self.pos(id).x) + dx, f64::from(self.pos(id).y) + dy);
                 self.arena.terrain.is_walkable(x.floor() as i64, y.floor() as i64)
             }
@@ -74,29 +93,30 @@ impl Definition<'_> {
         }
         let offset = self.pos(other) - self.pos(id);
         let mark = if mark { 1.0 } else { 0.0 };
-        [vec![mark, (distance / 9.0) as f32, offset.x / 9.0, offset.y / 9.0], body].concat()
+        let [dx, dy] = [offset.x / 9.0, offset.y / 9.0].map(|offset| self.seen(offset));
+        [vec![mark, (distance / 9.0) as f32, dx, dy], body].concat()
     }
 
     fn obs(&self, agent: usize, row_len: usize) -> Vec<f32> {
-        let (arena, id) = (self.arena, self.arena.agents[agent]);
+        let (arena, id) = (self.arena, self.own()[agent]);
         let mut row = Vec::new();
         if self.alive(id) {
             let moves = action::NORTH..action::FIRST_TARGET;
             row.extend(moves.map(|action| f32::from(u8::from(self.is_available(id, action)))));
-            for (i, &enemy) in arena.enemies.iter().enumerate() {
+            for (i, &enemy) in self.others().iter().enumerate() {
                 let mark = if arena.stats(id).is_healer {
-                    let ally = arena.agents.get(i);
+                    let ally = self.own().get(i);
                     ally.is_some_and(|&ally| ally != id && self.alive(ally) && self.distance(id, ally) <= 6.0)
                 } else {
                     self.is_available(id, action::FIRST_TARGET + i)
                 };
                 row.extend(self.block(id, enemy, mark));
             }
-            for &ally in arena.agents.iter().filter(|&&ally| ally != id) {
+            for &ally in self.own().iter().filter(|&&ally| ally != id) {
                 row.extend(self.block(id, ally, true));
             }
             row.extend(self.body(id));
-            assert_eq!(row.len(), arena.sizes().obs_size);
+            assert_eq!(row.len(), arena.sizes_of(self.side).obs_size);
         }
         row.resize(row_len, 0.0);
         row
@@ -105,11 +125,11 @@ impl Definition<'_> {
     fn state(&self, last_actions: &[Option<u32>]) -> Vec<f32> {
         let (arena, units) = (self.arena, self.units);
         let mut state = Vec::new();
-        for &id in arena.agents.iter().chain(&arena.enemies) {
+        for &id in self.own().iter().chain(self.others()) {
             let (mut block, stats, i) = (self.body(id), arena.stats(id), id as usize);
-            let [x, y] = arena.features.relative(units.pos[i]);
+            let [x, y] = arena.features.relative(units.pos[i]).map(|x| self.seen(x));
             block.splice(1..1, [x, y]);
-            if !arena.is_enemy(id) {
+            if arena.faction(id) == self.side {
                 let is_healer = stats.is_healer;
                 let (value, max) = if is_healer {
                     (units.energy[i], stats.energy)
@@ -121,7 +141,7 @@ impl Definition<'_> {
             state.extend(block.iter().map(|&value| if units.alive[i] { value } else { 0.0 }));
         }
         for action in last_actions {
-            let one_hot = (0..arena.sizes().n_actions).map(|a| *action == Some(a as u32));
+            let one_hot = (0..arena.n_actions(self.side)).map(|a| *action == Some(a as u32));
             state.extend(one_hot.map(|is_set| f32::from(u8::from(is_set))));
         }
         state
@@ -162,47 +182,56 @@ fn bits(floats: &[f32]) -> Vec<u32> {
 
 fn check(scenario: &Scenario, extra: usize, numbers: &mut Numbers, scratch: &mut ObsScratch) {
     let arena = Arena::new(scenario, Rules::Smaclite);
-    let sizes = arena.sizes();
     let mut units = Units::default();
     units.reset(&arena);
-    let (mut tables, mut available) = (UnitTables::new(&arena), Available::new(&arena, Faction::Ally));
-    let mut of_enemies = Available::new(&arena, Faction::Enemy);
+    let mut tables = UnitTables::new(&arena);
     for _ in 0..4 {
         numbers.place(&arena, &mut units);
         tables.update(&arena, &units);
-        available.update(&arena, &units, &tables);
-        let definition = Definition { arena: &arena, units: &units };
-        let view = View { arena: &arena, units: &units, tables: &tables, available: &available };
-        let which =
-            |what: &str| format!("{what} of {} with {} types", scenario.name, scenario.num_unit_types);
-
-        let row_len = sizes.obs_size + extra;
-        let mut obs = vec![f32::NAN; sizes.n_agents * row_len];
-        write_obs(&view, &mut obs, scratch);
-        for (agent, row) in obs.chunks(row_len).enumerate() {
-            assert_eq!(bits(row), bits(&definition.obs(agent, row_len)), "{} {agent}", which("agent"));
+        for (side, mirror) in [(Faction::Ally, false), (Faction::Enemy, false), (Faction::Enemy, true)] {
+            let mut available = Available::new(&arena, side);
+            available.update(&arena, &units, &tables);
+            if mirror {
+                available.mirror();
+            }
+            let definition = Definition { arena: &arena, units: &units, side, mirror };
+            let (arena, units, tables, available) = (&arena, &units, &tables, &available);
+            let view = View { arena, units, tables, available, faction: side, mirror };
+            let types = scenario.num_unit_types;
+            let which = format!("{side:?}, mirror {mirror}, of {} with {types} types", scenario.name);
+            check_side(&view, &definition, extra, numbers, scratch, &which);
         }
+    }
+}
 
-        let mut action = || Some(numbers.below(sizes.n_actions as u64) as u32).filter(|&action| action > 0);
-        let last_actions: Vec<Option<u32>> = (0..sizes.n_agents).map(|_| action()).collect();
-        let mut state = vec![f32::NAN; sizes.state_size];
-        write_state(&view, &last_actions, &mut state);
-        assert_eq!(bits(&state), bits(&definition.state(&last_actions)), "{}", which("state"));
+fn check_side(
+    view: &View,
+    definition: &Definition,
+    extra: usize,
+    numbers: &mut Numbers,
+    scratch: &mut ObsScratch,
+    which: &str,
+) {
+    let sizes = view.arena.sizes_of(view.faction);
+    let row_len = sizes.obs_size + extra;
+    let mut obs = vec![f32::NAN; sizes.n_agents * row_len];
+    write_obs(view, &mut obs, scratch);
+    for (agent, row) in obs.chunks(row_len).enumerate() {
+        assert_eq!(bits(row), bits(&definition.obs(agent, row_len)), "{which}: unit {agent}");
+    }
 
-        let mut avail = vec![7; sizes.n_agents * sizes.n_actions];
-        available.write(&mut avail);
-        for (row, &id) in avail.chunks(sizes.n_actions).zip(&arena.agents) {
-            let expected: Vec<u8> =
-                (0..sizes.n_actions).map(|action| u8::from(definition.is_available(id, action))).collect();
-            assert_eq!(row, expected, "{} {id}", which("unit"));
-        }
-        of_enemies.update(&arena, &units, &tables);
-        for (enemy, &id) in arena.enemies.iter().enumerate() {
-            let n_actions = arena.n_actions(Faction::Enemy);
-            let expected = |action: &usize| definition.is_available(id, *action);
-            let given: Vec<usize> = (0..n_actions).filter(|&action| of_enemies.has(enemy, action)).collect();
-            assert_eq!(given, (0..n_actions).filter(expected).collect::<Vec<_>>(), "{} {id}", which("unit"));
-        }
+    let mut action = || Some(numbers.below(sizes.n_actions as u64) as u32).filter(|&action| action > 0);
+    let last_actions: Vec<Option<u32>> = (0..sizes.n_agents).map(|_| action()).collect();
+    let mut state = vec![f32::NAN; sizes.state_size];
+    write_state(view, &last_actions, &mut state);
+    assert_eq!(bits(&state), bits(&definition.state(&last_actions)), "{which}: state");
+
+    let mut avail = vec![7; sizes.n_agents * sizes.n_actions];
+    view.available.write(&mut avail);
+    for (row, &id) in avail.chunks(sizes.n_actions).zip(definition.own()) {
+        let is_available = |action| u8::from(definition.is_available(id, action));
+        let expected: Vec<u8> = (0..sizes.n_actions).map(is_available).collect();
+        assert_eq!(row, expected, "{which}: {id}");
     }
 }
 

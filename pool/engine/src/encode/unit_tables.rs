@@ -4,10 +4,11 @@
 use glam::Vec2;
 
 use super::ratio;
-use crate::arena::{Arena, UnitStats};
+use crate::arena::{Arena, Features, UnitStats};
 use crate::simd::x4::{F32x4, F64x4, Four, Mask4, Vec2x4, WIDTH, four};
 use crate::units::Units;
 use crate::{SIGHT_RANGE, TARGETING_RANGE};
+use smaclite_scenarios::Faction;
 
 /// The units of both factions.
 #[derive(Clone, Debug)]
@@ -20,17 +21,35 @@ impl UnitTables {
     /// Memory for the units of an arena, with their types.
     pub fn new(arena: &Arena) -> UnitTables {
         let features = &arena.features;
-        let of = |ids: &[u32], size, has_shield| {
-            let mut table = UnitTable::new(ids.len(), size);
-            for (unit, &id) in ids.iter().enumerate().filter(|_| features.n_types > 0) {
-                let body = unit * stride(size);
-                table.bodies[body + 1 + usize::from(has_shield) + features.type_of[id as usize]] = 1.0;
-            }
-            table
+        let mut tables = UnitTables {
+            allies: UnitTable::new(arena.agents.len(), features.body(Faction::Ally)),
+            enemies: UnitTable::new(arena.enemies.len(), features.body(Faction::Enemy)),
         };
-        UnitTables {
-            allies: of(&arena.agents, features.ally_body(), features.ally_shields),
-            enemies: of(&arena.enemies, features.enemy_body(), features.enemy_shields),
+        tables.set_types(arena);
+        tables
+    }
+
+    /// Takes in the types of the units.
+    pub fn set_types(&mut self, arena: &Arena) {
+        let Features { n_types, ref of_type, ally_shields, enemy_shields, .. } = arena.features;
+        let tables = [
+            (&mut self.allies, &arena.agents, ally_shields),
+            (&mut self.enemies, &arena.enemies, enemy_shields),
+        ];
+        for (table, ids, has_shield) in tables.into_iter().filter(|_| n_types > 0) {
+            let first = 1 + usize::from(has_shield);
+            for (body, &id) in table.bodies.chunks_exact_mut(stride(table.body_size)).zip(ids) {
+                body[first..first + n_types].fill(0.0);
+                body[first + of_type[arena.approaches[id as usize].unit_type as usize]] = 1.0;
+            }
+        }
+    }
+
+    /// The units of a faction.
+    pub fn of(&self, faction: Faction) -> &UnitTable {
+        match faction {
+            Faction::Ally => &self.allies,
+            Faction::Enemy => &self.enemies,
         }
     }
 

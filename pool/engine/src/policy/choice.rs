@@ -88,10 +88,15 @@ impl<'a, S: Situation> Choice<'a, S> {
         self.arena().can_attack(self.id, other)
     }
 
+    /// The action on the unit of this index among the others.
+    pub fn target_action(&self, target: usize) -> usize {
+        self.arena().first_target(self.situation.faction()) + target
+    }
+
     /// The available targets: index among the others, and battle-wide id.
     pub fn targets(&self) -> impl Iterator<Item = (usize, u32)> {
         let targets = self.others.iter().copied().enumerate();
-        targets.filter(|&(i, _)| self.is_available(action::FIRST_TARGET + i))
+        targets.filter(|&(i, _)| self.is_available(self.target_action(i)))
     }
 
     /// The available target that comes first: for healers the one with the smallest share of health, then the
@@ -104,7 +109,7 @@ impl<'a, S: Situation> Choice<'a, S> {
         };
         let candidates = self.targets().filter(|&(_, other)| is_candidate(other));
         let best = candidates.min_by(|a, b| by_rank(rank(a.1), rank(b.1)));
-        best.map(|(i, _)| action::FIRST_TARGET + i)
+        best.map(|(i, _)| self.target_action(i))
     }
 
     /// The unit to walk to: the nearest living opponent that is seen; for healers the nearest unit of their

@@ -30,7 +30,7 @@ pub(super) fn line(situation: &impl Situation, actions: &mut [i32]) {
         let common = in_reach.min_by(|a, b| from_middle(a.1).total_cmp(&from_middle(b.1)));
         *action = match common {
             _ if choice.is_healer || choice.is_dead() => choice.nearest(),
-            Some((target, _)) => action::FIRST_TARGET + target,
+            Some((target, _)) => choice.target_action(target),
             None if progress(choice.id) > rear + LINE_DEPTH => action::STOP,
             None => choice.advance(),
         } as i32;
@@ -109,7 +109,7 @@ pub(super) fn spread(situation: &impl Situation, actions: &mut [i32], is_taken: 
         *action = match own {
             Some((target, _)) => {
                 is_taken[target] = true;
-                action::FIRST_TARGET + target
+                choice.target_action(target)
             }
             None => choice.nearest(),
         } as i32;
@@ -150,6 +150,6 @@ impl<S: Situation> Choice<'_, S> {
         let second = others.min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let rank = |target: &(usize, u32)| (self.situation.hit_points(target.1), distance(target));
         let weaker = [Some(first), second].into_iter().flatten().min_by(|a, b| by_rank(rank(a), rank(b)));
-        weaker.map(|(target, _)| action::FIRST_TARGET + target)
+        weaker.map(|(target, _)| self.target_action(target))
     }
 }

@@ -17,6 +17,8 @@ mod situation;
 mod tactics;
 
 use crate::arena::Arena;
+use crate::encode::types_in_state;
+use smaclite_scenarios::Faction;
 use tactics::Fire;
 
 pub use crate::tactic::Tactic;
@@ -26,6 +28,15 @@ pub use situation::{LearnerView, Situation};
 pub use tactics::nearest;
 
 impl Tactic {
+    /// The rule of that name.
+    ///
+    /// # Errors
+    /// If there is no policy of that name.
+    pub fn from_name(name: &str) -> Result<Tactic, UnknownPolicy> {
+        let found = Tactic::ALL.into_iter().find(|tactic| tactic.name() == name);
+        found.ok_or_else(|| UnknownPolicy(name.to_owned()))
+    }
+
     /// Writes an action for each agent; `draw` gives 64 random bits.
     pub(crate) fn act(
         self,
@@ -85,8 +96,7 @@ impl Scripted {
     /// # Errors
     /// If there is no policy of that name.
     pub fn from_name(name: &str, seed: u64) -> Result<Scripted, UnknownPolicy> {
-        let tactic = Tactic::ALL.into_iter().find(|tactic| tactic.name() == name);
-        tactic.map(|tactic| Scripted::new(tactic, seed)).ok_or_else(|| UnknownPolicy(name.to_owned()))
+        Tactic::from_name(name).map(|tactic| Scripted::new(tactic, seed))
     }
 
     /// Writes an action for each agent.
@@ -107,14 +117,38 @@ impl Scripted {
     /// # Panics
     /// If the sizes are not those of one number of environments of this arena.
     pub fn act_batch(&mut self, arena: &Arena, states: &[f32], avail_actions: &[u8], actions: &mut [i32]) {
-        let sizes = arena.sizes();
+        self.act_batch_of(Faction::Ally, arena, states, avail_actions, actions);
+    }
+
+    /// As [`act_batch`](Self::act_batch), for a side: that of the enemies from the fields `enemy_state` and
+    /// `enemy_avail_actions`.
+    ///
+    /// # Panics
+    /// As [`act_batch`](Self::act_batch), by the [side's](Arena::sizes_of) sizes.
+    pub fn act_batch_of(
+        &mut self,
+        side: Faction,
+        arena: &Arena,
+        states: &[f32],
+        avail_actions: &[u8],
+        actions: &mut [i32],
+    ) {
+        let sizes = arena.sizes_of(side);
+        // The units of a generated scenario have the types that the state says.
+        let mut own = arena.drawer().map(|_| arena.clone());
+        let mut types = Vec::new();
         let mut states = states.chunks_exact(sizes.state_size);
         let mut avail_actions = avail_actions.chunks_exact(sizes.n_agents * sizes.n_actions);
         for actions in actions.chunks_exact_mut(sizes.n_agents) {
             let (Some(state), Some(available)) = (states.next(), avail_actions.next()) else {
                 panic!("states and avail_actions must have a row per row of actions");
             };
-            self.act(&LearnerView::new(arena, state, available), actions);
+            if let Some(own) = &mut own {
+                types_in_state(arena, side, state, &mut types);
+                own.set_types(types.iter().copied());
+            }
+            let arena = own.as_ref().unwrap_or(arena);
+            self.act(&LearnerView::of(arena, side, state, available), actions);
         }
     }
 }

@@ -130,11 +130,12 @@ impl Situation for EnemySituation<'_> {
     }
 }
 
-/// What a learner sees of one environment: a row of the fields `state` and `avail_actions` of a batch, read
-/// in place.
+/// What a learner sees of one environment: a row of the fields `state` and `avail_actions` of a batch, or of
+/// `enemy_state` and `enemy_avail_actions`, read in place.
 #[derive(Clone, Copy, Debug)]
 pub struct LearnerView<'a> {
     arena: &'a Arena,
+    side: Faction,
     state: &'a [f32],
     avail_actions: &'a [u8],
 }
@@ -145,15 +146,23 @@ impl<'a> LearnerView<'a> {
     /// # Panics
     /// If one of them has another size.
     pub fn new(arena: &'a Arena, state: &'a [f32], avail_actions: &'a [u8]) -> LearnerView<'a> {
-        let sizes = arena.sizes();
+        LearnerView::of(arena, Faction::Ally, state, avail_actions)
+    }
+
+    /// As [`new`](Self::new), of a side.
+    ///
+    /// # Panics
+    /// If one of them has another size than the side's.
+    pub fn of(arena: &'a Arena, side: Faction, state: &'a [f32], avail_actions: &'a [u8]) -> LearnerView<'a> {
+        let sizes = arena.sizes_of(side);
         assert_eq!(state.len(), sizes.state_size, "one state");
         assert_eq!(avail_actions.len(), sizes.n_agents * sizes.n_actions, "one byte per agent and action");
-        LearnerView { arena, state, avail_actions }
+        LearnerView { arena, side, state, avail_actions }
     }
 
     /// The numbers of the actions that are available to an agent.
     fn available(&self, agent: usize) -> impl Iterator<Item = usize> {
-        let n_actions = self.arena.sizes().n_actions;
+        let n_actions = self.arena.n_actions(self.side);
         let row = &self.avail_actions[agent * n_actions..(agent + 1) * n_actions];
         row.iter().enumerate().filter(|(_, available)| **available != 0).map(|(action, _)| action)
     }
@@ -164,12 +173,16 @@ impl Situation for LearnerView<'_> {
         self.arena
     }
 
+    fn faction(&self) -> Faction {
+        self.side
+    }
+
     fn features(&self, id: u32) -> UnitFeatures {
-        UnitFeatures::read(self.arena, id, self.state)
+        UnitFeatures::read(self.arena, self.side, id, self.state)
     }
 
     fn is_available(&self, agent: usize, action: usize) -> bool {
-        let n_actions = self.arena.sizes().n_actions;
+        let n_actions = self.arena.n_actions(self.side);
         action < n_actions && self.avail_actions[agent * n_actions + action] != 0
     }
 

@@ -84,7 +84,7 @@ impl<S: Situation> Choice<'_, S> {
             || self.nearest(),
             |opponent| {
                 fire.add_attack(self.situation.arena(), self.id, opponent);
-                action::FIRST_TARGET + opponent
+                self.target_action(opponent)
             },
         )
     }

@@ -41,10 +41,12 @@ impl ColumnType {
 pub enum ColumnAxis {
     /// One per unit, agents first, by battle-wide id (`n_units`).
     Unit,
-    /// One per agent (`n_agents`).
-    Agent,
+    /// One per agent, and then one per enemy, by their numbers in their faction (`n_units`).
+    Actor,
     /// One per joint action that is kept (`n_past`).
     Past,
+    /// As many as SMACv2's interface needs (`n_perception`); 0 without it.
+    Perception,
     /// x and y.
     Xy,
 }
@@ -60,19 +62,21 @@ pub enum Column {
     NAgents,
     NEnemies,
     NPast,
+    NPerception,
+    NKnown,
     Scenario,
     Seed,
     Draws,
     EpisodeReturn,
     EpisodeLength,
     Opponent,
-    NKnown,
     Hp,
     Shield,
     Energy,
     Cooldown,
     ShieldCooldown,
     Healing,
+    Perception,
     Pos,
     Vel,
     PlannedVel,
@@ -81,12 +85,13 @@ pub enum Column {
     NeighbourNumber,
     LastAction,
     PastActions,
+    UnitType,
     Alive,
     Declared,
 }
 
 /// How many columns there are.
-pub const COLUMN_COUNT: usize = 29;
+pub const COLUMN_COUNT: usize = 32;
 
 /// Name, type, shape and meaning of a column.
 #[derive(Clone, Copy, Debug)]
@@ -113,7 +118,7 @@ const fn spec(
     ColumnSpec { column, name, dtype, axes, meaning }
 }
 
-use ColumnAxis::{Agent, Past, Unit, Xy};
+use ColumnAxis::{Actor, Past, Perception, Unit, Xy};
 use ColumnType::{Bool, F32, F64, I32, U32, U64};
 
 /// The table of columns, in their order in a record.
@@ -130,19 +135,33 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         &[],
         "joint actions kept for observations: the lane's obs_last_actions",
     ),
+    spec(
+        Column::NPerception,
+        "n_perception",
+        U32,
+        &[],
+        "entries of perception; 0 without SMACv2's interface",
+    ),
+    spec(Column::NKnown, "n_known", U32, &[], "how many of past_actions are of this episode, the first ones"),
     spec(Column::Scenario, "scenario", U64, &[], "hash of the scenario, its unit types and the rule set"),
     spec(Column::Seed, "seed", U64, &[], "seed of the generator"),
     spec(Column::Draws, "draws", U64, &[], "32-bit words that were drawn from it since seeding"),
     spec(Column::EpisodeReturn, "episode_return", F64, &[], "sum of the episode's rewards"),
     spec(Column::EpisodeLength, "episode_length", U32, &[], "steps of the episode"),
     spec(Column::Opponent, "opponent", U32, &[], "what plays the enemies: index in `OPPONENTS`"),
-    spec(Column::NKnown, "n_known", U32, &[], "how many of past_actions are of this episode, the first ones"),
     spec(Column::Hp, "hp", F64, &[Unit], "health, 0 to the type's maximum"),
     spec(Column::Shield, "shield", F64, &[Unit], "shield, 0 to the type's maximum"),
     spec(Column::Energy, "energy", F64, &[Unit], "energy, 0 to the type's maximum"),
     spec(Column::Cooldown, "cooldown", F64, &[Unit], "seconds until the unit can act again"),
     spec(Column::ShieldCooldown, "shield_cooldown", F64, &[Unit], "seconds until the shield regenerates"),
     spec(Column::Healing, "healing", F64, &[Unit], "healing that was paid for and not used yet, in health"),
+    spec(
+        Column::Perception,
+        "perception",
+        U64,
+        &[Perception],
+        "what agents perceived and were ordered through SMACv2's interface; words without a promised meaning",
+    ),
     spec(Column::Pos, "pos", F32, &[Unit, Xy], "position in squares; x grows east, y north"),
     spec(Column::Vel, "vel", F32, &[Unit, Xy], "velocity of the last move, in squares per second"),
     spec(Column::PlannedVel, "planned_vel", F32, &[Unit, Xy], "velocity planned in the last tick"),
@@ -161,13 +180,26 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         &[Unit],
         "number in the order of removal of its plane, -1 for the dead",
     ),
-    spec(Column::LastAction, "last_action", I32, &[Agent], "last action of each agent, -1 after a reset"),
+    spec(
+        Column::LastAction,
+        "last_action",
+        I32,
+        &[Actor],
+        "last action of each agent and enemy, -1 after a reset and for enemies that no joint action plays",
+    ),
     spec(
         Column::PastActions,
         "past_actions",
         I32,
-        &[Past, Agent],
-        "the last joint actions, the newest first",
+        &[Past, Actor],
+        "the last joint actions, the newest first; -1 for enemies that they do not play",
+    ),
+    spec(
+        Column::UnitType,
+        "unit_type",
+        U32,
+        &[Unit],
+        "type of the unit, as an index into the scenario's types; drawn anew in generated scenarios",
     ),
     spec(Column::Alive, "alive", Bool, &[Unit], "whether the unit is in the battle"),
     spec(Column::Declared, "declared", Bool, &[Unit], "whether it holds a declared attack (rule R4)"),

@@ -10,12 +10,16 @@ use super::columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis};
 use super::{Snapshot, SnapshotError};
 use crate::arena::Arena;
 use crate::buffers::refill;
+use crate::command::action;
 use crate::neighbour_order::NeighbourOrder;
 use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
+use crate::sides::Actor;
+use crate::sizes::Sizes;
+use smaclite_scenarios::Faction;
 
 /// Increased when a column or the meaning of one changes.
-pub const RECORD_VERSION: u32 = 2;
+pub const RECORD_VERSION: u32 = 5;
 
 pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
 
@@ -31,6 +35,16 @@ pub struct RecordSizes {
     pub n_enemies: usize,
     /// Joint actions that are kept for observations.
     pub n_past: usize,
+    /// Entries of the column `perception`.
+    pub n_perception: usize,
+}
+
+impl RecordSizes {
+    /// The sizes of the records of battles, with so many joint actions kept.
+    pub fn new(sizes: &Sizes, n_past: usize) -> RecordSizes {
+        let Sizes { n_agents, n_enemies, perception_size, .. } = *sizes;
+        RecordSizes { n_agents, n_enemies, n_past, n_perception: perception_size }
+    }
 }
 
 /// Where the columns of a record are.
@@ -71,8 +85,12 @@ impl RecordLayout {
             return Err(SnapshotError::Version { given: version, expected: RECORD_VERSION });
         }
         let size = |column| number(column).map(|n| n as usize).ok_or(SnapshotError::NoRecord);
-        let (n_agents, n_enemies) = (size(Column::NAgents)?, size(Column::NEnemies)?);
-        let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: size(Column::NPast)? });
+        let layout = RecordLayout::new(RecordSizes {
+            n_agents: size(Column::NAgents)?,
+            n_enemies: size(Column::NEnemies)?,
+            n_past: size(Column::NPast)?,
+            n_perception: size(Column::NPerception)?,
+        });
         if layout.size() != record.len() {
             return Err(SnapshotError::Size { given: record.len(), expected: layout.size() });
         }
@@ -148,9 +166,9 @@ impl RecordLayout {
 
 fn extent(sizes: RecordSizes, axis: ColumnAxis) -> usize {
     match axis {
-        ColumnAxis::Unit => sizes.n_agents + sizes.n_enemies,
-        ColumnAxis::Agent => sizes.n_agents,
+        ColumnAxis::Unit | ColumnAxis::Actor => sizes.n_agents + sizes.n_enemies,
         ColumnAxis::Past => sizes.n_past,
+        ColumnAxis::Perception => sizes.n_perception,
         ColumnAxis::Xy => 2,
     }
 }
@@ -173,7 +191,7 @@ impl Snapshot {
         let (mut snapshot, mut past_actions) = (Snapshot::default(), Vec::new());
         snapshot.read_unchecked(arena, n_past, record, &mut past_actions)?;
         if !snapshot.neighbour_order.is_of_living(arena, &snapshot.units) {
-            snapshot.neighbour_order = NeighbourOrder::new(arena, &snapshot.units);
+            snapshot.neighbour_order = NeighbourOrder::new(arena, &snapshot.types, &snapshot.units);
         }
         snapshot.check(arena)?;
         Ok((snapshot, past_actions))
@@ -205,16 +223,18 @@ impl Snapshot {
     ) -> Result<(), SnapshotError> {
         let layout = RecordLayout::of(record)?;
         let (scenario, expected) = (layout.get_one::<u64>(record, Column::Scenario), arena.scenario_hash());
-        let RecordSizes { n_agents, n_enemies, n_past: given } = layout.sizes;
-        let sizes = arena.sizes();
-        if scenario != expected || (n_agents, n_enemies) != (sizes.n_agents, sizes.n_enemies) {
+        let given = layout.sizes.n_past;
+        if scenario != expected || layout.sizes != RecordSizes::new(&arena.sizes(), given) {
             return Err(SnapshotError::OtherScenario { given: scenario, expected });
         }
         if given != n_past {
             return Err(SnapshotError::PastActions { given, expected: n_past });
         }
         self.read_units(&layout, record)?;
-        self.neighbour_order.read(arena, &layout, record)?;
+        refill(&mut self.perception, layout.get(record, Column::Perception));
+        refill(&mut self.types, layout.get(record, Column::UnitType));
+        self.check_types(arena)?;
+        self.neighbour_order.read(arena, &self.types, &layout, record)?;
         refill(&mut self.last_actions, numbers(&layout, record, Column::LastAction)?);
         let at = StreamPosition {
             seed: layout.get_one(record, Column::Seed),
@@ -251,14 +271,22 @@ impl Snapshot {
 }
 
 impl NeighbourOrder {
-    fn read(&mut self, arena: &Arena, layout: &RecordLayout, record: &[u8]) -> Result<(), SnapshotError> {
+    /// `types` are those of the units, checked.
+    fn read(
+        &mut self,
+        arena: &Arena,
+        types: &[u32],
+        layout: &RecordLayout,
+        record: &[u8],
+    ) -> Result<(), SnapshotError> {
         self.planes.iter_mut().for_each(|plane| {
             plane.list.clear();
             plane.by_number.clear();
         });
         for column in [Column::NeighbourRank, Column::NeighbourNumber] {
             for (id, place) in arena.unit_ids().zip(layout.get::<i32>(record, column)) {
-                let plane = &mut self.planes[arena.stats(id).plane as usize];
+                let plane = arena.types()[types[id as usize] as usize].plane;
+                let plane = &mut self.planes[plane as usize];
                 let order =
                     if column == Column::NeighbourRank { &mut plane.list } else { &mut plane.by_number };
                 let Ok(place) = usize::try_from(place) else { continue };
@@ -311,19 +339,25 @@ fn read_past_actions(
     record: &[u8],
     past_actions: &mut Vec<i32>,
 ) -> Result<(), SnapshotError> {
-    let n_agents = layout.sizes.n_agents;
+    let Sizes { n_agents, .. } = arena.sizes();
+    let (n_actors, n_units) = (arena.sizes().n_actors(), arena.sizes().n_units());
     let known: u32 = layout.get_one(record, Column::NKnown);
     if known as usize > layout.sizes.n_past {
         return Err(SnapshotError::PastActions { given: known as usize, expected: layout.sizes.n_past });
     }
-    refill(past_actions, layout.get(record, Column::PastActions).take(known as usize * n_agents));
-    let n_actions = arena.sizes().n_actions;
-    let is_action = |action: &i32| usize::try_from(*action).is_ok_and(|action| action < n_actions);
-    match past_actions.iter().position(|action| !is_action(action)) {
-        None => Ok(()),
-        Some(i) => {
-            let (column, agent) = (Column::PastActions.name(), i % n_agents);
-            Err(SnapshotError::NoSuchAction { column, agent, action: i64::from(past_actions[i]), n_actions })
+    past_actions.clear();
+    let actions = layout.get::<i32>(record, Column::PastActions).take(known as usize * n_units);
+    for (i, action) in actions.enumerate() {
+        let actor = Actor::at(i % n_units, n_agents);
+        let n_actions = arena.n_actions(actor.faction());
+        let least = if actor.faction() == Faction::Ally { 0 } else { -1 };
+        if !(least..n_actions as i64).contains(&action.into()) {
+            let (column, action) = (Column::PastActions.name(), action.into());
+            return Err(SnapshotError::NoSuchAction { column, actor, action, n_actions });
+        }
+        if i % n_units < n_actors {
+            past_actions.push(action.max(action::NO_OP as i32));
         }
     }
+    Ok(())
 }

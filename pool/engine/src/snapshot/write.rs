@@ -11,7 +11,9 @@ use crate::random::StreamPosition;
 use crate::units::Units;
 
 /// What a record holds, by reference.
-struct State<'a> {
+struct State<'a, T, P> {
+    /// The types of the units.
+    types: T,
     units: &'a Units,
     neighbour_order: &'a NeighbourOrder,
     last_actions: &'a [Option<u32>],
@@ -19,30 +21,40 @@ struct State<'a> {
     episode_length: u32,
     episode_return: f64,
     opponent: Opponent,
+    /// What the agents perceived.
+    perception: P,
 }
 
-impl State<'_> {
-    /// `past_actions` are the last joint actions of the episode, `[n_known, n_agents]`, the newest first.
-    fn write(&self, layout: &RecordLayout, scenario: u64, past_actions: &[i32], record: &mut [u8]) {
-        let RecordSizes { n_agents, n_enemies, n_past } = layout.sizes;
-        let known = (past_actions.len() / n_agents.max(1)) as u32;
-        let header = [MAGIC, 0, RECORD_VERSION, n_agents as u32, n_enemies as u32, n_past as u32];
+impl<T: Iterator<Item = u32>, P: Iterator<Item = u64>> State<'_, T, P> {
+    /// `past_actions` are the last joint actions of the episode, `[n_known, n_actors]`, the newest first.
+    fn write(self, layout: &RecordLayout, arena: &Arena, past_actions: &[i32], record: &mut [u8]) {
+        let RecordSizes { n_agents, n_enemies, n_past, n_perception } = layout.sizes;
+        let known = (past_actions.len() / arena.sizes().n_actors()) as u32;
+        let sizes = [n_agents, n_enemies, n_past, n_perception].map(|size| size as u32);
+        let [n_agents, n_enemies, n_past, n_perception] = sizes;
+        let header = [MAGIC, 0, RECORD_VERSION, n_agents, n_enemies, n_past, n_perception, known];
         record[..size_of_val(&header)].copy_from_slice(bytemuck::cast_slice(&header));
-        layout.put(record, Column::Scenario, &[scenario]);
+        layout.put(record, Column::Scenario, &[arena.scenario_hash()]);
         layout.put(record, Column::Seed, &[self.position.seed]);
         layout.put(record, Column::Draws, &[self.position.draws]);
         layout.put(record, Column::EpisodeReturn, &[self.episode_return]);
         layout.put(record, Column::EpisodeLength, &[self.episode_length]);
         layout.put(record, Column::Opponent, &[self.opponent.index() as u32]);
-        layout.put(record, Column::NKnown, &[known]);
         self.write_units(layout, record);
         let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
         layout.put_each(record, Column::Target, self.units.target.iter().map(number));
         layout.put_each(record, Column::LastAction, self.last_actions.iter().map(number));
         let past = layout.column_mut(record, Column::PastActions);
-        past.fill(0);
-        past[..size_of_val(past_actions)].copy_from_slice(bytemuck::cast_slice(past_actions));
+        past.fill(0xff); // -1
+        let row_len = (n_agents + n_enemies) as usize * size_of::<i32>();
+        for (row, actions) in
+            past.chunks_exact_mut(row_len).zip(past_actions.chunks_exact(arena.sizes().n_actors()))
+        {
+            row[..size_of_val(actions)].copy_from_slice(bytemuck::cast_slice(actions));
+        }
         self.write_neighbour_order(layout, record);
+        layout.put_each(record, Column::UnitType, self.types);
+        layout.put_each(record, Column::Perception, self.perception);
         record[layout.offsets[COLUMN_COUNT]..].fill(0);
         layout.seal(record);
     }
@@ -78,13 +90,14 @@ impl State<'_> {
 }
 
 impl Battle {
-    /// Writes the state of the battle, and the last joint actions of the episode, `[n_known, n_agents]`, the
-    /// newest first, as a record of this layout.
+    /// Writes the state of the battle, and the last joint actions of the episode, `[n_known, n_actors]` with
+    /// the numbers that the arena's joint actions have, the newest first, as a record of this layout.
     ///
     /// # Panics
     /// If the layout is of other sizes, `record` of another length, or there are more than `n_past` actions.
     pub fn write_record(&self, layout: &RecordLayout, past_actions: &[i32], record: &mut [u8]) {
         let state = State {
+            types: self.arena().type_indices(),
             units: self.units(),
             neighbour_order: self.neighbour_order(),
             last_actions: self.last_actions(),
@@ -92,8 +105,9 @@ impl Battle {
             episode_length: self.episode_length(),
             episode_return: self.episode_return(),
             opponent: self.opponent(),
+            perception: self.perception_words(),
         };
-        state.write(layout, self.arena().scenario_hash(), past_actions, record);
+        state.write(layout, self.arena(), past_actions, record);
     }
 }
 
@@ -110,6 +124,7 @@ impl Snapshot {
         record: &mut [u8],
     ) {
         let state = State {
+            types: self.types.iter().copied(),
             units: &self.units,
             neighbour_order: &self.neighbour_order,
             last_actions: &self.last_actions,
@@ -117,7 +132,8 @@ impl Snapshot {
             episode_length: self.episode_length,
             episode_return: self.episode_return,
             opponent: self.opponent,
+            perception: self.perception.iter().copied(),
         };
-        state.write(layout, arena.scenario_hash(), past_actions, record);
+        state.write(layout, arena, past_actions, record);
     }
 }

@@ -4,18 +4,18 @@
 
 use std::hint::select_unpredictable;
 
-use super::{World, targeters};
+use super::{Earned, World, targeters};
 use crate::fast_math;
 use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 
-/// Runs the turns of all units in the execution order; returns the reward, unscaled.
+/// Runs the turns of all units in the execution order; returns what they earn.
 #[inline(never)]
-pub(super) fn take_turns(world: &mut World) -> f64 {
-    let mut earned = 0.0;
+pub(super) fn take_turns(world: &mut World) -> Earned {
+    let mut earned = Earned::default();
     let mut turn = 0;
     while let Some((id, event)) = take_plain_turns(world, &mut turn) {
         match event {
-            Event::Acts { target } => earned += targeters::act(world, id, target),
+            Event::Acts { target } => targeters::act(world, id, target, &mut earned),
             Event::IsWithoutHealth => skip_turn(world, id),
         }
     }

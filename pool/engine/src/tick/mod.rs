@@ -13,6 +13,7 @@ mod targeters;
 mod targets;
 
 use glam::Vec2;
+use smaclite_scenarios::Faction;
 
 use crate::arena::Arena;
 use crate::buffers::clear_and_reserve;
@@ -29,9 +30,24 @@ pub(crate) struct World<'a> {
     pub scratch: &'a mut TickScratch,
 }
 
-/// Plays one tick with the execution order in the scratch. Returns its reward, unscaled and without that for
-/// winning.
-pub(crate) fn run(world: &mut World) -> f64 {
+/// What the sides earn, unscaled and without the reward for winning.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Earned {
+    pub allies: f64,
+    pub enemies: f64,
+}
+
+impl Earned {
+    pub fn add(&mut self, side: Faction, amount: f64) {
+        match side {
+            Faction::Ally => self.allies += amount,
+            Faction::Enemy => self.enemies += amount,
+        }
+    }
+}
+
+/// Plays one tick with the execution order in the scratch. Returns what it earns.
+pub(crate) fn run(world: &mut World) -> Earned {
     targets::drop_lost(world);
     preferred::decide(world);
     avoid::plan_velocities(world);
@@ -39,6 +55,12 @@ pub(crate) fn run(world: &mut World) -> f64 {
     deaths::remove_dead(world);
     world.scratch.is_first_tick = false;
     earned
+}
+
+/// Removes the units without health between two ticks.
+pub(crate) fn remove_all_dead(world: &mut World) {
+    world.scratch.may_have_dead = true;
+    deaths::remove_dead(world);
 }
 
 /// Working memory of a tick: what units intend to do, by battle-wide id. Nothing of it outlives the step.

@@ -1,24 +1,24 @@
 //! The effects of attacks and heals, by targeter: damage, explosions, lasers and healing. Each function
-//! returns the reward that it earns, unscaled.
+//! returns what it earns, unscaled; if nothing else is said, for the side of the unit that acts.
 
 use glam::Vec2;
 use smaclite_units::Targeter;
 
-use super::World;
+use super::{Earned, World};
 use crate::distance::{distance, distance_squared};
 use crate::rules::Rules;
 use crate::{HEAL_PER_TICK, HEALTH_PER_ENERGY, KILL_REWARD, MIN_ENERGY_FOR_NEW_TARGET, SHIELD_DELAY};
 
-/// Lets a unit act on its target.
-pub(super) fn act(world: &mut World, id: u32, target: u32) -> f64 {
+/// Lets a unit act on its target; adds what that earns.
+pub(super) fn act(world: &mut World, id: u32, target: u32, earned: &mut Earned) {
+    let side = world.arena.faction(id);
     match world.arena.stats(id).targeter {
-        Targeter::Standard => attack(world, id, target),
-        Targeter::Kamikaze { radius } => explode(world, id, radius),
-        Targeter::LaserBeam { width, height } => fire_laser(world, id, target, width, height),
-        Targeter::Heal => {
-            heal(world, id, target);
-            0.0
+        Targeter::Standard => earned.add(side, attack(world, id, target)),
+        Targeter::Kamikaze { radius } => explode(world, id, radius, earned),
+        Targeter::LaserBeam { width, height } => {
+            earned.add(side, fire_laser(world, id, target, width, height));
         }
+        Targeter::Heal => heal(world, id, target),
     }
 }
 
@@ -29,7 +29,7 @@ fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
 }
 
 /// One hit. The shield absorbs the damage first, without armor; armor reduces the rest, and health absorbs
-/// what remains. The reward is the damage dealt to enemies, and more for a kill.
+/// what remains. It earns the damage dealt, and more for a kill.
 fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     let (units, stats, i) = (&mut *world.units, world.arena.stats(victim), victim as usize);
     // A victim that was killed earlier in this tick is hit to no effect, so a kill is rewarded once.
@@ -44,22 +44,21 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     units.shield[i] -= to_shield;
     let to_health = f64::min(f64::max(0.0, damage - to_shield - stats.armor), units.hp[i]);
     units.hp[i] -= to_health;
-    world.scratch.may_have_dead |= units.hp[i] == 0.0;
-    // Losses of agents cost nothing: the reward is never negative.
-    if !world.arena.is_enemy(victim) {
-        return 0.0;
-    }
     let killed = units.hp[i] == 0.0;
+    world.scratch.may_have_dead |= killed;
+    // Losses cost the victim's side nothing: a reward is never negative.
     to_shield + to_health + if killed { KILL_REWARD } else { 0.0 }
 }
 
 /// KAMIKAZE: the unit dies, and hits every unit of the other faction around it, whatever its plane.
-fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
+fn explode(world: &mut World, id: u32, radius: f64, earned: &mut Earned) {
     let arena = world.arena;
     let health = std::mem::take(&mut world.units.hp[id as usize]);
     world.scratch.may_have_dead = true;
-    // An enemy that blows itself up earns its remaining health, but no reward for a kill.
-    let mut earned = if arena.is_enemy(id) { health } else { 0.0 };
+    let side = arena.faction(id);
+    // A unit that blows itself up earns the other side its remaining health, but no reward for a kill.
+    earned.add(side.opponent(), health);
+    let mut damage = 0.0;
     let centre = world.units.pos[id as usize];
     let search_radius = radius + arena.largest_radius;
     for i in 0..world.alive_ids.opponents_of(arena, id).len() {
@@ -70,10 +69,10 @@ fn explode(world: &mut World, id: u32, radius: f64) -> f64 {
         let is_found = distance_squared(centre, start) <= search_radius * search_radius;
         let reach = radius + arena.stats(victim).radius;
         if is_found && distance(centre, world.units.pos[victim as usize]) <= reach {
-            earned += attack(world, id, victim);
+            damage += attack(world, id, victim);
         }
     }
-    earned
+    earned.add(side, damage);
 }
 
 /// LASER_BEAM: hits every unit of the other faction, whatever its plane, whose circle touches a rectangle

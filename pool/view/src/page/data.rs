@@ -210,8 +210,8 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, Repl
     })
 }
 
-/// Encodes consecutive moments: column by column, in each unit by unit, and in that each value as the
-/// difference from the moment before; then the attacks, moment by moment.
+/// Encodes consecutive moments of an episode: the type of each unit; then column by column, in each unit by
+/// unit, and in that each value as the difference from the moment before; then the attacks, moment by moment.
 pub fn encode_moments(moments: &[Moment]) -> Vec<u8> {
     let columns: [fn(&UnitMoment) -> i64; 9] = [
         |unit| (unit.pos.x * POSITION).round() as i64,
@@ -226,6 +226,8 @@ pub fn encode_moments(moments: &[Moment]) -> Vec<u8> {
     ];
     let mut out = Vec::new();
     let n_units = moments.first().map_or(0, |moment| moment.units.len());
+    let types = moments.iter().take(1).flat_map(|moment| &moment.units).map(|unit| unit.unit_type as u64);
+    types.for_each(|unit_type| put(&mut out, unit_type));
     for column in columns {
         for id in 0..n_units {
             let mut last = 0;

@@ -14,6 +14,8 @@ mod shapes;
 mod terrain;
 mod theme;
 
+use std::sync::Arc;
+
 use glam::Vec2;
 use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, UnitType};
@@ -84,7 +86,7 @@ impl Default for Options {
 /// let scenario = Scenario::standard("2s3z").unwrap();
 /// let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
 /// let renderer = Renderer::new(&scenario, Options::default())?;
-/// let mut observer = Observer::new(&scenario, battle.units());
+/// let mut observer = Observer::new(&scenario, &battle);
 ///
 /// let mut moments = vec![observer.moment().clone()];
 /// let observe = |tick: smaclite_engine::Tick<'_>| moments.push(observer.observe(tick.units).clone());
@@ -100,18 +102,22 @@ pub struct Renderer {
     camera: Camera,
     palette: &'static Palette,
     shapes: Shapes,
+    /// All types of the scenario, and the letter of each.
+    types: Arc<[(UnitType, char)]>,
+    units: Arc<[Placement]>,
     /// By battle-wide id.
     looks: Vec<Look>,
     /// Battle-wide ids in the order in which units are drawn.
     order: Vec<usize>,
     /// How many of `order` are on the ground.
     n_on_ground: usize,
-    terrain: Pixmap,
+    terrain: Arc<Pixmap>,
 }
 
 /// What never changes about a unit's look; lengths in pixels.
 #[derive(Clone, Debug)]
 struct Look {
+    unit_type: usize,
     faction: Faction,
     plane: Plane,
     letter: char,
@@ -126,8 +132,9 @@ struct Look {
 }
 
 impl Look {
-    fn new(unit: &Placement, unit_type: &UnitType, letter: char, scale: f32) -> Look {
+    fn new(unit: &Placement, index: usize, unit_type: &UnitType, letter: char, scale: f32) -> Look {
         Look {
+            unit_type: index,
             faction: unit.faction,
             plane: unit_type.plane,
             letter,
@@ -153,12 +160,34 @@ impl Renderer {
         let camera =
             Camera::new(options.view.region(scenario), Region::map(&scenario.terrain), width, height);
         let palette = options.theme.palette();
-        let letters = type_letters(&scenario.unit_types);
-        let look = |unit: &Placement| {
-            let unit_type = &scenario.unit_types[unit.unit_type];
-            Look::new(unit, unit_type, letters[unit.unit_type], camera.scale)
+        let terrain = terrain::draw(&scenario.terrain, &camera, palette, width, height).ok_or(SizeError {
+            width,
+            height,
+            max_side: Picture::MAX_SIDE,
+        })?;
+        let types = scenario.unit_types.iter().cloned().zip(type_letters(&scenario.unit_types));
+        let renderer = Renderer {
+            options,
+            camera,
+            palette,
+            shapes: Shapes::new(),
+            types: types.collect(),
+            units: scenario.units.as_slice().into(),
+            looks: Vec::new(),
+            order: Vec::new(),
+            n_on_ground: 0,
+            terrain: Arc::new(terrain),
         };
-        let looks: Vec<Look> = scenario.units.iter().map(look).collect();
+        Ok(renderer.of_types(scenario.units.iter().map(|unit| unit.unit_type)))
+    }
+
+    /// The same for units of these types.
+    fn of_types(&self, types: impl Iterator<Item = usize>) -> Renderer {
+        let look = |(unit, unit_type): (&Placement, usize)| {
+            let (stats, letter) = &self.types[unit_type];
+            Look::new(unit, unit_type, stats, *letter, self.camera.scale)
+        };
+        let looks: Vec<Look> = self.units.iter().zip(types).map(look).collect();
         let mut order: Vec<usize> = (0..looks.len()).collect();
         // Small units above large ones of their plane, flying ones above all.
         let is_flying = |id: &usize| looks[*id].plane == Plane::Air;
@@ -167,12 +196,7 @@ impl Renderer {
             is_flying(a).cmp(&is_flying(b)).then(by_size)
         });
         let n_on_ground = order.iter().filter(|id| !is_flying(id)).count();
-        let terrain = terrain::draw(&scenario.terrain, &camera, palette, width, height).ok_or(SizeError {
-            width,
-            height,
-            max_side: Picture::MAX_SIDE,
-        })?;
-        Ok(Renderer { options, camera, palette, shapes: Shapes::new(), looks, order, n_on_ground, terrain })
+        Renderer { looks, order, n_on_ground, ..self.clone() }
     }
 
     /// The options.
@@ -189,9 +213,14 @@ impl Renderer {
     /// [`RECENT_TICKS`] before it make no difference. Without a moment the picture shows the map.
     pub fn render_recent(&self, moments: &[Moment]) -> Picture {
         let moments = &moments[moments.len().saturating_sub(RECENT_TICKS + 1)..];
-        let mut canvas = Canvas::over(self.terrain.clone());
+        let mut canvas = Canvas::over(Pixmap::clone(&self.terrain));
         if let Some(now) = moments.last() {
-            self.draw(&mut canvas, now, moments);
+            let types = || now.units.iter().map(|unit| unit.unit_type);
+            if self.looks.iter().map(|look| look.unit_type).eq(types()) {
+                self.draw(&mut canvas, now, moments);
+            } else {
+                self.of_types(types()).draw(&mut canvas, now, moments);
+            }
         }
         Picture::from_pixels(canvas.into_pixels())
     }

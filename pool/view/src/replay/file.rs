@@ -15,7 +15,8 @@ use flate2::bufread::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{
-    Arena, BattleSetup, Opponent, RecordLayout, RecordSizes, Rules, Sizes, Snapshot, StreamPosition,
+    Actor, Arena, BattleSetup, Opponent, RecordLayout, RecordSizes, Rules, Sides, Sizes, Snapshot,
+    StreamPosition,
 };
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
 use smaclite_units::file::{printable_text, shortened, write_whole};
@@ -55,6 +56,9 @@ struct Document {
     scenario: ScenarioText,
     rules: String,
     episode_limit: Option<u32>,
+    /// Only of battles in which actions play both sides.
+    #[serde(default, skip_serializing_if = "Sides::is_default")]
+    sides: Sides,
     episodes: Vec<EpisodeText>,
 }
 
@@ -185,6 +189,7 @@ impl Document {
             },
             rules: replay.setup.rules.to_string(),
             episode_limit: replay.arena.episode_limit(),
+            sides: replay.setup.sides,
             episodes: replay.episodes.iter().map(|episode| EpisodeText::of(episode, &replay.arena)).collect(),
         }
     }
@@ -200,14 +205,14 @@ impl Document {
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
         let files = ScenarioFiles { source: printable_text(&file), text, unit_files };
         let episode_limit = self.episode_limit.into();
-        let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files) };
+        let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files) }.with_sides(self.sides);
         let mut replay = Replay::new(setup, shortened(&self.program))?;
-        let (n_agents, n_actions) = (replay.arena.sizes().n_agents, replay.arena.sizes().n_actions);
+        let sizes = replay.arena.sizes();
         for (i, episode) in self.episodes.into_iter().enumerate() {
             let check = Check { file: source, key: format!("episodes[{i}].") };
             let snapshot = episode.snapshot(&check, &replay.arena)?;
             let first_step = snapshot.as_ref().map_or(0, |snapshot| snapshot.episode_length);
-            let mut episode = episode.episode(&check, n_agents, n_actions, first_step)?;
+            let mut episode = episode.episode(&check, sizes, first_step)?;
             episode.snapshot = snapshot;
             let (steps, limit) = (episode.outcome.steps, self.episode_limit.unwrap_or(u32::MAX));
             check.that(steps <= limit, "steps", &format!("at most {limit}, the `episode_limit`"), steps)?;
@@ -221,8 +226,7 @@ impl EpisodeText {
     fn of(episode: &Episode, arena: &Arena) -> EpisodeText {
         let Episode { start, opponent, outcome, snapshot, .. } = episode;
         let encoded = |snapshot: &Snapshot| {
-            let Sizes { n_agents, n_enemies, .. } = arena.sizes();
-            let layout = RecordLayout::new(RecordSizes { n_agents, n_enemies, n_past: 0 });
+            let layout = RecordLayout::new(RecordSizes::new(&arena.sizes(), 0));
             let mut record = vec![0; layout.size()];
             snapshot.write_record(arena, &layout, &[], &mut record);
             STANDARD.encode(record)
@@ -258,13 +262,8 @@ impl EpisodeText {
     }
 
     /// Without its snapshot, before which the episode has `first_step` steps.
-    fn episode(
-        self,
-        check: &Check,
-        n_agents: usize,
-        n_actions: usize,
-        first_step: u32,
-    ) -> Result<Episode, ReplayError> {
+    fn episode(self, check: &Check, sizes: Sizes, first_step: u32) -> Result<Episode, ReplayError> {
+        let n_actors = sizes.n_actors();
         let least = first_step.saturating_add(1);
         check.that(self.steps >= least, "steps", &format!("at least {least}"), self.steps)?;
         let n_checksums = self.step_checksums.len();
@@ -273,11 +272,15 @@ impl EpisodeText {
         check.that(n_checksums == n_steps, "step_checksums", &expected, n_checksums)?;
         let given = self.actions.len();
         let expected =
-            format!("a list of length {}, `steps` times the number of agents", n_checksums * n_agents);
-        check.that(given == n_checksums * n_agents, "actions", &expected, given)?;
-        if let Some(i) = self.actions.iter().position(|&action| usize::from(action) >= n_actions) {
-            let key = format!("actions[{i}]");
-            return Err(check.invalid(&key, &format!("between 0 and {}", n_actions - 1), self.actions[i]));
+            format!("a list of length {}, `steps` times the number of units", n_checksums * n_actors);
+        check.that(given == n_checksums * n_actors, "actions", &expected, given)?;
+        for (i, &action) in self.actions.iter().enumerate() {
+            let actor = Actor::at(i % n_actors, sizes.n_agents);
+            let n_actions = sizes.of(actor.faction()).map_or(0, |sizes| sizes.n_actions);
+            let (key, expected) = (|| format!("actions[{i}]"), || format!("between 0 and {}", n_actions - 1));
+            if usize::from(action) >= n_actions {
+                return Err(check.invalid(&key(), &expected(), action));
+            }
         }
         let is_hex =
             self.checksum.len() == 16 && self.checksum.bytes().all(|digit| digit.is_ascii_hexdigit());

@@ -48,7 +48,7 @@ pub struct Episode {
     pub opponent: Opponent,
     /// The state in which it begins; `None` if every unit is at its start, as after a reset.
     pub snapshot: Option<Box<Snapshot>>,
-    /// The action of every agent in every step: `[steps, n_agents]`, row by row.
+    /// The joint action of every step: `[steps, n_actors]`, row by row.
     pub actions: Vec<u16>,
     /// How it ended.
     pub outcome: Outcome,

@@ -50,7 +50,7 @@ impl<'a> Player<'a> {
                 battle.reset_against(*opponent);
             }
         }
-        let observer = Observer::new(&replay.scenario, battle.units());
+        let observer = Observer::new(&replay.scenario, &battle);
         let first = observer.moment().clone();
         Player {
             replay,
@@ -88,8 +88,8 @@ impl<'a> Player<'a> {
 
     /// The actions of a step; empty if there is none.
     pub fn actions(&self, step: usize) -> &'a [u16] {
-        let n_agents = self.replay.arena.sizes().n_agents;
-        self.episode().actions.chunks(n_agents).nth(step).unwrap_or(&[])
+        let n_actors = self.replay.arena.sizes().n_actors();
+        self.episode().actions.chunks(n_actors).nth(step).unwrap_or(&[])
     }
 
     /// Plays the next step; `None` at the end of the episode.

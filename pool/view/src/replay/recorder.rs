@@ -69,7 +69,7 @@ impl Recorder {
         let replay = Replay::new(setup, this_program())?;
         let battle = Battle::new(replay.arena.clone(), seed);
         Ok(Recorder {
-            start: battle.generator().position(),
+            start: battle.start(),
             battle,
             replay,
             scratch: Scratch::new(),
@@ -121,7 +121,7 @@ impl Recorder {
     pub fn reset(&mut self) {
         self.end_episode();
         self.battle.reset();
-        self.start = self.battle.generator().position();
+        self.start = self.battle.start();
     }
 
     /// Ends the episode and begins one with the generator at that position, against this opponent.

@@ -11,7 +11,7 @@ use smaclite_view::{Moment, Observer, Options, Picture, Renderer};
 /// The moments of an episode that the nearest-enemy policy plays, at most `steps` steps.
 pub fn play(scenario: &Scenario, steps: usize) -> Vec<Moment> {
     let mut battle = Battle::new(Arc::new(Arena::new(scenario, Rules::Smaclite)), 1);
-    let mut observer = Observer::new(scenario, battle.units());
+    let mut observer = Observer::new(scenario, &battle);
     let mut moments = vec![observer.moment().clone()];
     let mut scratch = Scratch::new();
     let mut actions = vec![0; scenario.n_agents()];

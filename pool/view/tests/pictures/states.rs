@@ -13,7 +13,7 @@ fn play_states(scenario: &Scenario) -> Vec<(Moment, Moment)> {
     let arena = Arc::new(Arena::new(scenario, Rules::Smaclite));
     let mut state = vec![0.0; arena.sizes().state_size];
     let mut battle = Battle::new(arena, 1);
-    let mut observer = Observer::new(scenario, battle.units());
+    let mut observer = Observer::new(scenario, &battle);
     let (mut scratch, mut actions) = (Scratch::new(), vec![0; scenario.n_agents()]);
     let mut pairs = Vec::new();
     for _ in 0..60 {

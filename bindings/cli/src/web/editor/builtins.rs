@@ -21,7 +21,10 @@ pub(super) fn builtins() -> Builtins {
     let targeter = |(name, keys)| TargeterFormat { name, parameters: formats(keys) };
     Builtins {
         new: default_scenario("new_scenario"),
-        scenarios: Scenario::standard_names().filter_map(scenario).collect(),
+        scenarios: Scenario::standard_names()
+            .chain(Scenario::generated_names())
+            .filter_map(scenario)
+            .collect(),
         presets: Terrain::preset_names().filter_map(preset).collect(),
         units: UnitType::standard_names().filter_map(unit).collect(),
         policies: Scripted::NAMES.to_vec(),
@@ -64,7 +67,7 @@ mod tests {
             let scenario = ScenarioFiles { text, ..files.clone() }.scenario().unwrap();
             assert_eq!(scenario.terrain, Terrain::preset(preset.name).unwrap());
         }
-        assert_eq!((builtins.scenarios.len(), builtins.units.len()), (23, 10));
+        assert_eq!((builtins.scenarios.len(), builtins.units.len()), (38, 10));
         let replaceable = builtins.units.iter().filter(|unit| unit.is_replaceable);
         assert_eq!(replaceable.map(|unit| unit.name).collect::<Vec<_>>(), ["HYDRALISK"]);
     }

@@ -1,20 +1,23 @@
 //! The problems of the files, as `smaclite-pool check` prints them, and where the units start.
 
 use crate::web::protocol::{CheckedFiles, Group, Summary};
+use glam::Vec2;
 use smaclite_engine::SIGHT_RANGE;
-use smaclite_engine::{Arena, Rules};
-use smaclite_scenarios::{Faction, MAX_UNITS, Problem, ScenarioFiles, formation};
+use smaclite_engine::{Arena, Battle, BattleSetup, Rules};
+use smaclite_scenarios::{Faction, MAX_UNITS, Placement, Problem, ScenarioFiles, formation};
 use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::types_info;
+use std::sync::Arc;
 
-pub(super) fn check(files: &ScenarioFiles, groups: &[Group]) -> CheckedFiles {
+pub(super) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> CheckedFiles {
     let problems = problems(files);
     let mut types = Types { files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;
     let groups = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
     let summary = if problems.is_empty() { summary(files) } else { None };
+    let drawn = drawn(files, &mut types, seed);
     let (warnings, types) = (files.warnings(), types_info(&types.types));
-    CheckedFiles { problems, warnings, summary, types, groups, sight: SIGHT_RANGE }
+    CheckedFiles { problems, warnings, summary, types, groups, drawn, sight: SIGHT_RANGE }
 }
 
 /// All that is wrong with the scenario, and with unit files that it does not name yet.
@@ -40,6 +43,20 @@ fn summary(files: &ScenarioFiles) -> Option<Summary> {
         obs_size: sizes.obs_size,
         state_size: sizes.state_size,
     })
+}
+
+/// The units with which the first battle of a seed begins, in a valid generated scenario. A seed that is no
+/// number is as good as 0.
+fn drawn(files: &ScenarioFiles, types: &mut Types<'_>, seed: &str) -> Option<Vec<(usize, usize, f32, f32)>> {
+    let (scenario, arena) = BattleSetup::new(files.clone()).arena().ok()?;
+    scenario.generation.as_ref()?;
+    let battle = Battle::new(Arc::new(arena), seed.parse().unwrap_or(0));
+    let units = scenario.units.iter().zip(battle.types().zip(&battle.units().pos));
+    let unit = |(unit, (unit_type, pos)): (&Placement, (usize, &Vec2))| {
+        let index = types.index(&scenario.unit_types[unit_type].name)?;
+        Some((index, usize::from(unit.faction == Faction::Enemy), pos.x, pos.y))
+    };
+    units.map(unit).collect()
 }
 
 /// The unit types that the groups name.
@@ -103,7 +120,7 @@ mod tests {
         for name in ["2s3z", "3s5z", "27m_vs_30m", "2c_vs_64zg", "6h_vs_8z", "corridor", "bane_vs_bane"] {
             let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
             let groups = groups_of(&files);
-            let checked = check(&files, &groups);
+            let checked = check(&files, &groups, "0");
             assert_eq!(checked.problems, [], "{name}");
             let placed: Vec<[f64; 2]> =
                 checked.groups.into_iter().flat_map(Option::unwrap).map(|(_, x, y)| [x, y]).collect();
@@ -111,6 +128,22 @@ mod tests {
             assert_eq!(placed, expected, "{name}");
             assert_eq!(checked.summary.unwrap().n_agents, scenario.n_agents());
         }
+    }
+
+    #[test]
+    fn a_seed_shows_the_teams_and_places_that_its_battle_begins_with() {
+        let (scenario, files) = ScenarioFiles::resolve("zerg_5_vs_5").unwrap();
+        let drawn = |seed: &str| check(&files, &[], seed).drawn.unwrap();
+        let checked = check(&files, &[], "7");
+        assert_eq!((checked.problems, checked.groups.len()), (Vec::new(), 0));
+        assert_eq!(drawn("7"), drawn("7"));
+        assert_ne!(drawn("7"), drawn("8"));
+        assert_eq!(drawn("seven"), drawn("0"));
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::default())), 7);
+        let places: Vec<Vec2> = drawn("7").iter().map(|(_, _, x, y)| Vec2::new(*x, *y)).collect();
+        assert_eq!(places, battle.units().pos);
+        let (_, fixed) = ScenarioFiles::resolve("2s3z").unwrap();
+        assert!(check(&fixed, &[], "7").drawn.is_none());
     }
 
     #[test]
@@ -131,7 +164,7 @@ mod tests {
             group(&[("ZEALOT", 1000)], "ENEMY"),
             group(&[("ZEALOT", 4_000_000_000)], "ENEMY"),
         ];
-        let checked = check(&files, &groups);
+        let checked = check(&files, &groups, "0");
         assert_eq!(checked.groups, [Some(vec![(0, 4.0, 5.0)]), None, None, None, None, None]);
         assert_eq!(checked.types.len(), 2);
         let problems = checked.problems;

@@ -27,8 +27,8 @@ impl Editor {
         Ok(match request {
             PageRequest::GetBuiltins {} => PageResponse::GetBuiltins(builtins::builtins()),
             PageRequest::OpenFiles {} => PageResponse::OpenFiles(self.start.open()?),
-            PageRequest::CheckFiles { files, groups } => {
-                PageResponse::CheckFiles(check::check(&files, &groups))
+            PageRequest::CheckFiles { files, groups, seed } => {
+                PageResponse::CheckFiles(check::check(&files, &groups, &seed))
             }
             PageRequest::PlayBattle(battle) => PageResponse::PlayBattle(play::play(battle)?),
             PageRequest::SaveFiles(save) => PageResponse::SaveFiles(self.start.save(save)?),
@@ -54,7 +54,7 @@ impl App for Editor {
 /// Why a request is refused.
 #[derive(Debug, thiserror::Error)]
 enum EditorError {
-    #[error("this request is one of the page of a running pool")]
+    #[error("this request is one of another page")]
     OtherPage,
     #[error(transparent)]
     Play(#[from] play::PlayError),
@@ -75,7 +75,7 @@ mod tests {
             let error = editor.respond(request).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
-        check(PageRequest::Unfollow {}, "one of the page of a running pool");
+        check(PageRequest::Unfollow {}, "one of another page");
         let files = ScenarioFiles { source: "s.json".into(), text: "{".into(), unit_files: Vec::new() };
         check(PageRequest::SaveFiles(SaveFiles { files, replace: true }), "the command names no file");
     }

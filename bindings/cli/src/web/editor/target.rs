@@ -48,7 +48,7 @@ pub(crate) enum TargetError {
 impl Start {
     /// Of the command's argument.
     pub(crate) fn of(name: &str) -> Result<Start, TargetError> {
-        if Scenario::standard_names().any(|standard| standard == name) {
+        if Scenario::standard_names().chain(Scenario::generated_names()).any(|standard| standard == name) {
             let files = ScenarioFiles::resolve(name).ok().map(|(_, files)| files);
             let files = files.ok_or_else(|| TargetError::Name(name.to_owned()))?;
             return Ok(Start::Standard(Box::new(ScenarioFiles { source: format!("{name}.json"), ..files })));

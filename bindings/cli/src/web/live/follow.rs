@@ -2,8 +2,8 @@
 
 use super::battles::Battles;
 use super::episodes::{Episode, Episodes};
-use super::simulation::{Simulation, SimulationError};
 use crate::web::protocol::{EpisodeInfo, SnapshotFile, Steps};
+use crate::web::simulation::{Simulation, SimulationError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_ipc::{Follower, RuntimeDir};
@@ -61,12 +61,12 @@ impl Follow {
 
     /// The newest episodes, and the one that is shown.
     pub(super) fn list(&self) -> Vec<EpisodeInfo> {
-        let n_agents = self.n_agents();
+        let n_actors = self.battles.arena.sizes().n_actors();
         let shown = self.shown.as_ref().map(|(number, _)| *number);
         let row = |(i, episode): (usize, &Episode)| {
             (i < LISTED || Some(episode.number) == shown).then(|| EpisodeInfo {
                 number: episode.number,
-                steps: episode.actions.len() / n_agents,
+                steps: episode.actions.len() / n_actors,
                 first_step: episode.start.episode_length,
                 is_over: episode.is_over,
                 began_s: episode.began.elapsed().as_secs_f64(),
@@ -117,7 +117,7 @@ impl Follow {
 }
 
 fn steps_of(episode: &Episode, battles: &Battles) -> usize {
-    episode.actions.len() / battles.arena.sizes().n_agents
+    episode.actions.len() / battles.arena.sizes().n_actors()
 }
 
 /// The simulation of an episode at a step: the one in the slot, played on, or a new one.
@@ -134,7 +134,7 @@ fn at_step<'a>(
     let present = slot.take().filter(|(other, simulation)| *other == number && simulation.step() <= step);
     let mut simulation = match present {
         Some((_, simulation)) => simulation,
-        None => Simulation::new(battles, &episode.start)?,
+        None => Simulation::new(&battles.scenario, &battles.arena, &episode.start)?,
     };
     simulation.play_to(step, &episode.actions)?;
     Ok(&mut slot.insert((number, simulation)).1)

@@ -10,7 +10,6 @@ mod follow;
 mod lane;
 mod pool;
 mod session;
-mod simulation;
 
 use super::{App, Page, pages};
 use pool::WatchedPool;

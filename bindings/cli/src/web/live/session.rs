@@ -106,7 +106,7 @@ impl<'a> Session<'a> {
             PageRequest::GetSteps { number, step } => self.steps(number, step),
             PageRequest::GetObservation { number, step, agent } => self.observation(number, step, agent),
             PageRequest::GetSnapshot { number, step } => self.snapshot(number, step),
-            _ => Err("this request is one of the editor".to_owned()),
+            _ => Err("this request is one of another page".to_owned()),
         };
         self.page.respond(id, response)
     }

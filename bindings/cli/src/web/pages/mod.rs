@@ -1,10 +1,11 @@
 //! The documents of the pages: what is in this folder, together with the battle player of `smaclite_view`.
 //! How their scripts talk with this program is in `protocol`.
 
-use serde_json::Value;
+use super::protocol::GameInfo;
+use serde_json::{Value, json};
 use smaclite_view::page::{Document, Module};
 
-/// The content security policy of both pages: as that of a replay, but they may connect to the server that
+/// The content security policy of these pages: as that of a replay, but they may connect to the server that
 /// they came from.
 pub(super) const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
     img-src data:; connect-src 'self'";
@@ -38,6 +39,10 @@ const MODULES: &[Module] = modules![
     "editor/start.js",
     "editor/text.js",
     "editor/types.js",
+    "play/controls.js",
+    "play/play.js",
+    "play/selection.js",
+    "play/view.js",
     "watch/follow.js",
     "watch/grid.js",
     "watch/observation.js",
@@ -55,6 +60,20 @@ pub(super) fn watch(title: &str, data: &Value) -> String {
         modules: MODULES,
         entry: "watch/watch.js",
         data,
+    };
+    document.html()
+}
+
+/// The page of a person who plays.
+pub(super) fn play(info: &GameInfo) -> String {
+    let document = Document {
+        title: "Play",
+        policy: POLICY,
+        style: include_str!("play/play.css"),
+        body: include_str!("play/play.html"),
+        modules: MODULES,
+        entry: "play/play.js",
+        data: &json!(info),
     };
     document.html()
 }

@@ -2,7 +2,7 @@
 // SMACLITE_WRITE=1 cargo test protocol
 import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 2;
+export type Version = 3;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -45,8 +45,12 @@ count: number,
 /**
  * Whether the page is.
  */
-visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_snapshot", number: number, step: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles;
-export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles;
+visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_snapshot", number: number, step: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, 
+/**
+ * Of the teams and start positions that are drawn.
+ */
+seed: string, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles | { "type": "begin_battle" } & BeginBattle | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "play_step", } | { "type": "get_replay", };
+export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles | { "type": "begin_battle" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "play_step" } & PlayedSteps | { "type": "get_replay" } & ReplayFile;
 export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
 export type Group = { x: number, y: number, faction: string, 
 /**
@@ -63,6 +67,17 @@ export type SaveFiles = { files: ScenarioFiles,
  * Whether files are written that were changed by another program since they were read.
  */
 replace: boolean, };
+export type BeginBattle = { 
+/**
+ * A whole number; as a text, because JavaScript has no 64-bit integers.
+ */
+seed: string, 
+/**
+ * The actions of those steps, agent by agent.
+ */
+actions: Array<number>, };
+export type AgentOrder = { agent: number, order: Order, };
+export type Order = { "type": "none" } | { "type": "stop" } | { "type": "move", x: number, y: number, } | { "type": "target", unit: number, };
 export type Steps = { number: number, 
 /**
  * The first of them, and how many there are.
@@ -146,7 +161,12 @@ summary: Summary | null, types: TypeInfo[],
 /**
  * The units of each group: `[index in types, x, y]`; none if a type is unknown.
  */
-groups: Array<Array<[number, number, number]> | null>, sight: number, };
+groups: Array<Array<[number, number, number]> | null>, 
+/**
+ * The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where the
+ * faction is 0 for allies and 1 for enemies.
+ */
+drawn: Array<[number, number, number, number]> | null, sight: number, };
 export type Summary = { n_agents: number, n_enemies: number, n_actions: number, obs_size: number, state_size: number, };
 export type PlayedBattle = { 
 /**
@@ -207,3 +227,46 @@ first_step: number, is_over: boolean,
  * Seconds since its first and its newest step.
  */
 began_s: number, newest_s: number, };
+export type GameInfo = { scenario: ScenarioInfo, rules: string, 
+/**
+ * Who plays the enemies.
+ */
+against: string, 
+/**
+ * Of the first battle; a text, because JavaScript has no 64-bit integers.
+ */
+seed: string, };
+export type PlayedSteps = { 
+/**
+ * The orders that hold after them, by agent.
+ */
+orders: Array<Order>, number: number, 
+/**
+ * The first of them, and how many there are.
+ */
+step: number, steps: number, n_moments: number, 
+/**
+ * In base64.
+ */
+moments: string, 
+/**
+ * In base64.
+ */
+decisions: string, 
+/**
+ * Return and length of the episode after them.
+ */
+return: number, length: number, 
+/**
+ * How the last of them ended the episode, if it did.
+ */
+result: EpisodeResult | null, 
+/**
+ * Whether the episode has no more steps.
+ */
+is_over: boolean, };
+export type ReplayFile = { name: string, 
+/**
+ * In base64.
+ */
+replay: string, };

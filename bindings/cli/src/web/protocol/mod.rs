@@ -7,9 +7,11 @@
 
 mod editor;
 mod live;
+mod play;
 
 pub(crate) use editor::*;
 pub(crate) use live::*;
+pub(crate) use play::*;
 
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::ScenarioFiles;
@@ -18,7 +20,7 @@ use ts_rs::TS;
 
 /// The version of these messages. It changes with them, because a page can stay open while the program is
 /// replaced; such a page is told to be reloaded.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]
@@ -104,11 +106,21 @@ pub(crate) enum PageRequest {
         #[cfg_attr(test, ts(type = "ScenarioFiles"))]
         files: ScenarioFiles,
         groups: Vec<Group>,
+        /// Of the teams and start positions that are drawn.
+        seed: String,
     },
     /// Plays a battle.
     PlayBattle(PlayBattle),
     /// Writes the files that the command names.
     SaveFiles(SaveFiles),
+    /// Begins a battle that the person plays.
+    BeginBattle(BeginBattle),
+    /// Gives agents orders, all of them or none.
+    GiveOrders { orders: Vec<AgentOrder> },
+    /// Plays one step by the orders.
+    PlayStep {},
+    /// The battle so far as a replay.
+    GetReplay {},
 }
 
 /// The response to the request of the same name.
@@ -122,13 +134,22 @@ pub(crate) enum PageResponse {
     Follow {},
     Unfollow {},
     GetSteps(Steps),
-    GetObservation { obs: Vec<f32> },
+    GetObservation {
+        obs: Vec<f32>,
+    },
     GetSnapshot(SnapshotFile),
     GetBuiltins(Builtins),
     OpenFiles(OpenedFiles),
     CheckFiles(CheckedFiles),
     PlayBattle(PlayedBattle),
     SaveFiles(SavedFiles),
+    BeginBattle(PlayedSteps),
+    /// The orders that hold now, by agent.
+    GiveOrders {
+        orders: Vec<Order>,
+    },
+    PlayStep(PlayedSteps),
+    GetReplay(ReplayFile),
 }
 
 /// What is new in the pool that a page watches.

@@ -51,6 +51,9 @@ fn description() -> String {
         Group,
         PlayBattle,
         SaveFiles,
+        BeginBattle,
+        AgentOrder,
+        Order,
         Steps,
         SnapshotFile,
         EpisodeResult,
@@ -75,6 +78,9 @@ fn description() -> String {
         LaneState,
         Point,
         EpisodeInfo,
+        GameInfo,
+        PlayedSteps,
+        ReplayFile,
     ];
     format!(
         "// Written by a test of protocol/mod.rs, from the types there:\n\

@@ -145,6 +145,6 @@ def _default_limit() -> int | None:
 def register() -> None:
     """Register `smaclite/<scenario>-v0` and `smaclite/custom-v0`; importing the replacement does it."""
     entry_point = "smaclite.env:SMACliteEnv"
-    for name in scenarios():
+    for name in scenarios(generated=False):
         gymnasium.register(f"smaclite/{name}-v0", entry_point=entry_point, kwargs={"scenario": name})
     gymnasium.register("smaclite/custom-v0", entry_point=entry_point)

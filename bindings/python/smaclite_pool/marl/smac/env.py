@@ -34,7 +34,7 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
 }
 
 
-__all__ = ["MultiAgentEnv", "get_map_params"]
+__all__ = ["MultiAgentEnv", "check_fixed", "get_map_params"]
 
 
 class MultiAgentEnv(Queries):
@@ -118,8 +118,8 @@ class MultiAgentEnv(Queries):
         episode_limit: int | Literal["default"] | None = "default",
         render_speed: float | None = 1.0,
     ) -> None:
-        _check_fixed(step_mul=step_mul, move_amount=move_amount)
-        _check_fixed(difficulty=difficulty, game_version=game_version)
+        check_fixed(step_mul=step_mul, move_amount=move_amount)
+        check_fixed(difficulty=difficulty, game_version=game_version)
         if heuristic_ai and not heuristic_rest:
             raise Unavailable(
                 "heuristic_ai=True attacks targets out of range, which are not available actions here; "
@@ -292,7 +292,8 @@ def get_map_params(map_name: str) -> dict[str, Any]:
     }
 
 
-def _check_fixed(**options: object) -> None:
+def check_fixed(**options: object) -> None:
+    """Raise Unavailable unless options of SMAC about StarCraft II have a value with a meaning here."""
     for name, value in options.items():
         values, reason = _FIXED[name]
         if value not in values:

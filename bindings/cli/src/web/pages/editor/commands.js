@@ -49,6 +49,12 @@ export class Commands {
       event.preventDefault();
       this.page.arena.play();
     });
+    byId("draw").addEventListener("click", () => {
+      const seed = byId("seed");
+      seed.value = String((Number(seed.value) || 0) + 1);
+      this.page.checker.check();
+    });
+    byId("seed").addEventListener("change", () => this.page.checker.check());
     byId("files").addEventListener("change", async () => {
       await this.page.store.openFiles(byId("files").files);
       byId("files").value = "";

@@ -36,7 +36,7 @@ export class Handles {
       { page } = map,
       unit = map.unitAt(px, py);
     if (this.isOnFlag(px, py) || (page.goalSelected && this.isAtGoal(px, py))) return this.goal();
-    if (unit >= 0) return this.group(map.groupOf[unit]);
+    if (unit >= 0 && map.groupOf[unit] >= 0) return this.group(map.groupOf[unit]);
     if (this.isInBox(page.group, px, py)) return this.group(page.group);
     const centre = this.centreAt(px, py);
     if (centre >= 0) return this.group(centre);

@@ -73,7 +73,13 @@ export class MapEditor extends BattleView {
     const places = [];
     this.groupOf = [];
     this.unplaced = [];
-    doc.groups().forEach((group, index) => {
+    for (const [type, faction, x, y] of layout?.drawn ?? []) {
+      units.push({ type, faction, id: 0 });
+      places.push([x, y]);
+      this.groupOf.push(-1);
+    }
+    const groups = layout?.drawn ? [] : doc.groups();
+    groups.forEach((group, index) => {
       const known = layout?.find(group, index);
       if (!known) return this.unplaced.push(index);
       for (const [type, x, y] of known.units) {

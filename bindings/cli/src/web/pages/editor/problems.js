@@ -32,6 +32,8 @@ export class Layout {
   constructor(groups, checked) {
     this.types = checked.types;
     this.sight = checked.sight;
+    /** The units that the seed draws, in a generated scenario. */
+    this.drawn = checked.drawn;
     this.entries = groups.map((group, i) => ({
       key: Layout.key(group),
       x: group.x,
@@ -105,13 +107,16 @@ export class Checker {
     const readable = groups.map((group) => (isReadable(group) ? group : unknown));
     try {
       const files = this.page.doc.files();
-      const checked = await this.page.connection.request({ type: "check_files", files, groups: readable });
+      const seed = byId("seed").value.trim();
+      const request = { type: /** @type {const} */ ("check_files"), files, groups: readable, seed };
+      const checked = await this.page.connection.request(request);
       if (state !== this.page.doc.state) return;
       this.checked = state;
       this.page.layout = new Layout(groups, checked);
       this.problems = checked.problems.map((problem) => this.placed(problem));
       this.warnings = checked.warnings.map((warning) => this.placed(warning));
       this.summary = checked.summary;
+      byId("draw").hidden = !checked.drawn;
     } catch (error) {
       if (this.page.connection.isOpen) tell(`The files cannot be checked: ${messageOf(error)}`, true);
       return;

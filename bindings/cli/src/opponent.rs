@@ -1,0 +1,123 @@
+//! The option `--opponent` of `train` and `evaluate`: scripts, a trained team, or the team that is trained.
+
+use crate::number::{count, whole};
+use clap::Args;
+use smaclite_engine::{Opponents, OpponentsError, Sides};
+use smaclite_learn::{Enemies, SelfPlay};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Who plays the enemies.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum OpponentOption {
+    Scripts(Opponents),
+    /// The folder of a run.
+    Team(PathBuf),
+    /// The team that is trained.
+    OwnTeam,
+    /// The same, copies of it, and the script `attack_move`.
+    League,
+}
+
+/// A text that is none of them.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum OpponentOptionError {
+    #[error("{0}; and there is no folder of that name with a run")]
+    Neither(OpponentsError),
+    #[error("`learner` is no opponent of a team; choose a script, the folder of a run, `self` or `league`")]
+    Learner,
+}
+
+impl FromStr for OpponentOption {
+    type Err = OpponentOptionError;
+
+    fn from_str(text: &str) -> Result<OpponentOption, OpponentOptionError> {
+        match text {
+            "self" => return Ok(OpponentOption::OwnTeam),
+            "league" => return Ok(OpponentOption::League),
+            _ => {}
+        }
+        match text.parse::<Opponents>() {
+            Ok(scripts) if scripts.check(Sides::Allies).is_err() => Err(OpponentOptionError::Learner),
+            Ok(scripts) => Ok(OpponentOption::Scripts(scripts)),
+            // A path says that it is none by its separator; its mistakes are found where it is read.
+            Err(_) if text.contains('/') || PathBuf::from(text).join("run.json").exists() => {
+                Ok(OpponentOption::Team(text.into()))
+            }
+            Err(error) => Err(OpponentOptionError::Neither(error)),
+        }
+    }
+}
+
+#[derive(Args, Clone, Copy)]
+#[group(id = "self_play", multiple = true, conflicts_with = "resume", requires = "opponent")]
+#[command(next_help_heading = "Self-play (docs/how-to/self-play.md)")]
+pub(super) struct SelfPlayOptions {
+    /// With self or league: share of the episodes in which attack_move plays the enemies, 0 to 0.9
+    /// [default: 0; with league 0.2]
+    #[arg(long, value_name = "SHARE")]
+    script_share: Option<f64>,
+    /// With league: share of the other episodes in which the present team plays both sides, 0 to 1; in the
+    /// rest, copies play the enemies [default: 0.5]
+    #[arg(long, value_name = "SHARE")]
+    self_share: Option<f64>,
+    /// With league: a copy is made every N updates [default: 10]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1_000_000_u64))]
+    league_every: Option<u64>,
+    /// With league: most copies that are drawn from, 1 to 64; the one that is easiest to beat is left out
+    /// [default: 16]
+    #[arg(long, value_name = "N", value_parser = count(1..=64))]
+    league_size: Option<usize>,
+    /// With self or league: the reward of each side is what it earns less what the other side earns
+    #[arg(long)]
+    zero_sum: bool,
+}
+
+impl SelfPlayOptions {
+    /// What `--opponent` and these options say.
+    pub(super) fn enemies(self, opponent: Option<OpponentOption>) -> Result<Enemies, &'static str> {
+        let SelfPlayOptions { script_share, self_share, league_every, league_size, zero_sum } = self;
+        let is_league = opponent == Some(OpponentOption::League);
+        let of_league = self_share.is_some() || league_every.is_some() || league_size.is_some();
+        if of_league && !is_league {
+            return Err("--self-share, --league-every and --league-size need --opponent league");
+        }
+        if (script_share.is_some() || zero_sum) && !is_league && opponent != Some(OpponentOption::OwnTeam) {
+            return Err("--script-share and --zero-sum need --opponent self or league");
+        }
+        let defaults = if is_league { SelfPlay::LEAGUE } else { SelfPlay::ALONE };
+        let self_play = SelfPlay {
+            script_share: script_share.unwrap_or(defaults.script_share),
+            self_share: self_share.unwrap_or(defaults.self_share),
+            league_every: league_every.unwrap_or(defaults.league_every),
+            league_size: league_size.unwrap_or(defaults.league_size),
+            zero_sum,
+        };
+        Ok(match opponent {
+            None | Some(OpponentOption::Scripts(_)) => Enemies::Scripts,
+            Some(OpponentOption::Team(folder)) => Enemies::Team { folder },
+            Some(OpponentOption::OwnTeam | OpponentOption::League) => Enemies::SelfPlay(self_play),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scripts_teams_and_keywords_are_told_apart() {
+        let parse = |text: &str| text.parse::<OpponentOption>();
+        assert_eq!(parse("self").unwrap(), OpponentOption::OwnTeam);
+        assert_eq!(parse("league").unwrap(), OpponentOption::League);
+        assert_eq!(parse("kite").unwrap(), OpponentOption::Scripts("kite".parse().unwrap()));
+        let mixture = "attack_move=0.5,kite=0.5";
+        assert_eq!(parse(mixture).unwrap(), OpponentOption::Scripts(mixture.parse().unwrap()));
+        assert_eq!(parse("./kite").unwrap(), OpponentOption::Team("./kite".into()));
+        assert_eq!(parse("runs/3m").unwrap(), OpponentOption::Team("runs/3m".into()));
+        let error = |text: &str| parse(text).unwrap_err().to_string();
+        assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move"));
+        assert!(error("kites").ends_with("no folder of that name with a run"));
+        assert!(error("learner=1,kite=1").starts_with("`learner` is no opponent of a team"));
+    }
+}

@@ -1,0 +1,155 @@
+//! What `train` prints: JSON, one changing line in a terminal, or a line every five seconds.
+
+use crate::CommandResult;
+use serde_json::Value;
+use smaclite_learn::{EvaluationRow, Record};
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+/// How often a line is printed, if standard output is not a terminal.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
+
+/// The win rates of a team that plays itself, as far as there are any.
+fn by_enemies(record: &Record) -> String {
+    let Some(self_play) = record.self_play else { return String::new() };
+    let rates = [
+        ("self", self_play.win_rate_self),
+        ("league", self_play.win_rate_league),
+        ("attack_move", self_play.win_rate_attack_move),
+    ];
+    let known = rates.into_iter().filter(|(_, rate)| !rate.is_nan());
+    let parts: Vec<String> = known.map(|(name, rate)| format!("{name} {:.0} %", 100.0 * rate)).collect();
+    format!(" ({})", parts.join(", "))
+}
+
+/// Shows the progress of one run.
+pub(super) struct Display {
+    json: bool,
+    lines: Lines,
+    name: String,
+    total: u64,
+    /// Time and steps of the first record, from which the time that is left is estimated.
+    first: Option<(Instant, u64)>,
+}
+
+impl Display {
+    pub(super) fn new(json: bool, name: String, total: u64) -> Display {
+        Display { json, lines: Lines::new(), name, total, first: None }
+    }
+
+    pub(super) fn show(&mut self, record: &Record) -> CommandResult {
+        if self.json {
+            out!("{}", Value::Object(json_of(record)))?;
+            return Ok(());
+        }
+        let line = self.line(record);
+        self.lines.show(line)
+    }
+
+    /// Shows the result of an evaluation; JSON is of updates alone.
+    pub(super) fn show_evaluation(&mut self, row: &EvaluationRow) -> CommandResult {
+        if self.json { Ok(()) } else { self.lines.keep(&format!("{}: {}", self.name, evaluation(row))) }
+    }
+
+    fn line(&mut self, record: &Record) -> String {
+        let (begin, first_steps) = *self.first.get_or_insert((Instant::now(), record.steps));
+        let (made, left) = (record.steps - first_steps, self.total.saturating_sub(record.steps));
+        let per_s = made as f64 / begin.elapsed().as_secs_f64().max(1e-9);
+        let (rate, time_left) = if made == 0 {
+            (record.steps_per_s, left as f64 / record.steps_per_s)
+        } else {
+            (per_s, left as f64 / per_s)
+        };
+        let team = if record.episodes == 0 {
+            "no episode yet".to_owned()
+        } else {
+            format!(
+                "return {:5.2}  wins {:5.1} %{}",
+                record.mean_return,
+                100.0 * record.win_rate,
+                by_enemies(record)
+            )
+        };
+        format!(
+            "{}: {} of {} steps  {rate:.0} steps/s  {team}  {} left",
+            self.name,
+            record.steps,
+            self.total,
+            minutes(time_left)
+        )
+    }
+
+    /// Shows the last record, if it was not shown, and how the run ended.
+    pub(super) fn end(self, interrupted: bool) -> CommandResult {
+        let end = if interrupted { "interrupted; resume with --resume" } else { "complete" };
+        if self.json { Ok(()) } else { self.lines.end(end) }
+    }
+}
+
+/// 95 seconds as `1:35`.
+pub(super) fn minutes(seconds: f64) -> String {
+    let seconds = seconds.min(1e9) as u64;
+    format!("{}:{:02}", seconds / 60, seconds % 60)
+}
+
+/// A record as JSON, with the names of the log's columns.
+pub(super) fn json_of(record: &Record) -> serde_json::Map<String, Value> {
+    let number = |i, value: f64| if i < 3 { Value::from(value as u64) } else { Value::from(value) };
+    let columns = record.columns().into_iter().enumerate();
+    columns.map(|(i, (name, value))| (name.to_owned(), number(i, value))).collect()
+}
+
+/// The result of an evaluation in words.
+pub(super) fn evaluation(row: &EvaluationRow) -> String {
+    let [greedy, sampled] = [row.greedy, row.sampled].map(|summary| 100.0 * summary.win_rate);
+    format!("evaluated at {} steps: wins {greedy:.1} % greedy, {sampled:.1} % sampled", row.steps)
+}
+
+/// Lines of progress: one that changes in a terminal, or one every five seconds.
+pub(super) struct Lines {
+    terminal: bool,
+    last_line: Option<Instant>,
+    /// What was to be shown last, if it was not printed as a line.
+    last: Option<String>,
+}
+
+impl Lines {
+    pub(super) fn new() -> Lines {
+        Lines { terminal: std::io::stdout().is_terminal(), last_line: None, last: None }
+    }
+
+    /// Shows a line that may be replaced by the next one.
+    pub(super) fn show(&mut self, line: String) -> CommandResult {
+        if self.terminal {
+            write!(std::io::stdout(), "\r\x1b[K{line}")?;
+            std::io::stdout().flush()?;
+        } else if self.last_line.is_none_or(|last| last.elapsed() >= LINE_INTERVAL) {
+            out!("{line}")?;
+            self.last_line = Some(Instant::now());
+            self.last = None;
+            return Ok(());
+        }
+        self.last = Some(line);
+        Ok(())
+    }
+
+    /// Prints a line that stays.
+    pub(super) fn keep(&self, line: &str) -> CommandResult {
+        if self.terminal {
+            write!(std::io::stdout(), "\r\x1b[K")?;
+        }
+        out!("{line}")?;
+        Ok(())
+    }
+
+    /// Prints the last line, if it was not printed, and one with the end.
+    pub(super) fn end(self, end: &str) -> CommandResult {
+        match self.last {
+            Some(line) if !self.terminal => out!("{line}")?,
+            Some(_) => out!()?,
+            None => {}
+        }
+        out!("{end}")?;
+        Ok(())
+    }
+}

@@ -1,0 +1,323 @@
+//! `smaclite-pool train`: train a team, or one per seed. The learner is `smaclite_learn`; `display` shows the
+//! progress of one run, `seeds` that of several.
+
+mod display;
+mod seeds;
+
+use super::{CommandResult, THREADS, completions, runtime_dir};
+use crate::check::warn_of;
+use crate::number::{count, seed, whole};
+use crate::opponent::{OpponentOption, SelfPlayOptions};
+use crate::process::interrupt_flag_once;
+use clap::Args;
+use display::Display;
+use smaclite_engine::{BattleSetup, Rules};
+use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
+use smaclite_learn::{
+    Activation, Algorithm, Config, Lanes, Run, RunDescription, Seeds, TrainError, resolve_scenario,
+};
+use smaclite_pool::MAX_LAST_ACTIONS;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  smaclite-pool train 2s3z --steps 500000 --seed 1 --out runs/2s3z
+  smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
+  smaclite-pool train --resume runs/2s3z --steps 1000000
+  smaclite-pool train 2s3z --seeds 10 --evaluate-every 50k --out runs/ten
+
+Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
+uninterrupted run.")]
+pub(super) struct Train {
+    /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
+    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
+        add = completions::scenario())]
+    map: Option<String>,
+    /// Folder of the run: weights, checkpoint and logs; must not hold a run. With --seeds, each run has a
+    /// folder in it, seed-0 and so on
+    #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
+    out: Option<PathBuf>,
+    /// Continue the run in this folder, or all runs of --seeds, with their hyperparameters
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["map", "out", "rules", "opponent"])]
+    resume: Option<PathBuf>,
+    /// Train on this running pool, instead of one in this process; it must play MAP, if MAP is given
+    #[arg(long, value_name = "NAME", add = completions::pool())]
+    pool: Option<String>,
+    /// Lane of the pool, several times for several; their environments are joined [default: its only
+    /// lane, or the only one that plays MAP]
+    #[arg(long, requires = "pool", value_name = "NAME")]
+    lane: Vec<String>,
+    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// [default: smaclite]
+    #[arg(long, conflicts_with = "pool")]
+    rules: Option<Rules>,
+    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
+    /// attack_move=0.5,focus_fire=0.5, of which each episode draws one; the folder of another run, whose team
+    /// plays them; self, the team itself; or league, the team, copies of it, and attack_move [default:
+    /// attack_move]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS|FOLDER|self|league")]
+    opponent: Option<OpponentOption>,
+    #[command(flatten)]
+    self_play: SelfPlayOptions,
+    /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
+    /// the next number, and so on
+    #[arg(long, conflicts_with_all = ["pool", "resume"], value_name = "N", value_parser = count(1..=10_000))]
+    seeds: Option<usize>,
+    /// Evaluate the team at every multiple of N steps and at the end: 32 greedy and 32 sampled episodes, with
+    /// seeds of their own; keep the best weights, and play 320 of each with them at the end; 0 for never.
+    /// It changes no bit of the training [default: 0]
+    #[arg(long, conflicts_with = "resume", value_name = "N", value_parser = whole(0..=1_u64 << 48))]
+    evaluate_every: Option<u64>,
+    /// Threads of the learner, 1 to 1024; its own pool has one less, but at least one. They change no result
+    /// [default: the CPU cores available to this process]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
+    threads: Option<usize>,
+    /// Print one JSON object per update; with --seeds it also has the seed
+    #[arg(long)]
+    json: bool,
+    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M [default: 2000000]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1_u64 << 48))]
+    steps: Option<u64>,
+    #[command(flatten)]
+    hyperparameters: Hyperparameters,
+}
+
+/// Declares the options of the hyperparameters, each of which replaces a field of [`Config`].
+macro_rules! hyperparameters {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty $(= $parser:expr)?,)+) => {
+        #[derive(Args, Default)]
+        #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
+        #[command(next_help_heading = "Hyperparameters (docs/tutorials/training.md)")]
+        struct Hyperparameters {
+            $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
+                $name: Option<$type>,)+
+            /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]
+            #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
+            hidden: Option<Vec<usize>>,
+        }
+
+        impl Hyperparameters {
+            fn apply(self, config: &mut Config) {
+                $(if let Some(value) = self.$name { config.$name = value; })+
+                if let Some(hidden) = self.hidden { config.hidden = hidden; }
+            }
+        }
+    };
+}
+
+hyperparameters! {
+    /// Seed of weights, environments, actions and minibatches [default: 0]
+    seed: u64 = seed(),
+    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: ippo]
+    algorithm: Algorithm,
+    /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
+    /// [default: 4]
+    last_actions: usize = count(0..=MAX_LAST_ACTIONS),
+    /// Number of environments; those of the pool, if --pool is given [default: 64]
+    num_envs: usize = count(1..=1 << 16),
+    /// Steps of each environment per update [default: 64]
+    horizon: usize = count(1..=1 << 16),
+    /// Passes over the data of an update [default: 4]
+    epochs: usize = count(1..=1000),
+    /// Gradient steps per epoch [default: 8]
+    minibatches: usize = count(1..=1000),
+    /// Non-linearity of the hidden layers: relu or tanh [default: relu]
+    activation: Activation,
+    /// Step size of the actor [default: 0.0007]
+    actor_lr: f64,
+    /// Step size of the critic [default: 0.001]
+    critic_lr: f64,
+    /// Share of the step sizes that is left at the end, falling linearly [default: 0.05]
+    lr_end: f64,
+    /// Added to the denominator of Adam [default: 0.00001]
+    adam_eps: f64,
+    /// Discount per step [default: 0.99]
+    gamma: f64,
+    /// Decay of the generalised advantage estimate [default: 0.95]
+    lambda: f64,
+    /// Advantages are divided at least by this share of the standard deviation of the returns [default: 0.3]
+    advantage_floor: f64,
+    /// How far the probability ratio may leave 1 [default: 0.2]
+    clip: f64,
+    /// How far a value may leave its old one, in standard deviations of the returns [default: 0.2]
+    value_clip: f64,
+    /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
+    huber: f64,
+    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of agents]
+    entropy: f64,
+    /// Weight of the entropy at the end [default: 0]
+    entropy_end: f64,
+    /// The longest gradient of each network [default: 1]
+    max_grad_norm: f64,
+}
+
+/// What is trained.
+enum Opened {
+    /// A run in the scenario of this name.
+    One(Run, String),
+    Several(Seeds),
+}
+
+impl Train {
+    pub(super) fn run(self) -> CommandResult {
+        let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
+        let threads = self.threads.unwrap_or(cores);
+        let (json, steps) = (self.json, self.steps);
+        let interrupted = interrupt_flag_once()?;
+        let stop = || interrupted.load(Ordering::Relaxed);
+        let (mut run, name) = match self.open(threads, &mut || stop())? {
+            Opened::One(run, name) => (run, name),
+            Opened::Several(runs) => return seeds::train(&runs, steps, threads, json, &stop),
+        };
+        let mut display = Display::new(json, name, run.config().steps);
+        let mut evaluated = run.evaluations().len();
+        loop {
+            let updated = run.update(&mut || stop());
+            for row in &run.evaluations()[evaluated..] {
+                display.show_evaluation(row)?;
+            }
+            evaluated = run.evaluations().len();
+            match updated {
+                Ok(Some(record)) => {
+                    if let Err(error) = display.show(&record) {
+                        run.checkpoint()?; // the output was closed
+                        return Err(error);
+                    }
+                }
+                Ok(None) => break,
+                Err(TrainError::Client(ClientError::Interrupted)) => break,
+                Err(error) => {
+                    if let TrainError::Client(_) = error {
+                        run.checkpoint()?; // the pool has ended, but not what was learnt
+                    }
+                    return Err(error.into());
+                }
+            }
+        }
+        run.checkpoint()?;
+        display.end(stop())
+    }
+
+    /// Begins or resumes what is trained.
+    fn open(
+        mut self,
+        threads: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Opened, Box<dyn Error>> {
+        let runtime_dir = runtime_dir()?;
+        match self.resume.take() {
+            Some(folder) => self.resume(&folder, threads, &runtime_dir, interrupted),
+            None => self.begin(threads, &runtime_dir, interrupted),
+        }
+    }
+
+    fn resume(
+        mut self,
+        folder: &Path,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Opened, Box<dyn Error>> {
+        if self.pool.is_none()
+            && folder.is_dir()
+            && !folder.join("run.json").exists()
+            && let Some(runs) = Seeds::open(folder)?
+        {
+            return Ok(Opened::Several(runs));
+        }
+        let run = RunDescription::read(folder)?;
+        self.choose_lane(&run.name, runtime_dir, interrupted)?;
+        let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
+        Ok(Opened::One(Run::resume(folder, self.steps, lanes, threads)?, run.name))
+    }
+
+    fn begin(
+        mut self,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Opened, Box<dyn Error>> {
+        let out = self.out.take().unwrap_or_default();
+        if out.exists() && !out.is_dir() {
+            return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
+        }
+        let enemies = self.self_play.enemies(self.opponent.clone())?;
+        let setup = self.setup(runtime_dir, interrupted)?;
+        let scenario = setup.files.scenario()?;
+        let mut config = Config { enemies, ..Config::for_agents(scenario.n_agents()) };
+        config.steps = self.steps.unwrap_or(config.steps);
+        config.evaluate_every = self.evaluate_every.filter(|every| *every > 0);
+        let Hyperparameters { num_envs, last_actions, .. } = self.hyperparameters;
+        std::mem::take(&mut self.hyperparameters).apply(&mut config);
+        if let Some(count) = self.seeds {
+            return Ok(Opened::Several(Seeds::begin(&out, &config, count as u64, &setup, runtime_dir)?));
+        }
+        let lanes = self.lanes(&config.enemies.setup(&setup), &config, threads, runtime_dir, interrupted)?;
+        // A pool has its own; others that were asked for are refused.
+        config.num_envs = num_envs.unwrap_or(lanes.num_envs());
+        config.last_actions = last_actions.unwrap_or(lanes.last_actions());
+        Ok(Opened::One(Run::begin(&out, config, &setup, lanes, threads)?, scenario.name))
+    }
+
+    fn setup(
+        &mut self,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<BattleSetup, Box<dyn Error>> {
+        let rules = self.rules.unwrap_or_default();
+        let mut of_map = self.map.as_deref().map(|map| resolve_scenario(map, rules)).transpose()?;
+        if let (Some(setup), Some(OpponentOption::Scripts(scripts))) = (of_map.as_mut(), &self.opponent) {
+            setup.opponents = scripts.clone();
+        }
+        of_map.iter().for_each(|setup| warn_of(&setup.files));
+        let Some(pool) = self.pool.clone() else {
+            return of_map.ok_or_else(|| "a MAP or --pool is required".into());
+        };
+        if let Some(of_map) = &of_map {
+            self.choose_lane(&of_map.files.scenario()?.name, runtime_dir, interrupted)?;
+        }
+        let lane = self.lane.first().map(String::as_str);
+        let of_pool = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
+        // Rules, episode limit and opponents are those of the pool, which may have its own.
+        Ok(match of_map {
+            Some(BattleSetup { files, .. }) => BattleSetup { files, ..of_pool },
+            None => of_pool,
+        })
+    }
+
+    /// If no lane was named, takes the one of the pool that plays this scenario, unless several do.
+    fn choose_lane(
+        &mut self,
+        scenario: &str,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> CommandResult {
+        if let (Some(pool), []) = (&self.pool, &self.lane[..]) {
+            let status = status_within(runtime_dir, pool, WaitOptions::interrupted_by(interrupted))?;
+            let lanes = status.lanes.into_iter().map(|lane| lane.description);
+            let mut fitting = lanes.filter(|lane| lane.scenario == scenario).map(|lane| lane.lane);
+            if let (Some(lane), None) = (fitting.next(), fitting.next()) {
+                self.lane = vec![lane];
+            }
+        }
+        Ok(())
+    }
+
+    fn lanes(
+        &self,
+        setup: &BattleSetup,
+        config: &Config,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Lanes, Box<dyn Error>> {
+        let Config { num_envs, last_actions, .. } = *config;
+        Ok(match &self.pool {
+            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
+            None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
+        })
+    }
+}

@@ -1,0 +1,83 @@
+//! `smaclite-pool verify-run`: play the recorded evaluations of a run again, and compare every number.
+
+use super::{CommandResult, THREADS};
+use crate::number::count;
+use crate::process::interrupt_flag;
+use clap::{Args, ValueEnum};
+use smaclite_learn::{RunDescription, Seeds, verify};
+use smaclite_pool::PoolOptions;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// Evaluations that are played again, if not all are to be.
+const SAMPLE: usize = 3;
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  smaclite-pool verify-run runs/2s3z
+  smaclite-pool verify-run runs/ten --evaluations all
+
+The weights and the seeds of every evaluation are in the folder of a run, so its numbers can be checked to the \
+last bit on a CPU with the same vector instructions (docs/how-to/evaluation.md). Exit status 1 if one differs.")]
+pub(super) struct VerifyRun {
+    /// Folders of runs of `smaclite-pool train --evaluate-every`, or of its --seeds
+    #[arg(required = true, value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// Which evaluations to play again, besides the final one: three of them, the last one among those; all;
+    /// or final, for none
+    #[arg(long, value_enum, default_value = "sample")]
+    evaluations: Which,
+    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
+    threads: Option<usize>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Which {
+    Sample,
+    All,
+    Final,
+}
+
+impl VerifyRun {
+    pub(super) fn run(self) -> CommandResult {
+        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let interrupted = interrupt_flag()?;
+        for folder in &self.folders {
+            for folder in runs_in(folder)? {
+                self.verify(&folder, threads, &mut || interrupted.load(Ordering::Relaxed))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn verify(&self, folder: &Path, threads: usize, interrupted: &mut dyn FnMut() -> bool) -> CommandResult {
+        let evaluations = match self.evaluations {
+            Which::Sample => SAMPLE,
+            Which::All => usize::MAX,
+            Which::Final => 0,
+        };
+        let verified = verify(folder, evaluations, threads, interrupted)?;
+        let of_end = if verified.is_final { " and the final one" } else { "" };
+        out!(
+            "{}: {} evaluations{of_end} played again, {} episodes: every number is equal",
+            folder.display(),
+            verified.evaluations,
+            verified.episodes
+        )?;
+        Ok(())
+    }
+}
+
+/// The run in a folder, or those of several seeds.
+pub(crate) fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn std::error::Error>> {
+    if !folder.join("run.json").exists()
+        && folder.is_dir()
+        && let Some(seeds) = Seeds::open(folder)?
+    {
+        return Ok(seeds.runs().iter().map(|(_, folder)| folder.clone()).collect());
+    }
+    RunDescription::read(folder)?;
+    Ok(vec![folder.to_owned()])
+}

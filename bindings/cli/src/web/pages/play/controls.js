@@ -1,0 +1,151 @@
+// @ts-check
+// Controls: what mouse and fingers do on the map. A finger draws boxes like the left button; two move the map.
+
+/** @typedef {[number, number]} At */
+/** @import { Rectangle } from "./selection.js" */
+/**
+ * What the page does. A tap that is a second one at the same place within a moment is double.
+ * @typedef {object} Handlers
+ * @property {(at: At, how: { add: boolean, isDouble: boolean, isTouch: boolean }) => void} tap
+ * @property {(box: Rectangle) => void} draw A box is drawn.
+ * @property {(box: Rectangle | null, add: boolean) => void} box It is complete; or none, if it was given up.
+ * @property {(at: At) => void} command
+ * @property {(dx: number, dy: number) => void} move
+ * @property {(factor: number, at: At) => void} zoom
+ * @property {(at: At) => void} hover
+ * @property {() => void} leave
+ */
+
+/** Pixels that a pointer moves at least when it draws a box. */
+const LEAST_DRAG = { mouse: 4, touch: 12 };
+/** Milliseconds and pixels between two taps that are a double one. */
+const DOUBLE_WITHIN = 350;
+const DOUBLE_NEAR = 24;
+
+/**
+ * @param {At} a
+ * @param {At} b
+ */
+const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+
+export class Controls {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Handlers} handlers
+   */
+  constructor(canvas, handlers) {
+    this.canvas = canvas;
+    this.handlers = handlers;
+    /** @type {Map<number, At>} Where each pressed pointer is. */
+    this.pressed = new Map();
+    /** @type {{ from: At, isBox: boolean, isTouch: boolean } | null} What may become a tap or a box. */
+    this.drag = null;
+    /** Whether the map is moved, until all pointers are released. */
+    this.moves = false;
+    this.last = { time: -Infinity, at: /** @type {At} */ ([0, 0]) };
+    canvas.addEventListener("pointerdown", (event) => this.down(event));
+    canvas.addEventListener("pointermove", (event) => this.moved(event));
+    canvas.addEventListener("pointerup", (event) => this.up(event));
+    canvas.addEventListener("pointercancel", (event) => this.cancel(event));
+    canvas.addEventListener("pointerleave", () => handlers.leave());
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        handlers.zoom(Math.exp(-event.deltaY * 0.0015), this.local(event));
+      },
+      { passive: false },
+    );
+  }
+
+  /**
+   * Where a pointer is on the canvas.
+   * @param {MouseEvent} event
+   * @returns {At}
+   */
+  local(event) {
+    const { left, top } = this.canvas.getBoundingClientRect();
+    return [event.clientX - left, event.clientY - top];
+  }
+
+  /** @param {PointerEvent} event */
+  down(event) {
+    const at = this.local(event),
+      isTouch = event.pointerType !== "mouse";
+    if (event.button === 2) return this.handlers.command(at);
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pressed.set(event.pointerId, at);
+    this.moves ||= this.pressed.size > 1 || event.button === 1;
+    if (this.moves) this.giveUp();
+    else this.drag = { from: at, isBox: false, isTouch };
+  }
+
+  /** @param {PointerEvent} event */
+  moved(event) {
+    const at = this.local(event),
+      before = this.pressed.get(event.pointerId);
+    if (!before) return this.handlers.hover(at);
+    if (this.moves) this.moveMap(event.pointerId, before, at);
+    this.pressed.set(event.pointerId, at);
+    const { drag } = this;
+    if (!drag) return;
+    drag.isBox ||= distance(drag.from, at) >= LEAST_DRAG[drag.isTouch ? "touch" : "mouse"];
+    if (drag.isBox) this.handlers.draw(boxOf(drag.from, at));
+  }
+
+  /**
+   * Moves the map with one pointer; with two it is zoomed too.
+   * @param {number} pointer
+   * @param {At} before
+   * @param {At} at
+   */
+  moveMap(pointer, before, at) {
+    const other = [...this.pressed].find(([id]) => id !== pointer)?.[1];
+    const share = other ? 0.5 : 1;
+    this.handlers.move((at[0] - before[0]) * share, (at[1] - before[1]) * share);
+    if (!other) return;
+    const middle = /** @type {At} */ ([(at[0] + other[0]) / 2, (at[1] + other[1]) / 2]);
+    this.handlers.zoom(distance(at, other) / Math.max(1, distance(before, other)), middle);
+  }
+
+  /** @param {PointerEvent} event */
+  up(event) {
+    const { drag } = this,
+      at = this.local(event);
+    this.release(event.pointerId);
+    if (!drag) return;
+    this.drag = null;
+    if (drag.isBox) return this.handlers.box(boxOf(drag.from, at), event.shiftKey);
+    const isDouble =
+      event.timeStamp - this.last.time < DOUBLE_WITHIN && distance(at, this.last.at) < DOUBLE_NEAR;
+    // A third tap is not double again.
+    this.last = { time: isDouble ? -Infinity : event.timeStamp, at };
+    this.handlers.tap(at, { add: event.shiftKey, isDouble, isTouch: drag.isTouch });
+  }
+
+  /** @param {PointerEvent} event */
+  cancel(event) {
+    this.release(event.pointerId);
+    this.giveUp();
+  }
+
+  /** @param {number} pointer */
+  release(pointer) {
+    this.pressed.delete(pointer);
+    if (!this.pressed.size) this.moves = false;
+  }
+
+  /** Draws no box. */
+  giveUp() {
+    if (this.drag?.isBox) this.handlers.box(null, false);
+    this.drag = null;
+  }
+}
+
+/**
+ * @param {At} from
+ * @param {At} to
+ * @returns {Rectangle}
+ */
+const boxOf = ([x0, y0], [x1, y1]) => ({ x0, y0, x1, y1 });

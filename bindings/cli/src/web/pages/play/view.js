@@ -1,0 +1,147 @@
+// @ts-check
+// PlayView: the battle as a person sees it who plays: what agents see, what is selected, what was ordered.
+
+import { BattleView } from "#view/battle.js";
+import { clamp } from "#view/numbers.js";
+import { contextOf, theme } from "#view/theme.js";
+import { Selection, seenBy, unitsIn } from "./selection.js";
+
+/** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { UnitState } from "#view/battle.js" */
+/** @import { Order } from "../protocol.d.ts" */
+/** @import { Rectangle } from "./selection.js" */
+
+export class PlayView extends BattleView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {ScenarioInfo} info
+   */
+  constructor(canvas, info) {
+    super(canvas, info);
+    this.selection = new Selection(info);
+    /** @type {Order[]} The orders that hold, by agent. */
+    this.orders = [];
+    /** Whether what no agent sees is hidden, while the battle is not over. */
+    this.hasFog = true;
+    this.isOver = false;
+    /** @type {Set<number>} The units that agents see, and the agents. */
+    this.seen = new Set();
+    /** @type {Rectangle | null} The box that is drawn around units. */
+    this.box = null;
+    this.fog = document.createElement("canvas");
+  }
+
+  /** @param {number} unit */
+  shows(unit) {
+    return !this.hasFog || this.isOver || this.seen.has(unit);
+  }
+
+  /** The living agents, by what was drawn last. */
+  get agents() {
+    return this.states.filter(({ unit, alive }) => alive && this.selection.isAgent(unit));
+  }
+
+  /** The living enemies that are shown. */
+  get enemies() {
+    return this.states.filter(
+      ({ unit, alive }) => alive && !this.selection.isAgent(unit) && this.shows(unit),
+    );
+  }
+
+  /**
+   * The agents in a box.
+   * @param {Rectangle} box
+   */
+  agentsIn(box) {
+    return unitsIn(
+      this.agents.map(({ unit, x, y }) => ({ unit, ...this.toCanvas(x, y) })),
+      box,
+    );
+  }
+
+  /** @param {number} time */
+  draw(time) {
+    super.draw(time);
+    if (!this.box) return;
+    const { context } = this,
+      { x0, y0, x1, y1 } = this.box;
+    context.fillStyle = theme.faint("focus", 0.12);
+    context.fillRect(x0, y0, x1 - x0, y1 - y0);
+    context.lineWidth = 1.2;
+    context.strokeStyle = theme.colours.focus;
+    context.strokeRect(x0, y0, x1 - x0, y1 - y0);
+  }
+
+  drawGround() {
+    const { agents } = this;
+    this.seen = seenBy(this.states, agents, this.info.sight_range);
+    if (this.hasFog && !this.isOver) this.drawFog(agents);
+    for (const agent of agents)
+      if (this.selection.units.has(agent.unit))
+        this.drawOrder(agent, this.orders[this.info.units[agent.unit].id]);
+  }
+
+  /**
+   * Darkens what no agent sees.
+   * @param {UnitState[]} agents
+   */
+  drawFog(agents) {
+    const { fog, canvas, ratio } = this,
+      context = contextOf(fog);
+    // Setting the size clears it.
+    [fog.width, fog.height] = [canvas.width, canvas.height];
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.fillStyle = theme.dark ? "rgba(0, 0, 0, 0.5)" : "rgba(40, 55, 75, 0.2)";
+    context.fillRect(0, 0, this.width, this.height);
+    context.globalCompositeOperation = "destination-out";
+    context.fillStyle = "#000000";
+    for (const { x, y } of agents) {
+      const at = this.toCanvas(x, y);
+      context.beginPath();
+      context.arc(at.x, at.y, this.info.sight_range * this.scale, 0, 2 * Math.PI);
+      context.fill();
+    }
+    this.context.drawImage(fog, 0, 0, this.width, this.height);
+  }
+
+  /**
+   * A line from an agent to where its order leads it.
+   * @param {UnitState} agent
+   * @param {Order | undefined} order
+   */
+  drawOrder(agent, order) {
+    if (!order || order.type === "none" || order.type === "stop") return;
+    const target = order.type === "target" ? this.states[order.unit] : null;
+    if (target && (!target.alive || !this.shows(target.unit))) return;
+    const { context } = this,
+      from = this.toCanvas(agent.x, agent.y),
+      to =
+        order.type === "move"
+          ? this.toCanvas(order.x, order.y)
+          : this.toCanvas(target?.x ?? 0, target?.y ?? 0);
+    const tone = !target ? "focus" : this.selection.isAgent(target.unit) ? "heal" : "enemy";
+    context.strokeStyle = theme.faint(tone, 0.85);
+    context.lineWidth = 1.6;
+    context.setLineDash([5, 4]);
+    context.beginPath();
+    context.moveTo(from.x, from.y);
+    context.lineTo(to.x, to.y);
+    context.stroke();
+    context.setLineDash([]);
+    context.beginPath();
+    context.arc(to.x, to.y, target ? this.radius(target.unit) + 6 : 5, 0, 2 * Math.PI);
+    context.lineWidth = 2;
+    context.stroke();
+  }
+
+  /**
+   * @param {UnitState} state
+   * @param {number} flash
+   */
+  drawUnit(state, flash) {
+    super.drawUnit(state, flash);
+    if (!this.selection.units.has(state.unit) || state.unit === this.selected) return;
+    const r = Math.max(3, this.radius(state.unit));
+    this.drawMark(this.toCanvas(state.x, state.y), r + clamp(r * 0.17, 1.6, 5) * 1.6, true);
+  }
+}

@@ -1,0 +1,220 @@
+//! Orders, step after step, in battles of standard scenarios. Every joint action is checked by the battle.
+
+use super::*;
+use smaclite_engine::{Arena, Rules, Scratch};
+use std::sync::Arc;
+
+/// A battle, and the orders of its agents.
+struct War {
+    scenario: Scenario,
+    battle: Battle,
+    agents: Vec<usize>,
+    enemies: Vec<usize>,
+    orders: Orders,
+}
+
+impl War {
+    fn new(name: &str) -> War {
+        let scenario = Scenario::standard(name).expect("a standard scenario");
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
+        let ids = |faction| {
+            let units = scenario.units.iter().enumerate();
+            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect::<Vec<_>>()
+        };
+        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
+        let orders = Orders::new(agents.len());
+        War { scenario, battle, agents, enemies, orders }
+    }
+
+    fn give(&mut self, agent: usize, order: Order) {
+        self.try_give(agent, order).expect("an order");
+    }
+
+    fn try_give(&mut self, agent: usize, order: Order) -> Result<(), OrderError> {
+        let War { scenario, battle, agents, enemies, orders } = self;
+        orders.give(&Field { scenario, battle, agents, enemies }, agent, order)
+    }
+
+    /// Plays a step; returns its joint action.
+    fn step(&mut self) -> Vec<i32> {
+        let War { scenario, battle, agents, enemies, orders } = self;
+        let actions = orders.actions(&Field { scenario, battle, agents, enemies });
+        let actions: Vec<i32> = actions.into_iter().map(i32::from).collect();
+        battle.check(&actions).expect("available actions");
+        battle.step(&actions, &mut Scratch::new()).expect("available actions");
+        actions
+    }
+
+    /// Changes the units.
+    fn edit(&mut self, change: impl FnOnce(&mut smaclite_engine::Units)) {
+        let mut snapshot = self.battle.save();
+        change(&mut snapshot.units);
+        self.battle.restore(&snapshot).expect("a state of this scenario");
+    }
+
+    fn position(&self, agent: usize) -> Vec2 {
+        self.battle.units().pos[self.agents[agent]]
+    }
+
+    fn order(&self, agent: usize) -> Order {
+        self.orders.current()[agent]
+    }
+}
+
+fn to(point: Vec2) -> Order {
+    Order::Move { x: point.x, y: point.y }
+}
+
+const MOVES: std::ops::RangeInclusive<i32> = action::NORTH as i32..=action::WEST as i32;
+
+#[test]
+fn a_unit_goes_as_near_to_a_point_as_its_moves_bring_it_and_then_stands() {
+    for way in [Vec2::new(-3.3, 4.1), Vec2::new(-5.0, -0.4), Vec2::new(0.2, -6.0)] {
+        let mut war = War::new("3m");
+        let goal = war.position(0) + way;
+        war.give(0, to(goal));
+        let mut steps = 0;
+        while war.order(0) != Order::None {
+            war.step();
+            steps += 1;
+            assert!(steps < 20, "it never arrives at {goal}, and is at {}", war.position(0));
+        }
+        // A marine goes 1.6 squares in a step.
+        assert!(war.position(0).distance(goal) < 1.2, "{} is not {goal}", war.position(0));
+    }
+}
+
+#[test]
+fn a_wall_ends_an_order() {
+    let mut war = War::new("corridor");
+    let blocked = |war: &War| {
+        let at = war.position(0);
+        MOVES.filter(|&number| !war.battle.is_available(0, number as usize)).count() > 0 || at.x < 1.0
+    };
+    let goal = war.position(0) - Vec2::new(100.0, 0.0); // off the map
+    war.give(0, to(goal));
+    let mut steps = 0;
+    while war.order(0) != Order::None {
+        war.step();
+        steps += 1;
+        assert!(steps < 60, "it walks against the wall at {}", war.position(0));
+    }
+    assert!(blocked(&war), "it stands at {}", war.position(0));
+}
+
+#[test]
+fn a_target_out_of_range_is_approached_until_its_action_is_available() {
+    let mut war = War::new("3m");
+    let target = war.enemies[2];
+    war.give(1, Order::Target { unit: target });
+    let attack = (action::FIRST_TARGET + 2) as i32;
+    let before = war.position(1).distance(war.battle.units().pos[target]);
+    assert!(before > 6.0);
+    let mut actions = Vec::new();
+    while actions.last() != Some(&attack) {
+        actions.push(war.step()[1]);
+        assert!(actions.len() < 20, "{actions:?}");
+    }
+    assert!(actions.len() > 1 && actions[..actions.len() - 1].iter().all(|action| MOVES.contains(action)));
+    assert_eq!(war.order(1), Order::Target { unit: target }, "it holds until the target is dead");
+}
+
+#[test]
+fn an_order_ends_with_its_target() {
+    let mut war = War::new("3m");
+    let (first, second) = (war.enemies[0], war.enemies[1]);
+    let near = war.position(0) + Vec2::new(3.0, 0.0);
+    war.edit(|units| {
+        (units.pos[first], units.pos[second]) = (near, near + Vec2::Y * 2.0);
+        units.hp[first] = 1.0;
+    });
+    war.give(0, Order::Target { unit: first });
+    assert_eq!(war.step()[0], action::FIRST_TARGET as i32);
+    assert!(!war.battle.units().alive[first]);
+    assert_eq!(war.step()[0], (action::FIRST_TARGET + 1) as i32, "it goes on with what is near");
+    assert_eq!(war.order(0), Order::None);
+}
+
+#[test]
+fn a_target_out_of_sight_is_sought_where_it_was_seen_last() {
+    let mut war = War::new("3m");
+    let target = war.enemies[0];
+    let start = war.position(2);
+    let seen = start + Vec2::new(0.0, 4.5);
+    war.edit(|units| units.pos[target] = seen);
+    war.give(2, Order::Target { unit: target });
+    let mut steps = 0;
+    while war.order(2) != Order::None {
+        war.edit(|units| units.pos[target] = start + Vec2::new(14.0, 0.0));
+        war.step();
+        steps += 1;
+        assert!(steps < 10, "it never gives up");
+    }
+    assert!(war.position(2).distance(seen) < 1.2, "it is at {}", war.position(2));
+}
+
+#[test]
+fn healers_heal_and_other_targets_are_places_to_go() {
+    let mut war = War::new("MMM");
+    let is_healer = |war: &War, agent: usize| {
+        let unit = &war.scenario.units[war.agents[agent]];
+        war.scenario.unit_types[unit.unit_type].is_healer()
+    };
+    let healer = (0..war.agents.len()).find(|&agent| is_healer(&war, agent)).expect("a medivac");
+    let soldier = (0..war.agents.len()).find(|&agent| !is_healer(&war, agent)).expect("a marine");
+    let (medivac, marine, enemy) = (war.agents[healer], war.agents[soldier], war.enemies[0]);
+
+    let heal = (action::FIRST_TARGET + soldier) as i32;
+    assert_eq!(war.step()[healer], action::STOP as i32, "nobody is hurt");
+    war.edit(|units| units.hp[marine] = 20.0);
+    assert_eq!(war.step()[healer], heal, "without an order it heals");
+    war.give(healer, Order::Target { unit: marine });
+    assert_eq!(war.step()[healer], heal);
+
+    for (agent, unit) in [(healer, enemy), (healer, medivac), (soldier, medivac)] {
+        war.give(agent, Order::Target { unit });
+        assert_eq!(war.order(agent), to(war.battle.units().pos[unit]), "agent {agent}, unit {unit}");
+    }
+}
+
+#[test]
+fn a_stopped_unit_does_not_attack() {
+    let mut war = War::new("3m");
+    let near = war.position(0) + Vec2::new(2.0, 0.0);
+    let enemy = war.enemies[0];
+    war.edit(|units| units.pos[enemy] = near);
+    war.give(0, Order::Stop);
+    let actions = war.step();
+    assert_eq!(actions[0], action::STOP as i32);
+    assert_eq!(actions[1], action::FIRST_TARGET as i32, "the others defend themselves");
+}
+
+#[test]
+fn orders_of_any_kind_are_available_actions_to_the_end() {
+    for name in Scenario::standard_names() {
+        let mut war = War::new(name);
+        let (width, height) = (war.scenario.terrain.width() as f32, war.scenario.terrain.height() as f32);
+        let mut random = smaclite_engine::Generator::new(7);
+        let mut draw = |n: usize| random.next_word() as usize % n;
+        for _ in 0..40 {
+            let agent = draw(war.agents.len());
+            let order = match draw(4) {
+                0 => Order::Move { x: draw(100) as f32 / 99.0 * width, y: draw(100) as f32 / 99.0 * height },
+                1 => Order::Stop,
+                _ => Order::Target { unit: draw(war.scenario.units.len()) },
+            };
+            war.give(agent, order);
+            war.step();
+        }
+    }
+}
+
+#[test]
+fn orders_that_make_no_sense_are_refused() {
+    let mut war = War::new("3m");
+    let error = |war: &mut War, agent, order| war.try_give(agent, order).unwrap_err().to_string();
+    assert_eq!(error(&mut war, 3, Order::Stop), "agent must be below 3, got 3");
+    assert_eq!(error(&mut war, 0, Order::Target { unit: 6 }), "unit must be below 6, got 6");
+    assert!(error(&mut war, 0, Order::Move { x: f32::NAN, y: 0.0 }).contains("finite numbers, got NaN, 0"));
+    assert_eq!(war.order(0), Order::None);
+}

@@ -1,0 +1,104 @@
+//! Tournaments by the program: tables, files, errors.
+
+use crate::kit::{check_error, output};
+use serde_json::Value;
+use std::fs;
+
+const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m --episodes 40 --seed 1";
+
+#[test]
+fn scripts_and_teams_play_a_tournament() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/3m");
+    let printed = output(folder, "tournament runs/3m/ attack_move kite --episodes 40 --out all --threads 1");
+    assert!(printed.starts_with("3m: 3 players, 8 pairings of 40 episodes, seed 0\n\nplayer "), "{printed}");
+    let again = output(folder, "tournament runs/3m attack_move kite --episodes 40 --out again --threads 3");
+    assert_eq!(printed, again);
+    for name in ["matrix.csv", "matrix.svg", "tournament.json", "tournament.md"] {
+        let read = |out: &str| fs::read_to_string(folder.join(out).join(name)).expect("a file");
+        assert_eq!(read("all"), read("again"), "{name}");
+    }
+    let printed = output(folder, "tournament runs/3m attack_move kite --episodes 40 --json");
+    let file = fs::read_to_string(folder.join("all/tournament.json")).expect("a file");
+    let [printed, written]: [Value; 2] =
+        [printed, file].map(|text| serde_json::from_str(&text).expect("an object"));
+    assert_eq!(printed, written);
+    assert_eq!(written["players"][0]["player"], "runs/3m");
+}
+
+/// Every battle is in the rows of both players, with one's wins as the other's losses.
+#[test]
+fn the_files_agree() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let printed = output(folder, &format!("{SCRIPTS} --out t"));
+    let read = |name: &str| fs::read_to_string(folder.join("t").join(name)).expect("a file");
+    let csv = read("matrix.csv");
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let head = "player,opponent,side,episodes,wins,draws,losses,return,opponent_return,length";
+    assert_eq!((rows[0].join(","), rows.len()), (head.to_owned(), 1 + 2 * 8));
+    for pair in rows[1..].chunks_exact(2) {
+        let [agents, enemies] = pair else { panic!("two rows per pairing") };
+        assert_eq!((agents[2], enemies[2]), ("agents", "enemies"));
+        assert_eq!((agents[0], agents[4], agents[7]), (enemies[1], enemies[6], enemies[8]));
+        let count = |column: usize| agents[column].parse::<usize>().expect("a number");
+        assert_eq!((count(3), count(4) + count(5) + count(6)), (40, 40));
+        let cell = format!("{}-{}-{}", agents[4], agents[5], agents[6]);
+        assert!(printed.contains(&cell) && read("tournament.md").contains(&cell), "{cell}");
+    }
+    let svg = read("matrix.svg");
+    assert_eq!((svg.matches("<rect ").count(), svg.matches("rotate(-45)").count()), (8, 3), "{svg}");
+    assert!(svg.contains("<title>nearest against attack_move: 40-0-0</title>"), "{svg}");
+}
+
+#[test]
+fn a_team_is_exploited() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/3m");
+    let exploit = "exploit runs/3m --steps 1000 --seeds 2 --seed 4 --episodes 20";
+    let printed = output(folder, &format!("{exploit} --out responses"));
+    let head =
+        "3m: best responses to runs/3m, 2 seeds, 1000 steps\n\nWins-draws-losses of the best response:\n";
+    assert!(printed.starts_with(head), "{printed}");
+    assert!(folder.join("responses/4/run.json").exists() && folder.join("responses/5/run.json").exists());
+    let result: Value =
+        serde_json::from_str(&output(folder, &format!("{exploit} --json"))).expect("an object");
+    let points =
+        result["responses"].as_array().expect("an array").iter().filter_map(|r| r["points"].as_f64());
+    let most = points.fold(0.0, f64::max);
+    assert_eq!(result["exploitability"].as_f64(), Some(most));
+    assert!(
+        printed.ends_with(&format!("exploitability  {:.1} % of the points\n", 100.0 * most)),
+        "{printed}"
+    );
+    check_error(folder, &format!("{exploit} --out responses"), 1, "`responses/4` already holds a run");
+    check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
+    output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/5m");
+    check_error(folder, "exploit runs/5m", 1, "5m");
+}
+
+#[test]
+fn errors_say_what_is_accepted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    check_error(folder, "tournament", 2, "<PLAYER>");
+    check_error(
+        folder,
+        "tournament kite hold",
+        1,
+        "no player is a trained team, so the scenario must be named",
+    );
+    check_error(folder, "tournament kite hold --rules paper", 2, "--scenario <MAP>");
+    check_error(folder, "tournament kite hold --scenario 3n", 1, "did you mean `3m`");
+    check_error(
+        folder,
+        "tournament kite hld --scenario 3m",
+        1,
+        "player `hld` is neither a script (attack_move,",
+    );
+    check_error(folder, "tournament kite hold --scenario 3m --episodes 0", 2, "number between 1 and 1000000");
+    fs::write(folder.join("file"), "").expect("a file");
+    check_error(folder, "tournament kite hold --scenario 3m --out file", 1, "--out file: ");
+}

@@ -1,0 +1,99 @@
+//! A folder of arrays as files of NumPy (`.npy`, format 1.0): a header of a multiple of 64 bytes, and the
+//! elements. Threads write their rows to their places.
+
+use super::arrays::{ArrayName, PerRow};
+use super::expand::{Chunk, Wanted};
+use super::{Dataset, DatasetError};
+use smaclite_pool::fields::Dtype;
+use std::fs::{File, Permissions};
+use std::io::{self, Write};
+use std::os::unix::fs::{FileExt, PermissionsExt};
+use std::path::Path;
+use tempfile::TempDir;
+
+/// The files of a folder, under another name until they are complete.
+pub(super) struct Files {
+    partial: TempDir,
+    arrays: Vec<(ArrayName, File)>,
+}
+
+impl Files {
+    pub fn create(dataset: &Dataset, folder: &Path, wanted: Wanted) -> Result<Files, DatasetError> {
+        if folder.exists() {
+            return Err(DatasetError::FolderExists { folder: folder.display().to_string() });
+        }
+        let failed = |error| DatasetError::Io { file: folder.display().to_string(), error };
+        let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
+        let permissions = Permissions::from_mode(0o777); // as the user's other folders
+        let mut builder = tempfile::Builder::new();
+        let partial = builder.permissions(permissions).tempdir_in(parent.unwrap_or(Path::new(".")));
+        let partial = partial.map_err(failed)?;
+        let names = ArrayName::ALL.into_iter().filter(|array| wanted[*array as usize]);
+        let create = |array: ArrayName| {
+            let file = File::create(partial.path().join(format!("{}.npy", array.spec().name)))?;
+            file.write_all_at(&header(array, dataset), 0)?;
+            // Its size from the beginning, so that a file without steps is one, too.
+            file.set_len((HEADER + n_rows(array, dataset) * row_bytes(array, dataset)) as u64)?;
+            Ok((array, file))
+        };
+        let arrays = names.map(create).collect::<io::Result<Vec<_>>>().map_err(failed)?;
+        let card = serde_json::to_vec_pretty(dataset.card()).map_err(|error| failed(error.into()))?;
+        File::create(partial.path().join("card.json"))
+            .and_then(|mut file| file.write_all(&card))
+            .map_err(failed)?;
+        Ok(Files { partial, arrays })
+    }
+
+    /// Writes the rows of some episodes.
+    pub fn write(&self, dataset: &Dataset, chunk: &Chunk<'_>) -> Result<(), DatasetError> {
+        for (array, file) in &self.arrays {
+            let rows = match array.spec().per {
+                PerRow::Step => dataset.steps_of_all(&chunk.episodes),
+                PerRow::Episode => chunk.episodes.clone(),
+            };
+            let offset = HEADER + rows.start * row_bytes(*array, dataset);
+            file.write_all_at(chunk.bytes(dataset, *array), offset as u64)
+                .map_err(|error| DatasetError::Io { file: format!("{}.npy", array.spec().name), error })?;
+        }
+        Ok(())
+    }
+
+    /// Gives the folder its name.
+    pub fn finish(self, folder: &Path) -> Result<(), DatasetError> {
+        let failed = |error| DatasetError::Io { file: folder.display().to_string(), error };
+        std::fs::rename(self.partial.path(), folder).map_err(failed)?;
+        let _ = self.partial.keep(); // it has another name now
+        Ok(())
+    }
+}
+
+/// Bytes of a header: enough for four axes.
+const HEADER: usize = 128;
+
+fn header(array: ArrayName, dataset: &Dataset) -> Vec<u8> {
+    let descr = match array.spec().dtype {
+        Dtype::F32 => "<f4",
+        Dtype::I32 => "<i4",
+        Dtype::Bool | Dtype::U8 => "|b1",
+    };
+    let axes = std::iter::once(n_rows(array, dataset)).chain(array.row_shape(&dataset.sizes()));
+    let shape: String = axes.map(|length| format!("{length}, ")).collect();
+    let dict = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(((HEADER - bytes.len() - 2) as u16).to_le_bytes());
+    bytes.extend(dict.as_bytes());
+    bytes.resize(HEADER - 1, b' ');
+    bytes.push(b'\n');
+    bytes
+}
+
+fn n_rows(array: ArrayName, dataset: &Dataset) -> usize {
+    match array.spec().per {
+        PerRow::Step => dataset.n_steps(),
+        PerRow::Episode => dataset.episodes().len(),
+    }
+}
+
+fn row_bytes(array: ArrayName, dataset: &Dataset) -> usize {
+    array.row_len(&dataset.sizes()) * array.spec().dtype.size()
+}

@@ -1,0 +1,246 @@
+//! Recording: a policy plays, some episodes in lockstep on each thread, and its actions are kept.
+
+use super::file::{MAX_STEPS, this_program};
+use super::quality::{self, Quality};
+use super::{Card, Dataset, DatasetError, End, Episode, Policy, starts};
+use crate::checkpoint::read_actor;
+use crate::parallel;
+use crate::policy::Choice;
+use crate::random::Purpose;
+use crate::run::RunDescription;
+use crate::team::Team;
+use crate::tournament::battles::{LOCKSTEP, Play, Running, Seat};
+use crate::tournament::player::Player;
+use crate::trained_team::TrainedTeam;
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Scratch};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Jobs per thread between two looks at how many steps there are.
+const JOBS_PER_THREAD: usize = 4;
+
+/// What is recorded.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Who plays.
+    pub source: Source,
+    /// How much.
+    pub amount: Amount,
+    /// Episode `i` is seeded with `seed + i`; actions are drawn from the seed too.
+    pub seed: u64,
+    /// Whether a team takes the most probable action, instead of drawing one by its probability.
+    pub greedy: bool,
+    /// Number of threads, at least 1. They change no result.
+    pub threads: usize,
+}
+
+/// Who plays.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// A scripted policy.
+    Script {
+        /// What it plays.
+        setup: BattleSetup,
+        /// Its rule.
+        tactic: Tactic,
+    },
+    /// The team in the folder of a training run, which plays what it was trained in.
+    Run {
+        /// The folder.
+        folder: PathBuf,
+        /// Which of its weights; `None` for the last ones.
+        quality: Option<Quality>,
+        /// Who plays the enemies instead of the scripts of the training.
+        opponents: Option<Opponents>,
+    },
+}
+
+/// How much is recorded. Episodes are whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Amount {
+    /// As many episodes as have this many steps together, or a few more.
+    Steps(usize),
+    /// This many episodes.
+    Episodes(usize),
+}
+
+impl Amount {
+    /// The part of each of `n` policies.
+    fn share(self, n: usize) -> Amount {
+        match self {
+            Amount::Steps(steps) => Amount::Steps(steps.div_ceil(n)),
+            Amount::Episodes(episodes) => Amount::Episodes(episodes.div_ceil(n)),
+        }
+    }
+
+    fn is_reached(self, episodes: usize, steps: usize) -> bool {
+        match self {
+            Amount::Steps(wanted) => steps >= wanted,
+            Amount::Episodes(wanted) => episodes >= wanted,
+        }
+    }
+}
+
+/// An episode that was played.
+#[derive(Clone, Default)]
+struct Played {
+    seed: u64,
+    length: u32,
+    end: End,
+    actions: Vec<u16>,
+}
+
+/// Episodes that are played in lockstep.
+struct Job {
+    episodes: Range<usize>,
+    played: Vec<Played>,
+}
+
+impl Dataset {
+    /// Plays and records. The result depends on the recording alone, and for teams on the CPU's vector
+    /// instructions, not on the number of threads.
+    ///
+    /// # Errors
+    /// If the source cannot play; `Interrupted` if `interrupted` returned true.
+    pub fn record(
+        recording: &Recording,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Dataset, DatasetError> {
+        let (setup, players) = recording.source.open()?;
+        let arena = Arc::new(setup.arena()?.1);
+        if arena.episode_limit().is_none() {
+            return Err(DatasetError::NoLimit);
+        }
+        let amount = recording.amount.share(players.len());
+        let (mut policies, mut episodes, mut actions) = (Vec::new(), Vec::new(), Vec::new());
+        for (policy, player) in players {
+            let first = episodes.len();
+            for played in recording.play(&arena, &player, first, amount, interrupted)? {
+                let Played { seed, length, end, actions: own } = played;
+                episodes.push(Episode { seed, length, policy: policies.len() as u16, end });
+                actions.extend(own);
+            }
+            policies.push(policy);
+        }
+        let starts = starts(&episodes);
+        if starts.last().is_some_and(|steps| *steps > MAX_STEPS) {
+            return Err(DatasetError::TooManySteps { max: MAX_STEPS });
+        }
+        let mut dataset = Dataset {
+            source: "the recording".to_owned(),
+            program: this_program(),
+            setup,
+            arena,
+            policies,
+            episodes,
+            starts,
+            actions,
+            hashes: Vec::new(),
+            card: Card::default(),
+        };
+        dataset.measure(recording.threads, interrupted)?;
+        Ok(dataset)
+    }
+}
+
+impl Source {
+    /// What is played, and who plays.
+    fn open(&self) -> Result<(BattleSetup, Vec<(Policy, Player)>), DatasetError> {
+        match self {
+            Source::Script { setup, tactic } => {
+                let policy =
+                    Policy { name: tactic.name().to_owned(), training_steps: None, sampled_win_rate: None };
+                Ok((setup.clone(), vec![(policy, Player::Tactic(*tactic))]))
+            }
+            Source::Run { folder, quality, opponents } => {
+                let run = RunDescription::read(folder)?;
+                let opponents = opponents.clone().unwrap_or_else(|| run.setup.opponents.clone());
+                let setup = BattleSetup { opponents, ..run.setup.clone() };
+                let players = match quality {
+                    None => {
+                        let name = "weights.safetensors".to_owned();
+                        let policy = Policy { name, training_steps: None, sampled_win_rate: None };
+                        vec![(policy, Player::Team(Box::new(TrainedTeam::open(folder)?)))]
+                    }
+                    Some(quality) => {
+                        let policies = quality::policies(folder, *quality)?.into_iter();
+                        let open = |(policy, path): (Policy, PathBuf)| {
+                            let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+                            let network = read_actor(&path, mlp)?;
+                            let team = TrainedTeam { run: run.clone(), network };
+                            Ok::<_, DatasetError>((policy, Player::Team(Box::new(team))))
+                        };
+                        policies.map(open).collect::<Result<_, _>>()?
+                    }
+                };
+                Ok((setup, players))
+            }
+        }
+    }
+}
+
+impl Recording {
+    /// Plays episodes from number `first` on.
+    fn play(
+        &self,
+        arena: &Arc<Arena>,
+        player: &Player,
+        first: usize,
+        amount: Amount,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<Played>, DatasetError> {
+        let mut scratches: Vec<Scratch> = (0..self.threads.max(1)).map(|_| Scratch::new()).collect();
+        let (mut all, mut steps) = (Vec::<Played>::new(), 0);
+        while !amount.is_reached(all.len(), steps) {
+            let begin = first + all.len();
+            let firsts = (begin..).step_by(LOCKSTEP).take(scratches.len() * JOBS_PER_THREAD);
+            let job = |first| Job { episodes: first..first + LOCKSTEP, played: Vec::new() };
+            let mut jobs: Vec<Job> = firsts.map(job).collect();
+            parallel::run(jobs.iter_mut(), &mut scratches, interrupted, |job, scratch| {
+                job.played = self.play_in_lockstep(arena, player, job.episodes.clone(), scratch);
+            })
+            .map_err(|parallel::Interrupted| DatasetError::Interrupted)?;
+            for played in jobs.into_iter().flat_map(|job| job.played) {
+                if amount.is_reached(all.len(), steps) {
+                    break;
+                }
+                steps += played.length as usize;
+                all.push(played);
+            }
+        }
+        Ok(all)
+    }
+
+    fn play_in_lockstep(
+        &self,
+        arena: &Arc<Arena>,
+        player: &Player,
+        episodes: Range<usize>,
+        scratch: &mut Scratch,
+    ) -> Vec<Played> {
+        let choice = if self.greedy { Choice::Greedy } else { Choice::Sampled };
+        let play = Play { seed: self.seed, choice };
+        let seeds = episodes.clone().map(|episode| play.seed_of(episode));
+        let mut played: Vec<Played> = seeds.map(|seed| Played { seed, ..Played::default() }).collect();
+        let battle = |played: &Played| Running::new(Battle::new(Arc::clone(arena), played.seed));
+        let mut battles: Vec<Running> = played.iter().map(battle).collect();
+        let mut seat = Seat::new(player, play, arena.sizes(), episodes);
+        for step in 0.. {
+            if battles.iter().all(|running| running.battle.is_over()) {
+                break;
+            }
+            seat.act(&battles, play.draw(Purpose::Evaluation, step), choice, scratch);
+            let running = battles.iter_mut().zip(&mut played).enumerate();
+            for (i, (running, played)) in running.filter(|(_, (running, _))| !running.battle.is_over()) {
+                let actions = seat.actions_of(i);
+                // An available action is below the 6 + 1000 actions of the largest scenario.
+                played.actions.extend(actions.iter().map(|&action| action as u16));
+                played.end = End::of(&running.battle.step_checked(actions.iter().copied(), scratch));
+                played.length += 1;
+            }
+        }
+        played
+    }
+}

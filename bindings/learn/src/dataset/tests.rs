@@ -1,0 +1,264 @@
+use super::*;
+use crate::checkpoint::write_actor;
+use crate::config::Config;
+use crate::lanes::{Lanes, resolve_scenario};
+use crate::run::{Run, RunDescription};
+use crate::team::Team;
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{Battle, EpisodeLimit, Rules, Scratch};
+use std::io::Write;
+
+/// Shorter than some of the episodes.
+const LIMIT: u32 = 45;
+
+fn script(scenario: &str, limit: u32) -> Source {
+    let setup = resolve_scenario(scenario, Rules::Smaclite).unwrap();
+    let setup = BattleSetup { episode_limit: EpisodeLimit::Steps(limit), ..setup };
+    Source::Script { setup, tactic: Tactic::Random }
+}
+
+/// Some episodes of 2s3z, of which the short limit truncates some.
+fn recorded(threads: usize) -> Dataset {
+    let (source, amount) = (script("2s3z", LIMIT), Amount::Episodes(40));
+    let recording = Recording { source, amount, seed: 7, greedy: false, threads };
+    Dataset::record(&recording, &mut || false).unwrap()
+}
+
+fn bytes_of(dataset: &Dataset) -> Vec<u8> {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    dataset.write(file.path()).unwrap();
+    std::fs::read(file.path()).unwrap()
+}
+
+fn read(bytes: &[u8]) -> Result<Dataset, String> {
+    Dataset::from_reader(bytes, "3m.smdata").map_err(|error| error.to_string())
+}
+
+fn all(dataset: &Dataset, threads: usize) -> Vec<(ArrayName, Values)> {
+    dataset.expand(&ArrayName::ALL, threads, &mut || false).unwrap()
+}
+
+/// What is recorded, written, read and expanded does not depend on the number of threads.
+#[test]
+fn threads_change_no_bit() {
+    let dataset = recorded(1);
+    let bytes = bytes_of(&dataset);
+    assert_eq!(bytes_of(&recorded(3)), bytes);
+    let read = read(&bytes).unwrap();
+    let expected = all(&dataset, 1);
+    for threads in [1, 2, 5] {
+        assert!(all(&read, threads) == expected, "{threads} threads");
+    }
+}
+
+/// The arrays have the rows that a battle gives which is played step by step, and the last observations apart.
+#[test]
+fn arrays_are_what_battles_give() {
+    let dataset = recorded(2);
+    let arrays = all(&dataset, 2);
+    let floats = |array: ArrayName| match &arrays[array as usize].1 {
+        Values::F32(values) => values,
+        other => panic!("{array:?} has other numbers: {other:?}"),
+    };
+    let Sizes { n_agents, obs_size, state_size, .. } = dataset.sizes();
+    let (mut obs, mut state) = (vec![0.0; n_agents * obs_size], vec![0.0; state_size]);
+    let mut scratch = Scratch::new();
+    for (i, episode) in dataset.episodes().iter().enumerate() {
+        let mut battle = Battle::new(Arc::clone(&dataset.arena), episode.seed);
+        for step in dataset.steps_of(i) {
+            battle.write_obs(&mut obs, &mut scratch);
+            assert_eq!(floats(ArrayName::Obs)[step * obs.len()..][..obs.len()], obs);
+            let actions: Vec<i32> = dataset.actions_of(step).iter().map(|&action| action.into()).collect();
+            let reward = battle.step(&actions, &mut scratch).unwrap().reward as f32;
+            assert_eq!(floats(ArrayName::Reward)[step], reward);
+        }
+        assert!(battle.is_over());
+        battle.write_state(&mut state);
+        assert_eq!(floats(ArrayName::FinalState)[i * state_size..][..state_size], state);
+    }
+}
+
+/// Every episode ends in its last step and nowhere else, and a truncated one is not terminated.
+#[test]
+fn terminated_and_truncated_are_kept_apart() {
+    let dataset = recorded(2);
+    let arrays = all(&dataset, 2);
+    let bools = |array: ArrayName| match &arrays[array as usize].1 {
+        Values::Bool(values) => values,
+        other => panic!("{array:?} has other values: {other:?}"),
+    };
+    let mut ends = [0; 2];
+    for (i, episode) in dataset.episodes().iter().enumerate() {
+        let steps = dataset.steps_of(i);
+        for step in steps.clone() {
+            let is_end = |array| bools(array)[step] != 0;
+            let (terminated, truncated) = (is_end(ArrayName::Terminated), is_end(ArrayName::Truncated));
+            assert_eq!(terminated || truncated, step + 1 == steps.end);
+            assert!(!(terminated && truncated));
+            assert_eq!(is_end(ArrayName::BattleWon), step + 1 == steps.end && episode.end.battle_won);
+        }
+        ends[usize::from(episode.end.truncated)] += 1;
+    }
+    assert!(ends.iter().all(|count| *count > 0), "the test needs both: {ends:?}");
+}
+
+#[test]
+fn files_of_numpy_have_the_same_bytes() {
+    let dataset = recorded(2);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("arrays");
+    dataset.expand_to(&out, &ArrayName::ALL, 3, &mut || false).unwrap();
+    for (array, values) in all(&dataset, 1) {
+        let bytes = std::fs::read(out.join(format!("{}.npy", array.spec().name))).unwrap();
+        let (head, elements) = bytes.split_at(128);
+        assert!(elements == values.bytes(), "{array:?}");
+        assert!(head.starts_with(b"\x93NUMPY\x01\x00") && head.ends_with(b"\n"));
+    }
+    let error = dataset.expand_to(&out, &ArrayName::ALL, 3, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("must be written to a new folder"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+}
+
+#[test]
+fn the_card_counts_what_was_played() {
+    let dataset = recorded(2);
+    let card = dataset.card();
+    let Values::F32(rewards) = &all(&dataset, 1)[ArrayName::Reward as usize].1 else { panic!() };
+    let total: f64 = rewards.iter().map(|reward| f64::from(*reward)).sum();
+    assert!((card.returns.mean * 40.0 - total).abs() < 1e-6 * total);
+    assert_eq!((card.episodes, card.steps), (40, dataset.n_steps()));
+    assert!(card.coverage > 0.9 && card.coverage <= 1.0, "{}", card.coverage);
+    assert_eq!(card.policies.len(), 1);
+    assert_eq!(card.policies[0].name, "random");
+    assert!(card.returns.min <= card.returns.median && card.returns.median <= card.returns.max);
+}
+
+#[test]
+fn as_many_steps_are_recorded_as_are_asked_for() {
+    let amount = Amount::Steps(500);
+    let recording = Recording { source: script("3m", 60), amount, seed: 1, greedy: false, threads: 2 };
+    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    let last = dataset.episodes().last().unwrap().length as usize;
+    assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
+}
+
+fn compressed(text: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(text).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn inflated(bytes: &[u8]) -> Vec<u8> {
+    let mut text = Vec::new();
+    std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(bytes), &mut text).unwrap();
+    text
+}
+
+#[test]
+fn damaged_files_are_errors_that_say_what_is_wrong() {
+    let bytes = bytes_of(&recorded(2));
+    let text = inflated(&bytes);
+    let head_len = text.iter().position(|byte| *byte == b'\n').unwrap();
+    let with_head = |from: &str, to: &str| {
+        let head = std::str::from_utf8(&text[..head_len]).unwrap();
+        assert!(head.contains(from), "{from}");
+        compressed(&[head.replacen(from, to, 1).as_bytes(), &text[head_len..]].concat())
+    };
+    let with_byte = |place: usize, byte: u8| {
+        let mut text = text.clone();
+        text[head_len + 1 + place] = byte;
+        compressed(&text)
+    };
+    let flipped = bytes.iter().enumerate().map(|(i, byte)| byte ^ u8::from(i == bytes.len() / 2));
+    let cases = [
+        (b"{}".to_vec(), "expected a dataset"),
+        (bytes[..bytes.len() - 9].to_vec(), "the file ends too early"),
+        (flipped.collect(), "expected a dataset"),
+        ([&bytes[..], b"x"].concat(), "bytes follow"),
+        (compressed(&text[..text.len() - 1]), "the file ends too early"),
+        (compressed(&[&text[..], b"x"].concat()), "more actions follow"),
+        (compressed(b"{}"), "begin with a line"),
+        (with_head("smaclite-dataset", "smaclite-replay"), "`format` must be \"smaclite-dataset\""),
+        (with_head("\"version\":1", "\"version\":2"), "`version` must be 1, got 2"),
+        (with_head("\"episodes\":40", "\"episodes\":41"), "`card` must be"),
+        (with_head("\"hash\":\"", "\"hash\":\"0"), "`hash` must be"),
+        (with_byte(40 * 8, 200), "episode 0: length` must be 1 to 45, got 200"),
+        (with_byte(40 * 12, 9), "episode 0: policy` must be below 1, got 9"),
+        (with_byte(40 * 14, 3), "episode 0: end` must be 1 (lost)"),
+        (with_byte(40 * 15, 99), "episode 0, step 0: action of agent 0` must be below 11, got 99"),
+    ];
+    for (bytes, expected) in cases {
+        let error = read(&bytes).map(|_| ()).unwrap_err();
+        assert!(error.starts_with("3m.smdata: ") && error.contains(expected), "{expected}: {error}");
+    }
+}
+
+/// A file whose content was exchanged, with all of gzip's checksums right, is found by playing it.
+#[test]
+fn what_only_play_can_tell_is_an_error_of_expanding() {
+    let dataset = recorded(2);
+    let expand = |dataset: &Dataset| {
+        dataset.expand(&[ArrayName::Reward], 2, &mut || false).map(|_| ()).unwrap_err().to_string()
+    };
+    let mut other = dataset.clone();
+    other.actions[0] = 0; // the no-op of the dead
+    assert!(expand(&other).contains("episode 0, step 0: "), "{}", expand(&other));
+    let mut other = dataset.clone();
+    other.episodes[3].seed += 1;
+    let error = expand(&other);
+    assert!(error.contains("recorded by smaclite-pool"), "{error}");
+    let mut other = dataset.clone();
+    other.hashes[ArrayName::Reward as usize] ^= 1;
+    assert!(expand(&other).contains("array `reward` has the hash"), "{}", expand(&other));
+    let interrupted = dataset.expand(&ArrayName::ALL, 2, &mut || true).unwrap_err();
+    assert!(matches!(interrupted, DatasetError::Interrupted));
+}
+
+/// The folder of a run with two evaluations.
+fn run_with_evaluations(folder: &std::path::Path) {
+    let runtime_dir = smaclite_ipc::RuntimeDir::at(folder.join("pools")).unwrap();
+    let setup = resolve_scenario("3m", Rules::Smaclite).unwrap();
+    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
+    let lanes = Lanes::start(&setup, small.num_envs, small.last_actions, 1, &runtime_dir).unwrap();
+    drop(Run::begin(&folder.join("run"), small.clone(), &setup, lanes, 1).unwrap());
+    let run = RunDescription::read(&folder.join("run")).unwrap();
+    std::fs::create_dir(folder.join("run/evaluations")).unwrap();
+    for (steps, seed) in [(100, 1), (200, 2)] {
+        let actor = Team::new(&Config { seed, ..small.clone() }, run.sizes).actor;
+        let path = folder.join(format!("run/evaluations/{steps:012}.safetensors"));
+        write_actor(&path, &actor).unwrap();
+    }
+}
+
+#[test]
+fn the_weights_of_evaluations_are_recorded_by_their_quality() {
+    let folder = tempfile::tempdir().unwrap();
+    run_with_evaluations(folder.path());
+    let record = |quality| {
+        let source = Source::Run { folder: folder.path().join("run"), quality, opponents: None };
+        let amount = Amount::Steps(400);
+        let recording = Recording { source, amount, seed: 3, greedy: false, threads: 2 };
+        Dataset::record(&recording, &mut || false)
+    };
+    let names = |dataset: &Dataset| -> Vec<String> {
+        dataset.policies().iter().map(|policy| policy.name.clone()).collect()
+    };
+    assert_eq!(names(&record(None).unwrap()), ["weights.safetensors"]);
+    let error = record(Some(Quality::Good)).unwrap_err().to_string();
+    assert!(error.contains("no evaluations.csv") && error.contains("leave --quality out"), "{error}");
+
+    let table = "steps,sampled_win_rate,greedy_win_rate\n100,0.25,0.5\n200,0.5,0.75\n";
+    std::fs::write(folder.path().join("run/evaluations.csv"), table).unwrap();
+    let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());
+    assert_eq!(names(&good), ["evaluations/000000000200.safetensors"]);
+    assert_eq!(names(&medium), ["evaluations/000000000100.safetensors"]);
+    assert!(good.actions != medium.actions);
+
+    let replay = record(Some(Quality::Replay)).unwrap();
+    let cards = &replay.card().policies;
+    assert_eq!(replay.policies()[0].sampled_win_rate, Some(0.25));
+    assert!(cards.iter().all(|card| card.steps >= 200 && card.steps < 200 + 60), "{cards:?}");
+    let seeds: Vec<u64> = replay.episodes().iter().map(|episode| episode.seed).collect();
+    assert_eq!(seeds, (3..3 + seeds.len() as u64).collect::<Vec<_>>(), "no two episodes have the same seed");
+    assert_eq!(all(&read(&bytes_of(&replay)).unwrap(), 1), all(&replay, 2));
+}

@@ -1,0 +1,153 @@
+//! The files of evaluations in the folder of a run: `evaluations.csv` has a row per evaluation,
+//! `evaluation_episodes.csv` a row per episode, and `evaluations/` the weights of the actor.
+//!
+//! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
+//! its row is removed, and that evaluation is played again.
+
+use super::{Actions, EvaluationRow};
+use crate::rollout::Episode;
+use crate::tensors::{FileError, remove};
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Names of the files.
+const ROWS: &str = "evaluations.csv";
+const EPISODES: &str = "evaluation_episodes.csv";
+const WEIGHTS: &str = "evaluations";
+
+/// The header of the episodes.
+const EPISODE_COLUMNS: &str = "steps,actions,episode,return,length,won\n";
+
+/// The episodes of an evaluation, with greedy and with sampled actions.
+pub(crate) type BothEpisodes = [Vec<Episode>; 2];
+
+/// The files of one run.
+pub(crate) struct EvaluationFiles {
+    folder: PathBuf,
+}
+
+impl EvaluationFiles {
+    /// Opens the files of a run that trains and has made `trained_steps` steps, and removes what is of later
+    /// evaluations: they are played again. Returns the rows that stay.
+    pub fn open(
+        folder: &Path,
+        trained_steps: u64,
+    ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
+        let files = EvaluationFiles::of(folder);
+        let mut rows = files.rows()?;
+        rows.retain(|row| row.trained_steps <= trained_steps);
+        let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);
+        let lines: String = rows.iter().map(EvaluationRow::line).collect();
+        let header = EvaluationRow::COLUMNS.join(",") + "\n";
+        let episodes = read_lines(&files.folder.join(EPISODES))?;
+        let of_rows = episodes.lines().filter(|line| first_number(line).is_some_and(stays));
+        let episodes = of_rows.fold(EPISODE_COLUMNS.to_owned(), |text, line| text + line + "\n");
+        for (name, text) in [(ROWS, header + &lines), (EPISODES, episodes)] {
+            crate::tensors::write(&files.folder.join(name), text.as_bytes())?;
+        }
+        for path in weights_in(&files.folder.join(WEIGHTS))? {
+            let steps = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
+            if !steps.is_some_and(stays) {
+                remove(&path)?;
+            }
+        }
+        Ok((files, rows))
+    }
+
+    /// Removes the rows of a run that was here, so that one that begins takes nothing over.
+    pub fn clear(folder: &Path) -> Result<(), FileError> {
+        remove(&folder.join(ROWS))
+    }
+
+    /// The files of a run, to be read.
+    pub fn of(folder: &Path) -> EvaluationFiles {
+        EvaluationFiles { folder: folder.to_owned() }
+    }
+
+    /// The file with the actor of an evaluation; its folder exists.
+    pub fn weights(&self, steps: u64) -> Result<PathBuf, FileError> {
+        let folder = self.folder.join(WEIGHTS);
+        let created = fs::create_dir_all(&folder);
+        created.map_err(|source| FileError::Write { path: folder.clone(), source })?;
+        Ok(folder.join(format!("{steps:012}.safetensors")))
+    }
+
+    /// Adds an evaluation.
+    pub fn append(&self, row: &EvaluationRow, episodes: [&[Episode]; 2]) -> Result<(), FileError> {
+        let mut text = String::new();
+        for (actions, episodes) in Actions::BOTH.into_iter().zip(episodes) {
+            for (i, episode) in episodes.iter().enumerate() {
+                let Episode { episode_return, length, won } = episode;
+                let (steps, actions, won) = (row.steps, actions.name(), u8::from(*won));
+                text += &format!("{steps},{actions},{i},{episode_return},{length},{won}\n");
+            }
+        }
+        append(&self.folder.join(EPISODES), &text)?;
+        append(&self.folder.join(ROWS), &row.line())
+    }
+
+    /// All rows, by step count.
+    pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
+        let text = read_lines(&self.folder.join(ROWS))?;
+        Ok(text.lines().filter_map(EvaluationRow::parse).collect())
+    }
+
+    /// The episodes of all evaluations, by step count.
+    pub fn episodes(&self) -> Result<Vec<(u64, BothEpisodes)>, FileError> {
+        let path = self.folder.join(EPISODES);
+        let text = read_lines(&path)?;
+        let mut all: Vec<(u64, BothEpisodes)> = Vec::new();
+        for (number, line) in text.lines().enumerate().skip(1) {
+            let (steps, actions, episode) = parse_episode(line).ok_or_else(|| {
+                let why = format!("line {} is `{line}`, which is no episode", number + 1);
+                FileError::Damaged { path: path.clone(), why }
+            })?;
+            if all.last().is_none_or(|(last, _)| *last != steps) {
+                all.push((steps, BothEpisodes::default()));
+            }
+            if let Some((_, both)) = all.last_mut() {
+                both[usize::from(actions == Actions::Sampled)].push(episode);
+            }
+        }
+        Ok(all)
+    }
+}
+
+fn first_number(line: &str) -> Option<u64> {
+    line.split(',').next()?.parse().ok()
+}
+
+fn parse_episode(line: &str) -> Option<(u64, Actions, Episode)> {
+    let fields: Vec<&str> = line.split(',').collect();
+    let &[steps, actions, _, episode_return, length, won] = &fields[..] else { return None };
+    let actions = Actions::BOTH.into_iter().find(|kind| kind.name() == actions)?;
+    let (episode_return, length) = (episode_return.parse().ok()?, length.parse().ok()?);
+    Some((steps.parse().ok()?, actions, Episode { episode_return, length, won: won == "1" }))
+}
+
+/// The complete lines of a file; none if it does not exist.
+fn read_lines(path: &Path) -> Result<String, FileError> {
+    let mut text = match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(String::new()),
+        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source })?,
+    };
+    text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
+    Ok(text)
+}
+
+/// The files of weights in a folder; none if it does not exist.
+fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let error = |source| FileError::Read { path: folder.to_owned(), source };
+    let entries = match fs::read_dir(folder) {
+        Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(error)?,
+    };
+    entries.map(|entry| entry.map(|entry| entry.path()).map_err(error)).collect()
+}
+
+fn append(path: &Path, text: &str) -> Result<(), FileError> {
+    let file = OpenOptions::new().append(true).open(path);
+    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|source| FileError::Write { path: path.to_owned(), source })
+}

@@ -1,0 +1,179 @@
+//! Evaluations of a run while it trains, at step counts that are the same for every seed, and of its best
+//! weights at the end. They are played in battles that threads step here, with seeds of their own, so they
+//! change no bit of the training.
+//!
+//! | file | contents |
+//! | --- | --- |
+//! | `play` | playing the episodes |
+//! | `row` | the result of one evaluation, and what is best |
+//! | `files` | the files in the folder of a run |
+//! | `final_result` | `final.json` |
+//! | `verify` | playing recorded evaluations again |
+//!
+//! The evaluation at `k` times `evaluate_every` steps is that of the weights after the first update that
+//! reaches so many steps. It is played when the next update is asked for, so a run that ends in between
+//! plays it when it is resumed.
+
+mod files;
+mod final_result;
+mod play;
+mod row;
+mod verify;
+
+use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
+use crate::cpu_timer::CpuTimer;
+use crate::parallel::Interrupted;
+use crate::run::{BEST, RunDescription};
+use crate::team::Team;
+use crate::tensors::{FileError, remove};
+use crate::training::TrainError;
+pub(crate) use files::EvaluationFiles;
+pub use final_result::FinalResult;
+pub use play::Actions;
+pub(crate) use play::{Evaluator, Occasion};
+pub use row::{EvaluationRow, Summary};
+use smaclite_ipc::ClientError;
+use std::path::{Path, PathBuf};
+pub use verify::{Difference, Verification, VerifyError, verify};
+
+/// Episodes with greedy actions, and as many with sampled ones, of an evaluation while a run trains.
+pub const EVALUATION_EPISODES: usize = 32;
+
+/// The same for the best weights, at the end.
+pub const FINAL_EPISODES: usize = 320;
+
+/// The evaluations of a run that trains.
+pub(crate) struct Evaluations {
+    folder: PathBuf,
+    run: RunDescription,
+    every: u64,
+    evaluator: Evaluator,
+    files: EvaluationFiles,
+    rows: Vec<EvaluationRow>,
+}
+
+impl Evaluations {
+    /// The evaluations of the run in the folder, after `trained_steps` steps; `None` if it makes none.
+    pub fn open(
+        folder: &Path,
+        run: &RunDescription,
+        trained_steps: u64,
+        threads: usize,
+    ) -> Result<Option<Evaluations>, TrainError> {
+        let Some(every) = run.config.evaluate_every else { return Ok(None) };
+        let evaluator = Evaluator::open(folder, run, threads)?;
+        let (files, rows) = EvaluationFiles::open(folder, trained_steps)?;
+        if trained_steps < run.config.steps {
+            remove(&FinalResult::path(folder))?;
+        }
+        let (folder, run) = (folder.to_owned(), run.clone());
+        let evaluations = Evaluations { folder, run, every, evaluator, files, rows };
+        evaluations.restore_best()?;
+        Ok(Some(evaluations))
+    }
+
+    /// The results so far.
+    pub fn rows(&self) -> &[EvaluationRow] {
+        &self.rows
+    }
+
+    /// Plays what is due after so many steps of training.
+    pub fn play_due(
+        &mut self,
+        state: &Checkpoint,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), TrainError> {
+        while let Some(steps) = self.due(state.progress.steps) {
+            self.play(steps, state, interrupted)?;
+        }
+        Ok(())
+    }
+
+    /// The step count whose evaluation is due, if one is: a multiple of `every`, or the end of the run.
+    /// Those that the present weights are too old for are left out; they were lost with a file.
+    fn due(&self, trained_steps: u64) -> Option<u64> {
+        let total = self.run.config.steps;
+        let mut steps = match self.rows.last() {
+            None => 0,
+            Some(last) if last.steps >= total => return None,
+            Some(last) => self.after(last.steps),
+        };
+        while steps < total && steps + self.run.config.steps_per_update() <= trained_steps {
+            steps = self.after(steps);
+        }
+        (steps <= trained_steps).then_some(steps)
+    }
+
+    /// The next step count, after one.
+    fn after(&self, steps: u64) -> u64 {
+        let next = (steps / self.every + 1) * self.every;
+        next.min(self.run.config.steps)
+    }
+
+    fn play(
+        &mut self,
+        steps: u64,
+        state: &Checkpoint,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), TrainError> {
+        let _timer = CpuTimer::start(); // so that other runs of the process do not count this time
+        write_actor(&self.files.weights(steps)?, &state.team.actor)?;
+        let played = Actions::BOTH.map(|actions| {
+            let occasion = Occasion::Training { steps };
+            self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
+        });
+        let [greedy, sampled] = played;
+        let (greedy, sampled) = (greedy.map_err(stop)?, sampled.map_err(stop)?);
+        let progress = state.progress;
+        let row = EvaluationRow {
+            steps,
+            trained_steps: progress.steps,
+            updates: progress.updates,
+            greedy: Summary::of(&greedy),
+            sampled: Summary::of(&sampled),
+            seconds: progress.seconds,
+            cpu_seconds: progress.cpu_seconds,
+        };
+        self.files.append(&row, [&greedy, &sampled])?;
+        self.rows.push(row);
+        if EvaluationRow::best(&self.rows).is_some_and(|best| best.steps == steps) {
+            write_weights(&self.folder.join(BEST), &state.team)?;
+        }
+        Ok(())
+    }
+
+    /// Plays the final episodes of a complete run with the best weights, unless that was done.
+    pub fn finish(
+        &mut self,
+        state: &Checkpoint,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), TrainError> {
+        let path = FinalResult::path(&self.folder);
+        let (false, Some(best)) = (path.exists(), EvaluationRow::best(&self.rows)) else { return Ok(()) };
+        let _timer = CpuTimer::start();
+        let actor = read_actor(&self.folder.join(BEST), state.team.actor.mlp.clone())?;
+        let [greedy, sampled] = Actions::BOTH.map(|actions| {
+            self.evaluator.play(&actor, Occasion::Final, actions, FINAL_EPISODES, interrupted)
+        });
+        let episodes = [greedy.map_err(stop)?, sampled.map_err(stop)?];
+        FinalResult::new(best, state.progress, episodes).write(&path)?;
+        Ok(())
+    }
+
+    /// A run that was killed may have best weights of an evaluation after its checkpoint, which is not
+    /// played again in the same way if the run is resumed with another number of steps.
+    fn restore_best(&self) -> Result<(), FileError> {
+        let path = self.folder.join(BEST);
+        let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
+        let mlp = Team::new(&self.run.config, self.run.sizes).actor.mlp;
+        let kept = read_actor(&self.files.weights(best.steps)?, mlp.clone())?;
+        if !path.exists() || read_actor(&path, mlp)? != kept {
+            write_actor(&path, &kept)?;
+        }
+        Ok(())
+    }
+}
+
+fn stop(_: Interrupted) -> TrainError {
+    TrainError::Client(ClientError::Interrupted)
+}

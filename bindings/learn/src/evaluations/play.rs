@@ -1,0 +1,129 @@
+//! Plays the episodes of an evaluation, as tournaments do: some in lockstep, on several threads.
+
+use crate::config::Enemies;
+use crate::parallel::{self, Interrupted};
+use crate::policy::Choice;
+use crate::random::{Purpose, seed};
+use crate::rollout::Episode;
+use crate::run::{OPPONENT, RunDescription};
+use crate::team::{Network, Team};
+use crate::tensors::FileError;
+use crate::tournament::{Ended, Pairing, Play, Player};
+use crate::trained_team::{TrainedTeam, Weights};
+use serde::{Deserialize, Serialize};
+use smaclite_engine::{Opponent, Scratch};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Episodes in lockstep. Their number decides the last bits of the outputs, so it does not depend on the
+/// number of threads; it is small enough for several threads to be busy.
+const LOCKSTEP: usize = 8;
+
+/// How actions are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Actions {
+    /// The most probable ones.
+    Greedy,
+    /// Drawn by their probabilities.
+    Sampled,
+}
+
+impl Actions {
+    /// In the order of the files.
+    pub(crate) const BOTH: [Actions; 2] = [Actions::Greedy, Actions::Sampled];
+
+    /// The keyword in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Actions::Greedy => "greedy",
+            Actions::Sampled => "sampled",
+        }
+    }
+}
+
+/// Which evaluation of a run is played. It decides the seeds.
+#[derive(Clone, Copy)]
+pub(crate) enum Occasion {
+    /// While the run trains, at this step count.
+    Training { steps: u64 },
+    /// At the end, with the best weights.
+    Final,
+}
+
+impl Occasion {
+    /// The seed of the first episode; the next one has the next seed. Actions are drawn from it too.
+    fn seed(self, run: u64, actions: Actions) -> u64 {
+        let sampled = u64::from(actions == Actions::Sampled);
+        match self {
+            Occasion::Training { steps } => seed(run, Purpose::TrainingEvaluations, [steps, sampled]),
+            Occasion::Final => seed(run, Purpose::FinalEvaluation, [0, sampled]),
+        }
+    }
+}
+
+/// Plays a run's team against what it trains against: its scripts, or the team of another run. In self-play
+/// the opponent is the script `attack_move`.
+pub(crate) struct Evaluator {
+    seed: u64,
+    pairing: Pairing,
+    /// The team, and who plays the enemies.
+    players: [Player; 2],
+    scratches: Vec<Scratch>,
+}
+
+impl Evaluator {
+    /// Of the run in a folder.
+    pub fn open(folder: &Path, run: &RunDescription, threads: usize) -> Result<Evaluator, FileError> {
+        let (setup, enemies) = match &run.config.enemies {
+            // What plays inside the engine has no seat; any script stands for it.
+            Enemies::Scripts | Enemies::SelfPlay(_) => {
+                (run.setup.clone(), Player::March(Opponent::AttackMove))
+            }
+            Enemies::Team { .. } => {
+                let team = TrainedTeam::open_with(&folder.join(OPPONENT), Some(Weights::Last))?;
+                (run.lanes_setup(), Player::Team(Box::new(team)))
+            }
+        };
+        let (_, arena) = setup.arena().map_err(|problems| {
+            let path = folder.join("run.json");
+            FileError::Damaged { path, why: problems.to_string() }
+        })?;
+        let network = Team::new(&run.config, run.sizes).actor.without_optimiser();
+        let team = Player::Team(Box::new(TrainedTeam { run: run.clone(), network }));
+        let pairing = Pairing { agents: 0, enemies: 1, arena: Arc::new(arena), is_exchanged: false };
+        let scratches = (0..threads.max(1)).map(|_| Scratch::new()).collect();
+        Ok(Evaluator { seed: run.config.seed, pairing, players: [team, enemies], scratches })
+    }
+
+    /// Plays the episodes with these weights. The same run, occasion and weights give the same episodes.
+    pub fn play(
+        &mut self,
+        actor: &Network,
+        occasion: Occasion,
+        actions: Actions,
+        episodes: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<Episode>, Interrupted> {
+        let Evaluator { pairing, players, scratches, .. } = self;
+        if let Player::Team(team) = &mut players[0] {
+            team.network = actor.without_optimiser();
+        }
+        let choice = match actions {
+            Actions::Greedy => Choice::Greedy,
+            Actions::Sampled => Choice::Sampled,
+        };
+        let play = Play { seed: occasion.seed(self.seed, actions), choice };
+        let mut ended = vec![Ended::default(); episodes];
+        let jobs = ended.chunks_mut(LOCKSTEP).enumerate();
+        parallel::run(jobs, scratches, interrupted, |(job, ended), scratch| {
+            play.episodes(pairing, players, job * LOCKSTEP, ended, scratch);
+        })?;
+        let episode = |ended: Ended| Episode {
+            episode_return: ended.returns[0] as f32,
+            length: ended.length.cast_signed(),
+            won: ended.battle_won,
+        };
+        Ok(ended.into_iter().map(episode).collect())
+    }
+}

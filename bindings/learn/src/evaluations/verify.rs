@@ -1,0 +1,208 @@
+//! Plays recorded evaluations again, with the weights that were kept, and compares every number.
+
+use super::files::BothEpisodes;
+use super::{Actions, EvaluationFiles, EvaluationRow, Evaluator, FinalResult, Occasion, Summary};
+use crate::checkpoint::read_actor;
+use crate::parallel::Interrupted;
+use crate::rollout::Episode;
+use crate::run::{BEST, RunDescription};
+use crate::team::{Network, Team};
+use crate::tensors::FileError;
+use std::path::Path;
+
+/// What was played again.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Verification {
+    /// Evaluations while the run trained.
+    pub evaluations: usize,
+    /// Whether the final episodes were played again.
+    pub is_final: bool,
+    /// Episodes of all of them.
+    pub episodes: usize,
+}
+
+/// A number that differs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// The step count of the evaluation; `None` for the final one.
+    pub steps: Option<u64>,
+    /// How actions were chosen.
+    pub actions: Actions,
+    /// The episode; `None` if all are equal, and only a mean differs.
+    pub episode: Option<usize>,
+    /// What the file says.
+    pub recorded: String,
+    /// What was played.
+    pub played: String,
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Difference { steps, actions, episode, recorded, played } = self;
+        match steps {
+            Some(steps) => write!(f, "the evaluation at {steps} steps, ")?,
+            None => write!(f, "the final evaluation, ")?,
+        }
+        match episode {
+            Some(episode) => write!(f, "{} episode {episode}: ", actions.name())?,
+            None => write!(f, "{} means: ", actions.name())?,
+        }
+        write!(f, "recorded {recorded}, played {played}")
+    }
+}
+
+/// Why the numbers of a run are not verified.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum VerifyError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("`{folder}` has no evaluations; `train --evaluate-every N` makes them")]
+    NoEvaluations { folder: String },
+    #[error(
+        "`{folder}` is not verified: {difference}\nThe last bits of a network's outputs depend on the vector \
+         instructions of the CPU, and so can an episode: verify on a machine with the instructions of the \
+         one that trained. On such a machine, the weights or the numbers were changed"
+    )]
+    Differs { folder: String, difference: Box<Difference> },
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl From<Interrupted> for VerifyError {
+    fn from(_: Interrupted) -> VerifyError {
+        VerifyError::Interrupted
+    }
+}
+
+/// Plays evaluations of the run in the folder again: at most `evaluations` of those while it trained, evenly
+/// chosen, the last one among them; and the final one.
+///
+/// # Errors
+/// If a number differs, or the files cannot be read.
+pub fn verify(
+    folder: &Path,
+    evaluations: usize,
+    threads: usize,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<Verification, VerifyError> {
+    let mut verifier = Verifier::open(folder, threads)?;
+    let differs = |difference| {
+        let folder = folder.display().to_string();
+        VerifyError::Differs { folder, difference: Box::new(difference) }
+    };
+    let mut verification = Verification::default();
+    for (row, recorded) in spread(&verifier.recorded()?, evaluations) {
+        let steps = row.steps;
+        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps)?)?;
+        let summaries = [row.greedy, row.sampled];
+        let occasion = (Some(steps), Occasion::Training { steps });
+        let difference = verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
+        difference.map_or(Ok(()), |difference| Err(differs(difference)))?;
+        verification.evaluations += 1;
+        verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
+    }
+    if let Some(result) = FinalResult::read(folder)? {
+        let actor = verifier.actor(&folder.join(BEST))?;
+        let summaries = [result.greedy, result.sampled];
+        let recorded = [result.greedy_episodes, result.sampled_episodes];
+        let occasion = (None, Occasion::Final);
+        let difference = verifier.compare(&actor, occasion, &recorded, summaries, interrupted)?;
+        difference.map_or(Ok(()), |difference| Err(differs(difference)))?;
+        verification.is_final = true;
+        verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
+    }
+    match verification.episodes {
+        0 => Err(VerifyError::NoEvaluations { folder: folder.display().to_string() }),
+        _ => Ok(verification),
+    }
+}
+
+/// At most `count` of them, evenly chosen, the last one among them.
+fn spread<T>(all: &[T], count: usize) -> impl Iterator<Item = &T> {
+    let count = count.min(all.len());
+    (1..=count).map(move |i| &all[i * all.len() / count - 1])
+}
+
+struct Verifier<'a> {
+    folder: &'a Path,
+    run: RunDescription,
+    evaluator: Evaluator,
+}
+
+impl<'a> Verifier<'a> {
+    fn open(folder: &'a Path, threads: usize) -> Result<Verifier<'a>, FileError> {
+        let run = RunDescription::read(folder)?;
+        let evaluator = Evaluator::open(folder, &run, threads)?;
+        Ok(Verifier { folder, run, evaluator })
+    }
+
+    /// The rows with their episodes.
+    fn recorded(&self) -> Result<Vec<(EvaluationRow, BothEpisodes)>, FileError> {
+        let files = EvaluationFiles::of(self.folder);
+        let mut episodes = files.episodes()?;
+        let with_episodes = |row: EvaluationRow| {
+            let found = episodes.iter().position(|(steps, _)| *steps == row.steps);
+            let both = found.map(|i| episodes.swap_remove(i).1).unwrap_or_default();
+            (row, both)
+        };
+        Ok(files.rows()?.into_iter().map(with_episodes).collect())
+    }
+
+    fn actor(&self, path: &Path) -> Result<Network, FileError> {
+        read_actor(path, Team::new(&self.run.config, self.run.sizes).actor.mlp)
+    }
+
+    fn compare(
+        &mut self,
+        actor: &Network,
+        (steps, occasion): (Option<u64>, Occasion),
+        recorded: &BothEpisodes,
+        summaries: [Summary; 2],
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Difference>, Interrupted> {
+        for ((actions, recorded), summary) in Actions::BOTH.into_iter().zip(recorded).zip(summaries) {
+            let played = self.evaluator.play(actor, occasion, actions, recorded.len(), interrupted)?;
+            let differs = recorded.iter().zip(&played).position(|(a, b)| !equal_bits(a, b));
+            let difference = |episode, recorded: String, played: String| {
+                Ok(Some(Difference { steps, actions, episode, recorded, played }))
+            };
+            if let Some(i) = differs {
+                return difference(Some(i), in_words(&recorded[i]), in_words(&played[i]));
+            }
+            if Summary::of(&played) != summary {
+                return difference(None, format!("{summary:?}"), format!("{:?}", Summary::of(&played)));
+            }
+        }
+        Ok(None)
+    }
+}
+
+fn equal_bits(a: &Episode, b: &Episode) -> bool {
+    let bits = |episode: &Episode| (episode.episode_return.to_bits(), episode.length, episode.won);
+    bits(a) == bits(b)
+}
+
+fn in_words(episode: &Episode) -> String {
+    let Episode { episode_return, length, won } = episode;
+    let end = if *won { "won" } else { "not won" };
+    format!("return {episode_return} (bits {:08x}), {length} steps, {end}", episode_return.to_bits())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_spread_and_has_the_last() {
+        let all: Vec<u32> = (0..10).collect();
+        let check = |count, expected: &[u32]| {
+            assert!(spread(&all, count).eq(expected), "{count}");
+        };
+        check(0, &[]);
+        check(1, &[9]);
+        check(3, &[2, 5, 9]);
+        check(10, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+        check(11, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Why a team cannot play on lanes.
+
+use smaclite_ipc::{ClientError, ConnectError, StartError};
+use smaclite_scenarios::Problems;
+
+/// Why a team cannot play on lanes.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum LaneError {
+    #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
+    MissingField { lane: String, field: &'static str },
+    #[error(
+        "lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`"
+    )]
+    Autoreset { lane: String, given: &'static str },
+    #[error(
+        "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
+         without --batch-size"
+    )]
+    Asynchronous { lane: String, batch_size: usize, num_envs: usize },
+    #[error(
+        "lane `{lane}` plays {given}, but {name} was expected; scenario, unit types, rules and episode limit \
+         must be equal"
+    )]
+    OtherScenario { lane: String, given: String, name: String },
+    #[error("lane `{lane}` has {n_agents} agents and {n_actions} actions; a team can have 65535 of each")]
+    TooLarge { lane: String, n_agents: usize, n_actions: usize },
+    #[error("the lanes have {given} environments, but the run has {expected}")]
+    NumEnvs { given: usize, expected: usize },
+    #[error(
+        "lane `{lane}` appends {given} last actions to observations, but the run has {expected}; serve it \
+         with --obs-last-actions {expected}"
+    )]
+    LastActions { lane: String, given: usize, expected: usize },
+    #[error(
+        "lane `{lane}` appends agent numbers, which the team's networks have; serve it without --obs-agent-id"
+    )]
+    AgentId { lane: String },
+    #[error(
+        "a team can play both sides if they have equal sizes, but in {scenario} the agents are {agents}, and \
+         the enemies {enemies}"
+    )]
+    UnequalSides { scenario: String, agents: String, enemies: String },
+    #[error(
+        "the team of `{folder}` plays {given}, but the enemies of {scenario}, with {last_actions} own last \
+         actions in observations, are {expected}"
+    )]
+    OtherTeam { folder: String, given: String, scenario: String, last_actions: usize, expected: String },
+    #[error("lane `{lane}` plays sides `{given}`, but the run needs `{expected}`")]
+    Sides { lane: String, given: &'static str, expected: &'static str },
+    #[error("scenario: {0}")]
+    Scenario(#[from] Problems),
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error(transparent)]
+    Connect(#[from] ConnectError),
+    #[error(transparent)]
+    Client(#[from] ClientError),
+}

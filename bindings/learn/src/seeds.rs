@@ -1,0 +1,221 @@
+//! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
+//! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
+
+use crate::config::Config;
+use crate::evaluations::EvaluationRow;
+use crate::lanes::Lanes;
+use crate::run::{Run, RunDescription};
+use crate::tensors::FileError;
+use crate::training::{Record, TrainError};
+use smaclite_engine::BattleSetup;
+use smaclite_ipc::{ClientError, RuntimeDir};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// The folder of a run with this seed.
+fn seed_folder(folder: &Path, seed: u64) -> PathBuf {
+    folder.join(format!("seed-{seed}"))
+}
+
+/// Runs in the subfolders of a folder that differ in their seeds.
+///
+/// ```
+/// use smaclite_engine::Rules;
+/// use smaclite_ipc::RuntimeDir;
+/// use smaclite_learn::{Config, Seeds, resolve_scenario};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let runtime_dir = RuntimeDir::at(folder.path().join("pools"))?;
+/// # let path = folder.path().join("runs");
+/// let scenario = resolve_scenario("3m", Rules::Smaclite)?;
+/// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
+/// let config = Config { seed: 1, steps: 64, ..small };
+/// let seeds = Seeds::begin(&path, &config, 3, &scenario, &runtime_dir)?;
+/// let results = seeds.train(None, 2, &runtime_dir, &|| false, &|seed, event| {
+///     println!("{seed}: {event:?}");
+/// });
+/// assert!(results.iter().all(|(_, result)| result.is_ok()));
+/// assert!(path.join("seed-3/weights.safetensors").exists());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Seeds {
+    /// Seeds and folders, by seed.
+    runs: Vec<(u64, PathBuf)>,
+}
+
+/// What happens in one of the runs.
+#[derive(Clone, Copy, Debug)]
+pub enum SeedEvent {
+    /// An update was made.
+    Updated(Record),
+    /// An evaluation was played.
+    Evaluated(EvaluationRow),
+    /// The run ended: it is complete, it was interrupted, or it failed.
+    Ended {
+        /// Whether it has made all its steps.
+        is_complete: bool,
+    },
+}
+
+/// Called by the threads of the runs, with the seed.
+pub type OnSeedEvent<'a> = dyn Fn(u64, SeedEvent) + Sync + 'a;
+
+impl Seeds {
+    /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
+    ///
+    /// # Errors
+    /// As [`Run::begin`]; the runs before the one that failed have begun.
+    pub fn begin(
+        folder: &Path,
+        config: &Config,
+        count: u64,
+        setup: &BattleSetup,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Seeds, TrainError> {
+        let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
+        let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
+        if let Some((_, taken)) = runs.iter().find(|(_, path)| path.join("run.json").exists()) {
+            return Err(TrainError::FolderInUse(taken.display().to_string()));
+        }
+        let lanes_setup = config.enemies.setup(setup);
+        for (seed, path) in &runs {
+            let config = Config { seed: *seed, ..config.clone() };
+            let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
+            Run::begin(path, config, setup, lanes, 1)?;
+        }
+        Ok(Seeds { runs })
+    }
+
+    /// The runs in the subfolders of a folder; `None` if there are none.
+    ///
+    /// # Errors
+    /// If one cannot be read.
+    pub fn open(folder: &Path) -> Result<Option<Seeds>, FileError> {
+        let error = |source| FileError::Read { path: folder.to_owned(), source };
+        let mut runs = Vec::new();
+        for entry in std::fs::read_dir(folder).map_err(error)? {
+            let path = entry.map_err(error)?.path();
+            if path.join("run.json").exists() {
+                runs.push((RunDescription::read(&path)?.config.seed, path));
+            }
+        }
+        runs.sort();
+        Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
+    }
+
+    /// Seeds and folders, by seed.
+    pub fn runs(&self) -> &[(u64, PathBuf)] {
+        &self.runs
+    }
+
+    /// Trains all runs to their ends, on `threads` threads together. They change no result. An error of one
+    /// run does not end the others; one that was interrupted can be resumed, and its result is no error.
+    pub fn train(
+        &self,
+        steps: Option<u64>,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+        interrupted: &(dyn Fn() -> bool + Sync),
+        on_event: &OnSeedEvent<'_>,
+    ) -> Vec<(u64, Result<(), TrainError>)> {
+        let parallel = threads.clamp(1, self.runs.len().max(1));
+        let queue = Mutex::new(self.runs.iter().enumerate());
+        let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
+        let results = Mutex::new(Vec::new());
+        std::thread::scope(|scope| {
+            for _ in 0..parallel {
+                scope.spawn(|| {
+                    while let Some((i, (seed, path))) = next() {
+                        let share = self.threads_of(i, parallel, threads);
+                        let one = OneRun { path, steps, threads: share, runtime_dir };
+                        let result = one.train(&mut || interrupted(), &|event| on_event(*seed, event));
+                        let is_complete = matches!(result, Ok(true));
+                        on_event(*seed, SeedEvent::Ended { is_complete });
+                        let result = (*seed, result.map(|_| ()));
+                        results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(result);
+                    }
+                });
+            }
+        });
+        let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        results.sort_by_key(|(seed, _)| *seed);
+        results
+    }
+
+    /// The threads of run `i`: those of all, divided by the number of runs in its turn, so that the last runs
+    /// use all cores too.
+    fn threads_of(&self, i: usize, parallel: usize, threads: usize) -> usize {
+        let turn = i / parallel * parallel;
+        let at_once = parallel.min(self.runs.len() - turn);
+        let more = usize::from(i - turn < threads % at_once);
+        (threads / at_once + more).max(1)
+    }
+}
+
+/// A run that is to be trained.
+struct OneRun<'a> {
+    path: &'a Path,
+    steps: Option<u64>,
+    threads: usize,
+    runtime_dir: &'a RuntimeDir,
+}
+
+impl OneRun<'_> {
+    /// Trains it to its end, and returns true, or until it is interrupted.
+    fn train(
+        &self,
+        interrupted: &mut dyn FnMut() -> bool,
+        on_event: &dyn Fn(SeedEvent),
+    ) -> Result<bool, TrainError> {
+        if interrupted() {
+            return Ok(false); // the run is as it was
+        }
+        let mut run = Run::resume(self.path, self.steps, self.lanes()?, self.threads)?;
+        let mut evaluated = run.evaluations().len();
+        let result = loop {
+            let updated = run.update(interrupted);
+            for row in &run.evaluations()[evaluated..] {
+                on_event(SeedEvent::Evaluated(*row));
+            }
+            evaluated = run.evaluations().len();
+            match updated {
+                Ok(Some(record)) => on_event(SeedEvent::Updated(record)),
+                Ok(None) => break Ok(true),
+                Err(TrainError::Client(ClientError::Interrupted)) => break Ok(false),
+                Err(error @ TrainError::Client(_)) => break Err(error), // what was learnt is not lost
+                Err(error) => return Err(error),
+            }
+        };
+        run.checkpoint()?;
+        result
+    }
+
+    fn lanes(&self) -> Result<Lanes, TrainError> {
+        let run = RunDescription::read(self.path)?;
+        let Config { num_envs, last_actions, .. } = run.config;
+        let workers = (self.threads - 1).max(1);
+        Ok(Lanes::start(&run.lanes_setup(), num_envs, last_actions, workers, self.runtime_dir)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_turn_uses_all_threads() {
+        let check = |runs: usize, threads: usize, expected: &[usize]| {
+            let seeds = Seeds { runs: (0..runs as u64).map(|seed| (seed, PathBuf::new())).collect() };
+            let parallel = threads.clamp(1, runs);
+            let given = (0..runs).map(|i| seeds.threads_of(i, parallel, threads));
+            assert!(given.eq(expected.iter().copied()), "{runs} runs, {threads} threads");
+        };
+        check(3, 2, &[1, 1, 2]);
+        check(10, 16, &[2, 2, 2, 2, 2, 2, 1, 1, 1, 1]);
+        check(4, 1, &[1, 1, 1, 1]);
+        check(5, 3, &[1, 1, 1, 2, 1]);
+    }
+}

@@ -1,0 +1,170 @@
+//! A trained team that plays one side of a single battle, which its caller steps: no lane, no pool.
+
+use crate::actor::{Actor, Draw, Rows};
+use crate::config::{Enemies, UnknownKeyword};
+use crate::lanes::sizes_with_history;
+use crate::policy::Choice;
+use crate::random::Purpose;
+use crate::run::{BEST, RunDescription, WEIGHTS, read_team};
+use crate::team::Network;
+use crate::tensors::FileError;
+use serde::Serialize;
+use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
+use smaclite_scenarios::Faction;
+use std::path::Path;
+
+/// A team as `smaclite-pool train` leaves it in a folder.
+#[derive(Debug)]
+pub struct TrainedTeam {
+    pub(crate) run: RunDescription,
+    pub(crate) network: Network,
+}
+
+/// Which weights of a run play.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weights {
+    /// Those of the last checkpoint, `weights.safetensors`.
+    Last,
+    /// Those of the best evaluation, `best.safetensors`.
+    Best,
+}
+
+impl Weights {
+    /// Which weights of the run in a folder play, if nothing else is said: the best ones, if the run was
+    /// evaluated, else the last. In self-play the last: its evaluations are against a script that it does not
+    /// learn to beat.
+    pub fn of(folder: &Path, run: &RunDescription) -> Weights {
+        let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
+        if !is_self_play && folder.join(BEST).exists() { Weights::Best } else { Weights::Last }
+    }
+
+    pub(crate) fn file_name(self) -> &'static str {
+        match self {
+            Weights::Last => WEIGHTS,
+            Weights::Best => BEST,
+        }
+    }
+}
+
+impl std::str::FromStr for Weights {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<Weights, UnknownKeyword> {
+        match keyword {
+            "last" => Ok(Weights::Last),
+            "best" => Ok(Weights::Best),
+            _ => Err(UnknownKeyword::new(["last", "best"], keyword)),
+        }
+    }
+}
+
+/// A team has networks for units of other numbers or kinds.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the team was trained in `{trained_in}` and plays {expected} units with {expected_actions} actions and \
+     observations of {expected_obs} numbers, but the {side} of this scenario are {given} with \
+     {given_actions} and {given_obs}; a team plays the enemies only of scenarios whose two sides are equal"
+)]
+pub struct UnfitTeam {
+    trained_in: String,
+    side: &'static str,
+    expected: usize,
+    expected_actions: usize,
+    expected_obs: usize,
+    given: usize,
+    given_actions: usize,
+    given_obs: usize,
+}
+
+impl TrainedTeam {
+    /// Reads the folder of a run, with the weights of [`Weights::of`].
+    ///
+    /// # Errors
+    /// If it holds no run, or its files are damaged.
+    pub fn open(folder: &Path) -> Result<TrainedTeam, FileError> {
+        TrainedTeam::open_with(folder, None)
+    }
+
+    /// The same with these weights.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with(folder: &Path, weights: Option<Weights>) -> Result<TrainedTeam, FileError> {
+        let (run, _, network) = read_team(folder, weights)?;
+        Ok(TrainedTeam { run, network })
+    }
+
+    /// Whether the team has the networks for a side of an arena.
+    ///
+    /// # Errors
+    /// If it has not.
+    pub fn check(&self, arena: &Arena, side: Faction) -> Result<(), UnfitTeam> {
+        let own = self.run.sizes;
+        let given = sizes_with_history(arena.sizes_of(side), self.run.config.last_actions);
+        let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
+        if shape(own) == shape(given) {
+            return Ok(());
+        }
+        Err(UnfitTeam {
+            trained_in: self.run.name.clone(),
+            side: if side == Faction::Ally { "agents" } else { "enemies" },
+            expected: own.n_agents,
+            expected_actions: own.n_actions,
+            expected_obs: own.obs_size,
+            given: given.n_agents,
+            given_actions: given.n_actions,
+            given_obs: given.obs_size,
+        })
+    }
+
+    /// The actions of a side's units, drawn by their probability. `past` are the side's actions of the steps
+    /// before, the newest first. The same seed, step and battle give the same actions.
+    ///
+    /// # Panics
+    /// If the team does not [fit](Self::check).
+    pub fn act<'a>(
+        &self,
+        battle: &Battle,
+        side: Faction,
+        past: impl Iterator<Item = &'a [u16]>,
+        seed: u64,
+        step: u64,
+    ) -> Vec<i32> {
+        let (sizes, last_actions) = (self.run.sizes, self.run.config.last_actions);
+        let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
+        let mut available = vec![0; sizes.n_agents * sizes.n_actions];
+        battle.write_obs_of(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
+        battle.write_avail_actions_of(side, &mut available);
+        let past =
+            past.take(last_actions).map(|actions| actions.iter().map(|&action| action.into()).collect());
+        let past: Vec<Vec<i32>> = past.collect();
+        append_past(&mut obs, &available, sizes, last_actions, past.iter().map(Vec::as_slice));
+        let purpose = match side {
+            Faction::Ally => Purpose::Evaluation,
+            Faction::Enemy => Purpose::EnemyEvaluation,
+        };
+        let mut actor = Actor::default();
+        let rows = Rows { sizes, obs: &obs, available: &available };
+        actor.act(&self.network, rows, Choice::Sampled, Draw { seed, purpose, step }, 0..1);
+        actor.chosen.actions
+    }
+}
+
+/// Writes the last actions of every living agent behind the other features of its row, as lanes do.
+pub(crate) fn append_past<'a>(
+    obs: &mut [f32],
+    available: &[u8],
+    sizes: Sizes,
+    last_actions: usize,
+    past: impl Iterator<Item = &'a [i32]> + Clone,
+) {
+    let own = sizes.obs_size - last_actions * sizes.n_actions;
+    let rows = obs.chunks_exact_mut(sizes.obs_size).zip(available.chunks_exact(sizes.n_actions));
+    for (agent, (row, available)) in rows.enumerate() {
+        let is_dead = available[action::NO_OP] != 0;
+        for (one_hot, actions) in row[own..].chunks_exact_mut(sizes.n_actions).zip(past.clone()) {
+            one_hot[actions[agent] as usize] = if is_dead { 0.0 } else { 1.0 };
+        }
+    }
+}

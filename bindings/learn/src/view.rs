@@ -1,0 +1,44 @@
+//! What one side has in a batch. Whatever plays, stores or learns reads a side through this, so that
+//! nothing is written twice for allies and enemies.
+
+use smaclite_engine::{Faction, Sizes};
+use smaclite_ipc::Batch;
+use smaclite_pool::fields::Field;
+
+/// The fields that a side is read from.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a> {
+    /// As the units of that side have them: its own number is `n_agents`.
+    pub sizes: Sizes,
+    /// `[environments, n_agents, obs_size]`.
+    pub obs: &'a [f32],
+    /// `[environments, n_agents, n_actions]`.
+    pub available: &'a [u8],
+    /// `[environments, state_size]`; empty if the lane does not have it.
+    pub state: &'a [f32],
+    /// `[environments]`.
+    pub rewards: &'a [f32],
+}
+
+/// The fields of a view in their order.
+pub(crate) fn fields_of(side: Faction) -> [Field; 4] {
+    match side {
+        Faction::Ally => [Field::Obs, Field::AvailActions, Field::State, Field::Reward],
+        Faction::Enemy => [Field::EnemyObs, Field::EnemyAvailActions, Field::EnemyState, Field::EnemyReward],
+    }
+}
+
+impl<'a> View<'a> {
+    /// Of a side with these sizes.
+    pub fn of(batch: &'a Batch, side: Faction, sizes: Sizes) -> View<'a> {
+        let [obs, available, state, rewards] = fields_of(side);
+        let floats = |field| batch.field::<f32>(field).unwrap_or(&[]);
+        View {
+            sizes,
+            obs: floats(obs),
+            available: batch.field(available).unwrap_or(&[]),
+            state: floats(state),
+            rewards: floats(rewards),
+        }
+    }
+}

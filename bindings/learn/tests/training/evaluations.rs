@@ -1,0 +1,193 @@
+//! Evaluations of runs while they train: they change no bit of the training, an interrupted run has the same
+//! ones, what was recorded can be verified, and the best weights are those that play.
+
+use crate::kit::{Place, check_resumed, complete, evaluation, scenario, small};
+use smaclite_learn::{
+    Config, Enemies, EvaluationRow, FinalResult, Run, SeedEvent, Seeds, SelfPlay, TrainError, TrainedTeam,
+    Weights, verify,
+};
+use std::fs;
+use std::sync::Mutex;
+
+fn evaluated() -> Config {
+    Config { evaluate_every: Some(400), ..small() }
+}
+
+#[test]
+fn evaluations_change_no_bit_of_the_training() {
+    let place = Place::new();
+    place.train("without", &small(), 1);
+    place.train("with", &evaluated(), 1);
+    place.train("threads", &evaluated(), 3);
+    assert_eq!(place.outcome("with"), place.outcome("without"));
+    assert_eq!(place.outcome("with"), place.outcome("threads"));
+    assert_eq!(place.evaluations("with"), place.evaluations("threads"));
+    assert!(place.evaluations("without").is_empty());
+    let result = FinalResult::read(&place.path("with")).unwrap().unwrap();
+    assert_eq!((result.greedy_episodes.len(), result.sampled_episodes.len()), (320, 320));
+}
+
+/// The step counts are the same for every seed, although updates end at others.
+#[test]
+fn runs_are_evaluated_at_exact_step_counts() {
+    let place = Place::new();
+    for seed in [3, 4] {
+        let name = format!("{seed}");
+        let mut run = place.begin(&name, &Config { seed, ..evaluated() }, 1);
+        while run.update(&mut || false).unwrap().is_some() {}
+        let rows = run.evaluations();
+        assert!(rows.iter().map(|row| row.steps).eq([0, 400, 800, 930]), "{rows:?}");
+        // An update has at most 160 steps.
+        assert!(rows.iter().all(|row| (row.steps..row.steps + 160).contains(&row.trained_steps)), "{rows:?}");
+        let best = EvaluationRow::best(rows).unwrap();
+        let result = FinalResult::read(&place.path(&name)).unwrap().unwrap();
+        assert_eq!((result.steps, result.trained_steps), (best.steps, best.trained_steps));
+        let episodes = fs::read_to_string(place.path(&name).join("evaluation_episodes.csv")).unwrap();
+        assert_eq!(episodes.lines().count(), 1 + 4 * 64);
+    }
+    assert_ne!(place.evaluations("3"), place.evaluations("4"));
+}
+
+#[test]
+fn a_resumed_run_has_the_evaluations_of_the_uninterrupted_one() {
+    check_resumed(
+        &Config { steps: 34 * 150, epochs: 1, evaluate_every: Some(700), ..small() },
+        &Place::new(),
+    );
+}
+
+/// A run that was killed after its checkpoint, and is resumed with another number of steps, could not play
+/// the best evaluation again. Its best weights are those of a row that it has.
+#[test]
+fn the_best_weights_are_those_of_a_row() {
+    let place = Place::new();
+    let mut run = place.begin("run", &evaluated(), 1);
+    let path = place.path("run");
+    run.update(&mut || false).unwrap();
+    run.checkpoint().unwrap();
+    let first = fs::read(path.join("evaluations/000000000000.safetensors")).unwrap();
+    while run.update(&mut || false).unwrap().is_some() {}
+    drop(run);
+    fs::write(path.join("best.safetensors"), fs::read(path.join("weights.safetensors")).unwrap()).unwrap();
+    let run = Run::resume(&path, Some(300), place.lanes(10, 1), 1).unwrap();
+    assert!(run.evaluations().iter().map(|row| row.steps).eq([0]));
+    assert!(!path.join("final.json").exists());
+    assert_eq!(fs::read_dir(path.join("evaluations")).unwrap().count(), 1);
+    assert_eq!(fs::read(path.join("best.safetensors")).unwrap(), first);
+    complete(run);
+    assert!(verify(&path, usize::MAX, 1, &mut || false).unwrap().is_final);
+}
+
+#[test]
+fn recorded_evaluations_are_played_again_to_the_bit() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    let verified = verify(&path, 2, 2, &mut || false).unwrap();
+    assert_eq!((verified.evaluations, verified.is_final, verified.episodes), (2, true, 128 + 640));
+
+    let episodes = path.join("evaluation_episodes.csv");
+    let text = fs::read_to_string(&episodes).unwrap();
+    let line = text.lines().find(|line| line.starts_with("800,sampled,7,")).unwrap();
+    let fields: Vec<&str> = line.split(',').collect();
+    let longer = [&fields[..4], &["61", fields[5]]].concat().join(",");
+    fs::write(&episodes, text.replace(line, &longer)).unwrap();
+    let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("evaluation at 800 steps, sampled episode 7: recorded return"), "{error}");
+    assert!(error.contains("61 steps") && error.contains("vector instructions"), "{error}");
+
+    fs::write(&episodes, &text).unwrap();
+    fs::copy(
+        path.join("evaluations/000000000000.safetensors"),
+        path.join("evaluations/000000000800.safetensors"),
+    )
+    .unwrap();
+    let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("the evaluation at 800 steps"), "{error}");
+
+    place.train("without", &small(), 1);
+    let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("has no evaluations; `train --evaluate-every N` makes them"), "{error}");
+}
+
+#[test]
+fn the_best_weights_play_where_there_are_some() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    // Marks the best weights, so that they are told from the last.
+    fs::copy(path.join("evaluations/000000000000.safetensors"), path.join("best.safetensors")).unwrap();
+    let returns = |weights| {
+        let evaluation = smaclite_learn::Evaluation { weights, ..evaluation(20) };
+        let ignore = &mut |_: smaclite_learn::EvaluationEvent<'_>| {};
+        smaclite_learn::evaluate(&path, evaluation, &place.runtime_dir, &mut || false, ignore).unwrap()
+    };
+    let [default, best, last] = [None, Some(Weights::Best), Some(Weights::Last)].map(returns);
+    assert_eq!(default, best);
+    assert_eq!((best.weights, last.weights), (Weights::Best, Weights::Last));
+    assert_ne!(best.mean_return, last.mean_return);
+
+    place.train("against", &Config { enemies: Enemies::Team { folder: path.clone() }, ..evaluated() }, 1);
+    let copied = fs::read(place.path("against/opponent/weights.safetensors")).unwrap();
+    assert_eq!(copied, fs::read(path.join("best.safetensors")).unwrap());
+    assert!(verify(&place.path("against"), 1, 1, &mut || false).unwrap().is_final);
+
+    let enemies = Enemies::SelfPlay(SelfPlay::ALONE);
+    place.train("self", &Config { enemies, ..evaluated() }, 1);
+    assert!(place.path("self/best.safetensors").exists());
+    TrainedTeam::open(&place.path("self")).unwrap();
+    assert_eq!(place.evaluate("self", 3).0.weights, Weights::Last);
+}
+
+/// Runs that train at the same time have the bits that they have alone, also after an interruption.
+#[test]
+fn seeds_train_together_as_they_do_alone() {
+    let place = Place::new();
+    for seed in 3..6 {
+        place.train(&format!("alone-{seed}"), &Config { seed, ..evaluated() }, 2);
+    }
+    let folder = place.path("runs");
+    let seeds = Seeds::begin(&folder, &evaluated(), 3, &scenario(), &place.runtime_dir).unwrap();
+    let updates = Mutex::new(0);
+    let count = |_: u64, event: SeedEvent| {
+        if let SeedEvent::Updated(_) = event {
+            *updates.lock().unwrap() += 1;
+        }
+    };
+    let interrupted = || *updates.lock().unwrap() > 4;
+    let results = seeds.train(None, 2, &place.runtime_dir, &interrupted, &count);
+    assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
+    assert!(!folder.join("seed-5/final.json").exists());
+
+    let seeds = Seeds::open(&folder).unwrap().unwrap();
+    let ended = Mutex::new(Vec::new());
+    let note = |seed: u64, event: SeedEvent| {
+        if let SeedEvent::Ended { is_complete } = event {
+            ended.lock().unwrap().push((seed, is_complete));
+        }
+    };
+    seeds.train(None, 2, &place.runtime_dir, &|| false, &note);
+    let mut ended = ended.into_inner().unwrap();
+    ended.sort_unstable();
+    assert_eq!(ended, [(3, true), (4, true), (5, true)]);
+    for seed in 3..6 {
+        let (alone, together) = (format!("alone-{seed}"), format!("runs/seed-{seed}"));
+        assert_eq!(place.outcome(&alone), place.outcome(&together), "seed {seed}");
+        assert!(place.evaluations(&alone) == place.evaluations(&together), "evaluations of seed {seed}");
+    }
+}
+
+#[test]
+fn an_error_of_one_seed_does_not_end_the_others() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let seeds = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir).unwrap();
+    fs::write(folder.join("seed-4/checkpoint.safetensors"), "nothing").unwrap();
+    let results = seeds.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
+    let failed: Vec<u64> =
+        results.iter().filter(|(_, result)| result.is_err()).map(|(seed, _)| *seed).collect();
+    assert_eq!(failed, [4]);
+    assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
+    let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
+    assert!(again.err().unwrap().to_string().contains("already holds a run"));
+}

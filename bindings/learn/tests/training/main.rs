@@ -1,0 +1,221 @@
+//! Whole runs, with pools in this process: a team learns, equal seeds give equal bits, a resumed run is the
+//! uninterrupted one, and wrong lanes and files are refused.
+
+mod evaluations;
+mod kit;
+mod self_play;
+
+use crate::kit::{Place, check_resumed, complete, scenario, small};
+use serde_json::Value;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
+use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
+use smaclite_learn::{Algorithm, Config, Lanes, Run, RunDescription};
+use smaclite_pool::fields::FieldSet;
+use smaclite_pool::{Autoreset, PoolOptions};
+use smaclite_scenarios::ScenarioFiles;
+use std::fs;
+
+/// The random policy has a return of 1.4 (docs/reference/policies.md).
+#[test]
+fn a_team_learns() {
+    let place = Place::new();
+    for (name, algorithm) in [("mappo", Algorithm::Mappo), ("ippo", Algorithm::Ippo)] {
+        let config = Config { seed: 1, steps: 45_000, algorithm, ..Config::for_agents(3) };
+        let record = place.train(name, &config, 2);
+        assert!(record.steps >= 45_000 && record.mean_return > 3.5, "{name}: {record:?}");
+        let (result, _) = place.evaluate(name, 64);
+        assert!(result.mean_return > 3.5, "{name}: {result:?}");
+    }
+}
+
+#[test]
+fn equal_seeds_give_equal_bits_for_any_number_of_threads() {
+    let place = Place::new();
+    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
+        let name = |name: &str| format!("{name}-{algorithm:?}");
+        let config = Config { algorithm, lr_end: 0.5, entropy_end: 0.0, ..small() };
+        place.train(&name("one"), &config, 1);
+        place.train(&name("three"), &config, 3);
+        place.train(&name("other"), &Config { seed: 4, ..config }, 1);
+        assert_eq!(place.outcome(&name("one")), place.outcome(&name("three")));
+        assert_ne!(place.outcome(&name("one")).0, place.outcome(&name("other")).0);
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_uninterrupted_one() {
+    check_resumed(&Config { steps: 34 * 150, epochs: 1, ..small() }, &Place::new());
+}
+
+#[test]
+fn the_first_episodes_of_every_environment_count() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let (result, counted) = place.evaluate("run", 150);
+    assert_eq!((result.episodes, result.num_envs, counted.len()), (150, 64, 150));
+    for env_id in 0..64 {
+        let of_env = counted.iter().filter(|episode| episode.env_id == env_id);
+        // 150 = 2 * 64 + 22
+        let expected = 0..if env_id < 22 { 3 } else { 2 };
+        assert!(of_env.map(|episode| episode.number).eq(expected), "environment {env_id}");
+    }
+    let mean = counted.iter().map(|counted| f64::from(counted.episode.episode_return)).sum::<f64>() / 150.0;
+    assert!((result.mean_return - mean).abs() < 1e-9);
+    assert_eq!(place.evaluate("run", 150), (result, counted), "equal seeds give equal episodes");
+}
+
+/// A pool with one lane, changed by `change`.
+fn serve(place: &Place, map: &str, change: impl FnOnce(&mut LaneConfig)) -> Supervisor {
+    let (_, files) = ScenarioFiles::resolve(map).unwrap();
+    let mut lane = LaneConfig::new("lane", BattleSetup::new(files), 10);
+    change(&mut lane);
+    let config = SupervisorConfig {
+        name: "pool".to_owned(),
+        lanes: vec![lane],
+        options: PoolOptions { threads: 1, ..PoolOptions::default() },
+        runtime_dir: place.runtime_dir.clone(),
+    };
+    Supervisor::start(config).unwrap()
+}
+
+#[test]
+fn a_team_trains_on_the_lane_of_a_running_pool() {
+    let place = Place::new();
+    let _pool = serve(&place, "3m", |_| {});
+    let lanes = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
+    let run = Run::begin(&place.path("run"), small(), &scenario(), lanes, 1).unwrap();
+    assert!(complete(run).steps >= 930);
+}
+
+/// Its checkpoints have no snapshots, so a resumed run begins new episodes; with the field it is the
+/// uninterrupted one.
+#[test]
+fn a_run_on_a_lane_without_snapshots_can_be_resumed() {
+    let place = Place::new();
+    let _pool = serve(&place, "3m", |_| {});
+    let lanes = || Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
+    let mut run = Run::begin(&place.path("run"), small(), &scenario(), lanes(), 1).unwrap();
+    run.update(&mut || false).unwrap();
+    run.checkpoint().unwrap();
+    drop(run);
+    assert!(complete(Run::resume(&place.path("run"), None, lanes(), 1).unwrap()).steps >= 930);
+}
+
+#[test]
+fn a_team_observes_its_last_actions() {
+    let place = Place::new();
+    let config = Config { last_actions: 2, ..small() };
+    let bits = |name: &str| {
+        place.train(name, &config, 1);
+        place.outcome(name)
+    };
+    assert_eq!(bits("run"), bits("again"));
+    place.train("without", &small(), 1);
+    assert_ne!(place.outcome("run"), place.outcome("without"));
+    let description = RunDescription::read(&place.path("run")).unwrap();
+    assert_eq!(description.config.last_actions, 2);
+    assert_eq!(
+        description.sizes.obs_size,
+        place.lanes(10, 1).sizes().obs_size + 2 * description.sizes.n_actions
+    );
+    assert_eq!(place.evaluate("run", 12).0.episodes, 12);
+    let lanes = place.lanes_with_history(10, 3, 1);
+    let error = Run::resume(&place.path("run"), Some(2000), lanes, 1).err().unwrap().to_string();
+    assert!(error.contains("appends 3 last actions") && error.contains("--obs-last-actions 2"), "{error}");
+    let lanes = place.lanes_with_history(10, 2, 1);
+    assert!(complete(Run::resume(&place.path("run"), Some(2000), lanes, 1).unwrap()).steps >= 2000);
+}
+
+/// A run of an older release has no last actions and no floor of advantages.
+#[test]
+fn hyperparameters_of_older_runs_are_read() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let path = place.path("run").join("run.json");
+    let text = fs::read_to_string(&path).unwrap();
+    let without = |text: &str, line: &str| {
+        assert!(text.contains(line), "{line} in {text}");
+        text.replace(line, "")
+    };
+    let older = without(&text, "    \"last_actions\": 0,\n");
+    let older = without(&older, "    \"advantage_floor\": 0.0,\n");
+    fs::write(&path, older).unwrap();
+    assert_eq!(RunDescription::read(&place.path("run")).unwrap().config, small());
+}
+
+/// Other programs read `run.json`, and later releases read those of this one.
+#[test]
+fn a_run_is_described_by_files_rules_and_episode_limit() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let path = place.path("run").join("run.json");
+    let mut file: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    let keys: Vec<&String> = file.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["config", "episode_limit", "files", "rules", "version"]);
+    assert_eq!((&file["episode_limit"], &file["rules"]), (&60.into(), &"smaclite".into()));
+    let files: Vec<&String> = file["files"].as_object().unwrap().keys().collect();
+    assert_eq!(files, ["source", "text", "unit_files"]);
+    (file["episode_limit"], file["rules"]) = (Value::Null, "paper".into());
+    fs::write(&path, file.to_string()).unwrap();
+    let setup = RunDescription::read(&place.path("run")).unwrap().setup;
+    assert_eq!(setup, BattleSetup { rules: Rules::Paper, episode_limit: EpisodeLimit::None, ..scenario() });
+}
+
+#[test]
+fn lanes_that_a_team_cannot_play_on_are_refused() {
+    let check = |map: &str, change: &dyn Fn(&mut LaneConfig), expected: &str| {
+        let place = Place::new();
+        let _pool = serve(&place, map, change);
+        let error = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false)
+            .err()
+            .unwrap()
+            .to_string();
+        assert!(error.contains(expected), "{error}");
+    };
+    check("2s3z", &|_| {}, "lane `lane` plays 2s3z, but 3m was expected");
+    check("3m", &|lane| lane.settings.batch_size = 5, "its batches have 5 of 10 environments");
+    check("3m", &|lane| lane.settings.autoreset = Autoreset::SameStep, "has autoreset `same_step`, but");
+    let without_state = |lane: &mut LaneConfig| {
+        lane.settings.fields = FieldSet::from_names(["obs", "avail_actions"]).unwrap();
+    };
+    check("3m", &without_state, "does not serve the field `state`");
+    check("3m", &|lane| lane.settings.obs_agent_id = true, "serve it without --obs-agent-id");
+}
+
+/// Two processes that write one folder would mix their logs and checkpoints. Locks are of open files, so two
+/// runs of this process exclude each other as those of two processes do.
+#[test]
+fn a_folder_has_one_writer() {
+    let place = Place::new();
+    let run = place.begin("run", &small(), 1);
+    let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1);
+    let error = resume().err().unwrap().to_string();
+    assert!(error.contains("another process trains in") && error.contains("run"), "{error}");
+    fs::remove_file(place.path("run").join("run.json")).unwrap();
+    let begun = Run::begin(&place.path("run"), small(), &scenario(), place.lanes(10, 1), 1);
+    assert!(begun.err().unwrap().to_string().contains("another process trains in"));
+    drop(run);
+    let begun = Run::begin(&place.path("run"), small(), &scenario(), place.lanes(10, 1), 1);
+    drop(begun.unwrap());
+    assert!(complete(resume().unwrap()).steps >= 930);
+}
+
+#[test]
+fn folders_and_settings_that_do_not_fit_are_refused() {
+    let place = Place::new();
+    place.train("run", &small(), 1);
+    let begin = |config: Config, num_envs| {
+        let lanes = place.lanes(num_envs, 1);
+        Run::begin(&place.path("run"), config, &scenario(), lanes, 1).err().unwrap().to_string()
+    };
+    assert!(begin(small(), 10).contains("already holds a run"));
+    fs::remove_file(place.path("run").join("run.json")).unwrap();
+    let error = begin(small(), 9);
+    assert!(error.contains("the lanes have 9 environments, but the run has 10"), "{error}");
+    let error = begin(Config { gamma: 1.5, ..small() }, 10);
+    assert!(error.contains("gamma must be between 0 and 1, got 1.5"), "{error}");
+    let resume = || Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).err().unwrap().to_string();
+    assert!(resume().contains("it has no run.json"), "{}", resume());
+    fs::write(place.path("run").join("run.json"), "{}").unwrap();
+    assert!(resume().contains("run.json` is damaged or not a file of a run: missing field"), "{}", resume());
+}

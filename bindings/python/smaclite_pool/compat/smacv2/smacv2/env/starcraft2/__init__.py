@@ -1,0 +1,1 @@
+"""The package of the environment, its wrapper, distributions and maps."""

@@ -1,0 +1,101 @@
+//! The commands of all units for a step: those of joint actions, of scripts, and of scripted policies.
+
+use smaclite_scenarios::Faction;
+
+use super::Battle;
+use crate::SIGHT_RANGE;
+use crate::buffers::refill;
+use crate::command::{Command, action};
+use crate::distance::{distance_squared, square_within};
+use crate::opponents::Opponent;
+use crate::policy::{EnemySituation, Tactic};
+use crate::scratch::{EnemyScratch, Scratch};
+
+impl Battle {
+    /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once.
+    pub(super) fn give_commands(&mut self, scratch: &mut Scratch) {
+        scratch.tick.prepare(&self.arena);
+        if self.perceiver.is_some() {
+            self.play_orders(scratch);
+        } else {
+            self.play_actions(Faction::Ally, false, scratch);
+        }
+        let arena = &*self.arena;
+        match self.opponent {
+            Opponent::AttackMove => self.march(scratch, |_| arena.attack_point),
+            Opponent::AttackNearest => self.march(scratch, |id| self.nearest_agent(id)),
+            Opponent::Scripted(tactic) => self.play_tactic(tactic, scratch),
+            Opponent::Learner => self.play_actions(Faction::Enemy, arena.sides().mirror(), scratch),
+        }
+    }
+
+    /// Lets the units of a faction carry the last actions out.
+    #[inline(always)]
+    fn play_actions(&self, faction: Faction, mirror: bool, scratch: &mut Scratch) {
+        let arena = &*self.arena;
+        for (&id, action) in arena.ids(faction).iter().zip(self.last_actions_of(faction)) {
+            if !self.units.alive[id as usize] {
+                continue;
+            }
+            let action = action.map_or(action::NO_OP, |action| action as usize);
+            let action = if mirror { action::mirrored(action) } else { action };
+            let position = self.units.pos[id as usize];
+            scratch.tick.command(id, Command::from_action(action, position, arena.targets_of(id)));
+        }
+    }
+
+    /// Lets the agents carry the last actions out as SMACv2's interface understands them.
+    fn play_orders(&mut self, scratch: &mut Scratch) {
+        let (arena, generator) = (&*self.arena, &mut self.generator);
+        let (Some(perceiver), Some(interface)) = (&mut self.perceiver, arena.interface()) else { return };
+        for (agent, &id) in arena.agents.iter().enumerate() {
+            if self.units.alive[id as usize] {
+                let action = self.last_actions[agent].map_or(action::NO_OP, |action| action as usize);
+                scratch.tick.command(id, perceiver.command(interface, arena, agent, action, generator));
+            }
+        }
+    }
+
+    /// Lets all enemies attack-move.
+    fn march(&self, scratch: &mut Scratch, destination: impl Fn(u32) -> [f64; 2]) {
+        for &id in self.alive_ids.all.iter().filter(|&&id| self.arena.is_enemy(id)) {
+            scratch.tick.command(id, Command::AttackMove(destination(id)));
+        }
+    }
+
+    /// The position of the living agent that is nearest to a unit; of equally near ones that with the lowest
+    /// id.
+    fn nearest_agent(&self, id: u32) -> [f64; 2] {
+        let pos = |id: u32| self.units.pos[id as usize];
+        let distance = |agent: &u32| distance_squared(pos(id), pos(*agent));
+        let agents = self.alive_ids.allies.iter();
+        let nearest = agents.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)));
+        nearest.map_or(self.arena.attack_point, |&agent| pos(agent).as_dvec2().into())
+    }
+
+    /// Lets a scripted policy choose the actions of the enemies.
+    #[inline(never)]
+    fn play_tactic(&mut self, tactic: Tactic, scratch: &mut Scratch) {
+        self.enemy_available.update(&self.arena, &self.units, &self.tables);
+        let arena = &*self.arena;
+        let EnemyScratch { actions, seen, policy } = &mut scratch.enemies;
+        let within = square_within(SIGHT_RANGE.next_down());
+        let pos = |id: u32| self.units.pos[id as usize];
+        let is_seen = |&agent: &u32| {
+            let mut eyes = self.alive_ids.enemies.iter();
+            eyes.any(|&id| distance_squared(pos(id), pos(agent)) <= within)
+        };
+        refill(seen, arena.agents.iter().map(is_seen));
+        refill(actions, arena.enemies.iter().map(|_| 0));
+        let mut generator = self.generator.clone();
+        let situation = EnemySituation { battle: self, available: &self.enemy_available, seen };
+        tactic.act(&situation, actions, policy, || u64::from(generator.next_word()) << 32);
+        for (&id, &action) in arena.enemies.iter().zip(&*actions) {
+            if self.units.alive[id as usize] {
+                let command = Command::from_action(action as usize, pos(id), arena.targets_of(id));
+                scratch.tick.command(id, command);
+            }
+        }
+        self.generator = generator;
+    }
+}

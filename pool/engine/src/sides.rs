@@ -1,0 +1,131 @@
+//! Which sides of a battle are played by joint actions.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use smaclite_scenarios::{Faction, Scenario};
+
+/// Which sides of a battle a joint action plays. As JSON `"allies"`, or
+/// `{"both": {"mirror": true, "zero_sum": false}}`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sides {
+    /// The agents; a script plays the enemies.
+    #[default]
+    Allies,
+    /// The agents and the enemies.
+    Both(EnemySide),
+}
+
+/// What enemies that are played by joint actions see, do and earn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EnemySide {
+    /// What they see and do is reflected at the centre of the map: north is south, and east is west. So what
+    /// plays the agents of a symmetric scenario can play its enemies. Half a turn is what maps agents to
+    /// enemies: formations are placed so, and collision avoidance has no other symmetry.
+    pub mirror: bool,
+    /// The reward of each side is what it earns less what the other side earns.
+    pub zero_sum: bool,
+}
+
+/// Sides that no lane has.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SidesError {
+    /// A name of no sides.
+    #[error("sides must be `allies` or `both`, got `{0}`")]
+    Unknown(String),
+    /// An option of enemies that a script plays.
+    #[error("mirror and zero_sum are options of sides `both`, but sides are `allies`")]
+    OneSide,
+    /// Enemies of a scenario whose interface has agents alone.
+    #[error("sides must be `allies` in a scenario with the key `smacv2`: its interface is that of agents")]
+    Smacv2,
+}
+
+impl Sides {
+    /// The sides of this name, `allies` or `both`.
+    ///
+    /// # Errors
+    /// For another name, and if `enemies` is not the default for `allies`.
+    pub fn new(name: &str, enemies: EnemySide) -> Result<Sides, SidesError> {
+        match name {
+            "both" => Ok(Sides::Both(enemies)),
+            "allies" if enemies == EnemySide::default() => Ok(Sides::Allies),
+            "allies" => Err(SidesError::OneSide),
+            other => Err(SidesError::Unknown(other.to_owned())),
+        }
+    }
+
+    /// Checks that battles of a scenario can have these sides.
+    ///
+    /// # Errors
+    /// If they are both, and the scenario has SMACv2's interface.
+    pub fn check(self, scenario: &Scenario) -> Result<(), SidesError> {
+        match scenario.smacv2 {
+            Some(_) if self.are_both() => Err(SidesError::Smacv2),
+            _ => Ok(()),
+        }
+    }
+
+    /// Their name.
+    pub const fn name(self) -> &'static str {
+        if self.are_both() { "both" } else { "allies" }
+    }
+
+    /// Whether these are both.
+    pub const fn are_both(self) -> bool {
+        matches!(self, Sides::Both(_))
+    }
+
+    /// Whether this is the default.
+    pub fn is_default(&self) -> bool {
+        *self == Sides::Allies
+    }
+
+    /// What the enemies see is reflected.
+    pub(crate) const fn mirror(self) -> bool {
+        matches!(self, Sides::Both(EnemySide { mirror: true, .. }))
+    }
+}
+
+/// Whose action a number of a joint action is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Actor {
+    /// The agent of this number.
+    Agent(usize),
+    /// The enemy of this number.
+    Enemy(usize),
+}
+
+impl Actor {
+    /// Whose the number at this place of a joint action is: those of the agents precede those of the enemies.
+    pub const fn at(place: usize, n_agents: usize) -> Actor {
+        if place < n_agents { Actor::Agent(place) } else { Actor::Enemy(place - n_agents) }
+    }
+
+    /// Its faction.
+    pub const fn faction(self) -> Faction {
+        match self {
+            Actor::Agent(_) => Faction::Ally,
+            Actor::Enemy(_) => Faction::Enemy,
+        }
+    }
+
+    /// The place of its number in a joint action.
+    pub const fn place(self, n_agents: usize) -> usize {
+        match self {
+            Actor::Agent(agent) => agent,
+            Actor::Enemy(enemy) => n_agents + enemy,
+        }
+    }
+}
+
+impl fmt::Display for Actor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Actor::Agent(agent) => write!(f, "agent {agent}"),
+            Actor::Enemy(enemy) => write!(f, "enemy {enemy}"),
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The requests of a lane with a learner for each side: those of the two are carried out together, in their
+//! order. The lane gives both learners one session, and both count their requests from its beginning.
+
+use crate::rejection::Rejection;
+use crate::transport::{Message, Request, RequestKind};
+use smaclite_engine::Faction;
+use std::collections::VecDeque;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+/// A request, or those of the learners of both sides, which are carried out together.
+pub(super) enum Incoming<M> {
+    Whole(M),
+    /// Of the allies, and of the enemies.
+    Halves(M, M),
+}
+
+/// A request that is checked and carried out.
+pub(super) struct Joint<'a> {
+    /// Of the only learner, or of that of the allies.
+    pub(super) first: Request<'a>,
+    /// Of the learner of the enemies.
+    pub(super) enemies: Option<Request<'a>>,
+}
+
+impl<M: Message> Incoming<M> {
+    pub(super) fn request(&self) -> Result<Joint<'_>, Rejection> {
+        match self {
+            Incoming::Whole(message) => Ok(Joint { first: message.request()?, enemies: None }),
+            Incoming::Halves(allies, enemies) => {
+                Ok(Joint { first: allies.request()?, enemies: Some(enemies.request()?) })
+            }
+        }
+    }
+
+    pub(super) fn waited(&self) -> Duration {
+        match self {
+            Incoming::Whole(message) => message.waited(),
+            // The pool waited for the later one.
+            Incoming::Halves(allies, enemies) => allies.waited().min(enemies.waited()),
+        }
+    }
+}
+
+impl Joint<'_> {
+    /// Whether both learners want the same.
+    pub(super) fn check(&self) -> Result<(), Rejection> {
+        let Some(enemies) = &self.enemies else { return Ok(()) };
+        let Request { number, kind, env_ids, .. } = self.first;
+        let is_same_kind = matches!(
+            (kind, enemies.kind),
+            (RequestKind::Step, RequestKind::Step) | (RequestKind::Reset { .. }, RequestKind::Reset { .. })
+        );
+        let mut ids = env_ids.iter().zip(enemies.env_ids);
+        let are_same_envs = env_ids.len() == enemies.env_ids.len()
+            && ids.all(|(id, other)| id.load(Relaxed) == other.load(Relaxed));
+        if is_same_kind && are_same_envs && number == enemies.number {
+            Ok(())
+        } else {
+            Err(Rejection::DifferentRequests { number: number.0 })
+        }
+    }
+
+    /// The kind; of a reset the first seed that is given.
+    pub(super) fn kind(&self) -> RequestKind {
+        match (self.first.kind, self.enemies.map(|enemies| enemies.kind)) {
+            (RequestKind::Reset { seed: None, .. }, Some(kind @ RequestKind::Reset { .. })) => kind,
+            (kind, _) => kind,
+        }
+    }
+}
+
+/// Requests of the learner of one side that wait for those of the other's, by side.
+pub(super) struct Halves<M>([VecDeque<M>; 2]);
+
+impl<M: Message> Halves<M> {
+    pub(super) fn new() -> Halves<M> {
+        Halves([VecDeque::new(), VecDeque::new()])
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.0.iter_mut().for_each(VecDeque::clear);
+    }
+
+    /// Drops the requests of a side.
+    pub(super) fn drop_side(&mut self, side: Faction) {
+        self.0[side as usize].clear();
+    }
+
+    /// Takes the oldest request of a side.
+    pub(super) fn take(&mut self, side: Faction) -> Option<M> {
+        self.0[side as usize].pop_front()
+    }
+
+    /// Adds a request, and takes the oldest of either side if both have one.
+    pub(super) fn pair(&mut self, side: Faction, message: M) -> Option<Incoming<M>> {
+        self.0[side as usize].push_back(message);
+        let [allies, enemies] = &mut self.0;
+        if allies.is_empty() || enemies.is_empty() {
+            return None;
+        }
+        let pair = allies.pop_front().zip(enemies.pop_front());
+        pair.map(|(allies, enemies)| Incoming::Halves(allies, enemies))
+    }
+}

@@ -1,0 +1,174 @@
+//! Free places for units that were drawn at one point, near another unit, or on a blocked square.
+//!
+//! Units are placed in the order of their list, allies first. A unit that has room where it was drawn stays
+//! there. Any other one goes to the nearest place with room, among the points of a grid of half a square
+//! around the drawn point; of equally near ones to the western, then the southern one. A place has room
+//! if the unit's disc is on the map, does not overlap that of a unit of the same plane that was placed
+//! before, and, for ground units, touches no blocked square. The pattern of the enemies is reflected
+//! east-west, so that teams that were drawn as mirror images stay mirror images, unless a unit has to move
+//! across the middle of the map.
+
+use crate::{Drawn, DrawnTeams, Scenario, Terrain};
+use smaclite_units::{Plane, UnitType};
+
+/// The distance between neighbouring points of the grid, in squares.
+const GRID: f64 = 0.5;
+/// How far places are searched, in squares.
+const MAX_RADIUS: u32 = 64;
+
+/// Finds places; shared by all episodes.
+#[derive(Clone, Debug)]
+pub(crate) struct Placer {
+    terrain: Terrain,
+    /// Whether all squares are walkable.
+    is_open: bool,
+    bodies: Vec<Body>,
+    /// Offsets from the drawn point in steps of the grid, from the nearest to the farthest.
+    pattern: Vec<[i16; 2]>,
+}
+
+/// What placing needs of a type.
+#[derive(Clone, Copy, Debug)]
+struct Body {
+    radius: f64,
+    plane: Plane,
+    /// The place of its name among all, in alphabetical order.
+    rank: usize,
+}
+
+impl Placer {
+    pub(crate) fn new(scenario: &Scenario) -> Placer {
+        let types = &scenario.unit_types;
+        let rank = |unit_type: &UnitType| types.iter().filter(|other| other.name < unit_type.name).count();
+        let body = |unit_type: &UnitType| Body {
+            radius: unit_type.radius(),
+            plane: unit_type.plane,
+            rank: rank(unit_type),
+        };
+        let terrain = scenario.terrain.clone();
+        Placer {
+            is_open: terrain.obstacles().is_empty(),
+            bodies: types.iter().map(body).collect(),
+            pattern: pattern(terrain.width().max(terrain.height()).min(MAX_RADIUS)),
+            terrain,
+        }
+    }
+
+    pub(crate) fn place(&self, teams: &mut DrawnTeams) {
+        let DrawnTeams { allies, enemies } = teams;
+        let mut search = Search::default();
+        for unit in 0..allies.len() {
+            let (before, rest) = allies.split_at_mut(unit);
+            rest[0].position = self.find(rest[0], 1.0, before, &[], &mut search);
+        }
+        for unit in 0..enemies.len() {
+            let (before, rest) = enemies.split_at_mut(unit);
+            rest[0].position = self.find(rest[0], -1.0, before, allies, &mut search);
+        }
+        self.number(allies);
+    }
+
+    /// Orders allies by the name of their type, then from west to east, then from south to north.
+    pub(crate) fn number(&self, allies: &mut [Drawn]) {
+        let rank = |unit: &Drawn| self.bodies[unit.unit_type].rank;
+        let by_place = |a: &Drawn, b: &Drawn| {
+            let [(ax, ay), (bx, by)] = [a, b].map(|unit| (unit.position[0], unit.position[1]));
+            rank(a).cmp(&rank(b)).then(ax.total_cmp(&bx)).then(ay.total_cmp(&by))
+        };
+        // Two units of a type never have one place, so the order is total. A stable sort would take memory.
+        allies.sort_unstable_by(by_place);
+    }
+
+    /// The nearest place with room. Where no place is wide enough, one whose middle is on a walkable square;
+    /// the drawn one if there is none, either.
+    fn find(&self, unit: Drawn, east: f64, own: &[Drawn], others: &[Drawn], search: &mut Search) -> [f64; 2] {
+        let body = self.bodies[unit.unit_type];
+        let [x, y] = unit.position;
+        let is_apart =
+            |place: [f64; 2]| own.iter().chain(others).all(|other| self.are_apart(body, place, other));
+        // The drawn point may be nearer to the edge of the map than the unit's radius.
+        if self.is_on_map(0.0, unit.position)
+            && self.is_walkable(body, body.radius, unit.position)
+            && is_apart(unit.position)
+        {
+            return unit.position;
+        }
+        let place =
+            |[dx, dy]: &[i16; 2]| [exact(x + east * GRID * f64::from(*dx)), exact(y + GRID * f64::from(*dy))];
+        let first = search.first(unit.position, body, east);
+        let is_free = |place: [f64; 2], clearance: f64| {
+            self.is_on_map(body.radius, place) && self.is_walkable(body, clearance, place) && is_apart(place)
+        };
+        let wide = (first..self.pattern.len()).find(|i| is_free(place(&self.pattern[*i]), body.radius));
+        if let Some(found) = wide {
+            search.last = found;
+            return place(&self.pattern[found]);
+        }
+        self.pattern.iter().map(place).find(|place| is_free(*place, 0.0)).unwrap_or(unit.position)
+    }
+
+    fn is_on_map(&self, margin: f64, [x, y]: [f64; 2]) -> bool {
+        let [width, height] = [self.terrain.width(), self.terrain.height()].map(f64::from);
+        // A unit belongs to the square in which it is, so the far edges belong to no square.
+        x >= margin && y >= margin && x + margin <= width && y + margin <= height && x < width && y < height
+    }
+
+    fn are_apart(&self, body: Body, [x, y]: [f64; 2], other: &Drawn) -> bool {
+        let Body { radius, plane, .. } = self.bodies[other.unit_type];
+        let (dx, dy, reach) = (x - other.position[0], y - other.position[1], body.radius + radius);
+        plane != body.plane || dx * dx + dy * dy >= reach * reach
+    }
+
+    /// Whether a ground unit has that much room on walkable squares; all units fly over others.
+    fn is_walkable(&self, body: Body, radius: f64, [x, y]: [f64; 2]) -> bool {
+        if self.is_open || body.plane != Plane::Ground {
+            return true;
+        }
+        let [width, height] = [self.terrain.width(), self.terrain.height()].map(i64::from);
+        let squares = |x: f64, side: i64| {
+            ((x - radius).floor() as i64).max(0)..=((x + radius).floor() as i64).min(side - 1)
+        };
+        squares(y, height).all(|square_y| {
+            squares(x, width).all(|square_x| {
+                let nearest = |x: f64, square: i64| x - x.clamp(square as f64, square as f64 + 1.0);
+                let (dx, dy) = (nearest(x, square_x), nearest(y, square_y));
+                let distance = dx * dx + dy * dy;
+                distance > 0.0 && distance >= radius * radius || self.terrain.is_walkable(square_x, square_y)
+            })
+        })
+    }
+}
+
+/// The last search: what had no room for its unit has none for an equal or larger one at the same point.
+#[derive(Default)]
+struct Search {
+    of: Option<([f64; 2], Body, f64)>,
+    last: usize,
+}
+
+impl Search {
+    /// The first offset that can have room.
+    fn first(&mut self, point: [f64; 2], body: Body, east: f64) -> usize {
+        let continues = self.of.is_some_and(|(other, last, side)| {
+            other == point && side == east && last.plane == body.plane && last.radius <= body.radius
+        });
+        self.of = Some((point, body, east));
+        if continues { self.last } else { 0 }
+    }
+}
+
+/// The points of the grid within a radius in squares, but the origin.
+fn pattern(radius: u32) -> Vec<[i16; 2]> {
+    let most = (f64::from(radius) / GRID) as i16;
+    let length = |[dx, dy]: &[i16; 2]| i32::from(*dx).pow(2) + i32::from(*dy).pow(2);
+    let all = (-most..=most).flat_map(|dx| (-most..=most).map(move |dy| [dx, dy]));
+    let within = |offset: &[i16; 2]| (1..=i32::from(most).pow(2)).contains(&length(offset));
+    let mut pattern: Vec<[i16; 2]> = all.filter(within).collect();
+    pattern.sort_by_key(length); // stable: of equally near ones the western, then the southern comes first
+    pattern
+}
+
+/// The nearest multiple of 2^-13, which f32 has on all maps: so a mirrored position is exactly the mirror.
+pub(super) fn exact(x: f64) -> f64 {
+    (x * 8192.0).round() / 8192.0
+}

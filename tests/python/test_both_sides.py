@@ -1,0 +1,300 @@
+"""Actions that play both sides: fields, mirror, rewards, errors, replays and snapshots."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+
+
+def test_the_enemies_have_fields_of_their_own() -> None:
+    with sp.make("MMM2", num_envs=3, sides="both", obs_agent_id=True, autoreset="same_step") as envs:
+        assert (envs.sides, envs.opponents, envs.n_actors) == ("both", {"learner": 1.0}, 10 + 12)
+        batch = envs.reset(seed=1)
+        assert batch.enemy_obs.shape == (3, 12, envs.enemy_obs_size)
+        assert batch.enemy_state.shape == (3, envs.enemy_state_size)
+        assert batch.enemy_avail_actions.shape == (3, 12, envs.n_enemy_actions)
+        assert batch.enemy_alive.shape == (3, 12) and batch.enemy_alive.all()
+        assert batch.enemy_reward.shape == (3,)
+        assert {name for name in envs.fields if "enemy" in name} >= {"final_enemy_obs", "final_enemy_state"}
+        # The number of an enemy is the last part of its row.
+        assert (batch.enemy_obs[:, :, -12:] == np.eye(12)).all()
+        assert json.loads(json.dumps(envs.description))["enemies"]["n_actions"] == envs.n_enemy_actions
+    with sp.make("MMM2", num_envs=1, fields=["enemy_obs", "obs"]) as envs:
+        assert envs.sides == "allies" and envs.n_actors == 10 and envs.n_enemy_actions == 0
+        assert "enemy_obs" not in envs.fields and envs.description["enemies"] is None
+
+
+def test_scripts_play_either_side() -> None:
+    """focus_fire beats random on both sides of a symmetric map."""
+    with sp.make("3s5z", num_envs=16, sides="both", mirror=True) as envs:
+        for good_side in ("allies", "enemies"):
+            names: Any = {"allies": "random", "enemies": "random", good_side: "focus_fire"}
+            players = [sp.ScriptedPolicy(names[side], envs, seed=1, side=side) for side in names]
+            batch = envs.reset(seed=2)
+            won, lost = 0, 0
+            for _ in range(100):
+                batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
+                won += int(batch.battle_won.sum())
+                lost += int((batch.terminated & (batch.dead_allies == envs.n_agents)).sum())
+            assert (won, lost) == ((won, 0) if good_side == "allies" else (0, lost)) and won + lost > 16
+
+
+def test_a_mirror_shows_the_same_battle() -> None:
+    with sp.make("2s3z", num_envs=1, sides="both", mirror=True) as envs:
+        batch = envs.reset(seed=1)
+        assert (envs.obs_size, envs.n_actions) == (envs.enemy_obs_size, envs.n_enemy_actions)
+        for _ in range(4):
+            np.testing.assert_allclose(batch.enemy_obs, batch.obs, atol=2e-3)
+            np.testing.assert_allclose(batch.enemy_state, batch.state, atol=2e-3)
+            assert (batch.enemy_avail_actions == batch.avail_actions).all()
+            batch = envs.step([[4] * 10])  # each side goes to what is east for it
+        assert batch.obs[0, :, 4].any() or batch.obs[0, :, 5].any(), "the sides see each other"
+
+
+def test_rewards_of_both_sides_add_up_to_zero_if_asked() -> None:
+    def rewards(zero_sum: bool) -> tuple[np.ndarray, np.ndarray]:
+        with sp.make("3m", num_envs=4, sides="both", zero_sum=zero_sum) as envs:
+            players = [sp.ScriptedPolicy("focus_fire", envs, side=side) for side in ("allies", "enemies")]
+            batch = envs.reset(seed=1)
+            seen = []
+            for _ in range(40):
+                batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
+                seen.append((batch.reward.copy(), batch.enemy_reward.copy()))
+        return tuple(np.array(part) for part in zip(*seen, strict=True))  # type: ignore[return-value]
+
+    (own, other), (first, second) = rewards(False), rewards(True)
+    assert own.max() > 0 and other.max() > 0 and other.min() == 0
+    np.testing.assert_allclose(first, own - other, rtol=1e-5)
+    assert (second == -first).all()
+
+
+def test_what_is_wrong_is_an_error_that_names_it() -> None:
+    wrong: list[tuple[Any, str]] = [
+        ({"sides": "enemies"}, "sides must be `allies` or `both`, got `enemies`"),
+        ({"mirror": True}, "mirror and zero_sum are options of sides `both`"),
+        ({"opponent": "learner"}, "opponent `learner` needs sides `both`"),
+    ]
+    for options, expected in wrong:
+        with pytest.raises(sp.InvalidRequest, match=expected):
+            sp.make("3m", num_envs=1, **options)
+    with sp.make("3m", num_envs=2, sides="both") as envs:
+        envs.reset()
+        with pytest.raises(
+            sp.IllegalAction, match="environment 1, enemy 2: action 7 is not available"
+        ) as error:
+            envs.step([[1] * 6, [1] * 5 + [7]])
+        assert (error.value.side, error.value.agent, error.value.env) == ("enemies", 2, 1)
+        with pytest.raises(sp.InvalidRequest, match=r"must be an integer array of shape \(2, 6\)"):
+            envs.step([[1] * 3] * 2)
+        with pytest.raises(sp.InvalidRequest, match="side must be `allies` or `enemies`, got `foes`"):
+            sp.ScriptedPolicy("hold", envs, side="foes")  # type: ignore[arg-type]
+    with (
+        sp.make("3m", num_envs=1) as envs,
+        pytest.raises(
+            sp.InvalidRequest, match="`enemy_state` and `enemy_avail_actions`, but this lane omits"
+        ),
+    ):
+        sp.ScriptedPolicy("hold", envs, side="enemies")
+
+
+def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
+    file = tmp_path / "both.smreplay"
+    fields = ["snapshot", "opponent", "avail_actions", "enemy_avail_actions", "enemy_obs"]
+    options: Any = {"sides": "both", "mirror": True, "obs_last_actions": 2, "fields": fields}
+    with sp.make("3m", num_envs=2, record=file, opponent={"learner": 0.5, "kite": 0.5}, **options) as envs:
+        envs.reset(seed=3)
+        for _ in range(20):
+            batch = envs.step(envs.sample_actions())
+        saved, actions = batch.snapshot.copy(), envs.sample_actions()
+        batch = envs.step(actions)
+        expected = batch.enemy_obs.copy()
+        envs.restore(saved)
+        assert (envs.step(actions).enemy_obs == expected).all()
+        for _ in range(60):
+            batch = envs.step(envs.sample_actions())
+    run = subprocess.run([*PROGRAM, "replay", file], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr + run.stdout
+
+
+def test_a_served_lane_has_both_sides(tmp_path: Path) -> None:
+    command = [
+        *PROGRAM,
+        "serve",
+        "3m:4",
+        "--name",
+        "both-sides",
+        "--sides",
+        "both",
+        "--mirror",
+        "--threads",
+        "1",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as pool:
+        try:
+            with sp.connect("both-sides", timeout=20) as envs:
+                assert envs.description["sides"] == {"both": {"mirror": True, "zero_sum": False}}
+                envs.reset()
+                assert envs.step(envs.sample_actions()).enemy_alive.all()
+        finally:
+            pool.terminate()
+    refused = [*PROGRAM, "serve", "3m:4", "--mirror"]
+    run = subprocess.run(refused, capture_output=True, text=True, check=False)
+    assert run.returncode != 0 and "options of sides `both`" in run.stderr
+
+
+LEARNER = """
+import sys
+import numpy as np
+import smaclite_pool as sp
+
+side, policy, episodes = sys.argv[1:]
+with sp.connect("arena", side=side, timeout=60) as envs:
+    policy = sp.ScriptedPolicy(policy, envs)
+    batch = envs.reset(seed=5)
+    assert batch.obs.shape == (8, 3, envs.obs_size) and envs.n_actors == 3 and envs.side == side
+    assert not [name for name in batch.keys() if "enemy_" in name]
+    won = ended = 0
+    while ended < int(episodes):
+        batch = envs.step(policy(batch), timeout=30)
+        ended += int(batch.terminated.sum())
+        won += int((batch.terminated & (batch.dead_enemies == 3)).sum())
+    print(won, ended, flush=True)
+"""
+
+
+def serve(*options: str) -> subprocess.Popen[bytes]:
+    command = [*PROGRAM, "serve", "3m:8", "--name", "arena", "--sides", "both", "--mirror", *options]
+    return subprocess.Popen([*command, "--threads", "1"], stdout=subprocess.DEVNULL)
+
+
+def learner(*arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", LEARNER, *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_two_processes_play_the_two_sides() -> None:
+    """Each with its own side's fields, and with the results of one process that plays both."""
+    with serve() as pool:
+        try:
+            two = [learner("allies", "focus_fire", "40"), learner("enemies", "random", "40")]
+            (won, ended), (lost, _) = ([int(x) for x in process.communicate()[0].split()] for process in two)
+        finally:
+            pool.terminate()
+    with sp.make("3m", num_envs=8, sides="both", mirror=True) as envs:
+        players = [sp.ScriptedPolicy("focus_fire", envs), sp.ScriptedPolicy("random", envs, side="enemies")]
+        batch = envs.reset(seed=5)
+        alone = total = 0
+        while total < 40:
+            batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
+            total += int(batch.terminated.sum())
+            alone += int(batch.battle_won.sum())
+    assert (won, ended) == (alone, total) and lost <= ended - won + 2
+
+
+def test_a_learner_hears_that_the_other_one_left() -> None:
+    with serve() as pool:
+        try:
+            for how in ("kill", "terminate"):
+                other = learner("enemies", "random", "1000000")
+                with sp.connect("arena", side="allies", timeout=60) as envs:
+                    policy = sp.ScriptedPolicy("hold", envs)
+                    batch = envs.reset(timeout=60)
+                    with pytest.raises(sp.LaneTaken):
+                        sp.connect("arena", side="allies")
+                    with pytest.raises(sp.LaneTaken):
+                        sp.connect("arena")
+                    with pytest.raises(
+                        sp.InvalidRequest, match="a learner of one side cannot restore or fork"
+                    ):
+                        envs.fork([0], [1])
+                    for _ in range(20):
+                        batch = envs.step(policy(batch), timeout=60)
+                    getattr(other, how)()
+                    with pytest.raises(sp.OtherLearnerLeft, match="the learner of the enemies left"):
+                        for _ in range(10_000):
+                            batch = envs.step(policy(batch), timeout=60)
+                    with pytest.raises(sp.OtherLearnerLeft):
+                        envs.step(policy(batch))
+                    with pytest.raises(sp.LaneTaken):
+                        sp.connect("arena", side="enemies")
+                other.communicate()
+        finally:
+            pool.terminate()
+
+
+def test_a_script_takes_over_if_asked() -> None:
+    """Killed in the middle of its battles, as the learner of either side."""
+    with serve() as pool:
+        try:
+            for side, other_side in (("allies", "enemies"), ("enemies", "allies")):
+                other = learner(other_side, "random", "1000000")
+                options: Any = {"side": side, "on_leave": "focus_fire"}
+                with sp.connect("arena", timeout=60, **options) as envs:
+                    policy = sp.ScriptedPolicy("random", envs, seed=1)
+                    batch = envs.reset(timeout=60)
+                    lost = 0
+                    for step in range(600):
+                        if step == 100:
+                            other.kill()
+                        batch = envs.step(policy(batch), timeout=60)
+                        lost += int((step > 200) * (batch.terminated & (batch.dead_allies == 3)).sum())
+                    assert lost > 50, "a random team loses against a script that shoots"
+                    assert (envs.reset(seed=3, timeout=60).episode_length == 0).all()
+                other.communicate()
+            with pytest.raises(sp.InvalidRequest, match="on_leave needs side"):
+                sp.connect("arena", on_leave="hold")
+            with pytest.raises(sp.InvalidRequest, match="unknown policy `attack_move`"):
+                sp.connect("arena", side="allies", on_leave="attack_move")  # type: ignore[arg-type]
+        finally:
+            pool.terminate()
+
+
+def test_two_learners_that_disagree_both_hear_of_it() -> None:
+    with serve() as pool:
+        try:
+            allies, enemies = (sp.connect("arena", side=side, timeout=60) for side in ("allies", "enemies"))
+            allies.async_reset(seed=1)
+            with pytest.raises(sp.Timeout):
+                allies.recv(timeout=0.2)
+            enemies.async_reset()
+            batch, _ = allies.recv(timeout=30), enemies.recv(timeout=30)
+            allies.send(np.ones((8, 3), np.int32))
+            enemies.async_reset()
+            for envs in (allies, enemies):
+                with pytest.raises(
+                    sp.InvalidRequest, match="the two learners of the lane sent different requests"
+                ):
+                    envs.recv(timeout=30)
+            for envs in (allies, enemies):
+                envs.async_reset()
+            for envs in (allies, enemies):
+                envs.recv(timeout=30)
+            allies.send(np.ones((8, 3), np.int32))
+            enemies.send(np.full((8, 3), 9))
+            for envs in (allies, enemies):
+                with pytest.raises(
+                    sp.IllegalAction, match="environment 0, enemy 0: action 9 is not available"
+                ):
+                    envs.recv(timeout=30)
+            for envs in (allies, enemies):
+                envs.send(np.ones((8, 3), np.int32))
+            batch = allies.recv(timeout=30)
+            assert (batch.episode_length == 1).all() and enemies.recv(timeout=30).obs is not batch.obs
+            allies.close()
+            enemies.close()
+        finally:
+            pool.terminate()
+    with (
+        sp.make("3m", num_envs=1, name="one-side"),
+        pytest.raises(sp.ConnectError, match="no learner per side"),
+    ):
+        sp.connect("one-side", side="allies")

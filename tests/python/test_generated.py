@@ -1,0 +1,107 @@
+"""Battles whose units are drawn for each episode, and lanes with SMACv2's options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+from conftest import replayed
+
+FIELDS = ["obs", "state", "avail_actions", "alive", "reward", "snapshot", "level"]
+HIDDEN = {"prob_obs_enemy": 0.5, "conic_fov": True, "attack": {"lower_bound": 0.3, "upper_bound": 0.9}}
+
+
+def course(envs: sp.Envs, steps: int) -> list[Any]:
+    """What a learner receives in some steps."""
+    found = []
+    batch = envs.reset(seed=3)
+    for _ in range(steps):
+        found.append([batch.obs.copy(), batch.state.copy(), batch.avail_actions.copy(), batch.level.copy()])
+        batch = envs.step(envs.sample_actions())
+    return found
+
+
+def assert_same(one: list[Any], other: list[Any]) -> None:
+    for ours, theirs in zip(one, other, strict=True):
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("scenario", ["protoss_5_vs_5", "terran_10_vs_11"])
+def test_a_seed_gives_the_same_teams_and_battles_on_any_number_of_threads(scenario: str) -> None:
+    found = []
+    for threads in (1, 2):
+        with sp.make(scenario, 6, threads=threads, fields=FIELDS, smacv2=HIDDEN) as envs:
+            found.append(course(envs, 60))
+    assert_same(*found)
+    types = np.array([levels[..., 0] for *_, levels in found[0]])
+    assert len(np.unique(types.reshape(-1, types.shape[-1]), axis=0)) > 6  # each episode has another team
+
+
+def test_battles_continue_from_snapshots_with_what_agents_have_seen() -> None:
+    with sp.make("zerg_5_vs_5", 4, fields=FIELDS, smacv2=HIDDEN) as envs:
+        envs.reset(seed=1)
+        for _ in range(5):
+            batch = envs.step(envs.sample_actions())
+        kept, obs = batch.snapshot.copy(), batch.obs.copy()
+        rng = np.random.default_rng(2)
+
+        def go_on() -> list[Any]:
+            batch, found = envs.restore(kept), []
+            np.testing.assert_array_equal(batch.obs, obs)
+            for _ in range(20):
+                free = np.where(batch.avail_actions, rng.random(batch.avail_actions.shape), -1)
+                batch = envs.step(free.argmax(-1).astype(np.int32))
+                found.append([batch.obs.copy(), batch.reward.copy(), batch.snapshot.copy()])
+            return found
+
+        state = rng.bit_generator.state
+        first = go_on()
+        rng.bit_generator.state = state
+        assert_same(first, go_on())
+
+
+def test_distributions_on_a_map_of_fixed_teams() -> None:
+    starts = {"distribution": "surrounded_and_reflect", "p": 0.5}
+    with sp.make("3s5z", 16, fields=FIELDS, start_positions=starts) as envs:
+        levels = envs.reset(seed=1).level
+        assert len(np.unique(levels[:, 0, 1:3], axis=0)) > 4
+        assert (levels[:, :, 0] == levels[0, :, 0]).all()  # the teams are those of the groups
+    teams = {"distribution": "all_teams", "unit_types": ["STALKER", "ZEALOT"]}
+    with sp.make("3s5z", 16, fields=FIELDS, teams=teams, start_positions=starts) as envs:
+        n_stalkers = (envs.reset(seed=1).level[:, :8, 0] == 0).sum(-1)
+        assert len(set(n_stalkers.tolist())) > 3
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"teams": {"distribution": "fair"}}, "must be one of weighted_teams, all_teams, fixed"),
+        ({"smacv2": {"prob_obs_enemy": 2}}, "`smacv2.prob_obs_enemy` is 2"),
+        ({"smacv2": {"prob_obs": 0.5}}, "unknown key `smacv2.prob_obs`; expected one of use_unit_ranges"),
+    ],
+)
+def test_what_is_wrong_with_a_distribution_or_an_option_is_said(options: Any, expected: str) -> None:
+    with pytest.raises(sp.ScenarioError, match=expected):
+        sp.make("terran_5_vs_5", 1, **options)
+
+
+def test_the_interface_is_that_of_agents() -> None:
+    with pytest.raises(sp.InvalidRequest, match="sides must be `allies`"):
+        sp.make("terran_5_vs_5", 1, sides="both")
+    with pytest.raises(sp.InvalidRequest, match="smacv2 must be a dictionary as in JSON"):
+        sp.make("terran_5_vs_5", 1, smacv2={"attack": object()})
+
+
+def test_a_replay_plays_generated_battles_again(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.smreplay"
+    with sp.make("terran_5_vs_5", 2, record=path, smacv2=HIDDEN) as envs:
+        envs.reset(seed=1)
+        for _ in range(120):
+            envs.step(envs.sample_actions())
+    episodes = [line for line in replayed(path).splitlines() if line.startswith("episode ")]
+    assert len(episodes) > 2

@@ -1,0 +1,333 @@
+"""The page of a person who plays, in a real browser: battles by mouse, keys and touch, and their replays."""
+
+from __future__ import annotations
+
+import functools
+import re
+import signal
+import socket
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from test_page import PROGRAM, Page, browser, pytestmark
+
+__all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
+
+SIDE = 32
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+
+
+class PlayPage(Page):
+    """`smaclite-pool play` and its page, with the whole map; it must report no error."""
+
+    def __init__(self, browser: Any, *args: str, **options: Any) -> None:
+        self.command = [*PROGRAM, "play", *args]
+        self.start()
+        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
+        self.page = browser.new_page(**options)
+        self.problems: list[str] = []
+        self.page.on("console", lambda message: self.problems.append(message.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.goto(self.url)
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        self.press("m")
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.url = self.process.stdout.readline().strip()
+
+    def stop(self) -> None:
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(30) == 0
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+    def __enter__(self) -> PlayPage:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.page.close()
+        self.stop()
+        assert self.problems == []
+
+    def is_paused_after(self, step: int) -> bool:
+        return self.step > step and self.result != "Running"
+
+    @property
+    def step(self) -> int:
+        return int(self.page.inner_text("#time b >> nth=0"))
+
+    @property
+    def result(self) -> str:
+        return self.text("#result")
+
+    def one_step(self) -> None:
+        """Plays a step, unless the battle is over."""
+        before = self.step
+        self.press(".")
+        self.wait(lambda: self.step > before and self.result != "Running")
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of a map of 32 x 32 squares is in the window: with 8 pixels around the map."""
+        box = self.page.locator("#battle").bounding_box()
+        scale = (min(box["width"], box["height"]) - 16) / SIDE
+        across, up = (x - SIDE / 2) * scale, (y - SIDE / 2) * scale
+        return box["x"] + box["width"] / 2 + across, box["y"] + box["height"] / 2 - up
+
+    def place(self, faction: int, unit: int) -> tuple[float, float]:
+        """Where a unit is, in squares, by its card; an agent is selected by that, if it is not."""
+        who = f"{'enemy' if faction else 'agent'} {unit}"
+        if not self.has_card or self.text("#unit .who") != who:
+            self.page.click(f"#roster{faction} .chip >> nth={unit}")
+            self.settle()
+        x, y = map(float, self.text("#unit .pairs dd >> nth=0").split(", "))
+        return x, y
+
+    @property
+    def has_card(self) -> bool:
+        return bool(self.page.locator("#unit .who").count())
+
+    def box(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        self.page.mouse.move(*self.at(*start))
+        self.page.mouse.down()
+        self.page.mouse.move(*self.at(*end), steps=5)
+        self.settle()
+        self.page.mouse.up()
+        self.settle()
+
+    def command_to(self, x: float, y: float) -> None:
+        self.page.mouse.click(*self.at(x, y), button="right")
+        self.settle()
+
+    @property
+    def selected(self) -> list[int]:
+        """The numbers of the selected agents."""
+        chips = self.page.locator("#roster0 .chip")
+        return [i for i in range(chips.count()) if chips.nth(i).get_attribute("aria-pressed") == "true"]
+
+    def seen(self) -> list[int]:
+        """The numbers of the living enemies that agents see."""
+        names = [
+            str(name)
+            for name in self.page.locator("#roster1 .chip").evaluate_all(
+                "(chips) => chips.map((chip) => chip.className)"
+            )
+        ]
+        return [i for i, name in enumerate(names) if "unseen" not in name and "dead" not in name]
+
+    def save(self, click: Callable[[], None], file: Path) -> None:
+        with self.page.expect_download() as download:
+            click()
+        assert download.value.suggested_filename.endswith(".smreplay")
+        download.value.save_as(file)
+
+
+def replayed(file: Path, to: Path) -> str:
+    """Verifies a replay and makes a page of it; what that prints."""
+    text = subprocess.run(
+        [*PROGRAM, "replay", str(file)], check=True, capture_output=True, text=True, timeout=100
+    ).stdout
+    subprocess.run([*PROGRAM, "replay", str(file), "--to", str(to)], check=True, timeout=100)
+    return text
+
+
+def test_a_battle_by_mouse_from_the_first_command_to_its_replay(browser: Any, tmp_path: Path) -> None:
+    with PlayPage(browser, "2s3z", "--against", "random", "--seed", "3") as page:
+        shots = 0
+
+        def shoot() -> None:
+            nonlocal shots
+            shots += 1
+            page.page.screenshot(path=tmp_path / f"command-{shots:02}.png")
+
+        assert (page.result, page.step, page.seen()) == ("Paused", 0, [])
+        page.box((1, 9), (15, 23))
+        assert page.selected == [0, 1, 2, 3, 4] and "2 stalker, 3 zealot" in page.text("#unit")
+        shoot()
+        page.command_to(20, 16)
+        shoot()
+        while not page.seen():
+            page.one_step()
+            assert page.step < 20, "they walk towards the enemies"
+        while page.page.is_hidden("#end"):
+            page.press("Control+a")
+            if page.seen():
+                page.command_to(*page.place(1, page.seen()[0]))
+                shoot()
+            page.one_step()
+        assert page.result == "Won", "a team that commands beats one that does not"
+        shoot()
+        steps, text = page.step, page.text("#end p")
+        assert text.startswith("Return ") and f"in {steps} steps" in text and "the enemies 5 of 5" in text
+        file = tmp_path / "mine.smreplay"
+        page.save(lambda: page.page.click("#end-save"), file)
+        printed = replayed(file, tmp_path / "mine.html")
+        assert f"{steps} steps" in printed and "won" in printed, printed
+
+        # The page now shows any tick of the battle; and then begins another one, with the next seed.
+        page.page.click("#end-close")
+        page.press("Home", "ArrowRight")
+        assert page.step == 0 and page.page.is_visible("#scrub")
+        page.page.click("#again")
+        page.wait(lambda: page.result == "Paused")
+        assert "4" in page.text("#facts") and page.step == 0 and page.page.is_hidden("#scrub")
+    with Page(browser, tmp_path / "mine.html") as replay:
+        assert replay.text("#result") == "Won" and replay.last == steps * 8
+    assert shots > 3
+
+
+def test_clicks_select_units(browser: Any) -> None:
+    with PlayPage(browser, "2s3z") as page:
+        zealot = page.at(*page.place(0, 3))
+        stalker = page.at(*page.place(0, 0))
+        page.press("Escape")
+        assert page.selected == []
+        page.page.mouse.click(*zealot)
+        page.settle()
+        assert page.selected == [3] and page.text("#unit .who") == "agent 3"
+        page.page.wait_for_timeout(400)  # not a double click
+        page.page.keyboard.down("Shift")
+        page.page.mouse.click(*stalker)
+        page.page.keyboard.up("Shift")
+        page.settle()
+        assert page.selected == [0, 3]
+        page.page.wait_for_timeout(400)
+        page.page.mouse.dblclick(*zealot)
+        page.settle()
+        assert page.selected == [2, 3, 4]
+        page.page.mouse.click(*page.at(16, 25))
+        page.settle()
+        assert page.selected == []
+        page.page.click("#roster0 .chip >> nth=1")
+        page.settle()
+        assert page.selected == [1]
+
+
+def test_keys_select_and_command(browser: Any, tmp_path: Path) -> None:
+    with PlayPage(browser, "3m", "--seed", "2") as page:
+        page.press("1")
+        assert page.selected == [1]
+        page.press("Shift+2")
+        assert page.selected == [1, 2]
+        page.page.focus("#battle")
+        page.press("Escape", "Tab", "Tab")
+        assert page.selected == [1]
+        page.press("Shift+Tab")
+        assert page.selected == [0]
+        page.press("Tab", "Tab", "Tab")
+        assert page.page.evaluate("document.activeElement.id") != "battle", "Tab leaves the map"
+        page.press("]", "]")
+        x, y = page.place(0, 1)
+        page.press("ArrowUp")
+        page.one_step()
+        page.one_step()
+        moved = page.place(0, 1)
+        assert moved[1] > y + 0.5 and abs(moved[0] - x) < 0.5
+
+        # Those without an order defend themselves; those that are stopped do not.
+        page.press("Control+a", "s")
+        while not page.seen():
+            page.one_step()
+        for _ in range(4):
+            page.one_step()
+        health = page.page.get_attribute("#bar1", "style")
+        assert "scaleX(1)" in health
+        page.press("a")
+        for _ in range(4):
+            page.one_step()
+        assert "scaleX(1)" not in page.page.get_attribute("#bar1", "style")
+        page.save(lambda: page.press("Control+s"), tmp_path / "part.smreplay")
+        assert f"{page.step} steps" in replayed(tmp_path / "part.smreplay", tmp_path / "part.html")
+
+
+def test_time_runs_and_stops(browser: Any) -> None:
+    with PlayPage(browser, "3m") as page:
+        page.press("Space")
+        page.wait(lambda: page.step >= 3)
+        assert page.result == "Running"
+        page.press("Space")
+        paused = page.tick
+        page.page.wait_for_timeout(400)
+        assert page.tick == paused and page.result == "Paused"
+        page.press("Space", *"+" * 4)
+        page.wait(lambda: page.page.is_visible("#end"))
+        assert page.result in ("Won", "Lost") and page.text("#end h2") == page.result
+
+
+def test_what_no_unit_sees_is_hidden(browser: Any) -> None:
+    with PlayPage(browser, "3m") as page:
+        page.box((21, 12), (25, 20))
+        assert page.seen() == []
+        enemy = "#roster1 .chip >> nth=0"
+        assert "out of sight" in page.page.get_attribute(enemy, "aria-label")
+        page.page.click(enemy)
+        page.settle()
+        assert not page.has_card
+        page.press("f")
+        assert page.seen() == [0, 1, 2] and page.page.get_attribute("#reveal", "aria-pressed") == "true"
+        page.page.click(enemy)
+        page.settle()
+        assert page.text("#unit .who") == "enemy 0"
+        page.press("f")
+        page.wait(lambda: not page.has_card)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_battle_by_touch(browser: Any, scheme: str) -> None:
+    with PlayPage(browser, "3m", "--seed", "5", color_scheme=scheme, **PHONE) as page:
+        page.page.click("#all")
+        page.settle()
+        assert page.selected == [0, 1, 2]
+        x, y = page.place(0, 1)
+        page.press("Escape")
+        page.page.touchscreen.tap(*page.at(x, y))
+        page.settle()
+        assert page.selected == [1]
+        page.page.touchscreen.tap(*page.at(x, y + 6))
+        page.settle()
+        before = page.step
+        for step in range(1, 7):
+            page.page.click("[data-go=forward]")
+            page.wait(functools.partial(page.is_paused_after, before + step - 1))
+        assert page.place(0, 1)[1] > y + 4 and page.selected == [1]
+        fits = "document.documentElement.scrollWidth <= innerWidth"
+        assert page.page.evaluate(fits)
+        page.page.click("#all")
+        for _ in range(4):
+            page.page.click("[data-speed='1']")
+        page.page.click("#play")
+        page.wait(lambda: page.page.is_visible("#end"))
+        box = page.page.locator("#end").bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+
+
+def test_a_battle_goes_on_when_the_program_comes_back(
+    browser: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    monkeypatch.setenv("SMACLITE_POOL_TOKEN", "a" * 32)
+    with PlayPage(browser, "3m", "--seed", "7", "--port", str(port)) as page:
+        page.press("Control+a", "ArrowRight")
+        for _ in range(5):
+            page.one_step()
+        before = page.place(0, 0)
+        page.stop()
+        page.page.wait_for_selector("#message:visible")
+        assert "connection to smaclite-pool play is lost" in page.text("#message")
+        page.start()
+        page.page.wait_for_selector("#message", state="hidden")
+        page.settle()
+        assert (page.step, page.place(0, 0)) == (5, before)
+        page.one_step()
+        page.save(lambda: page.page.click("#save"), tmp_path / "on.smreplay")
+        # The browser says so when a connection is refused.
+        refused = re.compile(r"WebSocket connection to .* failed|ERR_CONNECTION_REFUSED")
+        page.problems = [text for text in page.problems if not refused.search(text)]
+    assert "6 steps" in replayed(tmp_path / "on.smreplay", tmp_path / "on.html")
