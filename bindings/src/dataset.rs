@@ -4,7 +4,7 @@ use crate::convert::{IntArg, string_list, to_dict, to_unsigned};
 use crate::errors::{class, invalid_request};
 use crate::make::MAX_THREADS;
 use crate::wait::{interruptible, run_on_thread};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::PyArray1;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

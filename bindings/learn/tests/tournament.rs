@@ -62,8 +62,15 @@ fn a_team_plays_the_episodes_that_its_evaluation_counts() {
         for greedy in [true, false] {
             let result = play(&Tournament { greedy, ..tournament(&[&team, "nearest"], None) });
             let opponents = Some(Opponent::from_name("nearest").unwrap().into());
-            let evaluation =
-                Evaluation { episodes: 50, seed: 3, greedy, threads: 1, opponents, opponent_team: None };
+            let evaluation = Evaluation {
+                episodes: 50,
+                seed: 3,
+                greedy,
+                threads: 1,
+                opponents,
+                opponent_team: None,
+                weights: None,
+            };
             let expected =
                 evaluate(team.as_ref(), evaluation, &runtime_dir, &mut || false, &mut |_| {}).unwrap();
             let score = score(&result, &team, "nearest");

@@ -56,7 +56,7 @@ impl Play {
     }
 
     /// Plays the episodes from `first` on, as many as there is room for in `ended`.
-    pub(super) fn episodes(
+    pub(crate) fn episodes(
         self,
         pairing: &Pairing,
         players: &[Player],
