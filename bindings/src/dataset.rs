@@ -108,7 +108,9 @@ impl Dataset {
             Some(threads) => to_unsigned("threads", threads)?,
         };
         if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(invalid_request(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
+            return Err(invalid_request(format!(
+                "threads must be between 1 and {MAX_THREADS}, got {threads}"
+            )));
         }
         match out {
             None => self.in_memory(py, &arrays, threads),

@@ -4,6 +4,7 @@
 //! in the arrays before anything is played, so the number of threads changes no bit.
 
 use super::arrays::{ARRAYS, ArrayName, N_ARRAYS, PerRow, Rows, Values};
+use super::chunk::{Chunk, Wanted};
 use super::folder::Files;
 use super::{Dataset, DatasetError, End};
 use crate::parallel;
@@ -19,26 +20,6 @@ const CHUNK: usize = 16;
 
 /// Returns `true` to end the work.
 type Interrupted<'a> = &'a mut dyn FnMut() -> bool;
-
-/// Which arrays are wanted, by array.
-pub(super) type Wanted = [bool; N_ARRAYS];
-
-/// The arrays of some episodes that were played again.
-pub(super) struct Chunk<'a> {
-    pub episodes: Range<usize>,
-    pub rows: &'a Rows<'a>,
-}
-
-impl Chunk<'_> {
-    /// The rows of an array.
-    pub fn bytes(&self, dataset: &Dataset, array: ArrayName) -> &[u8] {
-        let n_rows = match array.spec().per {
-            PerRow::Step => dataset.steps_of_all(&self.episodes).len(),
-            PerRow::Episode => self.episodes.len(),
-        };
-        self.rows.bytes(array, 0..n_rows)
-    }
-}
 
 /// Episodes for one thread, and what came of them.
 struct Job<'a> {

@@ -2,7 +2,7 @@
 //! elements. Threads write their rows to their places.
 
 use super::arrays::{ArrayName, PerRow};
-use super::expand::{Chunk, Wanted};
+use super::chunk::{Chunk, Wanted};
 use super::{Dataset, DatasetError};
 use smaclite_pool::fields::Dtype;
 use std::fs::{File, Permissions};

@@ -8,6 +8,7 @@
 
 mod arrays;
 mod card;
+mod chunk;
 mod error;
 mod expand;
 mod file;
