@@ -12,7 +12,7 @@ use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_learn::{
     Amount, ArrayName, Card, DATASET_SUFFIX, Dataset, Distribution, PolicyCard, Quality, Recording, Source,
-    resolve_scenario,
+    names_team, resolve_scenario,
 };
 use smaclite_pool::PoolOptions;
 use std::error::Error;
@@ -192,7 +192,7 @@ impl Record {
                 let opponents = opponent.clone().unwrap_or_else(|| setup.opponents.clone());
                 Ok(Source::Script { setup: BattleSetup { opponents, ..setup }, tactic })
             }
-            Err(_) if Path::new(source).is_dir() => {
+            Err(_) if names_team(source) => {
                 if scenario.is_some() {
                     let text = "--scenario has no effect on a run, which plays what it was trained in; leave it \
                                 out";

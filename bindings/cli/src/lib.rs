@@ -42,6 +42,7 @@ mod usage;
 mod verify_run;
 mod watch;
 mod web;
+mod zoo;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
@@ -97,6 +98,8 @@ enum Command {
     Evaluate(evaluate::Evaluate),
     /// Play the recorded evaluations of a run again, and compare every number
     VerifyRun(verify_run::VerifyRun),
+    /// List the trained teams that are part of the program
+    Zoo(zoo::Zoo),
     /// Play against a script or a trained team, in the browser
     Play(play::Play),
     /// Play scripts and trained teams against each other: payoff matrix and Elo ratings
@@ -183,6 +186,7 @@ impl Command {
             Command::Train(train) => train.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
             Command::VerifyRun(verify_run) => verify_run.run(),
+            Command::Zoo(zoo) => zoo.run(),
             Command::Play(play) => play.run(),
             Command::Tournament(tournament) => tournament.run(),
             Command::Exploit(exploit) => exploit.run(),

@@ -34,6 +34,7 @@ if "t" in sys.abiflags:
 from ._evaluation import Evaluation, evaluate
 from ._native import (
     OPPONENTS,
+    ZOO,
     Batch,
     Envs,
     Frame,
@@ -76,6 +77,7 @@ from .errors import (
 
 __all__ = [
     "OPPONENTS",
+    "ZOO",
     "Batch",
     "Busy",
     "ChangedBatch",

@@ -27,6 +27,7 @@ __all__ = [
     "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
+    "ZOO",
     "Batch",
     "CapabilityBattle",
     "Envs",
@@ -45,6 +46,7 @@ __all__ = [
     "scenarios",
     "snapshot_columns",
     "status",
+    "zoo_file",
 ]
 
 __version__: str
@@ -61,6 +63,7 @@ FIRST_TARGET: Final[int]
 # In squares.
 SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
 OPPONENTS: tuple[str, ...]
+ZOO: tuple[str, ...]
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 
@@ -509,3 +512,4 @@ def pack_snapshot(
     """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
 
 def run_program(args: list[str]) -> int: ...
+def zoo_file(path: str | PathLike[str]) -> bytes | None: ...

@@ -12,3 +12,4 @@ mod snapshots;
 mod tournament;
 mod training;
 mod watch;
+mod zoo;
