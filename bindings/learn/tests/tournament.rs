@@ -27,8 +27,7 @@ fn train(folder: &Path, name: &str, scenario: &str, config: &Config) -> String {
 }
 
 fn small(seed: u64, last_actions: usize) -> Config {
-    let config =
-        Config { seed, last_actions, steps: 2000, num_envs: 16, horizon: 16, ..Config::for_agents(3) };
+    let config = Config { seed, last_actions, steps: 2000, num_envs: 16, horizon: 16, ..Config::for_agents(3) };
     Config { hidden: vec![16], ..config }
 }
 
