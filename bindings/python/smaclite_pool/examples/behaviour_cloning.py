@@ -3,13 +3,13 @@
     smaclite-pool dataset record focus_fire --scenario 3m --steps 100000 --out 3m.smdata
     python -m smaclite_pool.examples.behaviour_cloning 3m.smdata
 
-The simplest method of offline learning, and the one that every other should beat: the actions of a dataset are
-the labels of its observations, and a network is trained to classify them. Rewards are not used, and no battle
-is played before the evaluation.
+The simplest method of offline learning, and the one that every other should beat: the actions of a dataset
+are the labels of its observations, and a network is trained to classify them. Rewards are not used, and no
+battle is played before the evaluation.
 
-All agents share one policy, that of `smaclite_pool.examples.ppo`, which sees an agent's own observation and its
-number. A tenth of the episodes is set aside: if the loss on them rises while that of the others falls, the
-policy learns them by heart. The evaluation plays by the rules of the dataset.
+All agents share one policy, that of `smaclite_pool.examples.ppo`, which sees an agent's own observation, its
+last actions and its number. A tenth of the episodes is set aside: if the loss on them rises while that of the
+others falls, the policy learns them by heart. The evaluation plays by the rules of the dataset.
 
 Axes of arrays: T steps of all episodes, A agents, R rows, one per agent and step in which it had a choice.
 """
@@ -42,6 +42,7 @@ class Options:
     seed: int = option(0, "of weights, batches, and the actions of the evaluation")
     device: str = option("cpu", "where the network is: cpu or cuda")
     torch_threads: int = option(1, "threads of PyTorch, which for matrices so small are best few")
+    last_actions: int = option(4, "how many of its own last actions an agent observes")
     epochs: int = option(5, "passes over the data")
     batch_size: int = option(512, "rows of a gradient step")
     held_out: float = option(0.1, "share of the episodes that is not learnt from, but measured on")
@@ -67,18 +68,37 @@ class Rows:
         return Rows(self.obs[rows], self.available[rows], self.agents[rows], self.actions[rows])
 
 
-def rows_of(arrays: dict[str, NDArray[Any]], steps: NDArray[np.bool_], device: str) -> Rows:
+def rows_of(
+    dataset: sp.Dataset, arrays: dict[str, NDArray[Any]], steps: NDArray[np.bool_], options: Options
+) -> Rows:
     """The rows of some steps, bool [T]."""
     has_choice = arrays["avail_actions"].sum(-1) > 1  # [T, A]
-    chosen = np.flatnonzero(has_choice & steps[:, None])  # [R], numbers of places in [T, A]
-    n_agents = has_choice.shape[1]
+    step, agent = np.nonzero(has_choice & steps[:, None])  # [R] each
+    past = last_actions(dataset, arrays["actions"], step, agent, options.last_actions)
+    obs = np.concatenate([arrays["obs"][step, agent], past], axis=1)
+    columns = (obs, arrays["avail_actions"][step, agent], agent, arrays["actions"][step, agent])
+    obs_, available, agents, actions = (torch.from_numpy(column).to(options.device) for column in columns)
+    return Rows(obs_, available, agents, actions.long())
 
-    def rows(name: str) -> Tensor:
-        array = arrays[name]
-        return torch.from_numpy(array.reshape(-1, *array.shape[2:])[chosen]).to(device)
 
-    agents = torch.from_numpy(chosen % n_agents).to(device)
-    return Rows(rows("obs"), rows("avail_actions"), agents, rows("actions").long())
+def last_actions(
+    dataset: sp.Dataset,
+    actions: NDArray[np.int32],
+    step: NDArray[np.int64],
+    agent: NDArray[np.int64],
+    n: int,
+) -> NDArray[np.float32]:
+    """The n last actions of agents before steps, one-hot, the newest first, as lanes with `obs_last_actions`
+    have them: zeros before the episode. Without them, the clone of a team that saw its own last actions has
+    to guess what the team knew."""
+    n_actions = dataset.card["sizes"]["n_actions"]
+    episodes = dataset.episodes
+    begin = np.repeat(episodes["start"], episodes["length"])[step]
+    one_hot = np.zeros((len(step), n, n_actions), np.float32)
+    for i in range(n):
+        [rows] = np.nonzero(step - 1 - i >= begin)
+        one_hot[rows, i, actions[step[rows] - 1 - i, agent[rows]]] = 1
+    return one_hot.reshape(len(step), -1)
 
 
 def split(dataset: sp.Dataset, held_out: float, seed: int) -> NDArray[np.bool_]:
@@ -89,7 +109,7 @@ def split(dataset: sp.Dataset, held_out: float, seed: int) -> NDArray[np.bool_]:
 
 
 def loss_of(policy: Mlp, rows: Rows) -> tuple[Tensor, Tensor]:
-    """The mean of -ln p of the actions, and the share of rows in which the action is the most probable one."""
+    """The mean of -ln p of the actions, and the share of rows whose action is the most probable one."""
     log_probs = log_probabilities(policy, rows.obs, rows.available, rows.agents)
     accuracy = (log_probs.argmax(-1) == rows.actions).float().mean()
     return F.nll_loss(log_probs, rows.actions), accuracy
@@ -142,9 +162,9 @@ def clone(options: Options) -> tuple[Mlp, sp.Dataset]:
     dataset = sp.Dataset(options.dataset)
     arrays = dataset.expand(fields=["obs", "avail_actions", "actions"])
     steps = split(dataset, options.held_out, options.seed)
-    learnt, held_out = (rows_of(arrays, chosen, options.device) for chosen in (steps, ~steps))
+    learnt, held_out = (rows_of(dataset, arrays, chosen, options) for chosen in (steps, ~steps))
     sizes = dataset.card["sizes"]
-    widths = [sizes["obs_size"], *map(int, options.hidden.split(",")), sizes["n_actions"]]
+    widths = [learnt.obs.shape[1], *map(int, options.hidden.split(",")), sizes["n_actions"]]
     policy = Mlp(widths, sizes["n_agents"], 0.01, "relu").to(options.device)
     print(f"{dataset.card['steps']:,} steps, {len(learnt):,} rows to learn from, {len(held_out):,} held out")
     learn(policy, learnt, held_out, options)
@@ -156,7 +176,8 @@ def evaluate(policy: Mlp, dataset: sp.Dataset, options: Options) -> sp.Evaluatio
     scenario = options.map_file or dataset.scenario
     if scenario is None:
         raise sp.InvalidRequest("the dataset is not of a standard scenario; --map-file must name its file")
-    with sp.make(scenario, min(options.evaluate_episodes, 64), **dataset.settings) as envs:
+    own = {"obs_last_actions": options.last_actions, **dataset.settings}
+    with sp.make(scenario, min(options.evaluate_episodes, 64), **own) as envs:
         play = partial(act, policy, options=options)
         return sp.evaluate(envs, play, options.evaluate_episodes, seed=2**32 + options.seed)
 

@@ -15,10 +15,10 @@ Minari looks for datasets in the folder that the variable MINARI_DATASETS_PATH n
 
 Minari knows one agent, so the agents are an axis. Observations and actions are those of `BattleEnv` in
 `smaclite_pool.integrations.gymnasium`: a dict of `obs` float32 [n_agents, obs_size], `state` float32
-[state_size] and `action_mask` int8 [n_agents, n_actions], and int32 [n_agents]. An episode of T steps has T + 1
-observations, and T of `actions`, `rewards`, `terminations` and `truncations`; `infos` has `battle_won`, with
-T + 1 entries like the observations, and its metadata the seed. `dataset.recover_environment()` makes the
-environment, if the battles are those of a standard scenario.
+[state_size] and `action_mask` int8 [n_agents, n_actions]; int32 [n_agents]. An episode of T steps has T + 1
+observations, and T of `actions`, `rewards`, `terminations` and `truncations`. `infos` has `battle_won`, with
+T + 1 entries like the observations, and the metadata of an episode its seed. `recover_environment()` makes
+the environment, if the battles are those of a standard scenario.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ from ..errors import InvalidRequest
 from ._export import Arrays, description, expanded, run
 from ._extra import extra
 
-__all__ = ["export", "experience"]
+__all__ = ["experience", "export"]
 
 STEPS_PER_WRITE = 1 << 16
 """Steps that are converted and written at a time."""
@@ -77,8 +77,8 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
         out: the folder of the vault, `NAME.vlt`; it may have datasets already.
         uid: the name of this one, such as `Good`; the vault must not have it.
 
-    The folder appears when it is complete. Meanwhile, `out` has the expanded arrays too, in a temporary folder.
-    Raises InvalidRequest for another name, PoolError and OSError as `Dataset`.
+    The folder appears when it is complete. Meanwhile, `out` has the expanded arrays too, in a temporary
+    folder. Raises InvalidRequest for another name, PoolError and OSError as `Dataset`.
     """
     with extra("vault"):  # here, so that the command prints no traceback without it
         from flashbax.buffers.trajectory_buffer import TrajectoryBufferState
