@@ -1,5 +1,6 @@
 //! Tests of the program by its commands, output and exit status.
 
+mod dataset;
 mod dependencies;
 mod doctor;
 mod files;

@@ -52,6 +52,7 @@ impl Dataset {
         interrupted: Interrupted<'_>,
     ) -> Result<Vec<(ArrayName, Values)>, DatasetError> {
         let wanted = wanted(arrays);
+        self.check_memory(wanted)?;
         let mut values = self.zeros(wanted, self.n_steps(), self.episodes.len());
         let rows = Rows::new(&mut values, &self.sizes());
         let hashes = self.play(wanted, Some(rows), threads, interrupted, |_| Ok(()))?;
@@ -235,6 +236,17 @@ impl Dataset {
             }
         }
         Ok(())
+    }
+
+    /// Whether the system grants the memory of the arrays: without it, the process would end.
+    fn check_memory(&self, wanted: Wanted) -> Result<(), DatasetError> {
+        let bytes_of = |array: ArrayName| {
+            let n_rows = n_rows(array, wanted, self.n_steps(), self.episodes.len());
+            n_rows.saturating_mul(array.row_len(&self.sizes()) * array.spec().dtype.size())
+        };
+        let bytes = ArrayName::ALL.into_iter().map(bytes_of).fold(0, usize::saturating_add);
+        let granted = Vec::<u8>::new().try_reserve_exact(bytes);
+        granted.map_err(|_| DatasetError::Memory { bytes })
     }
 
     fn zeros(&self, wanted: Wanted, steps: usize, episodes: usize) -> [Values; N_ARRAYS] {
