@@ -1,7 +1,7 @@
-"""Makes the zoo: copies the best team of every scenario from folders of `smaclite-pool train --evaluate-every`.
+"""Makes the zoo: copies the best team of every scenario from runs of `smaclite-pool train --evaluate-every`.
 
-A team is in the zoo if its best weights win at least 90 % of the 320 greedy episodes of its final evaluation. Of
-several seeds, the one that wins most is taken.
+A team is in the zoo if its best weights win at least 90 % of the 320 greedy episodes of its final evaluation.
+Of several seeds, the one that wins most is taken.
 """
 
 from __future__ import annotations

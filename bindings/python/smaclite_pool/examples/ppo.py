@@ -36,7 +36,6 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-
 TEAM_ENTROPY = 0.3
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
 default weight of the entropy is divided by their number."""
