@@ -49,8 +49,8 @@ enum Action {
 
 #[derive(Args)]
 struct Record {
-    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite, hold,
-    /// line, flank, escort or spread
+    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite,
+    /// hold, line, flank, escort or spread
     #[arg(add = completions::player())]
     source: String,
     /// Weights of a run by its evaluations: good, medium, poor, or replay, which is all of them in turn

@@ -14,7 +14,8 @@
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
 //! while a run trains, `seeds` trains several runs at a time, `evaluate` plays a trained team, and
-//! `trained_team` lets it play a single battle. `dataset` keeps what teams play, for offline learning. `zoo` has
+//! `trained_team` lets it play a single battle. `dataset` keeps what teams play, for offline learning.
+//! `zoo` has
 //! teams that are part of the program. `team` is what is trained. `random`, `parallel`, `math` and `tensors`
 //! serve the others.
 //!

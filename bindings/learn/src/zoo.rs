@@ -1,8 +1,8 @@
 //! The zoo: trained teams that are part of the program, one for each standard scenario that the default
 //! configuration wins. `just results-zoo` makes its files.
 //!
-//! A team is called `zoo:SCENARIO` wherever the folder of a run can be named. Its files are those of a run that
-//! others read (`run.json`, `best.safetensors`), and a card.
+//! A team is called `zoo:SCENARIO` wherever the folder of a run can be named. Its files are those of a run
+//! that others read (`run.json`, `best.safetensors`), and a card.
 
 use std::path::{Path, PathBuf};
 
