@@ -157,7 +157,7 @@ hyperparameters! {
 /// What is trained.
 enum Opened {
     /// A run in the scenario of this name.
-    One(Run, String),
+    One(Box<Run>, String),
     Several(Seeds),
 }
 
@@ -231,7 +231,7 @@ impl Train {
         let run = RunDescription::read(folder)?;
         self.choose_lane(&run.name, runtime_dir, interrupted)?;
         let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
-        Ok(Opened::One(Run::resume(folder, self.steps, lanes, threads)?, run.name))
+        Ok(Opened::One(Box::new(Run::resume(folder, self.steps, lanes, threads)?), run.name))
     }
 
     fn begin(
@@ -259,7 +259,7 @@ impl Train {
         // A pool has its own; others that were asked for are refused.
         config.num_envs = num_envs.unwrap_or(lanes.num_envs());
         config.last_actions = last_actions.unwrap_or(lanes.last_actions());
-        Ok(Opened::One(Run::begin(&out, config, &setup, lanes, threads)?, scenario.name))
+        Ok(Opened::One(Box::new(Run::begin(&out, config, &setup, lanes, threads)?), scenario.name))
     }
 
     fn setup(
