@@ -7,6 +7,7 @@ mod kit;
 mod page_kit;
 mod play;
 mod recording;
+mod report;
 mod shells;
 mod snapshots;
 mod tournament;
