@@ -28,7 +28,7 @@ fn two_algorithms_are_reported() {
     let report = "report runs/ippo/ mappo=runs/other --actions sampled";
     let printed = output(folder, &format!("{report} --out one --threads 1"));
     assert!(printed.starts_with("2 algorithms, 1 task, 2 seeds each, sampled actions\n\n"), "{printed}");
-    for part in ["\nalgorithm  tasks  runs  won ", "\nippo       1      2     ", "\nmappo  ippo   "] {
+    for part in ["\nalgorithm  tasks  runs  won ", "\nippo       1      2     ", "\nmappo   ippo  "] {
         assert!(printed.contains(part), "{part} in {printed}");
     }
     let again = output(folder, &format!("{report} --out again --threads 3"));
