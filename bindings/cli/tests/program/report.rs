@@ -53,7 +53,7 @@ fn two_algorithms_are_reported() {
     let metrics: Value = serde_json::from_str(&one["metrics.json"]).expect("JSON");
     assert_eq!(metrics["smaclite"]["3m"]["mappo"]["run_1"]["step_1"]["step_count"], 300);
 
-    let quick = output(folder, "report runs --out quick --skip-times");
+    let quick = output(folder, "report runs/ippo --out quick --skip-times");
     assert!(!quick.contains("until a team won"), "{quick}");
 }
 
