@@ -24,6 +24,7 @@ mod spectator;
 #[allow(unsafe_code)]
 mod views;
 mod wait;
+mod zoo;
 
 use pyo3::prelude::*;
 
@@ -61,6 +62,8 @@ mod _native {
     use super::spectator::Spectator;
     #[pymodule_export]
     use super::views::Frame;
+    #[pymodule_export]
+    use super::zoo::zoo_file;
 
     // Numbers of the actions of an agent.
     #[pymodule_export]
@@ -101,6 +104,8 @@ mod _native {
         module.add("DATASET_ARRAYS", super::dataset::table())?;
         let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
         module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
+        let teams: Vec<&str> = smaclite_learn::zoo_scenarios().collect();
+        module.add("ZOO", pyo3::types::PyTuple::new(module.py(), teams)?)?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)
     }

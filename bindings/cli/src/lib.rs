@@ -45,6 +45,7 @@ mod usage;
 mod verify_run;
 mod watch;
 mod web;
+mod zoo;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
@@ -102,6 +103,8 @@ enum Command {
     VerifyRun(verify_run::VerifyRun),
     /// Compare runs of several seeds and algorithms: curves, intervals, tables, metrics.json
     Report(report::WriteReport),
+    /// List the trained teams that are part of the program
+    Zoo(zoo::Zoo),
     /// Play against a script or a trained team, in the browser
     Play(play::Play),
     /// Play scripts and trained teams against each other: payoff matrix and Elo ratings
@@ -189,6 +192,7 @@ impl Command {
             Command::Evaluate(evaluate) => evaluate.run(),
             Command::VerifyRun(verify_run) => verify_run.run(),
             Command::Report(report) => report.run(),
+            Command::Zoo(zoo) => zoo.run(),
             Command::Play(play) => play.run(),
             Command::Tournament(tournament) => tournament.run(),
             Command::Exploit(exploit) => exploit.run(),

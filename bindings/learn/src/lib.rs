@@ -14,10 +14,9 @@
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
 //! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms
-//! (`statistics`), `evaluate` plays a trained team, and
-//! `trained_team` lets it play a single battle. `dataset` keeps what teams play, for offline learning. `team`
-//! is what is trained. `random`,
-//! `parallel`, `math` and `tensors` serve the others.
+//! (`statistics`), `evaluate` plays a trained team, and `trained_team` lets it play a single battle. `dataset`
+//! keeps what teams play, for offline learning. `zoo` has teams that are part of the program. `team` is what is
+//! trained. `random`, `parallel`, `math` and `tensors` serve the others.
 //!
 //! **Determinism.** The seed and the hyperparameters decide every bit of a run on one machine. They do so for
 //! any load and any number of threads, of the learner and of the pool: each random number comes from a
@@ -63,6 +62,8 @@ mod tournament;
 mod trained_team;
 mod training;
 mod view;
+mod zoo;
+mod zoo_cards;
 
 pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
@@ -99,3 +100,5 @@ pub use tensors::FileError;
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
 pub use trained_team::{TrainedTeam, UnfitTeam, Weights};
 pub use training::{Record, SelfPlayRecord, TrainError};
+pub use zoo::{names_team, zoo_file, zoo_scenarios};
+pub use zoo_cards::{ZooCard, zoo_cards};

@@ -15,6 +15,7 @@ Other interfaces are modules of this package:
 
 - `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
   `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
+  `vault` and `minari` write datasets for other libraries.
 - `marl`: `smac` (SMAC's interface), `epymarl` and `on_policy`.
 - `compat`: drop-in replacements for the packages `smaclite` and `smac`.
 
@@ -33,8 +34,11 @@ if "t" in sys.abiflags:
 
 from ._evaluation import Evaluation, evaluate
 from ._native import (
+    DATASET_ARRAYS,
     OPPONENTS,
+    ZOO,
     Batch,
+    Dataset,
     Envs,
     Frame,
     Recorder,
@@ -75,12 +79,15 @@ from .errors import (
 )
 
 __all__ = [
+    "DATASET_ARRAYS",
     "OPPONENTS",
+    "ZOO",
     "Batch",
     "Busy",
     "ChangedBatch",
     "Closed",
     "ConnectError",
+    "Dataset",
     "Envs",
     "Evaluation",
     "Forked",

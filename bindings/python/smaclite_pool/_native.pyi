@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._wrapper import ChangedBatch
-from .types import LaneDescription, PoolStatus, Scenario
+from .types import DatasetCard, LaneDescription, PoolStatus, Scenario
 
 __all__ = [
+    "DATASET_ARRAYS",
     "EAST",
     "FIRST_TARGET",
     "KILL_REWARD",
@@ -27,8 +28,10 @@ __all__ = [
     "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
+    "ZOO",
     "Batch",
     "CapabilityBattle",
+    "Dataset",
     "Envs",
     "Frame",
     "Recorder",
@@ -45,6 +48,7 @@ __all__ = [
     "scenarios",
     "snapshot_columns",
     "status",
+    "zoo_file",
 ]
 
 __version__: str
@@ -58,9 +62,13 @@ EAST: Final[int]
 WEST: Final[int]
 FIRST_TARGET: Final[int]
 
-# In squares.
+# Name, dtype, shape and meaning.
 SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
+DATASET_ARRAYS: list[tuple[str, str, str, str]]
 OPPONENTS: tuple[str, ...]
+ZOO: tuple[str, ...]
+
+# In squares.
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 
@@ -430,6 +438,32 @@ class ScriptedPolicy:
     @property
     def name(self) -> str: ...
 
+@final
+class Dataset:
+    """A dataset for offline learning: the recipe that `smaclite-pool dataset record` wrote."""
+
+    def __new__(cls, path: str | PathLike[str]) -> Dataset: ...
+    def expand(
+        self,
+        out: str | PathLike[str] | None = None,
+        fields: Sequence[str] | None = None,
+        *,
+        threads: int | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """Play all episodes again and return their arrays, by name."""
+    @property
+    def card(self) -> DatasetCard: ...
+    @property
+    def episodes(self) -> dict[str, NDArray[Any]]: ...
+    @property
+    def hash(self) -> str: ...
+    @property
+    def program(self) -> str: ...
+    @property
+    def scenario(self) -> str | None: ...
+    @property
+    def settings(self) -> dict[str, Any]: ...
+
 @overload
 def make(
     scenario: str | PathLike[str],
@@ -509,3 +543,4 @@ def pack_snapshot(
     """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
 
 def run_program(args: list[str]) -> int: ...
+def zoo_file(path: str | PathLike[str]) -> bytes | None: ...

@@ -15,6 +15,10 @@ from typing import Literal, TypedDict
 
 __all__ = [
     "Capacity",
+    "DatasetCard",
+    "DatasetPolicy",
+    "DatasetSizes",
+    "Distribution",
     "EnemySide",
     "EnemySizes",
     "LaneDescription",
@@ -213,3 +217,61 @@ class PoolStatus(TypedDict):
     shared_memory: int
     """Bytes reserved for batches."""
     lanes: list[LaneStatus]
+
+
+class DatasetSizes(TypedDict):
+    """Sizes of the arrays of a dataset."""
+
+    n_agents: int
+    n_enemies: int
+    n_actions: int
+    obs_size: int
+    state_size: int
+
+
+class Distribution(TypedDict):
+    """How numbers are distributed. Quantiles are values that occur."""
+
+    mean: float
+    deviation: float
+    min: float
+    quantile_25: float
+    median: float
+    quantile_75: float
+    max: float
+
+
+class DatasetPolicy(TypedDict):
+    """What one policy of a dataset played."""
+
+    name: str
+    """The scripted policy, or the file in the folder of the run."""
+    episodes: int
+    steps: int
+    win_rate: float
+    mean_return: float
+
+
+class DatasetCard(TypedDict):
+    """What `Dataset.card` is."""
+
+    scenario: str
+    rules: Literal["smaclite", "paper"]
+    opponents: str
+    """The opponent, or several with their weights."""
+    sizes: DatasetSizes
+    episodes: int
+    steps: int
+    win_rate: float
+    """Share of the episodes."""
+    truncated_rate: float
+    """Share of the episodes that the episode limit ended."""
+    returns: Distribution
+    """Sums of the episodes' rewards."""
+    lengths: Distribution
+    """Steps of the episodes."""
+    unique_pairs: int
+    """Different pairs of state and joint action."""
+    coverage: float
+    """Their share of all steps (SACo)."""
+    policies: list[DatasetPolicy]

@@ -1,5 +1,6 @@
 //! Tests of the program by its commands, output and exit status.
 
+mod dataset;
 mod dependencies;
 mod doctor;
 mod files;
@@ -13,3 +14,4 @@ mod snapshots;
 mod tournament;
 mod training;
 mod watch;
+mod zoo;

@@ -3,6 +3,7 @@
 use crate::kit::{check_error, output, program};
 use crate::page_kit::Place;
 use serde_json::Value;
+use smaclite_learn::TEAM_ENTROPY;
 use std::fs;
 use std::process::Stdio;
 use std::time::Duration;
@@ -326,7 +327,7 @@ fn the_help_states_the_defaults() {
     let config = run["config"].as_object().expect("an object");
     for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
-            ("entropy", _) => "0.3 divided by the number of agents".to_owned(),
+            ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
             (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
             (_, Value::String(keyword)) => keyword.clone(),
             (_, number) => number.as_f64().expect("a number").to_string(),

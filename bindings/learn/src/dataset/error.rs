@@ -41,8 +41,17 @@ pub enum DatasetError {
     FolderExists { folder: String },
     #[error("a dataset needs battles that end: the scenario or the run must have an episode limit")]
     NoLimit,
-    #[error("a dataset of more than {max} steps is not supported")]
+    #[error("a dataset has the actions of the agents only, but in this run joint actions play both sides")]
+    BothSides,
+    #[error("a dataset must have at most {max} steps; record fewer")]
     TooManySteps { max: usize },
+    #[error("a dataset must have at most {max} policies, got {given} evaluations")]
+    TooManyPolicies { max: usize, given: usize },
+    #[error(
+        "the arrays need {bytes} bytes of memory, more than there is; expand fewer of them, or to a folder, \
+         whose files NumPy maps"
+    )]
+    Memory { bytes: usize },
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error(transparent)]

@@ -8,6 +8,7 @@
 
 mod arrays;
 mod card;
+mod chunk;
 mod error;
 mod expand;
 mod file;
@@ -126,6 +127,11 @@ impl Dataset {
         self.arena.sizes()
     }
 
+    /// Steps after which an episode is truncated.
+    pub fn episode_limit(&self) -> Option<u32> {
+        self.arena.episode_limit()
+    }
+
     /// Who chose the actions.
     pub fn policies(&self) -> &[Policy] {
         &self.policies
@@ -144,6 +150,21 @@ impl Dataset {
     /// What was played.
     pub fn card(&self) -> &Card {
         &self.card
+    }
+
+    /// The card with the keys `program` and `hash`, as `card.json` has it.
+    ///
+    /// # Errors
+    /// Those of `serde_json`.
+    pub fn card_json(&self) -> serde_json::Result<serde_json::Value> {
+        #[derive(Serialize)]
+        struct Described<'a> {
+            #[serde(flatten)]
+            card: &'a Card,
+            program: &'a str,
+            hash: String,
+        }
+        serde_json::to_value(Described { card: &self.card, program: &self.program, hash: self.hash() })
     }
 
     /// The hash of all arrays, 32 hexadecimal digits: equal hashes are equal data.
