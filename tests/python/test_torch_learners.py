@@ -253,7 +253,7 @@ def test_evaluations_keep_the_best_weights_and_their_time(tmp_path: Path) -> Non
     rates = {0: 0.0, 10: 0.5, 20: 0.95, 30: 0.2}
     now = 0
 
-    class Played(evaluations.Evaluations):  # type: ignore[misc, name-defined]
+    class Played(evaluations.Evaluations):  # type: ignore[misc]
         def episodes(self, count: int, greedy: bool, occasion: list[int]) -> sp.Evaluation:
             played.append((count, greedy, tuple(occasion), module.weight.item()))
             won = np.arange(count) < round(rates[now] * count)

@@ -141,7 +141,7 @@ class Evaluations:
             self.team.load_state_dict(weights)
             greedy, sampled = (self.episodes(FINAL_EPISODES, is_greedy, []) for is_greedy in (True, False))
             self.team.load_state_dict(last)
-        result = {
+        result: dict[str, Any] = {
             "steps": steps,
             "trained_steps": best_steps,
             "run_steps": trained_steps,
