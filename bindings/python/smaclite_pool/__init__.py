@@ -31,6 +31,8 @@ if "t" in sys.abiflags:
         "(python3.13t and the like): use the normal one of the same version"
     )
 
+from ._agent_view import AgentView, AgentViews, PerAgent, SeenUnit, evaluate_function
+from ._entities import Entities, EntityRows
 from ._evaluation import Evaluation, evaluate
 from ._native import (
     OPPONENTS,
@@ -76,11 +78,15 @@ from .errors import (
 
 __all__ = [
     "OPPONENTS",
+    "AgentView",
+    "AgentViews",
     "Batch",
     "Busy",
     "ChangedBatch",
     "Closed",
     "ConnectError",
+    "Entities",
+    "EntityRows",
     "Envs",
     "Evaluation",
     "Forked",
@@ -91,6 +97,7 @@ __all__ = [
     "LaneTaken",
     "NoSuchPool",
     "OtherLearnerLeft",
+    "PerAgent",
     "PoolDied",
     "PoolError",
     "Recorder",
@@ -98,6 +105,7 @@ __all__ = [
     "Rollout",
     "ScenarioError",
     "ScriptedPolicy",
+    "SeenUnit",
     "Spectator",
     "StartError",
     "Team",
@@ -108,6 +116,7 @@ __all__ = [
     "__version__",
     "connect",
     "evaluate",
+    "evaluate_function",
     "load_team",
     "make",
     "pack_snapshot",
