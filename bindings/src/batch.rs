@@ -65,7 +65,7 @@ pub fn missing_field_error(field: Field) -> PyErr {
     } else if FieldSet::DEFAULT.contains(field) {
         format!("batches of this lane do not include `{name}`; add it to `fields`, or omit `fields` for all")
     } else {
-        format!("batches of this lane do not include `{name}`; name it in `fields`")
+        format!("batches of this lane do not include `{name}`; add it to `fields`")
     })
 }
 

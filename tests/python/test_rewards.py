@@ -111,7 +111,7 @@ def test_shares_add_up_in_every_mode(autoreset: Any, batch_size: int, threads: i
 def test_shares_must_be_named() -> None:
     with sp.make("3m", 2) as envs:
         assert "reward_agents" not in envs.fields
-        with pytest.raises(AttributeError, match="name it in `fields`"):
+        with pytest.raises(AttributeError, match="add it to `fields`$"):
             _ = envs.reset().reward_agents
 
 

@@ -104,6 +104,7 @@ class Scenario(TypedDict):
     teams_are_drawn: bool
     """Whether each episode draws the types of the units; then `allies` and `enemies` are one sample."""
     unit_types: list[UnitType]
+    """In the order of the numbers that a level has for types."""
     actions: list[str]
     """Names of an agent's actions, by their numbers: no_op, stop, north, ..., target_0, ..."""
     allies: list[UnitStats]
