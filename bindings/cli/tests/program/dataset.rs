@@ -139,7 +139,7 @@ fn an_interruption_leaves_no_files() {
         let message = String::from_utf8_lossy(&done.stderr).into_owned();
         assert!(!done.status.success() && message.contains("interrupted"), "{command}: {message}");
     }
-    assert_eq!(names_in(folder), ["a.smdata", "pools"]);
+    assert_eq!(names_in(folder), ["a.smdata"]);
 }
 
 /// Whether a process has begun to handle Ctrl-C itself.
