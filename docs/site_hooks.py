@@ -1,8 +1,8 @@
 """What pages take from the installed package when the site is built, so that it is written once.
 
 A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
-batch, `snapshot-columns` for the columns of a snapshot, `dataset-arrays` for the arrays of a dataset, `unit-keys`
-and `scenario-keys` for the keys of these files, `commands` for the help of every command.
+batch, `snapshot-columns` for the columns of a snapshot, `dataset-arrays` for the arrays of a dataset,
+`unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command.
 """
 
 from __future__ import annotations
