@@ -48,8 +48,8 @@ fn dataset_error(error: DatasetError) -> PyErr {
 ///     dataset = smaclite_pool.Dataset("3m.smdata")
 ///     arrays = dataset.expand(fields=["obs", "avail_actions", "actions"])
 ///
-/// The file has the scenario, and the seed and the actions of every episode. `expand` plays the episodes again
-/// and gets the same bits on every machine.
+/// The file has the scenario, and the seed and the actions of every episode. `expand` plays the episodes
+/// again and gets the same bits on every machine.
 ///
 /// Args:
 ///     path: a file of `smaclite-pool dataset record`.
@@ -137,9 +137,9 @@ impl Dataset {
         }
     }
 
-    /// What was played, as a dict: `scenario`, `rules`, `opponents`, `sizes`, `episodes`, `steps`, `win_rate`,
-    /// `truncated_rate`, `returns` and `lengths` (mean, deviation and quantiles), `unique_pairs`, `coverage`
-    /// (the share of different pairs of state and joint action) and `policies`.
+    /// What was played, as a dict: `scenario`, `rules`, `opponents`, `sizes`, `episodes`, `steps`,
+    /// `win_rate`, `truncated_rate`, `returns` and `lengths` (mean, deviation and quantiles), `unique_pairs`,
+    /// `coverage` (the share of different pairs of state and joint action) and `policies`.
     #[getter]
     fn card<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         to_dict(py, self.recipe.card())

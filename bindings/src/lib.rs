@@ -102,6 +102,8 @@ mod _native {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
         module.add("DATASET_ARRAYS", super::dataset::table())?;
+        let rewards = crate::convert::to_dict(module.py(), &smaclite_engine::Rewards::DEFAULT)?;
+        module.add("REWARD_DEFAULTS", rewards)?;
         let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
         module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
         let teams: Vec<&str> = smaclite_learn::zoo_scenarios().collect();

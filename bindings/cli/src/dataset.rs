@@ -49,8 +49,8 @@ enum Action {
 
 #[derive(Args)]
 struct Record {
-    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite, hold,
-    /// line, flank, escort or spread
+    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite,
+    /// hold, line, flank, escort or spread
     #[arg(add = completions::player())]
     source: String,
     /// Weights of a run by its evaluations: good, medium, poor, or replay, which is all of them in turn
@@ -194,15 +194,15 @@ impl Record {
             }
             Err(_) if names_team(source) => {
                 if scenario.is_some() {
-                    let text = "--scenario has no effect on a run, which plays what it was trained in; leave it \
-                                out";
+                    let text = "--scenario has no effect on a run, which plays what it was trained in; leave \
+                                it out";
                     return Err(text.into());
                 }
                 let (folder, opponents) = (PathBuf::from(source), opponent.clone());
                 Ok(Source::Run { folder, quality: *quality, opponents })
             }
             Err(_) => Err(format!(
-                "`{source}` is neither a scripted policy ({}) nor the folder of a run of `smaclite-pool train`",
+                "`{source}` is neither a scripted policy ({}) nor a run of `smaclite-pool train`",
                 Scripted::NAMES.join(", ")
             )
             .into()),

@@ -1,4 +1,5 @@
-//! The option `--opponent` of `train` and `evaluate`, and `--against` of `play`: scripts, a trained team, or the team that is trained.
+//! The option `--opponent` of `train` and `evaluate`, and `--against` of `play`: scripts, a trained team,
+//! or the team that is trained.
 
 use crate::number::{count, whole};
 use clap::Args;

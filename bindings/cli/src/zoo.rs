@@ -12,7 +12,8 @@ Wherever the folder of a run can be named, zoo:SCENARIO is the team of that scen
   smaclite-pool tournament zoo:3m attack_move kite
   smaclite-pool play 8m --against zoo:8m --open
 
-Teams were trained by the default configuration for two million steps; wins are those of the final evaluation.")]
+Teams were trained by the default configuration for two million steps; wins are
+those of the final evaluation.")]
 pub(super) struct Zoo {
     /// Print one JSON object per team
     #[arg(long)]

@@ -32,6 +32,8 @@ if "t" in sys.abiflags:
         "(python3.13t and the like): use the normal one of the same version"
     )
 
+from ._agent_view import AgentView, AgentViews, PerAgent, SeenUnit, evaluate_function
+from ._entities import Entities, EntityRows
 from ._evaluation import Evaluation, evaluate
 from ._native import (
     DATASET_ARRAYS,
@@ -82,12 +84,16 @@ __all__ = [
     "DATASET_ARRAYS",
     "OPPONENTS",
     "ZOO",
+    "AgentView",
+    "AgentViews",
     "Batch",
     "Busy",
     "ChangedBatch",
     "Closed",
     "ConnectError",
     "Dataset",
+    "Entities",
+    "EntityRows",
     "Envs",
     "Evaluation",
     "Forked",
@@ -98,6 +104,7 @@ __all__ = [
     "LaneTaken",
     "NoSuchPool",
     "OtherLearnerLeft",
+    "PerAgent",
     "PoolDied",
     "PoolError",
     "Recorder",
@@ -105,6 +112,7 @@ __all__ = [
     "Rollout",
     "ScenarioError",
     "ScriptedPolicy",
+    "SeenUnit",
     "Spectator",
     "StartError",
     "Team",
@@ -115,6 +123,7 @@ __all__ = [
     "__version__",
     "connect",
     "evaluate",
+    "evaluate_function",
     "load_team",
     "make",
     "pack_snapshot",

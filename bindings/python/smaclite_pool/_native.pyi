@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._wrapper import ChangedBatch
-from .types import DatasetCard, LaneDescription, PoolStatus, Scenario
+from .types import DatasetCard, LaneDescription, PoolStatus, RewardOptions, Scenario
 
 __all__ = [
     "DATASET_ARRAYS",
@@ -20,6 +20,7 @@ __all__ = [
     "NORTH",
     "NO_OP",
     "OPPONENTS",
+    "REWARD_DEFAULTS",
     "REWARD_SCALE",
     "SIGHT_RANGE",
     "SNAPSHOT_COLUMNS",
@@ -76,6 +77,8 @@ TARGETING_RANGE: Final[float]
 KILL_REWARD: Final[float]
 WIN_REWARD: Final[float]
 REWARD_SCALE: Final[float]
+# The rewards of a scenario that has no others.
+REWARD_DEFAULTS: Final[RewardOptions]
 
 _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]
@@ -158,6 +161,9 @@ class Batch:
     def level(self) -> NDArray[np.float32]:
         """float32 [M, n_units, 5]: how the episode began; lanes must name this field."""
     @property
+    def reward_agents(self) -> NDArray[np.float32]:
+        """float32 [M, n_agents]: share of each agent in `reward`; lanes must name this field."""
+    @property
     def enemy_obs(self) -> NDArray[np.float32]:
         """float32 [M, n_enemies, enemy_obs_size]: both sides: observation of each enemy."""
     @property
@@ -172,6 +178,9 @@ class Batch:
     @property
     def enemy_reward(self) -> NDArray[np.float32]:
         """float32 [M]: both sides: the enemies' reward of the step just made."""
+    @property
+    def enemy_reward_agents(self) -> NDArray[np.float32]:
+        """float32 [M, n_enemies]: share of each enemy in `enemy_reward`; lanes must name this field."""
     @property
     def final_enemy_obs(self) -> NDArray[np.float32]:
         """float32 [M, n_enemies, enemy_obs_size]: last enemy_obs, as final_obs."""
@@ -316,6 +325,8 @@ class Envs:
     def rules(self) -> _Rules: ...
     @property
     def opponents(self) -> dict[str, float]: ...
+    @property
+    def rewards(self) -> RewardOptions: ...
     @property
     def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
     @property
@@ -481,6 +492,7 @@ def make(
     zero_sum: bool = False,
     teams: dict[str, Any] | None = None,
     start_positions: dict[str, Any] | None = None,
+    rewards: dict[str, Any] | None = None,
     smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
@@ -509,6 +521,7 @@ def make(
     zero_sum: bool = False,
     teams: dict[str, Any] | None = None,
     start_positions: dict[str, Any] | None = None,
+    rewards: dict[str, Any] | None = None,
     smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
@@ -530,7 +543,7 @@ def connect(
     side: Literal["allies", "enemies"] | None = None,
     on_leave: _Policy | None = None,
 ) -> Envs: ...
-def scenario(scenario: str | PathLike[str]) -> Scenario: ...
+def scenario(scenario: str | PathLike[str] | Envs) -> Scenario: ...
 def scenarios(*, generated: bool | None = None) -> list[str]: ...
 def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...

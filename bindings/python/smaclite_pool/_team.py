@@ -128,10 +128,11 @@ def load_team(
             print(sp.evaluate(envs, team, episodes=200, seed=1).win_rate)
 
     Args:
-        team: the name of a scenario in `ZOO`, or a folder, as `--out` of `smaclite-pool train` or `out` of `train`. If
-            there is a folder of that name, it is taken; `"zoo:2s3z"` is always that of the package.
-        weights: those of the best evaluation of the run (`"best"`) or its last ones (`"last"`). None for the best
-            ones if the run was evaluated and did not play itself, else the last.
+        team: the name of a scenario in `ZOO`, or a folder, as `--out` of `smaclite-pool train` or `out` of
+            `train`. If there is a folder of that name, it is taken; `"zoo:2s3z"` is always that of the
+            package.
+        weights: those of the best evaluation of the run (`"best"`) or its last ones (`"last"`). None for the
+            best ones if the run was evaluated and did not play itself, else the last.
         greedy: take the most probable actions, instead of drawing them.
         seed: of the generator that draws them.
 

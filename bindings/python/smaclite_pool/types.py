@@ -26,8 +26,10 @@ __all__ = [
     "LaneStatus",
     "LayoutPart",
     "PoolStatus",
+    "RewardOptions",
     "Scenario",
     "UnitStats",
+    "UnitType",
 ]
 
 
@@ -56,6 +58,19 @@ class UnitStats(TypedDict):
     targets: list[Literal["GROUND", "AIR", "COLOSSUS"]]
     """Planes whose units it can attack or heal."""
     targeter: Literal["STANDARD", "KAMIKAZE", "LASER_BEAM", "HEAL"]
+
+
+class UnitType(TypedDict):
+    """A type of the units of a scenario."""
+
+    unit_type: str
+    """Its name."""
+    type_id: int
+    """Index in the one-hot of the unit type."""
+    healer: bool
+    """Whether it heals and does not attack."""
+    sight_range: float
+    """By which agents of this type see distances divided, in squares."""
 
 
 class LayoutPart(TypedDict):
@@ -90,6 +105,12 @@ class Scenario(TypedDict):
     """Whether observations and state contain the shields of enemies."""
     episode_limit: int | None
     """Steps, None for no limit."""
+    teams_are_drawn: bool
+    """Whether each episode draws the types of the units; then `allies` and `enemies` are one sample."""
+    unit_types: list[UnitType]
+    """In the order of the numbers that a level has for types."""
+    actions: list[str]
+    """Names of an agent's actions, by their numbers: no_op, stop, north, ..., target_0, ..."""
     allies: list[UnitStats]
     """By id."""
     enemies: list[UnitStats]
@@ -125,6 +146,27 @@ class EnemySizes(TypedDict):
     state_size: int
 
 
+class RewardOptions(TypedDict):
+    """What both sides of a battle are rewarded for, with SMAC's names: `Envs.rewards`."""
+
+    reward_sparse: bool
+    """Rewards are 1, -1 or 0, at the end."""
+    reward_only_positive: bool
+    """Rewards leave out own losses."""
+    reward_death_value: float
+    """Points for a kill."""
+    reward_win: float
+    """Points for winning."""
+    reward_defeat: float
+    """Points for losing."""
+    reward_negative_scale: float
+    """What own losses are multiplied by."""
+    reward_scale: bool
+    """Rewards are scaled."""
+    reward_scale_rate: float
+    """The return that the greatest return is scaled to."""
+
+
 class LaneDescription(TypedDict):
     """What never changes about a lane: `Envs.description`."""
 
@@ -158,6 +200,8 @@ class LaneDescription(TypedDict):
     """Who plays the enemies, with weights."""
     sides: Literal["allies"] | dict[Literal["both"], EnemySide]
     """Which sides actions play."""
+    rewards: RewardOptions
+    """What both sides are rewarded for."""
     enemies: EnemySizes | None
     """What differs for the enemies, if actions play both sides, else None."""
     layout_hash: int

@@ -146,7 +146,8 @@ hyperparameters! {
     value_clip: f64,
     /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
     huber: f64,
-    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of agents]
+    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of
+    /// agents]
     entropy: f64,
     /// Weight of the entropy at the end [default: 0]
     entropy_end: f64,

@@ -8,6 +8,7 @@ mod kit;
 mod page_kit;
 mod play;
 mod recording;
+mod report;
 mod shells;
 mod snapshots;
 mod tournament;

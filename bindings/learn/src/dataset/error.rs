@@ -33,8 +33,8 @@ pub enum DatasetError {
         program: String,
     },
     #[error(
-        "{file}: array `{array}` has the hash {played}, but {recorded} as recorded by {program}: this version \
-         plays the episodes otherwise, or the file was changed"
+        "{file}: array `{array}` has the hash {played}, but {recorded} as recorded by {program}: this \
+         version plays the episodes otherwise, or the file was changed"
     )]
     OtherBits { file: String, array: &'static str, recorded: String, played: String, program: String },
     #[error("{folder}: exists; the arrays must be written to a new folder")]

@@ -7,10 +7,13 @@
 //! | lengths | u32 per episode |
 //! | policies | u16 per episode |
 //! | ends | a byte per episode: 1 terminated, 2 truncated, 4 won |
-//! | actions | a byte per agent and step, or a u16 if an agent has more than 256 actions: episode by episode, and in each the actions of one agent after those of the other, as they resemble each other most |
+//! | actions | a byte per agent and step, or a u16 if there are more than 256 actions; see below |
 //!
-//! Numbers are little-endian. gzip's checksum and length detect damage, and what is compressed is read only as
-//! far as the line of JSON says. Everything is checked after reading, except for what only play can tell:
+//! Actions are stored episode by episode, and in each those of one agent after those of the other, as they
+//! resemble each other most.
+//!
+//! Numbers are little-endian. gzip's checksum and length detect damage, and what is compressed is read only
+//! as far as the line of JSON says. Everything is checked after reading, except for what only play can tell:
 //! whether actions are legal, and whether the arrays have the recorded hashes.
 
 use super::arrays::ARRAYS;
@@ -80,8 +83,8 @@ impl Dataset {
     /// Reads a dataset file.
     ///
     /// # Errors
-    /// [`DatasetError`] says what is wrong with the file. Whether this version plays its episodes as they were
-    /// recorded is checked by [`expand`](Self::expand).
+    /// [`DatasetError`] says what is wrong with the file. Whether this version plays its episodes as they
+    /// were recorded is checked by [`expand`](Self::expand).
     pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
         let file = path.display().to_string();
         let failed = |error| DatasetError::Io { file: file.clone(), error };

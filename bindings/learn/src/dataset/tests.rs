@@ -51,7 +51,8 @@ fn threads_change_no_bit() {
     }
 }
 
-/// The arrays have the rows that a battle gives which is played step by step, and the last observations apart.
+/// The arrays have the rows that a battle gives which is played step by step, and the last observations
+/// apart.
 #[test]
 fn arrays_are_what_battles_give() {
     let dataset = recorded(2);

@@ -3,6 +3,7 @@
 
 mod evaluations;
 mod kit;
+mod report;
 mod self_play;
 
 use crate::kit::{Place, check_resumed, complete, scenario, small};
