@@ -19,7 +19,9 @@ use smaclite_engine::{
     StreamPosition,
 };
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
-use smaclite_units::file::{printable_text, shortened, write_whole};
+#[cfg(not(target_family = "wasm"))]
+use smaclite_units::file::write_whole;
+use smaclite_units::file::{printable_text, shortened};
 
 use super::{Episode, Outcome, Replay, ReplayError};
 
@@ -114,10 +116,11 @@ impl Replay {
         Replay::from_bytes(&bytes, &file)
     }
 
-    /// Writes a replay file.
+    /// Writes a replay file; a browser has none.
     ///
     /// # Errors
     /// [`ReplayError::TooLarge`], or [`ReplayError::Io`].
+    #[cfg(not(target_family = "wasm"))]
     pub fn write(&self, path: &Path) -> Result<(), ReplayError> {
         let file = || path.display().to_string();
         let bytes = self.to_bytes().map_err(|error| match error {
