@@ -1,0 +1,52 @@
+// @ts-check
+// EpisodeList: the episodes of an opened replay.
+
+import { all, byId, make } from "#view/dom.js";
+import { RESULTS } from "#view/player.js";
+
+/** @import { EpisodeInfo } from "./protocol.d.ts" */
+
+export class EpisodeList {
+  /** @param {(episode: number) => void} open */
+  constructor(open) {
+    this.open = open;
+    /** @type {EpisodeInfo[]} */
+    this.list = [];
+  }
+
+  clear() {
+    this.show([]);
+  }
+
+  /** @param {EpisodeInfo[]} episodes */
+  show(episodes) {
+    this.list = episodes;
+    byId("episodes").hidden = !episodes.length;
+    byId("episodes")
+      .querySelector("ol")
+      .replaceChildren(...episodes.map((episode, i) => this.row(episode, i)));
+  }
+
+  /**
+   * @param {EpisodeInfo} episode
+   * @param {number} index
+   */
+  row(episode, index) {
+    const result = episode.result ?? "unfinished";
+    const button = make("button", { type: "button", title: `Checksum ${episode.checksum}` }, [
+      make("span", {}, String(index + 1)),
+      make("span", { className: `dot ${result}` }, RESULTS[result]),
+      make("span", {}, `${episode.steps} steps`),
+      make("span", {}, episode.return.toFixed(2)),
+    ]);
+    button.addEventListener("click", () => this.open(index));
+    return make("li", {}, button);
+  }
+
+  /** @param {number} episode */
+  mark(episode) {
+    all("#episodes button").forEach((button, i) =>
+      button.setAttribute("aria-current", String(i === episode)),
+    );
+  }
+}

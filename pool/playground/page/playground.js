@@ -1,0 +1,402 @@
+// @ts-check
+// The playground: battles that the engine plays in this page. A team plays the agents; who gives one an order
+// takes it over, and the battle goes on from the step that is shown.
+
+import { titleCase } from "#view/battle.js";
+import { Commander } from "#view/commander.js";
+import { byId, download, make } from "#view/dom.js";
+import { ObservationCard } from "#view/observation.js";
+import { RESULTS } from "#view/player.js";
+import { Track, bytesOf } from "#view/track.js";
+import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
+import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
+import { EpisodeList } from "./episodes.js";
+import { base64, linkOf } from "./link.js";
+import { PlaygroundView } from "./playground_view.js";
+
+/** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { Engine } from "./engine.js" */
+/** @import { SharedBattle } from "./link.js" */
+/** @import { BegunBattle, EpisodeResult, PlayedSteps, Source } from "./protocol.d.ts" */
+
+/** Seconds before the end of a step is shown, when the next one is played. */
+const LEAD = 0.06;
+/** Steps that are played between two pictures, if nobody waits for them. */
+const AHEAD = 12;
+
+export class Playground extends Commander {
+  /**
+   * @param {Engine} engine
+   * @param {Source} source
+   * @param {string} team
+   * @param {BegunBattle} begun
+   */
+  constructor(engine, source, team, begun) {
+    super(begun.scenario);
+    this.engine = engine;
+    this.source = source;
+    this.team = team;
+    this.begun = begun;
+    /** Counts battles. */
+    this.serial = 0;
+    this.steps = 0;
+    this.episodeReturn = 0;
+    /** @type {EpisodeResult | null} */
+    this.result = null;
+    /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
+    this.goesOn = true;
+    this.described = "";
+    this.observation = new ObservationCard(
+      byId("obs"),
+      async (_, step, agent) => engine.request({ type: "get_observation", step, agent }).obs,
+    );
+    this.choices = new ChoiceBar(engine.request({ type: "get_choices" }), (choice) => this.choose(choice));
+    this.episodes = new EpisodeList((episode) => this.openEpisode(episode));
+  }
+
+  /** @param {ScenarioInfo} info */
+  viewOf(info) {
+    return new PlaygroundView(byId("battle"), info);
+  }
+
+  get arena() {
+    return /** @type {PlaygroundView} */ (this.view);
+  }
+
+  /** The agents that the person has taken over. */
+  get taken() {
+    return this.arena.taken;
+  }
+
+  /** No orders are given while no agent is selected, or after the end. */
+  get isOver() {
+    return !this.field.selection.units.size || !this.begun.is_playable || this.isAtEnd;
+  }
+
+  /** Whether the end of the battle is shown. */
+  get isAtEnd() {
+    return this.result !== null && this.clock.time >= this.clock.end;
+  }
+
+  /** Whether the battle waits for a person at its end. */
+  get isLive() {
+    return this.taken.size > 0 && this.result === null;
+  }
+
+  /** The actions of all steps, agent by agent. */
+  get actions() {
+    return this.view.track.decisions.flatMap((step) => step.map(({ action }) => action));
+  }
+
+  /**
+   * Shows the battle with which the page begins.
+   * @param {number[]} taken
+   */
+  start(taken) {
+    this.listen();
+    this.accept(this.begun, taken);
+    /** @param {number} now */
+    const frame = (now) => {
+      this.frame(now);
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    document.documentElement.dataset.ready = "";
+  }
+
+  /**
+   * Begins another battle, after these actions. If it is refused, nothing changes.
+   * @param {Source} source
+   * @param {string} team
+   * @param {number[]} [actions]
+   * @param {number[]} [taken]
+   */
+  begin(source, team, actions = [], taken = []) {
+    const begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
+    this.accept(begun, taken);
+    byId("message").hidden = byId("note").hidden = true;
+  }
+
+  /**
+   * Shows a battle that has begun, from its start.
+   * @param {BegunBattle} begun
+   * @param {number[]} taken
+   */
+  accept(begun, taken) {
+    const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
+    this.begun = begun;
+    if (isOther) this.use(begun.scenario);
+    this.field.selection.clear();
+    this.restart(taken);
+    this.clock.playing = false;
+    this.choices.show(this.shared);
+  }
+
+  /**
+   * Shows the begun battle as far as it was played.
+   * @param {Iterable<number>} taken
+   */
+  restart(taken) {
+    this.serial++;
+    this.result = null;
+    this.arena.taken = new Set(taken);
+    this.show(new Track(this.begun.scenario));
+    this.append(this.begun.played);
+    this.selected();
+  }
+
+  /** The battle without its actions, for links and choices. */
+  get shared() {
+    const { source, team, begun } = this;
+    const { scenario, opponent } =
+      source.kind === "scenario" ? source : { scenario: begun.scenario.name, opponent: begun.opponent };
+    return { scenario, seed: begun.seed, opponent, team };
+  }
+
+  /** @param {PlayedSteps} played */
+  append(played) {
+    const { step, steps, n_moments, moments, decisions } = played;
+    // The start comes alone, and then again with the first step.
+    if (step === 0) this.view.track = this.chart.track = new Track(this.begun.scenario);
+    const { track } = this.view;
+    track.serial = this.serial;
+    track.append(bytesOf(moments), n_moments);
+    track.appendDecisions(bytesOf(decisions));
+    this.steps = step + steps;
+    this.episodeReturn = played.return;
+    this.result = played.result;
+    this.field.orders = played.orders;
+    this.clock.end = track.last;
+    this.clock.isOpen = this.isLive;
+    this.redraw();
+  }
+
+  /** @param {number} steps */
+  play(steps) {
+    try {
+      this.append(this.engine.request({ type: "play_steps", steps }));
+    } catch (error) {
+      this.goesOn = false;
+      this.fail(error);
+    }
+  }
+
+  /** @param {Omit<SharedBattle, "actions" | "taken">} choice */
+  choose({ scenario, team, opponent, seed }) {
+    try {
+      this.begin({ kind: "scenario", scenario, seed, opponent }, team);
+      this.episodes.clear();
+      this.toggle();
+    } catch (error) {
+      this.fail(error);
+      this.choices.show(this.shared);
+    }
+  }
+
+  /** A new battle. */
+  again() {
+    const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
+    this.choose({ ...this.shared, seed });
+  }
+
+  /**
+   * Gives agents orders, and takes them over. What followed the shown step is forgotten.
+   * @param {AgentOrder[]} orders
+   */
+  send(orders) {
+    if (!orders.length) return;
+    try {
+      this.cut();
+      this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
+      this.field.orders = this.engine.request({ type: "give_orders", orders }).orders;
+    } catch (error) {
+      this.fail(error);
+    }
+    this.redraw();
+  }
+
+  /** Ends the battle after the step that is shown. */
+  cut() {
+    const step = Math.ceil(this.clock.time / TICKS_PER_STEP);
+    this.goesOn = true;
+    if (step >= this.steps) return;
+    const { source, team, clock, view } = this,
+      { time, playing } = clock,
+      { camera, isFitted } = view,
+      actions = this.actions.slice(0, step * this.info.n_agents),
+      taken = [...this.taken];
+    this.begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    const selected = [...this.field.selection.units];
+    this.restart(taken);
+    Object.assign(this.view, { camera, isFitted });
+    this.field.selection.take(selected, false);
+    clock.seek(time);
+    clock.playing = playing;
+  }
+
+  /** @param {number[]} agents */
+  take(agents) {
+    const taken = [...new Set(agents)];
+    this.engine.request({ type: "take_agents", agents: taken });
+    this.arena.taken = new Set(taken);
+    this.clock.isOpen = this.isLive;
+    this.selected();
+  }
+
+  /** Lets the team play the selected agents again; if none is selected, all. */
+  release() {
+    if (!this.taken.size) return;
+    const selected = new Set([...this.field.selection.units].map((unit) => this.info.units[unit].id));
+    this.cut();
+    this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+  }
+
+  /** @param {number} [enemy] */
+  selected(enemy) {
+    super.selected(enemy);
+    byId("release").disabled = !this.taken.size;
+  }
+
+  /** @param {number} ticks */
+  step(ticks) {
+    if (ticks > 1 && this.isLive && this.clock.time >= this.clock.end) this.play(1);
+    super.step(ticks);
+  }
+
+  /** @param {number} now */
+  frame(now) {
+    super.frame(now);
+    const { clock } = this,
+      left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
+    if (this.result === null && this.goesOn && this.begun.is_playable) {
+      if (!this.taken.size) this.play(AHEAD);
+      else if (clock.playing && left < LEAD) this.play(1);
+    }
+    this.forget();
+    const step = Math.floor(clock.time / TICKS_PER_STEP);
+    const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
+    this.observation.update(shown, this.begun.features, step <= this.steps);
+    this.describe();
+  }
+
+  describe() {
+    const { clock, taken, begun, isAtEnd } = this;
+    const state = isAtEnd && this.result ? this.result : clock.playing ? "running" : "paused";
+    const key = [this.serial, state, taken.size, this.steps > 0].join();
+    if (key === this.described) return;
+    this.described = key;
+    byId("name").textContent = begun.scenario.name;
+    const own = taken.size ? `, you play ${taken.size} of ${begun.scenario.n_agents}` : "";
+    const names = { ...RESULTS, running: "Running", paused: "Paused" };
+    byId("result").textContent = names[state] + own;
+    byId("result").className = `badge ${isAtEnd ? state : taken.size ? "yours" : ""}`;
+    byId("save").disabled = this.steps === 0;
+    const facts = {
+      enemies: titleCase(begun.opponent),
+      seed: begun.seed,
+      ...(isAtEnd ? { return: this.episodeReturn.toFixed(2) } : {}),
+    };
+    byId("facts").replaceChildren(
+      ...Object.entries(facts).map(([name, value]) =>
+        make("div", {}, [make("dt", {}, name), make("dd", {}, value)]),
+      ),
+    );
+  }
+
+  async share() {
+    if (this.source.kind !== "scenario") return this.note("Save this replay to share it.");
+    const taken = [...this.taken].sort((a, b) => a - b);
+    const link = await linkOf({ ...this.shared, actions: this.actions, taken });
+    history.replaceState(null, "", `#${link}`);
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.note("The link to this battle is copied.");
+    } catch {
+      this.note("The link to this battle is in the address bar.");
+    }
+  }
+
+  save() {
+    try {
+      const { name, replay } = this.engine.request({ type: "get_replay" });
+      download(name, bytesOf(replay), "application/octet-stream");
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  /**
+   * @param {string} name
+   * @param {Uint8Array} bytes
+   */
+  openReplay(name, bytes) {
+    const { episodes, program } = this.engine.request({ type: "open_replay", name, replay: base64(bytes) });
+    this.episodes.show(episodes);
+    this.openEpisode(0);
+    const n = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
+    this.note(`${n} of ${name} (${program}) verified: every tick has the recorded bits.`);
+  }
+
+  /** @param {number} episode */
+  openEpisode(episode) {
+    const { actions } = this.episodes.list[episode];
+    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, actions);
+    this.episodes.mark(episode);
+  }
+
+  /** @param {string} text */
+  note(text) {
+    byId("note").textContent = text;
+    byId("note").hidden = false;
+  }
+
+  /** @param {unknown} error */
+  fail(error) {
+    this.clock.playing = false;
+    byId("message").hidden = false;
+    byId("message").textContent = error instanceof Error ? error.message : String(error);
+    this.redraw();
+  }
+
+  listen() {
+    super.listen();
+    /** @type {{ [id: string]: () => void }} */
+    const buttons = {
+      again: () => this.again(),
+      share: () => this.share(),
+      save: () => this.save(),
+      release: () => this.release(),
+    };
+    for (const [id, act] of Object.entries(buttons)) byId(id).addEventListener("click", act);
+    byId("battle").addEventListener("pointerdown", () => (byId("note").hidden = true));
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    // What is chosen or typed is no command.
+    const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
+    if (!isChoice) super.key(event);
+  }
+
+  /** @param {string} key */
+  shortcut(key) {
+    if (key !== "s") return super.shortcut(key);
+    this.save();
+    return true;
+  }
+
+  /**
+   * @param {string} key
+   * @param {number} ticks
+   */
+  command(key, ticks) {
+    /** @type {{ [key: string]: () => void }} */
+    const commands = {
+      n: () => this.again(),
+      r: () => this.release(),
+      ".": () => this.step(TICKS_PER_STEP),
+    };
+    return commands[key] ?? super.command(key, ticks);
+  }
+}
