@@ -6,7 +6,7 @@ import { byId } from "#view/dom.js";
 /**
  * What the page does with files.
  * @typedef {object} Openers
- * @property {(name: string, bytes: Uint8Array) => void} replay
+ * @property {(name: string, bytes: Uint8Array<ArrayBuffer>) => Promise<void>} replay
  * @property {(text: string) => void} scenario
  * @property {(name: string, run: string, weights: Uint8Array) => void} team
  * @property {(error: unknown) => void} fail

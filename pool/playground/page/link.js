@@ -13,7 +13,7 @@
  * @param {Uint8Array<ArrayBuffer>} bytes
  * @param {CompressionStream | DecompressionStream} stream
  */
-async function through(bytes, stream) {
+export async function through(bytes, stream) {
   const readable = new Blob([bytes]).stream().pipeThrough(stream);
   return new Uint8Array(await new Response(readable).arrayBuffer());
 }

@@ -11,7 +11,7 @@ import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
 import { EpisodeList } from "./episodes.js";
-import { base64, linkOf } from "./link.js";
+import { linkOf, through } from "./link.js";
 import { PlaygroundView } from "./playground_view.js";
 
 /** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
@@ -317,10 +317,11 @@ export class Playground extends Commander {
     }
   }
 
-  save() {
+  async save() {
     try {
       const { name, replay } = this.engine.request({ type: "get_replay" });
-      download(name, bytesOf(replay), "application/octet-stream");
+      const file = await through(new TextEncoder().encode(replay), new CompressionStream("gzip"));
+      download(name, file, "application/octet-stream");
     } catch (error) {
       this.fail(error);
     }
@@ -328,10 +329,11 @@ export class Playground extends Commander {
 
   /**
    * @param {string} name
-   * @param {Uint8Array} bytes
+   * @param {Uint8Array<ArrayBuffer>} bytes
    */
-  openReplay(name, bytes) {
-    const { episodes, program } = this.engine.request({ type: "open_replay", name, replay: base64(bytes) });
+  async openReplay(name, bytes) {
+    const replay = new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
+    const { episodes, program } = this.engine.request({ type: "open_replay", name, replay });
     this.episodes.show(episodes);
     this.openEpisode(0);
     const n = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;

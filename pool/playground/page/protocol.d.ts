@@ -1,7 +1,11 @@
 // Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
 import type { AgentOrder, Features, Order, ScenarioInfo } from "#view/data.d.ts";
 
-export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", };
+export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, 
+/**
+ * The file's text; the page decompresses it.
+ */
+replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", };
 export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile;
 export type Outcome = { "response": Response } | { "error": string };
 export type Choices = { 
@@ -112,7 +116,7 @@ checksum: string,
 actions: Array<number>, };
 export type ReplayFile = { name: string, 
 /**
- * In base64.
+ * The file's text; the page compresses it by gzip.
  */
 replay: string, 
 /**

@@ -218,7 +218,7 @@ impl PlayedBattle {
         Ok(ReplayFile {
             name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed()),
             checksum: format!("{:016x}", episode.checksum),
-            replay: STANDARD.encode(replay.to_bytes()?),
+            replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
         })
     }
 }

@@ -1,10 +1,10 @@
 //! Makes the page of the playground: one document, with the engine, the scripts and trained teams inside, so
 //! that it works from a folder and without a network.
 //!
-//!     smaclite-playground ENGINE.wasm PAGE.html [FOLDER_OF_TEAMS...]
+//!     smaclite-playground ENGINE.wasm PAGE.html [TEAM...]
 //!
-//! A team is a folder that `smaclite-pool train` wrote, inside of a folder of teams; what is called so in the
-//! page is the folder's name. `just playground` runs this.
+//! A team is a folder that `smaclite-pool train` wrote; the page calls it by the folder's name. `just playground`
+//! runs this.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -46,7 +46,7 @@ const WEIGHTS: [&str; 2] = ["best.safetensors", "weights.safetensors"];
 fn main() -> ExitCode {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [engine, page, teams @ ..] = &arguments[..] else {
-        eprintln!("usage: smaclite-playground ENGINE.wasm PAGE.html [FOLDER_OF_TEAMS...]");
+        eprintln!("usage: smaclite-playground ENGINE.wasm PAGE.html [TEAM...]");
         return ExitCode::from(2);
     };
     match write_page(engine, page, teams) {
@@ -60,7 +60,7 @@ fn main() -> ExitCode {
 
 fn write_page(engine: &Path, page: &Path, folders: &[PathBuf]) -> Result<(), Box<dyn Error>> {
     let code = read(engine)?;
-    let teams = teams_in(folders)?;
+    let teams = folders.iter().map(|folder| team(folder)).collect::<Result<Vec<Value>, _>>()?;
     let compressed = deflated(&code)?;
     let data = json!({ "engine": STANDARD.encode(&compressed), "teams": teams });
     let document = Document {
@@ -84,19 +84,6 @@ fn write_page(engine: &Path, page: &Path, folders: &[PathBuf]) -> Result<(), Box
         teams.len()
     );
     Ok(())
-}
-
-/// The teams in these folders, by name. A folder that does not exist has none.
-fn teams_in(folders: &[PathBuf]) -> Result<Vec<Value>, Box<dyn Error>> {
-    let mut runs: Vec<PathBuf> = Vec::new();
-    for folder in folders.iter().filter(|folder| folder.is_dir()) {
-        for entry in std::fs::read_dir(folder)? {
-            runs.push(entry?.path());
-        }
-    }
-    runs.retain(|run| run.join("run.json").is_file());
-    runs.sort();
-    runs.iter().map(|run| team(run)).collect()
 }
 
 /// What the page needs of a team: of the weights those of the actor.

@@ -17,7 +17,11 @@ pub(crate) enum Request {
     /// Adds a trained team.
     AddTeam(TeamFiles),
     /// Reads a replay, and checks that this engine plays every tick of it as it was recorded.
-    OpenReplay { name: String, replay: String },
+    OpenReplay {
+        name: String,
+        /// The file's text; the page decompresses it.
+        replay: String,
+    },
     /// Begins a battle instead of the one that there is.
     BeginBattle(BeginBattle),
     /// Plays steps, up to the end of the battle.
@@ -213,7 +217,7 @@ pub(crate) struct EpisodeInfo {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct ReplayFile {
     pub name: String,
-    /// In base64.
+    /// The file's text; the page compresses it by gzip.
     pub replay: String,
     /// As in [`EpisodeInfo`].
     pub checksum: String,

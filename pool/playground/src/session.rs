@@ -33,8 +33,8 @@ enum SessionError {
     Team(#[from] TeamError),
     #[error("no team is called so, and {0}")]
     Policy(#[from] UnknownPolicy),
-    #[error("`{what}` must be base64: {error}")]
-    Base64 { what: &'static str, error: base64::DecodeError },
+    #[error("`weights` must be base64: {0}")]
+    Base64(base64::DecodeError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
     #[error("begin a battle first")]
@@ -91,14 +91,15 @@ impl Session {
 
     /// Adds a team, in the place of one of the same name.
     fn add_team(&mut self, files: &TeamFiles) -> Result<Response, SessionError> {
-        let team = Team::read(&files.name, &files.run, &decoded("weights", &files.weights)?)?;
+        let weights = STANDARD.decode(&files.weights).map_err(SessionError::Base64)?;
+        let team = Team::read(&files.name, &files.run, &weights)?;
         self.teams.retain(|other| other.name() != team.name());
         self.teams.push(Rc::new(team));
         Ok(Response::AddTeam { teams: self.team_infos() })
     }
 
     fn open(&mut self, name: &str, replay: &str) -> Result<OpenedReplay, SessionError> {
-        let replay = Replay::from_bytes(&decoded("replay", replay)?, name)?;
+        let replay = Replay::from_json(replay.as_bytes(), name)?;
         replay.verify()?;
         let episodes = replay.episodes().iter().map(episode_info).collect();
         let program = replay.program().to_owned();
@@ -138,10 +139,6 @@ impl Session {
     }
 }
 
-fn decoded(what: &'static str, text: &str) -> Result<Vec<u8>, SessionError> {
-    STANDARD.decode(text).map_err(|error| SessionError::Base64 { what, error })
-}
-
 fn episode_info(episode: &Episode) -> EpisodeInfo {
     EpisodeInfo {
         seed: episode.start.seed.to_string(),
@@ -157,3 +154,6 @@ fn episode_info(episode: &Episode) -> EpisodeInfo {
         actions: episode.actions.clone(),
     }
 }
+
+#[cfg(test)]
+mod tests;
