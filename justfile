@@ -136,6 +136,10 @@ results-opponents: install build
 results-elo *args: install build
     {{ results }} {{ python }} -m results.elo {{ args }}
 
+# Make the zoo anew from runs of the default configuration (RUNS: folders)
+results-zoo +runs: _venv
+    {{ results }} {{ python }} -m results.zoo {{ runs }}
+
 # Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
     {{ python }} -m pip install --quiet matplotlib

@@ -101,7 +101,7 @@ def commands() -> str:
     """What `--help` prints, for the program and for each of its commands."""
     overview = run("--help")
     listed = overview.split("Commands:")[1].split("Options:")[0]
-    names = [name for name in re.findall(r"^  (\w+)", listed, re.M) if name != "help"]
+    names = [name for name in re.findall(r"^  ([\w-]+)", listed, re.M) if name != "help"]
     parts = [f"```text\n{overview}```"]
     parts += [f"## {name}\n\n```text\n{run(name, '--help')}```" for name in names]
     return "\n\n".join(parts)

@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::hint::black_box;
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, Battle, Rules, Scratch, policy};
+use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch, policy};
 use smaclite_ipc::{WaitOptions, WaitStrategy};
 use smaclite_scenarios::Scenario;
 use smaclite_tests::process::TIMEOUT;
@@ -46,8 +46,10 @@ unsafe impl GlobalAlloc for CountingAllocator {
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
+/// With rewards for which losses are noted.
 fn arena(scenario: &str) -> Arc<Arena> {
-    let scenario = Scenario::standard(scenario).expect("a standard scenario");
+    let mut scenario = Scenario::standard(scenario).expect("a standard scenario");
+    scenario.rewards.only_positive = false;
     Arc::new(Arena::new(&scenario, Rules::Smaclite))
 }
 
@@ -60,19 +62,23 @@ struct HostedBattle {
     state: Vec<f32>,
     avail: Vec<u8>,
     alive: Vec<u8>,
+    shares: Vec<f32>,
 }
 
 impl HostedBattle {
     fn new(arena: &Arc<Arena>) -> HostedBattle {
         let sizes = arena.sizes();
+        let mut battle = Battle::new(arena.clone(), 1);
+        battle.keep_shares();
         HostedBattle {
-            battle: Battle::new(arena.clone(), 1),
+            battle,
             random: policy::Random::new(1),
             actions: vec![0; sizes.n_agents],
             obs: vec![0.0; sizes.n_agents * sizes.obs_size],
             state: vec![0.0; sizes.state_size],
             avail: vec![0; sizes.n_agents * sizes.n_actions],
             alive: vec![0; sizes.n_agents],
+            shares: vec![0.0; sizes.n_agents],
         }
     }
 
@@ -90,6 +96,7 @@ impl HostedBattle {
         self.battle.write_state(&mut self.state);
         self.battle.write_avail_actions(&mut self.avail);
         self.battle.write_alive(&mut self.alive);
+        self.battle.write_shares_of(Faction::Ally, &mut self.shares);
     }
 }
 

@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyCFunction, PyDict, PyTuple};
-use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSpec};
+use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
 use std::ffi::CString;
 use std::sync::Arc;
 
@@ -62,8 +62,10 @@ pub fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
     PyAttributeError::new_err(if field.is_final() {
         format!("batches of this lane do not include `{name}`; it exists only with autoreset=\"same_step\"")
-    } else {
+    } else if FieldSet::DEFAULT.contains(field) {
         format!("batches of this lane do not include `{name}`; add it to `fields`, or omit `fields` for all")
+    } else {
+        format!("batches of this lane do not include `{name}`; add it to `fields`")
     })
 }
 

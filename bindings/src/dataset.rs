@@ -5,12 +5,14 @@ use crate::errors::{class, invalid_request};
 use crate::make::MAX_THREADS;
 use crate::wait::{interruptible, run_on_thread};
 use numpy::PyArray1;
-use pyo3::exceptions::PyOSError;
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_learn::{ARRAYS, ArrayName, Dataset as Recipe, DatasetError, PerRow, Values};
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::Axis;
+use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -32,7 +34,9 @@ pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
 
 fn dataset_error(error: DatasetError) -> PyErr {
     match error {
-        DatasetError::Io { .. } => PyOSError::new_err(error.to_string()),
+        // `FileNotFoundError` and the like, by its kind.
+        DatasetError::Io { error: ref source, .. } => io::Error::new(source.kind(), error.to_string()).into(),
+        DatasetError::Memory { .. } => PyMemoryError::new_err(error.to_string()),
         DatasetError::Scenario(_) => class::ScenarioError::new_err(error.to_string()),
         DatasetError::FolderExists { .. } => invalid_request(error),
         _ => class::PoolError::new_err(error.to_string()),
@@ -44,8 +48,8 @@ fn dataset_error(error: DatasetError) -> PyErr {
 ///     dataset = smaclite_pool.Dataset("3m.smdata")
 ///     arrays = dataset.expand(fields=["obs", "avail_actions", "actions"])
 ///
-/// The file has the scenario, and the seed and the actions of every episode. `expand` plays the episodes again
-/// and gets the same bits on every machine.
+/// The file has the scenario, and the seed and the actions of every episode. `expand` plays the episodes
+/// again and gets the same bits on every machine.
 ///
 /// Args:
 ///     path: a file of `smaclite-pool dataset record`.
@@ -87,6 +91,7 @@ impl Dataset {
     ///     InvalidRequest: there is no such array, the folder exists, or `threads` is out of range.
     ///     PoolError: this release plays an episode otherwise than the one that recorded it.
     ///     OSError: the folder cannot be written.
+    ///     MemoryError: the arrays are larger than the memory; name fewer `fields`, or give `out`.
     #[pyo3(signature = (out=None, fields=None, *, threads=None))]
     fn expand<'py>(
         &self,
@@ -108,7 +113,9 @@ impl Dataset {
             Some(threads) => to_unsigned("threads", threads)?,
         };
         if !(1..=MAX_THREADS).contains(&threads) {
-            return Err(invalid_request(format!("threads must be between 1 and {MAX_THREADS}, got {threads}")));
+            return Err(invalid_request(format!(
+                "threads must be between 1 and {MAX_THREADS}, got {threads}"
+            )));
         }
         match out {
             None => self.in_memory(py, &arrays, threads),
@@ -130,7 +137,8 @@ impl Dataset {
         }
     }
 
-    /// What was played, as a dict: `scenario`, `rules`, `opponents`, `sizes`, `episodes`, `steps`, `win_rate`,
+    /// What was played, as a dict: `scenario`, `rules`, `opponents`, `sizes`, `episodes`, `steps`,
+    /// `win_rate`,
     /// `truncated_rate`, `returns` and `lengths` (mean, deviation and quantiles), `unique_pairs`, `coverage`
     /// (the share of different pairs of state and joint action) and `policies`.
     #[getter]
@@ -148,6 +156,27 @@ impl Dataset {
     #[getter]
     fn program(&self) -> &str {
         self.recipe.program()
+    }
+
+    /// The name of the standard scenario that it plays, for `make`; None if it plays a scenario file.
+    #[getter]
+    fn scenario(&self) -> Option<&str> {
+        self.recipe.setup().files.is_standard().then_some(self.recipe.card().scenario.as_str())
+    }
+
+    /// Arguments of `make` for environments that play by the same rules: `rules`, `episode_limit` and
+    /// `opponent`.
+    #[getter]
+    fn settings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        #[derive(serde::Serialize)]
+        struct Settings<'a> {
+            rules: Rules,
+            episode_limit: Option<u32>,
+            opponent: &'a Opponents,
+        }
+        let BattleSetup { rules, opponents, .. } = self.recipe.setup();
+        let episode_limit = self.recipe.episode_limit();
+        to_dict(py, &Settings { rules: *rules, episode_limit, opponent: opponents })
     }
 
     /// The episodes, as a dict of arrays with an entry per episode: `seed` uint64, `start` and `length` int64

@@ -762,6 +762,12 @@ impl Envs {
         self.description.opponents.clone().into()
     }
 
+    /// What both sides are rewarded for: a dict of SMAC's reward options, such as `reward_win`.
+    #[getter]
+    fn rewards<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        to_dict(py, &self.description.rewards)
+    }
+
     /// A dict from the name of each field in a batch to its dtype and shape.
     #[getter]
     fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

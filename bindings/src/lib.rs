@@ -24,6 +24,7 @@ mod spectator;
 #[allow(unsafe_code)]
 mod views;
 mod wait;
+mod zoo;
 
 use pyo3::prelude::*;
 
@@ -61,6 +62,8 @@ mod _native {
     use super::spectator::Spectator;
     #[pymodule_export]
     use super::views::Frame;
+    #[pymodule_export]
+    use super::zoo::zoo_file;
 
     // Numbers of the actions of an agent.
     #[pymodule_export]
@@ -99,8 +102,12 @@ mod _native {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("SNAPSHOT_COLUMNS", super::snapshot::table())?;
         module.add("DATASET_ARRAYS", super::dataset::table())?;
+        let rewards = crate::convert::to_dict(module.py(), &smaclite_engine::Rewards::DEFAULT)?;
+        module.add("REWARD_DEFAULTS", rewards)?;
         let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
         module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
+        let teams: Vec<&str> = smaclite_learn::zoo_scenarios().collect();
+        module.add("ZOO", pyo3::types::PyTuple::new(module.py(), teams)?)?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)
     }

@@ -65,6 +65,9 @@ const MAX_LANES: usize = 64;
 ///     teams, start_positions: dictionaries as in a scenario file: distributions from which the teams and
 ///         start positions of each episode are drawn, instead of the scenario's own. See
 ///         `docs/concepts/generated-battles.md`.
+///     rewards: SMAC's reward options, `reward_sparse`, `reward_only_positive`, `reward_death_value`,
+///         `reward_win`, `reward_defeat`, `reward_negative_scale`, `reward_scale` and `reward_scale_rate`, as
+///         in a scenario file; they are added to the scenario's own. See `docs/reference/rewards.md`.
 ///     smacv2: options of SMACv2's interface, as in a scenario file; they are added to the scenario's own.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.
@@ -96,12 +99,12 @@ const MAX_LANES: usize = 64;
 #[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
     threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
     rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, teams=None,
-    start_positions=None,    smacv2=None, fields=None,
+    start_positions=None, rewards=None, smacv2=None, fields=None,
     obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
     spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **unknown))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
     autoreset='next_step', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
-    mirror=False, zero_sum=False, teams=None, start_positions=None, smacv2=None, fields=None, \
+    mirror=False, zero_sum=False, teams=None, start_positions=None, rewards=None, smacv2=None, fields=None, \
     obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
     spectators=1, wait='adaptive', name=None, record=None, lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
@@ -121,6 +124,7 @@ pub fn make(
     zero_sum: bool,
     teams: Option<Bound<'_, PyDict>>,
     start_positions: Option<Bound<'_, PyDict>>,
+    rewards: Option<Bound<'_, PyDict>>,
     smacv2: Option<Bound<'_, PyDict>>,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
@@ -148,7 +152,8 @@ pub fn make(
     let sides = Sides::new(sides, EnemySide { mirror, zero_sum }).map_err(invalid_request)?;
     let opponents = opponent.map(OpponentArg::opponents).transpose()?;
     opponents.iter().try_for_each(|own| own.check(sides)).map_err(invalid_request)?;
-    let keys = [("teams", teams), ("start_positions", start_positions), ("smacv2", smacv2)];
+    let keys =
+        [("teams", teams), ("start_positions", start_positions), ("rewards", rewards), ("smacv2", smacv2)];
     let keys = keys.into_iter().filter_map(|(key, value)| Some((key, value?)));
     let keys = keys.map(|(key, value)| Ok((key.to_owned(), json_of(key, &value)?)));
     let keys = keys.collect::<PyResult<Vec<(String, Value)>>>()?;
@@ -217,7 +222,7 @@ pub fn make(
 }
 
 /// The keywords of [`make`].
-const KEYWORDS: [&str; 24] = [
+const KEYWORDS: [&str; 25] = [
     "scenario",
     "num_envs",
     "batch_size",
@@ -232,6 +237,7 @@ const KEYWORDS: [&str; 24] = [
     "zero_sum",
     "teams",
     "start_positions",
+    "rewards",
     "smacv2",
     "fields",
     "obs_last_actions",

@@ -2,24 +2,28 @@
 
 use crate::convert::to_dict;
 use crate::errors::class;
+use crate::scenario_arg::ScenarioArg;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
-use smaclite_engine::{FeatureBlock, obs_features, state_features};
-use smaclite_scenarios::{Faction, Scenario, Terrain};
+use smaclite_engine::{FeatureBlock, SIGHT_RANGE, action_names, obs_features, state_features};
+use smaclite_scenarios::{Faction, Scenario, Teams, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Return everything about a scenario that never changes.
 ///
 /// Args:
-///     scenario: name of a standard scenario, or path of a scenario file.
+///     scenario: name of a standard scenario, path of a scenario file, or environments, for their scenario.
 ///
 /// Returns:
 ///     A dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row
 ///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
-///         `episode_limit` (steps or None), `allies`, `enemies`, `obs_layout` and `state_layout`.
+///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
+///         units; then `allies` and `enemies` are one sample), `unit_types` (a list of dicts with `unit_type`,
+///         `type_id`, `healer` and `sight_range`, by which agents of the type see distances divided),
+///         `actions` (the names of an agent's actions), `allies`, `enemies`, `obs_layout` and `state_layout`.
 ///         `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id` (index in the
 ///         one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`, `energy` (maxima),
 ///         `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or heal) and `targeter`.
@@ -31,8 +35,8 @@ use std::path::{Path, PathBuf};
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 #[pyfunction]
 #[pyo3(signature = (scenario))]
-pub fn scenario(py: Python<'_>, scenario: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    to_dict(py, &described(&resolve(py, &scenario)?))
+pub fn scenario<'py>(py: Python<'py>, scenario: ScenarioArg<'py>) -> PyResult<Bound<'py, PyDict>> {
+    to_dict(py, &described(&scenario.resolve(py)?))
 }
 
 /// A standard scenario, or the one in a file; other Python threads run while it is read.
@@ -52,6 +56,9 @@ fn described(scenario: &Scenario) -> Value {
         "ally_has_shields": scenario.ally_has_shields,
         "enemy_has_shields": scenario.enemy_has_shields,
         "episode_limit": scenario.episode_limit,
+        "teams_are_drawn": scenario.generation.as_ref().is_some_and(|drawn| drawn.teams != Teams::OfGroups),
+        "unit_types": unit_types(scenario),
+        "actions": action_names(scenario),
         "allies": units(scenario, Faction::Ally),
         "enemies": units(scenario, Faction::Enemy),
         "obs_layout": layout(&obs_features(scenario)),
@@ -62,6 +69,21 @@ fn described(scenario: &Scenario) -> Value {
 fn walkable(terrain: &Terrain) -> Vec<Vec<bool>> {
     let (width, height) = (i64::from(terrain.width()), i64::from(terrain.height()));
     (0..height).map(|y| (0..width).map(|x| terrain.is_walkable(x, y)).collect()).collect()
+}
+
+fn unit_types(scenario: &Scenario) -> Vec<Value> {
+    let ranges_differ = scenario.smacv2.as_ref().is_some_and(|options| options.use_unit_ranges);
+    let types = scenario.unit_types.iter().zip(&scenario.type_ids);
+    types
+        .map(|(stats, type_id)| {
+            json!({
+                "unit_type": stats.name,
+                "type_id": type_id,
+                "healer": stats.is_healer(),
+                "sight_range": if ranges_differ { stats.sight_range } else { SIGHT_RANGE },
+            })
+        })
+        .collect()
 }
 
 fn units(scenario: &Scenario, faction: Faction) -> Vec<Value> {

@@ -89,18 +89,20 @@ pub enum Field {
     Snapshot,
     Opponent,
     Level,
+    RewardAgents,
     EnemyObs,
     EnemyState,
     EnemyAvailActions,
     EnemyAlive,
     EnemyReward,
+    EnemyRewardAgents,
     FinalEnemyObs,
     FinalEnemyState,
     FinalEnemyAvailActions,
 }
 
 /// How many fields there are.
-pub const FIELD_COUNT: usize = 28;
+pub const FIELD_COUNT: usize = 30;
 
 /// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
 #[derive(Clone, Copy, Debug)]
@@ -219,6 +221,14 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         "how the episode began: type, x, y, health and life of each unit; only in lanes that name this field",
     ),
     spec(
+        Field::RewardAgents,
+        "reward_agents",
+        F32,
+        &[Agent],
+        "share of each agent in reward: what its own hits earned, and an equal part of what nobody's did; \
+         only in lanes that name this field",
+    ),
+    spec(
         Field::EnemyObs,
         "enemy_obs",
         F32,
@@ -252,6 +262,13 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         F32,
         &[],
         "both sides: the enemies' reward of the step just made",
+    ),
+    spec(
+        Field::EnemyRewardAgents,
+        "enemy_reward_agents",
+        F32,
+        &[Enemy],
+        "both sides: share of each enemy in enemy_reward, as reward_agents; only in lanes that name this field",
     ),
     spec(
         Field::FinalEnemyObs,
@@ -303,6 +320,7 @@ impl Field {
             Field::AvailActions => Field::EnemyAvailActions,
             Field::Alive => Field::EnemyAlive,
             Field::Reward => Field::EnemyReward,
+            Field::RewardAgents => Field::EnemyRewardAgents,
             Field::FinalObs => Field::FinalEnemyObs,
             Field::FinalState => Field::FinalEnemyState,
             Field::FinalAvailActions => Field::FinalEnemyAvailActions,
@@ -335,12 +353,14 @@ impl FieldSet {
     /// Every field.
     pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
 
-    /// What a lane has that names no fields: every field but the snapshot, the opponent and the level. A lane
-    /// leaves those out that it cannot have.
+    /// What a lane has that names no fields: every field but the snapshot, the opponent, the level and the
+    /// shares of single units. A lane leaves those out that it cannot have.
     pub const DEFAULT: FieldSet = {
-        let others =
-            1 << Field::Snapshot as usize | 1 << Field::Opponent as usize | 1 << Field::Level as usize;
-        FieldSet(FieldSet::ALL.0 & !others)
+        let mut fields = FieldSet::ALL;
+        fields.0 &= !(1 << Field::Snapshot as usize | 1 << Field::Opponent as usize);
+        fields.0 &= !(1 << Field::Level as usize | 1 << Field::RewardAgents as usize);
+        fields.0 &= !(1 << Field::EnemyRewardAgents as usize);
+        fields
     };
 
     /// The default fields but the `final_*` ones and those of the enemies.

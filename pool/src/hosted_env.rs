@@ -81,11 +81,17 @@ pub(crate) struct State {
 
 impl HostedEnv {
     pub(crate) fn new(
-        env: Box<dyn Environment>,
+        mut env: Box<dyn Environment>,
         settings: &LaneSettings,
         record: Option<Arc<RecordLayout>>,
     ) -> HostedEnv {
         let sizes = env.sizes();
+        let fields = settings.frame_fields(sizes);
+        if let Some(battle) = env.battle_mut()
+            && (fields.contains(Field::RewardAgents) || fields.contains(Field::EnemyRewardAgents))
+        {
+            battle.keep_shares();
+        }
         let available = vec![0; sizes.n_actors() * words_per_actor(sizes)];
         let own = OwnFeatures::new(settings, sizes);
         let alive = Vec::new();
@@ -349,6 +355,7 @@ impl HostedEnv {
     }
 
     fn write_outcome(&self, step: Option<Step>, slot: &mut Slot<'_>) {
+        self.write_shares(step, slot);
         let step = step.unwrap_or_default();
         slot.set(Field::Reward, step.reward as f32);
         slot.set(Field::EnemyReward, step.enemy_reward as f32);
@@ -360,6 +367,20 @@ impl HostedEnv {
         slot.set(Field::EpisodeReturn, self.env.episode_return() as f32);
         slot.set(Field::EpisodeLength, self.env.episode_length() as i32);
         slot.set(Field::Opponent, self.env.opponent() as i32);
+    }
+
+    /// The shares of single units in the rewards of a step.
+    fn write_shares(&self, step: Option<Step>, slot: &mut Slot<'_>) {
+        let sides = [(Faction::Ally, Field::RewardAgents), (Faction::Enemy, Field::EnemyRewardAgents)];
+        for (side, field) in sides {
+            let Some(out) = slot.row::<f32>(field) else { continue };
+            match (step, self.env.battle()) {
+                (None, _) => out.fill(0.0),
+                (Some(_), Some(battle)) => battle.write_shares_of(side, out),
+                // Nothing is known of who earned it.
+                (Some(step), None) => out.fill((step.reward / out.len() as f64) as f32),
+            }
+        }
     }
 
     fn write_views(&mut self, fields: &ViewFields, slot: &mut Slot<'_>, scratch: &mut Scratch) {

@@ -1,12 +1,14 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
 use crate::Scenario;
-use crate::keys::{GROUPS, SMACV2, TEAMS};
+use crate::keys::{GROUPS, REWARDS, SMACV2, TEAMS};
 use crate::unit_files::Origin;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_json::value::{RawValue, to_raw_value};
 use smaclite_units::Problems;
 use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The text of a scenario file and of every unit file that it names.
@@ -61,7 +63,7 @@ impl ScenarioFiles {
     }
 
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
-    /// `smacv2` are added to those of the file, `teams` replaces `groups`, and any other value replaces the
+    /// `smacv2` and `rewards` are added to those of the file, `teams` replaces `groups`, and any other value replaces the
     /// file's. The text is written anew, and what cannot be changed because it is no JSON object stays as it
     /// is.
     ///
@@ -76,23 +78,27 @@ impl ScenarioFiles {
     #[must_use]
     pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, Value)>) -> ScenarioFiles {
         let mut keys = keys.into_iter().peekable();
-        let Ok(Value::Object(mut file)) = serde_json::from_str(&self.text) else { return self.clone() };
-        if keys.peek().is_none() {
-            return self.clone();
-        }
+        // What is not changed stays as it is written: the order of `units` in groups gives units their ids.
+        let read = serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(&self.text);
+        let Some(mut file) = read.ok().filter(|_| keys.peek().is_some()) else { return self.clone() };
         for (key, value) in keys {
             if key == TEAMS.name && value.is_object() {
                 file.remove(GROUPS.name);
             }
-            match (file.get_mut(&key), value) {
-                (_, Value::Null) => drop(file.remove(&key)),
-                (Some(Value::Object(options)), Value::Object(changed)) if key == SMACV2.name => {
+            let has_options = [SMACV2.name, REWARDS.name].contains(&&*key);
+            let of_file = file.remove(&key).filter(|_| has_options);
+            let options = of_file.and_then(|options| serde_json::from_str(options.get()).ok());
+            let value = match (options, value) {
+                (_, Value::Null) => continue,
+                (Some(Value::Object(mut options)), Value::Object(changed)) => {
                     options.extend(changed);
+                    Value::Object(options)
                 }
-                (_, value) => drop(file.insert(key, value)),
-            }
+                (_, value) => value,
+            };
+            file.extend(to_raw_value(&value).ok().map(|value| (key, value)));
         }
-        let text = format!("{:#}\n", Value::Object(file));
+        let text = serde_json::to_string_pretty(&file).unwrap_or_default() + "\n";
         ScenarioFiles { source: format!("{} with changed keys", self.source), text, ..self.clone() }
     }
 

@@ -2,6 +2,7 @@
 //! values.
 
 use crate::generation::keys::{starts_schema, teams_schema};
+use crate::rewards::REWARD_KEYS;
 use crate::smacv2::SMACV2_KEYS;
 use crate::terrain::ON_ANY_MAP;
 use crate::{Faction, MAX_SIDE, MAX_UNITS, Scenario, Terrain};
@@ -14,7 +15,7 @@ use smaclite_units::{Keyword, UnitType};
 use std::marker::PhantomData;
 
 /// Every key of a scenario file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 21] = [
+pub(crate) const KEYS: [&dyn AnyKey; 22] = [
     &SCHEMA_KEY,
     &NAME,
     &CUSTOM_UNIT_PATH,
@@ -36,6 +37,7 @@ pub(crate) const KEYS: [&dyn AnyKey; 21] = [
     &ENEMY_HAS_SHIELDS,
     &EPISODE_LIMIT,
     &SMACV2,
+    &REWARDS,
 ];
 
 /// Every key of a group.
@@ -110,6 +112,11 @@ pub(crate) const SMACV2: Key<Shape> = Key::optional(
     "smacv2",
     Shape { schema: || object_schema(&SMACV2_KEYS), expected: "an object of options" },
     "Lets agents observe, act and be rewarded as in SMACv2, with these options of SMACv2's environment.",
+);
+pub(crate) const REWARDS: Key<Shape> = Key::optional(
+    "rewards",
+    Shape { schema: || object_schema(&REWARD_KEYS), expected: "an object of reward options" },
+    "What agents are rewarded for: SMAC's reward options. Not beside `smacv2`, which has these options itself.",
 );
 pub(crate) const ATTACK_POINT: Key<Shape> = Key::optional(
     "attack_point",

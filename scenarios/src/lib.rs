@@ -26,6 +26,7 @@ mod keys;
 mod obstacles;
 mod open;
 mod read;
+mod rewards;
 mod scenario;
 mod sight;
 mod smacv2;
@@ -38,6 +39,7 @@ pub use error::ScenarioError;
 pub use files::{ScenarioFiles, UnitFile};
 pub use formation::formation;
 pub use generation::{Drawer, Drawn, DrawnTeams, Generation, Starts, Teams};
+pub use rewards::Rewards;
 pub use scenario::{Faction, Placement, Scenario};
 pub use sight::MAX_OUTLINE_IN_SIGHT;
 /// What is wrong with scenario and unit files.

@@ -5,8 +5,8 @@ use crate::generation::{read_generated, sample};
 use crate::groups::Roster;
 use crate::terrain::ON_ANY_MAP;
 use crate::unit_files::{Origin, UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Scenario, ScenarioFiles, Terrain, UnitFile};
-use crate::{keys, smacv2};
+use crate::{Faction, MAX_UNITS, Rewards, Scenario, ScenarioFiles, Terrain, UnitFile};
+use crate::{keys, rewards, smacv2};
 use smaclite_units::Problems;
 use smaclite_units::file::{Document, Node, Object, Range, Report, Reported, SCHEMA_KEY};
 use std::path::Path;
@@ -52,6 +52,7 @@ impl Scenario {
         let ids = read_type_ids(&file, &files, roster.ok());
         let attack_point = attack_point(&file, map);
         let smacv2 = file.get(&keys::SMACV2).map(|node| smacv2::read(&node)).transpose();
+        let rewards = read_rewards(&file);
         let opponent = file.read_optional(&keys::OPPONENT);
         let heights = file.get(&keys::TERRAIN_HEIGHT).map(|node| read_heights(&node, map)).transpose();
         let ally_has_shields = file.read(&keys::ALLY_HAS_SHIELDS);
@@ -75,6 +76,7 @@ impl Scenario {
             units: roster.units,
             generation,
             smacv2: smacv2?,
+            rewards: rewards?,
             heights: heights?,
         };
         if scenario.generation.is_some() && scenario.units.is_empty() {
@@ -107,6 +109,15 @@ fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<[usize; 2], Re
         return Err(file.require(&keys::NUM_ENEMY_UNITS)?.conflict(&total));
     }
     Ok([allies, enemies])
+}
+
+/// The rewards of both sides; with SMACv2's interface those of agents are among its options.
+fn read_rewards(file: &Object) -> Result<Rewards, Reported> {
+    let Some(node) = file.get(&keys::REWARDS) else { return Ok(Rewards::DEFAULT) };
+    if file.get(&keys::SMACV2).is_some() {
+        return Err(node.wrong_key("must be left out beside `smacv2`, whose own options `reward_*` are used"));
+    }
+    rewards::read(&node)
 }
 
 /// The height of each square, row y = 0 first.

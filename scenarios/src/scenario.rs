@@ -1,6 +1,6 @@
 //! The scenario as plain, checked data. `read` reads it from a file.
 
-use crate::{Generation, Smacv2, Terrain};
+use crate::{Generation, Rewards, Smacv2, Terrain};
 use serde::{Deserialize, Serialize};
 use smaclite_units::{Keyword, UnitType};
 
@@ -70,6 +70,8 @@ pub struct Scenario {
     pub generation: Option<Generation>,
     /// The options of SMACv2's interface; `None` for SMAClite's.
     pub smacv2: Option<Smacv2>,
+    /// What both sides are rewarded for; with `smacv2` its own options are used instead.
+    pub rewards: Rewards,
     /// The height of each square, row y = 0 first, as SMACv2's option `obs_terrain_height` shows it: 0 to
     /// 255; `None` if all are 127.
     pub heights: Option<Vec<u8>>,

@@ -1,7 +1,7 @@
 //! Custom scenario files: what is accepted, where unit files are found, and the message for everything
 //! refused.
 
-use smaclite_scenarios::{Faction, Problems, Scenario, ScenarioFiles, UnitFile};
+use smaclite_scenarios::{Faction, Problems, Rewards, Scenario, ScenarioFiles, UnitFile};
 use std::fs;
 use std::path::Path;
 
@@ -609,4 +609,38 @@ fn teams_take_the_place_of_groups() {
     let without = "\"start\": {";
     let problems = generated_problems("\"start_positions\": {", without);
     assert!(problems.contains("`start_positions` is missing"), "{problems}");
+}
+
+/// Changed keys once sorted the units of all groups by name, which gave them other ids: MMM was another battle.
+#[test]
+fn changed_keys_leave_everything_else_as_it_is() {
+    for name in Scenario::standard_names().chain(Scenario::generated_names()) {
+        let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
+        let changed = files.with_keys([("episode_limit".to_owned(), 7.into())]).scenario().unwrap();
+        assert_eq!(changed, Scenario { episode_limit: Some(7), ..scenario }, "{name}");
+    }
+}
+
+#[test]
+fn reward_options_are_read_and_added_to_those_of_the_file() {
+    let (_, files) = ScenarioFiles::resolve("3m").unwrap();
+    let with = |files: &ScenarioFiles, rewards| files.with_keys([("rewards".to_owned(), rewards)]);
+    let once = with(&files, serde_json::json!({ "reward_win": 50, "reward_sparse": true }));
+    let twice = with(&once, serde_json::json!({ "reward_sparse": false, "reward_defeat": -1.5 }));
+    let expected = Rewards { win: 50.0, defeat: -1.5, ..Rewards::DEFAULT };
+    assert_eq!(twice.scenario().unwrap().rewards, expected);
+    assert_eq!(with(&twice, serde_json::Value::Null).scenario().unwrap().rewards, Rewards::DEFAULT);
+    let message = |rewards| with(&files, rewards).scenario().unwrap_err().to_string();
+    for (rewards, expected) in [
+        (serde_json::json!({ "win": 1 }), "unknown key `rewards.win`"),
+        (serde_json::json!({ "reward_scale_rate": 0 }), "`rewards.reward_scale_rate` is 0, but must be"),
+        (serde_json::json!({ "reward_win": -1 }), "`reward_win` must be at least 0"),
+        (serde_json::json!([]), "`rewards`"),
+    ] {
+        let message = message(rewards);
+        assert!(message.contains(expected), "{message}");
+    }
+    let both = files.with_keys(["rewards", "smacv2"].map(|key| (key.to_owned(), serde_json::json!({}))));
+    let message = both.scenario().unwrap_err().to_string();
+    assert!(message.contains("`rewards` must be left out beside `smacv2`"), "{message}");
 }

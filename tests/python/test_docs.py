@@ -107,6 +107,12 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "smaclite-pool record --pool": "follows a learner that plays; test_recorder.py runs it",
     },
     # Docstrings, by module.
+    "_agent_view.py": {
+        "views = ": FRAGMENT,
+        "def attack_nearest": FRAGMENT,
+        "result = ": FRAGMENT,
+    },
+    "_entities.py": {"entities = ": FRAGMENT},
     "_evaluation.py": {"result = ": FRAGMENT},
     "_rollout.py": {"rollout = ": FRAGMENT},
     "_team.py": {
@@ -124,7 +130,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
     "marl/epymarl.py": {"from smaclite_pool.marl.epymarl import PoolRunner; REG": OTHER_CODE},
     "marl/smac/__init__.py": {"python -m": OTHER_CODE},
     "marl/smacv2/__init__.py": {"python -m": OTHER_CODE},
-    "marl/smac/rewards.py": {"REWARD_SCALE *": "a formula"},
 }
 """The beginnings of blocks that are not run, by page, and why."""
 

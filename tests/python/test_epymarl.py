@@ -247,6 +247,9 @@ def test_settings_that_cannot_be_served_are_refused() -> None:
     for name, (value, reason) in refused.items():
         with pytest.raises(sp.InvalidRequest, match=reason):
             PoolRunner(args_of(2, **{name: value}), Log())
+    rewarded = PoolRunner(args_of(2, reward_only_positive=False, reward_win=200), Log())
+    assert not rewarded._envs.rewards["reward_only_positive"]
+    rewarded.close_env()
     unshared = args_of(2)
     unshared.common_reward = False
     with pytest.raises(sp.InvalidRequest, match="common_reward"):

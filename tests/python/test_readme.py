@@ -107,9 +107,11 @@ def test_the_scenario_file_is_correct(environment: dict[str, str], tmp_path: Pat
 def test_every_command_of_the_program_is_listed(environment: dict[str, str]) -> None:
     table = re.search(r"^\| commands of .*\n\|[-| ]+\|\n((?:\|.*\n)+)", README, re.MULTILINE)
     assert table
-    documented = [name for row in table[1].splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    documented = [
+        name for row in table[1].splitlines() for name in re.findall(r"`([\w-]+)`", row.split("|")[1])
+    ]
     listed = run([*PROGRAM, "--help"], environment).split("Commands:")[1].split("Options:")[0]
-    assert sorted(documented) == sorted({*re.findall(r"^  (\w+)", listed, re.MULTILINE)} - {"help"})
+    assert sorted(documented) == sorted({*re.findall(r"^  ([\w-]+)", listed, re.MULTILINE)} - {"help"})
 
 
 def test_ci_runs_the_test_command() -> None:

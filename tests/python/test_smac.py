@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from numpy.typing import NDArray
-from smaclite_pool._layout import ScenarioLayout
 from smaclite_pool.marl.smac import MultiAgentEnv, Unavailable, get_map_params
-from smaclite_pool.marl.smac.rewards import HealthTotals, Reward, RewardOptions
 
 from conftest import replayed
 
@@ -255,24 +252,14 @@ def test_a_victory_pays_what_it_should() -> None:
 
 
 def test_banelings_that_destroy_themselves_are_not_kills() -> None:
-    layout = ScenarioLayout(
-        "bane_vs_bane"
-    )  # enemies 0 to 3 are banelings of 30 health, the rest zerglings of 35
-    reward = Reward(layout, RewardOptions(death_value=20, scale=False))
-    unit = (10 * 24 + 200 + 4 * 30 + 20 * 35) / 20
-    full = np.array([30.0] * 4 + [35.0] * 20, np.float32)
-    allies = np.ones(24, np.float32)
-
-    def paid(enemies: NDArray[np.float32], earned: float) -> float:
-        return reward(earned / unit, False, False, HealthTotals(allies, full), HealthTotals(allies, enemies))
-
-    after = full.copy()
-    after[:2] = 0  # one destroyed itself, one was killed
-    after[4:6] = 0  # two zerglings killed
-    earned = 30 + 30 + 35 + 35 + 3 * 10
-    assert np.isclose(paid(after, earned), earned + 3 * 10, atol=1e-3)
-    after[6] = 34.5  # hit for 2, of which it regained 1.5 in the same step
-    assert np.isclose(paid(after, earned + 2), earned + 2 + 3 * 10, atol=1e-3)
+    common: dict[str, Any] = {"map_name": "so_many_baneling", "seed": 1, "reward_scale": False}
+    envs = [MultiAgentEnv(**common, reward_death_value=value) for value in (0, 10)]
+    free, paid = play(envs, 200)
+    dead = sum(unit.health == 0 for unit in envs[0].enemies.values())
+    kills = (sum(paid) - sum(free)) / 10
+    assert np.isclose(kills, round(kills), atol=1e-3) and 0 <= kills < dead
+    for env in envs:
+        env.close()
 
 
 def test_time_out_is_terminated_and_marked_only_if_asked() -> None:
@@ -308,7 +295,7 @@ def test_unsupported_options_are_refused_with_the_reason() -> None:
         MultiAgentEnv("no_such_map")
     with pytest.raises(sp.InvalidRequest, match="episode limit"):
         MultiAgentEnv("2s3z", obs_timestep_number=True, episode_limit=None)
-    with pytest.raises(sp.InvalidRequest, match="reward_scale"):
+    with pytest.raises(sp.ScenarioError, match="reward_scale_rate"):
         MultiAgentEnv("2s3z", reward_scale_rate=0)
 
 

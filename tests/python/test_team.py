@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import smaclite_pool as sp
 
@@ -62,6 +64,36 @@ def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
         sp.train("3mm", tmp_path / "a", steps=100)
     with pytest.raises(sp.InvalidRequest, match="unexpected argument '--learning-rate'"):
         sp.train("3m", tmp_path / "b", steps=100, learning_rate=0.1)
+
+
+@pytest.mark.parametrize("scenario", sp.ZOO)
+def test_a_team_of_the_zoo_wins(scenario: str) -> None:
+    """Nine of ten battles are what it must have won to be there; fewer are played here."""
+    team = sp.load_team(scenario, greedy=True)
+    with sp.make(scenario, num_envs=16, **team.settings) as envs:
+        assert sp.evaluate(envs, team, episodes=16, seed=7).win_rate >= 0.75
+
+
+def test_teams_of_the_zoo_have_names(tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert repr(sp.load_team("3m")) == repr(sp.load_team("zoo:3m")) == "<Team 'zoo:3m', sampled actions>"
+    monkeypatch.chdir(folder.parent)  # a folder of that name is taken
+    assert repr(sp.load_team("3m")) == "<Team '3m', sampled actions>"
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(sp.InvalidRequest, match=r"`zoo:4m` is not the folder of a trained team"):
+        sp.load_team("zoo:4m")
+
+
+def test_the_best_weights_play_unless_others_are_named(tmp_path: Path) -> None:
+    options = {**SMALL, "steps": 3000, "evaluate_every": 1000, "lr_end": 1.0}
+    sp.train("3m", tmp_path / "run", seed=1, **options)  # type: ignore[arg-type]
+    # Those before the training differ from the last ones for certain.
+    shutil.copy(tmp_path / "run/evaluations/000000000000.safetensors", tmp_path / "run/best.safetensors")
+    obs = np.ones((1, 3, 66), np.float32)
+    teams = [sp.load_team(tmp_path / "run", weights=weights) for weights in (None, "best", "last")]
+    default, best, last = (team.logits(obs) for team in teams)
+    assert (default == best).all() and (best != last).any()
+    with pytest.raises(sp.InvalidRequest, match='weights must be None, "best" or "last"'):
+        sp.load_team(tmp_path / "run", weights="worst")  # type: ignore[arg-type]
 
 
 def test_progress_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,10 @@ import sys
 from collections import deque
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import smaclite_pool as sp
 
@@ -200,6 +202,88 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
             [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
         )
         assert "mean return" in done.stdout
+
+
+@learners
+def test_evaluations_are_those_of_the_program_and_change_no_bit(
+    example: Any, algorithm: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    """`smaclite-pool report` reads the folder beside one of `smaclite-pool train`."""
+    options = {**options, "steps": 4_500, "seed": 3}
+    without, log = train(example, tmp_path / "without", algorithm, **options)
+    team, same_log = train(example, tmp_path / "runs", algorithm, evaluate_every=2_000, **options)
+    weights, same_weights = without.team.state_dict(), team.team.state_dict()
+    assert all(torch.equal(weights[name], same_weights[name]) for name in weights)
+    steady = [{name: value for name, value in row.items() if name not in TIMES} for row in log]
+    assert steady == [{name: value for name, value in row.items() if name not in TIMES} for row in same_log]
+    folder = tmp_path / f"runs/3m-{algorithm}-3"
+    assert not (tmp_path / f"without/3m-{algorithm}-3/evaluations.csv").exists()
+
+    command = [sys.executable, "-m", "smaclite_pool"]
+    small = "--steps 4500 --evaluate-every 2000 --num-envs 8 --horizon 16 --hidden 16 --seed 3"
+    program = [*command, "train", "3m", "--out", str(tmp_path / "program"), *small.split()]
+    subprocess.run(program, check=True, capture_output=True)
+    header = (folder / "evaluations.csv").read_text().splitlines()[0]
+    assert header == (tmp_path / "program/evaluations.csv").read_text().splitlines()[0]
+    assert json.loads((folder / "final.json").read_text()).keys() == (
+        json.loads((tmp_path / "program/final.json").read_text()).keys()
+    )
+    report = [
+        *command,
+        "report",
+        str(tmp_path / "runs"),
+        str(tmp_path / "program"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    subprocess.run(report, check=True, capture_output=True)
+    with (tmp_path / "out/runs.csv").open() as file:
+        ours, theirs = csv.DictReader(file)
+    assert (ours["algorithm"], ours["task"], ours["seed"]) == ("runs", "3m", "3")
+    assert ours["evaluations"] == theirs["evaluations"] == "4"  # 0, 2000, 4000 and 4500
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text())["smaclite"]["3m"]
+    assert metrics["runs"]["run_1"].keys() == metrics["program"]["run_1"].keys()
+    assert len(metrics["runs"]["run_1"]["absolute_metrics"]["return"]) == 320
+
+
+def test_evaluations_keep_the_best_weights_and_their_time(tmp_path: Path) -> None:
+    """A team that wins more the longer it trains, then loses, without battles."""
+    evaluations: Any = importlib.import_module("smaclite_pool.examples.evaluations")
+    module = torch.nn.Linear(1, 1)
+    rates = {0: 0.0, 10: 0.5, 20: 0.95, 30: 0.2}
+    now = 0
+
+    class Played(evaluations.Evaluations):  # type: ignore[misc]
+        def episodes(self, count: int, greedy: bool, occasion: list[int]) -> sp.Evaluation:
+            played.append((count, greedy, tuple(occasion), module.weight.item()))
+            won = np.arange(count) < round(rates[now] * count)
+            return sp.Evaluation(
+                np.zeros(count, np.int32), won.astype(np.float32), np.ones(count, np.int32), won
+            )
+
+    played: list[tuple[int, bool, tuple[int, ...], float]] = []
+    options = SimpleNamespace(seed=1, steps=30, evaluate_every=10)
+    clock = evaluations.Clock()
+    evaluated = Played(tmp_path, options, module, None, None, clock)
+    for now in rates:
+        module.weight.data.fill_(float(now))
+        evaluated.play_due(now + 1, now)
+    evaluated.finish(31, 30)
+    rows = (tmp_path / "evaluations.csv").read_text().splitlines()
+    assert [row.split(",")[:3] for row in rows[1:]] == [[str(s), str(s + 1), str(s)] for s in rates]
+    result = json.loads((tmp_path / "final.json").read_text())
+    assert (result["steps"], result["trained_steps"], result["run_steps"]) == (20, 21, 31)
+    best = safetensors.load_file(tmp_path / "best.safetensors")
+    assert best["weight"].item() == 20 and module.weight.item() == 30
+    assert [of for of in played if of[0] == 320] == [(320, True, (), 20.0), (320, False, (), 20.0)]
+    win = json.loads((tmp_path / "time_to_win.json").read_text())
+    assert win["greedy"]["steps"] == 20 and win["sampled"]["wins"] == 190
+    # Of 200 episodes, a team that loses plays one block of 40 with greedy and one with sampled actions.
+    assert [of for of in played if of[0] == 40 and of[3] == 0.0] == [
+        (40, True, (0, 0), 0.0),
+        (40, False, (0, 0), 0.0),
+    ]
+    assert not [of for of in played if of[0] == 40 and of[3] == 30.0], "it had won before"
 
 
 def test_a_team_plays_itself(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ def test_the_defaults_in_the_signature_of_make_are_its_defaults() -> None:
     """Its text is written by hand, because PyO3 shows only literals; stubtest compares the stub with it."""
     parameters = inspect.signature(sp.make).parameters.values()
     defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
-    assert len(defaults) == 23 and defaults["num_envs"] == 64
+    assert len(defaults) == 24 and defaults["num_envs"] == 64
     with sp.make("2s3z") as implicit, sp.make("2s3z", **defaults) as explicit:
         for name, value in implicit.description.items():
             assert name in ("pool", "instance") or value == explicit.description[name], name
@@ -41,7 +41,7 @@ def test_the_stub_declares_every_field_with_its_type() -> None:
     stub = (Path(sp.__file__).parent / "_native.pyi").read_text()
     properties = {name: value for name, value in vars(sp.Batch).items() if isinstance(value, property)}
     fields = [name for name, value in properties.items() if " [M" in str(value.__doc__)]
-    assert len(fields) == 28
+    assert len(fields) == 30
     for name in fields:
         text = getattr(sp.Batch, name).__doc__
         dtype, described = text.split(" ", 1)

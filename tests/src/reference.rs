@@ -41,7 +41,10 @@ impl Reference {
         let make = plan.make_without_faults();
         let mut scratch = Scratch::new();
         let mut env = |index: usize| {
-            let (env, own) = (make(index), OwnFeatures::new(plan));
+            let (mut env, own) = (make(index), OwnFeatures::new(plan));
+            if let Some(battle) = env.battle_mut() {
+                battle.keep_shares();
+            }
             let row = Row::of(&*env, index, None, &own, &mut scratch);
             ReferenceEnv { env, own, is_over: false, steps: 0, row }
         };

@@ -42,6 +42,7 @@ impl Row {
         if row.sizes.enemies.is_some() {
             row.set(Field::EnemyReward, floats(&[step.as_ref().map_or(0.0, |s| s.enemy_reward as f32)]));
         }
+        row.set_shares(env, step);
         row.set(Field::Terminated, flag(|s| s.terminated));
         row.set(Field::Truncated, flag(|s| s.truncated));
         row.set(Field::BattleWon, flag(|s| s.battle_won));
@@ -76,6 +77,23 @@ impl Row {
 
     fn set(&mut self, field: Field, value: Vec<u8>) {
         self.values[field as usize] = Some(value);
+    }
+
+    /// The shares of all units in the rewards of the step just made.
+    fn set_shares(&mut self, env: &dyn Environment, step: Option<Step>) {
+        let Sizes { n_agents, n_enemies, enemies, .. } = self.sizes;
+        let shares = |side: Faction, n_units: usize, reward: fn(Step) -> f64| {
+            let equal = step.map_or(0.0, |step| (reward(step) / n_units as f64) as f32);
+            let mut shares = vec![equal; n_units];
+            if let (Some(_), Some(battle)) = (step, env.battle()) {
+                battle.write_shares_of(side, &mut shares);
+            }
+            floats(&shares)
+        };
+        self.set(Field::RewardAgents, shares(Faction::Ally, n_agents, |step| step.reward));
+        if enemies.is_some() {
+            self.set(Field::EnemyRewardAgents, shares(Faction::Enemy, n_enemies, |step| step.enemy_reward));
+        }
     }
 
     fn set_view(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {

@@ -7,6 +7,7 @@ use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathComplete
 use clap_complete::env::{CompleteEnv, Shells};
 use smaclite_engine::Opponent;
 use smaclite_ipc::{RuntimeDir, running_pools};
+use smaclite_learn::zoo_scenarios;
 use smaclite_scenarios::Scenario;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -88,10 +89,11 @@ pub(super) fn pool() -> ArgValueCompleter {
     })
 }
 
-/// A script or the folder of a run.
+/// A script, a team of the zoo, or the folder of a run.
 pub(super) fn player() -> ArgValueCompleter {
     ArgValueCompleter::new(|current: &OsStr| {
         let mut found = beginning_with(current, Opponent::scripts().map(Opponent::name));
+        found.extend(beginning_with(current, zoo_scenarios().map(|name| format!("zoo:{name}"))));
         found.extend(PathCompleter::dir().complete(current));
         found
     })

@@ -12,7 +12,7 @@ use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_learn::{
     Amount, ArrayName, Card, DATASET_SUFFIX, Dataset, Distribution, PolicyCard, Quality, Recording, Source,
-    resolve_scenario,
+    names_team, resolve_scenario,
 };
 use smaclite_pool::PoolOptions;
 use std::error::Error;
@@ -49,12 +49,12 @@ enum Action {
 
 #[derive(Args)]
 struct Record {
-    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite, hold,
-    /// line, flank, escort or spread
+    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite,
+    /// hold, line, flank, escort or spread
     #[arg(add = completions::player())]
     source: String,
     /// Weights of a run by its evaluations: good, medium, poor, or replay, which is all of them in turn
-    /// [default: its last weights]
+    /// [default: as `evaluate` chooses: the best ones, or else the last]
     #[arg(long)]
     quality: Option<Quality>,
     /// Number of steps: the last episode that is needed for them is whole
@@ -72,8 +72,8 @@ struct Record {
     #[arg(long, requires = "scenario")]
     rules: Option<Rules>,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
-    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: as in training;
-    /// attack_move for a scripted policy]
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: the scripts of the
+    /// training; attack_move for a scripted policy, and if a team played the enemies in training]
     #[arg(long, value_name = "NAME|WEIGHTS")]
     opponent: Option<Opponents>,
     /// Episode i is seeded with SEED + i; actions are drawn from the seed too
@@ -192,17 +192,17 @@ impl Record {
                 let opponents = opponent.clone().unwrap_or_else(|| setup.opponents.clone());
                 Ok(Source::Script { setup: BattleSetup { opponents, ..setup }, tactic })
             }
-            Err(_) if Path::new(source).is_dir() => {
+            Err(_) if names_team(source) => {
                 if scenario.is_some() {
-                    let text = "--scenario has no effect on a run, which plays what it was trained in; leave it \
-                                out";
+                    let text = "--scenario has no effect on a run, which plays what it was trained in; leave \
+                                it out";
                     return Err(text.into());
                 }
                 let (folder, opponents) = (PathBuf::from(source), opponent.clone());
                 Ok(Source::Run { folder, quality: *quality, opponents })
             }
             Err(_) => Err(format!(
-                "`{source}` is neither a scripted policy ({}) nor the folder of a run of `smaclite-pool train`",
+                "`{source}` is neither a scripted policy ({}) nor a run of `smaclite-pool train`",
                 Scripted::NAMES.join(", ")
             )
             .into()),
@@ -216,9 +216,7 @@ impl Show {
         if !self.json {
             return print_card(&dataset, &self.file);
         }
-        let mut card = serde_json::to_value(dataset.card())?;
-        card["program"] = dataset.program().into();
-        card["hash"] = dataset.hash().into();
+        let mut card = dataset.card_json()?;
         card["file_bytes"] = std::fs::metadata(&self.file)?.len().into();
         out!("{card}")?;
         Ok(())

@@ -14,6 +14,7 @@ pub mod bench;
 mod check;
 mod clean;
 mod completions;
+mod csv;
 mod dataset;
 mod doctor;
 mod edit;
@@ -30,11 +31,13 @@ mod play;
 pub mod process;
 mod record;
 mod replay;
+mod report;
 mod scenarios;
 mod schema;
 mod serve;
 mod show;
 mod snapshot;
+mod svg;
 mod table;
 mod tournament;
 mod train;
@@ -42,6 +45,7 @@ mod usage;
 mod verify_run;
 mod watch;
 mod web;
+mod zoo;
 
 use clap::{Parser, Subcommand};
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
@@ -97,6 +101,10 @@ enum Command {
     Evaluate(evaluate::Evaluate),
     /// Play the recorded evaluations of a run again, and compare every number
     VerifyRun(verify_run::VerifyRun),
+    /// Compare runs of several seeds and algorithms: curves, intervals, tables, metrics.json
+    Report(report::WriteReport),
+    /// List the trained teams that are part of the program
+    Zoo(zoo::Zoo),
     /// Play against a script or a trained team, in the browser
     Play(play::Play),
     /// Play scripts and trained teams against each other: payoff matrix and Elo ratings
@@ -183,6 +191,8 @@ impl Command {
             Command::Train(train) => train.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
             Command::VerifyRun(verify_run) => verify_run.run(),
+            Command::Report(report) => report.run(),
+            Command::Zoo(zoo) => zoo.run(),
             Command::Play(play) => play.run(),
             Command::Tournament(tournament) => tournament.run(),
             Command::Exploit(exploit) => exploit.run(),

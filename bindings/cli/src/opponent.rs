@@ -1,9 +1,10 @@
-//! The option `--opponent` of `train` and `evaluate`: scripts, a trained team, or the team that is trained.
+//! The option `--opponent` of `train` and `evaluate`, and `--against` of `play`: scripts, a trained team,
+//! or the team that is trained.
 
 use crate::number::{count, whole};
 use clap::Args;
 use smaclite_engine::{Opponents, OpponentsError, Sides};
-use smaclite_learn::{Enemies, SelfPlay};
+use smaclite_learn::{Enemies, SelfPlay, names_team};
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -11,7 +12,7 @@ use std::str::FromStr;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum OpponentOption {
     Scripts(Opponents),
-    /// The folder of a run.
+    /// The folder of a run, or a team of the zoo.
     Team(PathBuf),
     /// The team that is trained.
     OwnTeam,
@@ -40,10 +41,7 @@ impl FromStr for OpponentOption {
         match text.parse::<Opponents>() {
             Ok(scripts) if scripts.check(Sides::Allies).is_err() => Err(OpponentOptionError::Learner),
             Ok(scripts) => Ok(OpponentOption::Scripts(scripts)),
-            // A path says that it is none by its separator; its mistakes are found where it is read.
-            Err(_) if text.contains('/') || PathBuf::from(text).join("run.json").exists() => {
-                Ok(OpponentOption::Team(text.into()))
-            }
+            Err(_) if names_team(text) => Ok(OpponentOption::Team(text.into())),
             Err(error) => Err(OpponentOptionError::Neither(error)),
         }
     }
@@ -115,6 +113,7 @@ mod tests {
         assert_eq!(parse(mixture).unwrap(), OpponentOption::Scripts(mixture.parse().unwrap()));
         assert_eq!(parse("./kite").unwrap(), OpponentOption::Team("./kite".into()));
         assert_eq!(parse("runs/3m").unwrap(), OpponentOption::Team("runs/3m".into()));
+        assert_eq!(parse("zoo:3m").unwrap(), OpponentOption::Team("zoo:3m".into()));
         let error = |text: &str| parse(text).unwrap_err().to_string();
         assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move"));
         assert!(error("kites").ends_with("no folder of that name with a run"));

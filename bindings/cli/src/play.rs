@@ -2,30 +2,29 @@
 
 use crate::check::warn_of;
 use crate::number::seed;
+use crate::opponent::OpponentOption;
 use crate::web::play::Play as Page;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions};
 use clap::Args;
-use smaclite_engine::{BattleSetup, Opponents, OpponentsError, Rules, Sides};
+use smaclite_engine::{BattleSetup, Rules};
 use smaclite_learn::{TrainedTeam, resolve_scenario};
-use std::path::PathBuf;
-use std::str::FromStr;
 
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   smaclite-pool play 2s3z --open
   smaclite-pool play MMM --against focus_fire --seed 7 --open
-  smaclite-pool play 3m --against runs/3m --open")]
+  smaclite-pool play 3m --against zoo:3m --open")]
 pub(super) struct Play {
     /// A standard scenario or a scenario file; without an episode limit, its battles end after 1000 steps
     #[arg(add = completions::scenario())]
     scenario: String,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
-    /// attack_move=0.5,focus_fire=0.5, of which each battle draws one; or the folder of a run of `train`,
-    /// whose team sees the map turned by half a turn, and needs a scenario with two equal sides
+    /// attack_move=0.5,focus_fire=0.5, of which each battle draws one; or a team, by the folder of a run
+    /// or as zoo:SCENARIO, which sees the map turned by half a turn and needs a scenario with two equal sides
     #[arg(long, default_value = "attack_move", value_name = "PLAYER")]
-    against: Against,
+    against: OpponentOption,
     /// Seed of the first battle; each later one has the next number
     #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
@@ -36,50 +35,18 @@ pub(super) struct Play {
     serve: ServeOptions,
 }
 
-/// Who plays the enemies.
-#[derive(Clone)]
-enum Against {
-    Scripts(Opponents),
-    /// The folder of a run.
-    Team(PathBuf),
-}
-
-/// A text that names no player.
-#[derive(Debug, thiserror::Error)]
-enum AgainstError {
-    #[error("{0}; and there is no folder of that name with a run")]
-    Neither(OpponentsError),
-    #[error(transparent)]
-    Opponents(#[from] OpponentsError),
-}
-
-impl FromStr for Against {
-    type Err = AgainstError;
-
-    fn from_str(text: &str) -> Result<Against, AgainstError> {
-        match text.parse::<Opponents>() {
-            Ok(opponents) => {
-                opponents.check(Sides::Allies)?;
-                Ok(Against::Scripts(opponents))
-            }
-            // A path says that it is none by its separator; its mistakes are found where it is read.
-            Err(_) if text.contains('/') || PathBuf::from(text).join("run.json").exists() => {
-                Ok(Against::Team(text.into()))
-            }
-            Err(error) => Err(AgainstError::Neither(error)),
-        }
-    }
-}
-
 impl Play {
     pub(super) fn run(self) -> CommandResult {
         let setup = resolve_scenario(&self.scenario, self.rules)?;
         warn_of(&setup.files);
         let page = match self.against {
-            Against::Scripts(opponents) => Page::new(BattleSetup { opponents, ..setup }, self.seed)?,
-            Against::Team(folder) => {
+            OpponentOption::Scripts(opponents) => Page::new(BattleSetup { opponents, ..setup }, self.seed)?,
+            OpponentOption::Team(folder) => {
                 let team = TrainedTeam::open(&folder)?;
                 Page::against_team(setup, team, folder.display().to_string(), self.seed)?
+            }
+            OpponentOption::OwnTeam | OpponentOption::League => {
+                return Err("--against takes scripts or a team; self and league are for training".into());
             }
         };
         serve(&self.serve, vec![("/", Box::new(page))])

@@ -13,10 +13,10 @@
 //!    networks, `loss` what lies between. `adam` clips it and makes a step.
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
-//! while a run trains, `seeds` trains several runs at a time, `evaluate` plays a trained team, and
-//! `trained_team` lets it play a single battle. `dataset` keeps what teams play, for offline learning. `team`
-//! is what is trained. `random`,
-//! `parallel`, `math` and `tensors` serve the others.
+//! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms
+//! (`statistics`), `evaluate` plays a trained team, and `trained_team` lets it play a single battle. `dataset`
+//! keeps what teams play, for offline learning. `zoo` has teams that are part of the program. `team` is what is
+//! trained. `random`, `parallel`, `math` and `tensors` serve the others.
 //!
 //! **Determinism.** The seed and the hyperparameters decide every bit of a run on one machine. They do so for
 //! any load and any number of threads, of the learner and of the pool: each random number comes from a
@@ -51,15 +51,19 @@ mod parallel;
 mod policy;
 mod ppo;
 mod random;
+mod report;
 mod rollout;
 mod run;
 mod seeds;
+mod statistics;
 mod team;
 mod tensors;
 mod tournament;
 mod trained_team;
 mod training;
 mod view;
+mod zoo;
+mod zoo_cards;
 
 pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
@@ -80,10 +84,21 @@ pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use lane_error::LaneError;
 pub use lanes::{Lanes, resolve_scenario};
 pub use ppo::{Diverged, UpdateStats};
+pub use report::{
+    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Curve, ENVIRONMENT,
+    EvaluatedRun, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread, THRESHOLDS,
+    TimeToWin, marl_eval_json, time_to_win,
+};
 pub use rollout::Episode;
 pub use run::{Run, RunDescription};
 pub use seeds::{OnSeedEvent, SeedEvent, Seeds};
+pub use statistics::{
+    Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
+    wilson_interval,
+};
 pub use tensors::FileError;
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
 pub use trained_team::{TrainedTeam, UnfitTeam, Weights};
 pub use training::{Record, SelfPlayRecord, TrainError};
+pub use zoo::{names_team, zoo_file, zoo_scenarios};
+pub use zoo_cards::{ZooCard, zoo_cards};

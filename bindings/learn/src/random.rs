@@ -29,6 +29,11 @@ pub(crate) enum Purpose {
     TrainingEvaluations = 9,
     /// Seeds of the evaluation of its best weights; the second counter is 1 if actions are sampled.
     FinalEvaluation = 10,
+    /// Runs that are drawn for the interval of a statistic; the counter is the repetition.
+    Bootstrap = 11,
+    /// Seeds of the episodes that say when a team wins; the counters are the step count, and the number of
+    /// the block of episodes.
+    TimeToWin = 12,
 }
 
 /// Mixes the bits of a number so that numbers that differ in one bit differ in half of the bits: the last
@@ -78,6 +83,8 @@ mod tests {
             Purpose::Players,
             Purpose::TrainingEvaluations,
             Purpose::FinalEvaluation,
+            Purpose::Bootstrap,
+            Purpose::TimeToWin,
         ]) {
             for run in 0..3 {
                 seeds.extend((0..100).map(|i| seed(run, purpose, [i / 10, i % 10])));

@@ -23,9 +23,10 @@ use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::log::{CsvLog, TensorBoardLog};
 use crate::team::{Network, Team};
-use crate::tensors::{FileError, read, write};
+use crate::tensors::{FileError, exists, read, write};
 use crate::trained_team::Weights;
 use crate::training::{Record, TrainError, Training};
+use crate::zoo;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{BattleSetup, Sizes};
 use smaclite_scenarios::Problems;
@@ -75,7 +76,10 @@ impl RunDescription {
             let (path, why) = (path.clone(), why.to_string());
             FileError::Damaged { path, why }
         };
-        if !path.exists() {
+        if let Some(name) = zoo::missing(folder) {
+            return Err(FileError::NotInZoo { name: name.to_owned() });
+        }
+        if !exists(&path) {
             return Err(FileError::NoRun { folder: folder.to_owned() });
         }
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;

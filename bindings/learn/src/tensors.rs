@@ -1,5 +1,6 @@
 //! Files of named arrays in the safetensors format: written whole or not at all, and read with checks.
 
+use crate::zoo::{zoo_file, zoo_scenarios};
 use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -24,6 +25,8 @@ pub enum FileError {
     NotRegular { path: PathBuf },
     #[error("`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json", folder.display())]
     NoRun { folder: PathBuf },
+    #[error("the zoo has no team `{name}`; it has {}", zoo_scenarios().collect::<Vec<_>>().join(", "))]
+    NotInZoo { name: String },
     #[error("`{}` is damaged or not a file of a run: {why}", path.display())]
     Damaged { path: PathBuf, why: String },
     #[error("`{}` does not fit the run: {why}", path.display())]
@@ -105,8 +108,16 @@ pub(crate) fn remove(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Reads a file, if it is a regular one of a plausible size.
+/// Whether there is such a file, in a folder or in the zoo.
+pub(crate) fn exists(path: &Path) -> bool {
+    zoo_file(path).is_some() || path.exists()
+}
+
+/// Reads a file, if it is a regular one of a plausible size, or one of the zoo.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
+    if let Some(bytes) = zoo_file(path) {
+        return Ok(bytes.to_vec());
+    }
     let error = |source| FileError::Read { path: path.to_owned(), source };
     let metadata = fs::metadata(path).map_err(error)?;
     if !metadata.is_file() || metadata.len() > MAX_BYTES {

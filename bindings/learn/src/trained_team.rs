@@ -7,7 +7,7 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::run::{BEST, RunDescription, WEIGHTS, read_team};
 use crate::team::Network;
-use crate::tensors::FileError;
+use crate::tensors::{FileError, exists};
 use serde::Serialize;
 use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
 use smaclite_scenarios::Faction;
@@ -36,7 +36,7 @@ impl Weights {
     /// learn to beat.
     pub fn of(folder: &Path, run: &RunDescription) -> Weights {
         let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
-        if !is_self_play && folder.join(BEST).exists() { Weights::Best } else { Weights::Last }
+        if !is_self_play && exists(&folder.join(BEST)) { Weights::Best } else { Weights::Last }
     }
 
     pub(crate) fn file_name(self) -> &'static str {

@@ -15,6 +15,7 @@ Other interfaces are modules of this package:
 
 - `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
   `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
+  `vault` and `minari` write datasets for other libraries.
 - `marl`: `smac` (SMAC's interface), `epymarl` and `on_policy`.
 - `compat`: drop-in replacements for the packages `smaclite` and `smac`.
 
@@ -31,10 +32,15 @@ if "t" in sys.abiflags:
         "(python3.13t and the like): use the normal one of the same version"
     )
 
+from ._agent_view import AgentView, AgentViews, PerAgent, SeenUnit, evaluate_function
+from ._entities import Entities, EntityRows
 from ._evaluation import Evaluation, evaluate
 from ._native import (
+    DATASET_ARRAYS,
     OPPONENTS,
+    ZOO,
     Batch,
+    Dataset,
     Envs,
     Frame,
     Recorder,
@@ -75,12 +81,19 @@ from .errors import (
 )
 
 __all__ = [
+    "DATASET_ARRAYS",
     "OPPONENTS",
+    "ZOO",
+    "AgentView",
+    "AgentViews",
     "Batch",
     "Busy",
     "ChangedBatch",
     "Closed",
     "ConnectError",
+    "Dataset",
+    "Entities",
+    "EntityRows",
     "Envs",
     "Evaluation",
     "Forked",
@@ -91,6 +104,7 @@ __all__ = [
     "LaneTaken",
     "NoSuchPool",
     "OtherLearnerLeft",
+    "PerAgent",
     "PoolDied",
     "PoolError",
     "Recorder",
@@ -98,6 +112,7 @@ __all__ = [
     "Rollout",
     "ScenarioError",
     "ScriptedPolicy",
+    "SeenUnit",
     "Spectator",
     "StartError",
     "Team",
@@ -108,6 +123,7 @@ __all__ = [
     "__version__",
     "connect",
     "evaluate",
+    "evaluate_function",
     "load_team",
     "make",
     "pack_snapshot",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,8 +80,8 @@ class ScenarioLayout:
         self.enemies = self.info["enemies"]
         self.n_agents = len(self.allies)
         self.n_enemies = len(self.enemies)
-        self.obs = ObservationBlocks(**_blocks(self.info["obs_layout"]))
-        self.state = StateBlocks(**_blocks(self.info["state_layout"]))
+        self.obs = ObservationBlocks(**feature_blocks(self.info["obs_layout"]))
+        self.state = StateBlocks(**feature_blocks(self.info["state_layout"]))
         self.type_bits: int = self.info["num_unit_types"]
         self.shield_bits_ally = int(self.info["ally_has_shields"])
         self.shield_bits_enemy = int(self.info["enemy_has_shields"])
@@ -110,9 +110,15 @@ class ScenarioLayout:
         return walkable
 
 
-def _blocks(layout: list[LayoutPart]) -> dict[str, FeatureBlock]:
+def feature_blocks(layout: list[LayoutPart]) -> dict[str, FeatureBlock]:
+    """The parts of a layout by name, in order."""
     return {part["name"]: _block(**part) for part in layout}
 
 
 def _block(name: str, start: int, shape: list[int], features: list[str]) -> FeatureBlock:
     return FeatureBlock(start, tuple(shape), features)
+
+
+def unwrapped(scenario: Any) -> Any:
+    """The environments below wrappers; the name or path of a scenario as it is."""
+    return getattr(scenario, "unwrapped", scenario)

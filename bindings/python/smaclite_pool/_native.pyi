@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._wrapper import ChangedBatch
-from .types import LaneDescription, PoolStatus, Scenario
+from .types import DatasetCard, LaneDescription, PoolStatus, RewardOptions, Scenario
 
 __all__ = [
+    "DATASET_ARRAYS",
     "EAST",
     "FIRST_TARGET",
     "KILL_REWARD",
     "NORTH",
     "NO_OP",
     "OPPONENTS",
+    "REWARD_DEFAULTS",
     "REWARD_SCALE",
     "SIGHT_RANGE",
     "SNAPSHOT_COLUMNS",
@@ -27,8 +29,10 @@ __all__ = [
     "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
+    "ZOO",
     "Batch",
     "CapabilityBattle",
+    "Dataset",
     "Envs",
     "Frame",
     "Recorder",
@@ -45,6 +49,7 @@ __all__ = [
     "scenarios",
     "snapshot_columns",
     "status",
+    "zoo_file",
 ]
 
 __version__: str
@@ -58,9 +63,13 @@ EAST: Final[int]
 WEST: Final[int]
 FIRST_TARGET: Final[int]
 
-# In squares.
+# Name, dtype, shape and meaning.
 SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
+DATASET_ARRAYS: list[tuple[str, str, str, str]]
 OPPONENTS: tuple[str, ...]
+ZOO: tuple[str, ...]
+
+# In squares.
 SIGHT_RANGE: Final[float]
 TARGETING_RANGE: Final[float]
 
@@ -68,6 +77,8 @@ TARGETING_RANGE: Final[float]
 KILL_REWARD: Final[float]
 WIN_REWARD: Final[float]
 REWARD_SCALE: Final[float]
+# The rewards of a scenario that has no others.
+REWARD_DEFAULTS: Final[RewardOptions]
 
 _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["next_step", "same_step", "disabled"]
@@ -150,6 +161,9 @@ class Batch:
     def level(self) -> NDArray[np.float32]:
         """float32 [M, n_units, 5]: how the episode began; lanes must name this field."""
     @property
+    def reward_agents(self) -> NDArray[np.float32]:
+        """float32 [M, n_agents]: share of each agent in `reward`; lanes must name this field."""
+    @property
     def enemy_obs(self) -> NDArray[np.float32]:
         """float32 [M, n_enemies, enemy_obs_size]: both sides: observation of each enemy."""
     @property
@@ -164,6 +178,9 @@ class Batch:
     @property
     def enemy_reward(self) -> NDArray[np.float32]:
         """float32 [M]: both sides: the enemies' reward of the step just made."""
+    @property
+    def enemy_reward_agents(self) -> NDArray[np.float32]:
+        """float32 [M, n_enemies]: share of each enemy in `enemy_reward`; lanes must name this field."""
     @property
     def final_enemy_obs(self) -> NDArray[np.float32]:
         """float32 [M, n_enemies, enemy_obs_size]: last enemy_obs, as final_obs."""
@@ -309,6 +326,8 @@ class Envs:
     @property
     def opponents(self) -> dict[str, float]: ...
     @property
+    def rewards(self) -> RewardOptions: ...
+    @property
     def fields(self) -> dict[str, tuple[np.dtype[Any], tuple[int, ...]]]: ...
     @property
     def description(self) -> LaneDescription: ...
@@ -430,6 +449,32 @@ class ScriptedPolicy:
     @property
     def name(self) -> str: ...
 
+@final
+class Dataset:
+    """A dataset for offline learning: the recipe that `smaclite-pool dataset record` wrote."""
+
+    def __new__(cls, path: str | PathLike[str]) -> Dataset: ...
+    def expand(
+        self,
+        out: str | PathLike[str] | None = None,
+        fields: Sequence[str] | None = None,
+        *,
+        threads: int | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """Play all episodes again and return their arrays, by name."""
+    @property
+    def card(self) -> DatasetCard: ...
+    @property
+    def episodes(self) -> dict[str, NDArray[Any]]: ...
+    @property
+    def hash(self) -> str: ...
+    @property
+    def program(self) -> str: ...
+    @property
+    def scenario(self) -> str | None: ...
+    @property
+    def settings(self) -> dict[str, Any]: ...
+
 @overload
 def make(
     scenario: str | PathLike[str],
@@ -447,6 +492,7 @@ def make(
     zero_sum: bool = False,
     teams: dict[str, Any] | None = None,
     start_positions: dict[str, Any] | None = None,
+    rewards: dict[str, Any] | None = None,
     smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
@@ -475,6 +521,7 @@ def make(
     zero_sum: bool = False,
     teams: dict[str, Any] | None = None,
     start_positions: dict[str, Any] | None = None,
+    rewards: dict[str, Any] | None = None,
     smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
@@ -496,7 +543,7 @@ def connect(
     side: Literal["allies", "enemies"] | None = None,
     on_leave: _Policy | None = None,
 ) -> Envs: ...
-def scenario(scenario: str | PathLike[str]) -> Scenario: ...
+def scenario(scenario: str | PathLike[str] | Envs) -> Scenario: ...
 def scenarios(*, generated: bool | None = None) -> list[str]: ...
 def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...
@@ -509,3 +556,4 @@ def pack_snapshot(
     """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
 
 def run_program(args: list[str]) -> int: ...
+def zoo_file(path: str | PathLike[str]) -> bytes | None: ...

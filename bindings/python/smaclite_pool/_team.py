@@ -10,11 +10,12 @@ import time
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._native import ZOO, zoo_file
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ HIDDEN: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
 }
 """The non-linearities that `run.json` can name."""
+
+BEST = "best.safetensors"
+"""The file of the weights of the best evaluation."""
 
 LINE_INTERVAL = 2.0
 """Seconds between two lines of progress."""
@@ -46,12 +50,22 @@ class Team:
     `avail_actions`. It computes in NumPy what `smaclite-pool evaluate` computes in Rust, up to rounding.
     """
 
-    def __init__(self, folder: str | PathLike[str], *, greedy: bool = False, seed: int = 0) -> None:
-        self.folder = Path(folder)
+    def __init__(
+        self,
+        folder: str | PathLike[str],
+        *,
+        weights: Literal["best", "last"] | None = None,
+        greedy: bool = False,
+        seed: int = 0,
+    ) -> None:
+        self.folder = str(folder)
         self.greedy = greedy
+        if weights not in (None, "best", "last"):
+            raise InvalidRequest(f'weights must be None, "best" or "last", got {weights!r}')
         try:
-            run = json.loads((self.folder / "run.json").read_text())
-            arrays = read_safetensors(self.folder / "weights.safetensors")
+            run = json.loads(read(f"{folder}/run.json"))
+            file = weights_file(self.folder, run["config"], weights)
+            arrays = read_safetensors(read(f"{folder}/{file}"))
             self.config: dict[str, Any] = run["config"]
             """The hyperparameters."""
             self.settings: dict[str, Any] = {
@@ -98,17 +112,35 @@ class Team:
         return actions
 
 
-def load_team(folder: str | PathLike[str], *, greedy: bool = False, seed: int = 0) -> Team:
-    """The team in the folder of a run.
+def load_team(
+    team: str | PathLike[str],
+    *,
+    weights: Literal["best", "last"] | None = None,
+    greedy: bool = False,
+    seed: int = 0,
+) -> Team:
+    """A trained team: one that is part of the package, or that of a run.
+
+        import smaclite_pool as sp
+
+        team = sp.load_team("2s3z")
+        with sp.make("2s3z", num_envs=64, **team.settings) as envs:
+            print(sp.evaluate(envs, team, episodes=200, seed=1).win_rate)
 
     Args:
-        folder: as `--out` of `smaclite-pool train`, or `out` of `train`.
+        team: the name of a scenario in `ZOO`, or a folder, as `--out` of `smaclite-pool train` or `out` of
+            `train`. If there is a folder of that name, it is taken; `"zoo:2s3z"` is always that of the
+            package.
+        weights: those of the best evaluation of the run (`"best"`) or its last ones (`"last"`). None for the
+            best ones if the run was evaluated and did not play itself, else the last.
         greedy: take the most probable actions, instead of drawing them.
         seed: of the generator that draws them.
 
-    Raises InvalidRequest if the folder holds no team.
+    Raises InvalidRequest if there is no such team.
     """
-    return Team(folder, greedy=greedy, seed=seed)
+    if team in ZOO and not Path(team).is_dir():
+        team = f"zoo:{team}"
+    return Team(team, weights=weights, greedy=greedy, seed=seed)
 
 
 def train(
@@ -173,9 +205,24 @@ def progress(record: dict[str, Any], steps: int) -> str:
     return f"{record['steps']} of {steps} steps, {wins}"
 
 
-def read_safetensors(path: Path) -> dict[str, Array]:
+def read(path: str) -> bytes:
+    """The bytes of a file of a run, or of a team of the package."""
+    file = zoo_file(path)
+    return Path(path).read_bytes() if file is None else file
+
+
+def weights_file(folder: str, config: dict[str, Any], weights: str | None) -> str:
+    """The file of the weights that play, as the program chooses them."""
+    if weights is None:
+        # The evaluations of a team that plays itself are against a script that it does not learn to beat.
+        plays_itself = "self_play" in config.get("enemies", {})
+        is_evaluated = zoo_file(f"{folder}/{BEST}") is not None or Path(folder, BEST).exists()
+        weights = "best" if is_evaluated and not plays_itself else "last"
+    return BEST if weights == "best" else "weights.safetensors"
+
+
+def read_safetensors(data: bytes) -> dict[str, Array]:
     """The arrays of a file in the safetensors format: a length, a JSON header, and the numbers."""
-    data = path.read_bytes()
     size = int.from_bytes(data[:8], "little")
     header = json.loads(data[8 : 8 + size])
     header.pop("__metadata__", None)

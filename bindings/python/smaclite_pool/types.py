@@ -15,6 +15,10 @@ from typing import Literal, TypedDict
 
 __all__ = [
     "Capacity",
+    "DatasetCard",
+    "DatasetPolicy",
+    "DatasetSizes",
+    "Distribution",
     "EnemySide",
     "EnemySizes",
     "LaneDescription",
@@ -22,8 +26,10 @@ __all__ = [
     "LaneStatus",
     "LayoutPart",
     "PoolStatus",
+    "RewardOptions",
     "Scenario",
     "UnitStats",
+    "UnitType",
 ]
 
 
@@ -52,6 +58,19 @@ class UnitStats(TypedDict):
     targets: list[Literal["GROUND", "AIR", "COLOSSUS"]]
     """Planes whose units it can attack or heal."""
     targeter: Literal["STANDARD", "KAMIKAZE", "LASER_BEAM", "HEAL"]
+
+
+class UnitType(TypedDict):
+    """A type of the units of a scenario."""
+
+    unit_type: str
+    """Its name."""
+    type_id: int
+    """Index in the one-hot of the unit type."""
+    healer: bool
+    """Whether it heals and does not attack."""
+    sight_range: float
+    """By which agents of this type see distances divided, in squares."""
 
 
 class LayoutPart(TypedDict):
@@ -86,6 +105,12 @@ class Scenario(TypedDict):
     """Whether observations and state contain the shields of enemies."""
     episode_limit: int | None
     """Steps, None for no limit."""
+    teams_are_drawn: bool
+    """Whether each episode draws the types of the units; then `allies` and `enemies` are one sample."""
+    unit_types: list[UnitType]
+    """In the order of the numbers that a level has for types."""
+    actions: list[str]
+    """Names of an agent's actions, by their numbers: no_op, stop, north, ..., target_0, ..."""
     allies: list[UnitStats]
     """By id."""
     enemies: list[UnitStats]
@@ -121,6 +146,27 @@ class EnemySizes(TypedDict):
     state_size: int
 
 
+class RewardOptions(TypedDict):
+    """What both sides of a battle are rewarded for, with SMAC's names: `Envs.rewards`."""
+
+    reward_sparse: bool
+    """Rewards are 1, -1 or 0, at the end."""
+    reward_only_positive: bool
+    """Rewards leave out own losses."""
+    reward_death_value: float
+    """Points for a kill."""
+    reward_win: float
+    """Points for winning."""
+    reward_defeat: float
+    """Points for losing."""
+    reward_negative_scale: float
+    """What own losses are multiplied by."""
+    reward_scale: bool
+    """Rewards are scaled."""
+    reward_scale_rate: float
+    """The return that the greatest return is scaled to."""
+
+
 class LaneDescription(TypedDict):
     """What never changes about a lane: `Envs.description`."""
 
@@ -154,6 +200,8 @@ class LaneDescription(TypedDict):
     """Who plays the enemies, with weights."""
     sides: Literal["allies"] | dict[Literal["both"], EnemySide]
     """Which sides actions play."""
+    rewards: RewardOptions
+    """What both sides are rewarded for."""
     enemies: EnemySizes | None
     """What differs for the enemies, if actions play both sides, else None."""
     layout_hash: int
@@ -213,3 +261,61 @@ class PoolStatus(TypedDict):
     shared_memory: int
     """Bytes reserved for batches."""
     lanes: list[LaneStatus]
+
+
+class DatasetSizes(TypedDict):
+    """Sizes of the arrays of a dataset."""
+
+    n_agents: int
+    n_enemies: int
+    n_actions: int
+    obs_size: int
+    state_size: int
+
+
+class Distribution(TypedDict):
+    """How numbers are distributed. Quantiles are values that occur."""
+
+    mean: float
+    deviation: float
+    min: float
+    quantile_25: float
+    median: float
+    quantile_75: float
+    max: float
+
+
+class DatasetPolicy(TypedDict):
+    """What one policy of a dataset played."""
+
+    name: str
+    """The scripted policy, or the file in the folder of the run."""
+    episodes: int
+    steps: int
+    win_rate: float
+    mean_return: float
+
+
+class DatasetCard(TypedDict):
+    """What `Dataset.card` is."""
+
+    scenario: str
+    rules: Literal["smaclite", "paper"]
+    opponents: str
+    """The opponent, or several with their weights."""
+    sizes: DatasetSizes
+    episodes: int
+    steps: int
+    win_rate: float
+    """Share of the episodes."""
+    truncated_rate: float
+    """Share of the episodes that the episode limit ended."""
+    returns: Distribution
+    """Sums of the episodes' rewards."""
+    lengths: Distribution
+    """Steps of the episodes."""
+    unique_pairs: int
+    """Different pairs of state and joint action."""
+    coverage: float
+    """Their share of all steps (SACo)."""
+    policies: list[DatasetPolicy]

@@ -4,14 +4,14 @@
 use crate::capacity::Capacity;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Faction, Opponents, Sides, Sizes};
+use smaclite_engine::{Faction, Opponents, Rewards, Sides, Sizes};
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, or what is played again from it.
-pub const PROTOCOL_VERSION: u32 = 5;
+pub const PROTOCOL_VERSION: u32 = 6;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -48,7 +48,7 @@ impl<T> Message<T> {
     }
 }
 
-/// `release 0.1.0 (protocol 5)`.
+/// `release 0.1.0 (protocol 6)`.
 pub(crate) fn release_text(release: &str, version: u32) -> String {
     format!("release {} (protocol {version})", release.escape_default())
 }
@@ -265,6 +265,8 @@ pub struct LaneDescription {
     pub opponents: Opponents,
     /// Which sides of its battles joint actions play.
     pub sides: Sides,
+    /// What both sides of its battles are rewarded for.
+    pub rewards: Rewards,
     /// [`Layout::hash`]: whether reader and writer agree on all offsets.
     pub layout_hash: u64,
     /// How many frames and requests its memory has room for.
@@ -326,6 +328,7 @@ mod tests {
             rules: "smaclite".to_owned(),
             opponents: Opponents::default(),
             sides: Sides::default(),
+            rewards: Rewards::DEFAULT,
             layout_hash: 0,
             capacity: Capacity::new(&settings, Sides::Allies, 1, 2, 0),
             threads: 2,

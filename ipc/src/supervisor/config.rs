@@ -6,7 +6,7 @@ use crate::control::protocol::LaneDescription;
 use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Battle, BattleSetup, Sizes};
+use smaclite_engine::{Battle, BattleSetup, Rewards, Sizes};
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::fields::Field;
 use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
@@ -91,6 +91,7 @@ struct PreparedEnvs {
     sizes: Sizes,
     make: MakeEnvironment,
     setup: Option<BattleSetup>,
+    rewards: Rewards,
 }
 
 impl LaneConfig {
@@ -122,7 +123,7 @@ impl LaneConfig {
 
     /// Splits the configuration into what the pool builds and what learners receive.
     fn prepare(self, pool: &PoolInfo<'_>) -> Result<PreparedLane, StartError> {
-        let PreparedEnvs { scenario, episode_limit, sizes, make, setup } =
+        let PreparedEnvs { scenario, episode_limit, sizes, make, setup, rewards } =
             self.envs.prepare(self.settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
         let settings = LaneSettings { fields: self.settings.frame_fields(sizes), ..self.settings };
         if setup.is_none() && settings.fields.contains(Field::Snapshot) {
@@ -141,6 +142,7 @@ impl LaneConfig {
             rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
             opponents: setup.as_ref().map(|setup| setup.opponents.clone()).unwrap_or_default(),
             sides,
+            rewards,
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
@@ -155,16 +157,18 @@ impl LaneEnvs {
         Ok(match self {
             LaneEnvs::Battle(setup) => {
                 let (Scenario { name: scenario, .. }, arena) = setup.arena()?;
-                let (sizes, episode_limit) = (arena.sizes(), arena.episode_limit());
+                let (sizes, episode_limit, rewards) =
+                    (arena.sizes(), arena.episode_limit(), *arena.rewards());
                 let arena = Arc::new(arena);
                 let make = move |i: usize| -> Box<dyn Environment> {
                     Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
                 };
                 let (make, setup) = (Box::new(make), Some(setup));
-                PreparedEnvs { scenario, episode_limit, sizes, make, setup }
+                PreparedEnvs { scenario, episode_limit, sizes, make, setup, rewards }
             }
             LaneEnvs::Other { name, sizes, make } => {
-                PreparedEnvs { scenario: name, episode_limit: None, sizes, make, setup: None }
+                let (scenario, rewards) = (name, Rewards::DEFAULT);
+                PreparedEnvs { scenario, episode_limit: None, sizes, make, setup: None, rewards }
             }
         })
     }

@@ -36,7 +36,7 @@
 //! | damage, shields and armor, explosions, lasers, healing and its energy | `tick/targeters.rs` |
 //! | death, and what a dead unit keeps | `tick/deaths.rs` |
 //! | rewards: earning | `tick/targeters.rs` (`hit`, `explode`) |
-//! | rewards: scaling | `arena/mod.rs` (`scale_reward`) |
+//! | rewards: options, scaling, shares of units | `rewards.rs`, `battle/rewards.rs` |
 //! | which sides joint actions play, and the mirror | `sides.rs`, `battle/`, `encode/` |
 //! | victory, defeat and the time limit | `battle/` (`finish_step`) |
 //! | available actions: targets | `encode/avail.rs` |
@@ -68,6 +68,7 @@ mod neighbour_order;
 mod opponents;
 pub mod policy;
 mod random;
+mod rewards;
 mod rules;
 mod scratch;
 mod sides;
@@ -84,7 +85,7 @@ pub use arena::Arena;
 pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
-pub use encode::{UnitFeatures, obs_features, state_features};
+pub use encode::{UnitFeatures, action_names, obs_features, state_features};
 pub use features::FeatureBlock;
 pub use level::{LEVEL_COLUMNS, LevelError};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
@@ -94,7 +95,7 @@ pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
 pub use sides::{Actor, EnemySide, Sides, SidesError};
 pub use sizes::{EnemySizes, Sizes};
-pub use smaclite_scenarios::Faction;
+pub use smaclite_scenarios::{Faction, Rewards};
 pub use snapshot::{
     COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, RECORD_VERSION, RecordLayout,
     RecordSizes, Snapshot, SnapshotError,
@@ -134,9 +135,9 @@ const HEALTH_PER_ENERGY: f64 = 3.0;
 /// The energy that a healer needs to start healing a new target.
 const MIN_ENERGY_FOR_NEW_TARGET: f64 = 5.0;
 
-/// Unscaled reward for killing an enemy.
-pub const KILL_REWARD: f64 = 10.0;
-/// Unscaled reward of a step after which no enemy is alive.
-pub const WIN_REWARD: f64 = 200.0;
-/// The return that the greatest unscaled return is scaled to.
-pub const REWARD_SCALE: f64 = 20.0;
+/// Unscaled reward for killing an enemy, if a scenario has no other.
+pub const KILL_REWARD: f64 = Rewards::DEFAULT.death_value;
+/// Unscaled reward of a step after which no enemy is alive, if a scenario has no other.
+pub const WIN_REWARD: f64 = Rewards::DEFAULT.win;
+/// The return that the greatest unscaled return is scaled to, if a scenario has no other.
+pub const REWARD_SCALE: f64 = Rewards::DEFAULT.scale_rate;

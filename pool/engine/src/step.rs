@@ -8,7 +8,8 @@ use crate::units::Units;
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
-    /// The common reward of all agents, scaled so that a win without enemy regeneration gives a return of 20.
+    /// The common reward of all agents, by the [rewards](crate::Rewards) of the scenario: unless it says
+    /// otherwise, scaled so that a win without enemy regeneration gives a return of 20.
     pub reward: f64,
     /// The common reward of all enemies by the same formula: what they do to the agents, and more if no agent
     /// is alive.

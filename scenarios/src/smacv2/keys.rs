@@ -1,13 +1,12 @@
 //! The keys of `smacv2`: each option once, with its range; the reader and the schema derive from them.
 
 use super::{Capability, EnemyMask, Smacv2};
+use crate::rewards;
 use smaclite_units::file::{
     AnyKey, Flag, Key, Node, Object, Range, Reported, Schema, Shape, Whole, object_schema,
 };
 
 const SHARE: Range = Range::closed(0.0, 1.0);
-/// No useful value comes near these limits.
-const POINTS: Range = Range::closed(-1e6, 1e6);
 const SQUARES: Range = Range::left_open(0.0, 1e3);
 
 const fn flag(name: &'static str, default: bool, meaning: &'static str) -> Key<Flag> {
@@ -89,23 +88,6 @@ const KILL_UNIT_STEP_MUL: Key<Whole> = Key::with_default(
     2,
     "With `health`: how many ticks before the end of a step agents below their level are killed.",
 );
-const REWARD_SPARSE: Key<Flag> =
-    flag("reward_sparse", false, "Whether rewards are 1, -1 or 0, at the end of the episode.");
-const REWARD_ONLY_POSITIVE: Key<Flag> =
-    flag("reward_only_positive", true, "Whether rewards leave out what agents lose.");
-const REWARD_DEATH_VALUE: Key<Range> =
-    number("reward_death_value", POINTS, 10.0, "Points for the death of an enemy.");
-const REWARD_WIN: Key<Range> = number("reward_win", POINTS, 200.0, "Points for winning.");
-const REWARD_DEFEAT: Key<Range> = number("reward_defeat", POINTS, 0.0, "Points for losing.");
-const REWARD_NEGATIVE_SCALE: Key<Range> =
-    number("reward_negative_scale", POINTS, 0.5, "What the losses of agents are multiplied by.");
-const REWARD_SCALE: Key<Flag> = flag("reward_scale", true, "Whether rewards are scaled.");
-const REWARD_SCALE_RATE: Key<Range> = number(
-    "reward_scale_rate",
-    Range::left_open(0.0, 1e6),
-    20.0,
-    "The return that the greatest return is scaled to.",
-);
 const ENEMY_MASK: Key<Shape> = Key::optional(
     "enemy_mask",
     Shape { schema: || object_schema(&MASK_KEYS), expected: "an object with `mask_probability`" },
@@ -158,14 +140,14 @@ pub(crate) const SMACV2_KEYS: [&dyn AnyKey; 33] = [
     &OBSERVE_TEAM,
     &MOVE_AMOUNT,
     &KILL_UNIT_STEP_MUL,
-    &REWARD_SPARSE,
-    &REWARD_ONLY_POSITIVE,
-    &REWARD_DEATH_VALUE,
-    &REWARD_WIN,
-    &REWARD_DEFEAT,
-    &REWARD_NEGATIVE_SCALE,
-    &REWARD_SCALE,
-    &REWARD_SCALE_RATE,
+    &rewards::SPARSE,
+    &rewards::ONLY_POSITIVE,
+    &rewards::DEATH_VALUE,
+    &rewards::WIN,
+    &rewards::DEFEAT,
+    &rewards::NEGATIVE_SCALE,
+    &rewards::SCALE,
+    &rewards::SCALE_RATE,
     &ENEMY_MASK,
     &ATTACK,
     &HEALTH,
@@ -203,14 +185,7 @@ pub(crate) fn read(node: &Node) -> Result<Smacv2, Reported> {
         observe_team: flag(&OBSERVE_TEAM)?,
         move_amount: number(&MOVE_AMOUNT)?,
         kill_unit_step_mul: file.read(&KILL_UNIT_STEP_MUL)?,
-        reward_sparse: flag(&REWARD_SPARSE)?,
-        reward_only_positive: flag(&REWARD_ONLY_POSITIVE)?,
-        reward_death_value: number(&REWARD_DEATH_VALUE)?,
-        reward_win: number(&REWARD_WIN)?,
-        reward_defeat: number(&REWARD_DEFEAT)?,
-        reward_negative_scale: number(&REWARD_NEGATIVE_SCALE)?,
-        reward_scale: flag(&REWARD_SCALE)?,
-        reward_scale_rate: number(&REWARD_SCALE_RATE)?,
+        rewards: rewards::read_keys(&file)?,
         enemy_mask: file.get(&ENEMY_MASK).map(|node| mask(&node)).transpose()?,
         attack: capability(&file, &ATTACK)?,
         health: capability(&file, &HEALTH)?,
@@ -226,7 +201,7 @@ fn check(node: &Node, options: &Smacv2) -> Result<(), Reported> {
             "leaves nothing to observe: without `obs_starcraft`, `obs_timestep_number` must be true",
         ));
     }
-    if options.health.is_some() && !options.reward_only_positive {
+    if options.health.is_some() && !options.rewards.only_positive {
         return Err(node.conflict("has `health`, so `reward_only_positive` must be true"));
     }
     Ok(())

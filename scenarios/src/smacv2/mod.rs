@@ -7,11 +7,12 @@ mod keys;
 
 pub(crate) use keys::{SMACV2_KEYS, read};
 
+use crate::Rewards;
 use serde::{Deserialize, Serialize};
 
 /// The options of SMACv2's environment that concern the agents, with its names and defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct Smacv2 {
     /// Sight and targeting ranges are those of the unit type, instead of 9 and 6 squares.
     pub use_unit_ranges: bool,
@@ -55,22 +56,9 @@ pub struct Smacv2 {
     pub move_amount: f64,
     /// With health levels: how many ticks before the end of a step units below their level are killed.
     pub kill_unit_step_mul: u32,
-    /// Rewards are 1, -1 or 0, at the end.
-    pub reward_sparse: bool,
-    /// Rewards count what enemies lose, and not what agents lose.
-    pub reward_only_positive: bool,
-    /// Points for the death of an enemy.
-    pub reward_death_value: f64,
-    /// Points for winning.
-    pub reward_win: f64,
-    /// Points for losing.
-    pub reward_defeat: f64,
-    /// What losses of agents are multiplied by.
-    pub reward_negative_scale: f64,
-    /// Rewards are scaled.
-    pub reward_scale: bool,
-    /// The return that the greatest return is scaled to.
-    pub reward_scale_rate: f64,
+    /// What agents are rewarded for.
+    #[serde(flatten)]
+    pub rewards: Rewards,
     /// Enemies whose health, shield and type an agent is not shown, drawn for each episode.
     pub enemy_mask: Option<EnemyMask>,
     /// The probability that an attack or heal order of an agent succeeds, drawn for each episode.
@@ -125,14 +113,7 @@ impl Default for Smacv2 {
             observe_team: true,
             move_amount: 2.0,
             kill_unit_step_mul: 2,
-            reward_sparse: false,
-            reward_only_positive: true,
-            reward_death_value: 10.0,
-            reward_win: 200.0,
-            reward_defeat: 0.0,
-            reward_negative_scale: 0.5,
-            reward_scale: true,
-            reward_scale_rate: 20.0,
+            rewards: Rewards::DEFAULT,
             enemy_mask: None,
             attack: None,
             health: None,

@@ -2,14 +2,12 @@
 //! with text in the colours of light and of dark pages.
 
 use super::report::score;
+use crate::svg::{LETTER, escaped};
 use smaclite_learn::TournamentResult;
 use std::fmt::Write;
 
 /// Side lengths of a cell, in pixels.
 const CELL: [f64; 2] = [46.0, 26.0];
-
-/// Width of a letter of 9 pixels, about.
-const LETTER: f64 = 5.6;
 
 /// The sine and the cosine of the names of columns, which are tilted by 45 degrees.
 const TILT: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -86,11 +84,6 @@ fn colour(share: f64) -> [u8; 3] {
     std::array::from_fn(|i| (f64::from(from[i]) * (1.0 - part) + f64::from(to[i]) * part).round() as u8)
 }
 
-/// Text inside an element.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,10 +92,5 @@ mod tests {
     fn colours_go_from_lost_over_even_to_won() {
         assert_eq!([0.0, 0.5, 1.0].map(colour), COLOURS);
         assert_eq!(colour(0.75), [0x6f, 0x9f, 0xc3]);
-    }
-
-    #[test]
-    fn names_of_folders_are_text() {
-        assert_eq!(escaped("a<b>&c"), "a&lt;b&gt;&amp;c");
     }
 }

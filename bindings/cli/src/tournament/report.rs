@@ -1,6 +1,7 @@
 //! The result of a tournament as text: tables for people, and CSV.
 
 use crate::CommandResult;
+use crate::csv::quoted;
 use crate::table::Table;
 use smaclite_learn::{PlayerScore, Score, TournamentResult};
 
@@ -88,10 +89,4 @@ pub(super) fn csv(result: &TournamentResult) -> String {
         );
     }
     text
-}
-
-/// A name as a value of CSV.
-fn quoted(name: &str) -> String {
-    let is_plain = !name.contains([',', '"', '\n', '\r']);
-    if is_plain { name.to_owned() } else { format!("\"{}\"", name.replace('"', "\"\"")) }
 }

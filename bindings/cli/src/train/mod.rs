@@ -146,7 +146,8 @@ hyperparameters! {
     value_clip: f64,
     /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
     huber: f64,
-    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of agents]
+    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of
+    /// agents]
     entropy: f64,
     /// Weight of the entropy at the end [default: 0]
     entropy_end: f64,
@@ -157,7 +158,7 @@ hyperparameters! {
 /// What is trained.
 enum Opened {
     /// A run in the scenario of this name.
-    One(Run, String),
+    One(Box<Run>, String),
     Several(Seeds),
 }
 
@@ -231,7 +232,7 @@ impl Train {
         let run = RunDescription::read(folder)?;
         self.choose_lane(&run.name, runtime_dir, interrupted)?;
         let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
-        Ok(Opened::One(Run::resume(folder, self.steps, lanes, threads)?, run.name))
+        Ok(Opened::One(Box::new(Run::resume(folder, self.steps, lanes, threads)?), run.name))
     }
 
     fn begin(
@@ -259,7 +260,7 @@ impl Train {
         // A pool has its own; others that were asked for are refused.
         config.num_envs = num_envs.unwrap_or(lanes.num_envs());
         config.last_actions = last_actions.unwrap_or(lanes.last_actions());
-        Ok(Opened::One(Run::begin(&out, config, &setup, lanes, threads)?, scenario.name))
+        Ok(Opened::One(Box::new(Run::begin(&out, config, &setup, lanes, threads)?), scenario.name))
     }
 
     fn setup(

@@ -26,7 +26,8 @@ pub(super) fn train(
         if let Err(error) = display.show(seed, event) {
             is_closed.store(true, Ordering::Relaxed);
             // All errors of the display are of the output.
-            let error = error.downcast().map_or_else(|error| io::Error::other(error.to_string()), |error| *error);
+            let error =
+                error.downcast().map_or_else(|error| io::Error::other(error.to_string()), |error| *error);
             display.error.get_or_insert(error);
         }
     };

@@ -1,5 +1,6 @@
 //! Tests of the program by its commands, output and exit status.
 
+mod dataset;
 mod dependencies;
 mod doctor;
 mod files;
@@ -7,8 +8,10 @@ mod kit;
 mod page_kit;
 mod play;
 mod recording;
+mod report;
 mod shells;
 mod snapshots;
 mod tournament;
 mod training;
 mod watch;
+mod zoo;

@@ -3,6 +3,7 @@
 use crate::kit::{check_error, output, program};
 use crate::page_kit::Place;
 use serde_json::Value;
+use smaclite_learn::TEAM_ENTROPY;
 use std::fs;
 use std::process::Stdio;
 use std::time::Duration;
@@ -150,6 +151,69 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
+/// What a killed process leaves, also of an evaluation, changes nothing: the resumed run has the bits of one that
+/// was not killed.
+#[test]
+fn a_killed_run_has_the_evaluations_of_the_uninterrupted_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let train = |out: &str| format!("train 3m --steps 40k --evaluate-every 1k --seed 1 --out {out} {SMALL}");
+    output(folder, &train("whole"));
+    let mut command = program(folder, &train("killed"));
+    let mut child = command.stdout(Stdio::null()).spawn().expect("the program starts");
+    let rows = folder.join("killed/evaluations.csv");
+    while !fs::read_to_string(&rows).is_ok_and(|rows| rows.lines().count() > 3) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("a signal"); // SIGKILL
+    child.wait().expect("an end");
+    assert!(!folder.join("killed/final.json").exists(), "it was to be killed before its end");
+    let text = fs::read_to_string(&rows).expect("rows");
+    fs::write(&rows, text + "7000,70").expect("half a row");
+    output(folder, "train --resume killed");
+    let read = |run: &str, name: &str| fs::read(folder.join(run).join(name)).expect("a file");
+    for name in ["weights.safetensors", "best.safetensors", "evaluation_episodes.csv"] {
+        assert!(read("killed", name) == read("whole", name), "{name}");
+    }
+    let verified = output(folder, "verify-run killed whole --evaluations all");
+    let expected =
+        "killed: 41 evaluations and the final one played again, 3264 episodes: every number is equal\n";
+    assert!(verified.starts_with(expected) && verified.lines().count() == 2, "{verified}");
+
+    let text = fs::read_to_string(&rows).expect("rows");
+    let last = text.lines().last().expect("a row");
+    let fields: Vec<&str> = last.split(',').collect();
+    let changed = [&fields[..4], &["21"], &fields[5..]].concat().join(","); // greedy_mean_return
+    fs::write(&rows, text.replace(last, &changed)).expect("rows");
+    let expected = "`killed` is not verified: the evaluation at 40000 steps, greedy means: recorded Summary";
+    check_error(folder, "verify-run whole killed", 1, expected);
+    check_error(folder, "verify-run nowhere", 1, "`nowhere` is not the folder of a run");
+}
+
+#[test]
+fn seeds_train_in_folders_of_their_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let seeds = "train 3m --steps 600 --seeds 3 --seed 4 --evaluate-every 300 --out runs";
+    let printed = output(folder, &format!("{seeds} {SMALL}"));
+    assert!(printed.ends_with("complete: 3 seeds\n"), "{printed}");
+    let evaluated = printed.lines().filter(|line| line.contains(": evaluated at ")).count();
+    assert_eq!(evaluated, 3 * 3, "{printed}");
+    output(folder, &format!("train 3m --steps 600 --seed 5 --out alone {SMALL}"));
+    let weights = |run: &str| fs::read(folder.join(run).join("weights.safetensors")).expect("weights");
+    assert!(weights("runs/seed-5") == weights("alone"), "alone, and without evaluations");
+    let verified = output(folder, "verify-run runs --evaluations final");
+    assert_eq!(verified.lines().count(), 3, "{verified}");
+    check_error(folder, &format!("{seeds} {SMALL}"), 1, "`runs/seed-4` already holds a run");
+    let resumed = output(folder, "train --resume runs --steps 900 --json");
+    let seeds: std::collections::BTreeSet<u64> =
+        json_lines(&resumed).iter().filter_map(|update| update["seed"].as_u64()).collect();
+    assert!(seeds.iter().copied().eq(4..7), "{resumed}");
+    check_error(folder, "train 3m --seeds 0 --out none", 2, "number between 1 and 10000");
+    check_error(folder, "train --resume runs --seeds 2", 2, "cannot be used with");
+    check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");
+}
+
 /// "say which one" did not say how, and MAP had said it already.
 #[test]
 fn the_lane_of_a_pool_is_the_one_that_plays_the_map() {
@@ -263,7 +327,7 @@ fn the_help_states_the_defaults() {
     let config = run["config"].as_object().expect("an object");
     for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
-            ("entropy_end", _) => "that at the beginning".to_owned(),
+            ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
             (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
             (_, Value::String(keyword)) => keyword.clone(),
             (_, number) => number.as_f64().expect("a number").to_string(),

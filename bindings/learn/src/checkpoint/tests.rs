@@ -86,7 +86,8 @@ fn weights_have_the_names_and_shapes_of_pytorch() {
     assert_eq!(shape("actor.id_bias"), [2, 8]);
     assert_eq!(shape("actor.2.weight"), [9, 5]);
     assert_eq!(shape("critic.2.bias"), [1]);
-    assert_eq!(tensors.names().len(), 6 + 1 + 6);
+    assert_eq!(shape("critic.id_bias"), [2, 8], "it values what an agent observes");
+    assert_eq!(tensors.names().len(), 7 + 7);
 }
 
 #[test]

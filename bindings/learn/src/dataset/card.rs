@@ -1,7 +1,7 @@
 //! The card of a dataset: what was played, how well, and how much of it is different.
 
 use super::arrays::{ArrayName, N_ARRAYS};
-use super::expand::Chunk;
+use super::chunk::Chunk;
 use super::{Dataset, DatasetError, Episode};
 use serde::{Deserialize, Serialize};
 use smaclite_engine::Sizes;

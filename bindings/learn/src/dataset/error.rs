@@ -33,16 +33,25 @@ pub enum DatasetError {
         program: String,
     },
     #[error(
-        "{file}: array `{array}` has the hash {played}, but {recorded} as recorded by {program}: this version \
-         plays the episodes otherwise, or the file was changed"
+        "{file}: array `{array}` has the hash {played}, but {recorded} as recorded by {program}: this \
+         version plays the episodes otherwise, or the file was changed"
     )]
     OtherBits { file: String, array: &'static str, recorded: String, played: String, program: String },
     #[error("{folder}: exists; the arrays must be written to a new folder")]
     FolderExists { folder: String },
     #[error("a dataset needs battles that end: the scenario or the run must have an episode limit")]
     NoLimit,
-    #[error("a dataset of more than {max} steps is not supported")]
+    #[error("a dataset has the actions of the agents only, but in this run joint actions play both sides")]
+    BothSides,
+    #[error("a dataset must have at most {max} steps; record fewer")]
     TooManySteps { max: usize },
+    #[error("a dataset must have at most {max} policies, got {given} evaluations")]
+    TooManyPolicies { max: usize, given: usize },
+    #[error(
+        "the arrays need {bytes} bytes of memory, more than there is; expand fewer of them, or to a folder, \
+         whose files NumPy maps"
+    )]
+    Memory { bytes: usize },
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error(transparent)]

@@ -4,6 +4,7 @@
 //! in the arrays before anything is played, so the number of threads changes no bit.
 
 use super::arrays::{ARRAYS, ArrayName, N_ARRAYS, PerRow, Rows, Values};
+use super::chunk::{Chunk, Wanted};
 use super::folder::Files;
 use super::{Dataset, DatasetError, End};
 use crate::parallel;
@@ -19,26 +20,6 @@ const CHUNK: usize = 16;
 
 /// Returns `true` to end the work.
 type Interrupted<'a> = &'a mut dyn FnMut() -> bool;
-
-/// Which arrays are wanted, by array.
-pub(super) type Wanted = [bool; N_ARRAYS];
-
-/// The arrays of some episodes that were played again.
-pub(super) struct Chunk<'a> {
-    pub episodes: Range<usize>,
-    pub rows: &'a Rows<'a>,
-}
-
-impl Chunk<'_> {
-    /// The rows of an array.
-    pub fn bytes(&self, dataset: &Dataset, array: ArrayName) -> &[u8] {
-        let n_rows = match array.spec().per {
-            PerRow::Step => dataset.steps_of_all(&self.episodes).len(),
-            PerRow::Episode => self.episodes.len(),
-        };
-        self.rows.bytes(array, 0..n_rows)
-    }
-}
 
 /// Episodes for one thread, and what came of them.
 struct Job<'a> {
@@ -71,6 +52,7 @@ impl Dataset {
         interrupted: Interrupted<'_>,
     ) -> Result<Vec<(ArrayName, Values)>, DatasetError> {
         let wanted = wanted(arrays);
+        self.check_memory(wanted)?;
         let mut values = self.zeros(wanted, self.n_steps(), self.episodes.len());
         let rows = Rows::new(&mut values, &self.sizes());
         let hashes = self.play(wanted, Some(rows), threads, interrupted, |_| Ok(()))?;
@@ -254,6 +236,17 @@ impl Dataset {
             }
         }
         Ok(())
+    }
+
+    /// Whether the system grants the memory of the arrays: without it, the process would end.
+    fn check_memory(&self, wanted: Wanted) -> Result<(), DatasetError> {
+        let bytes_of = |array: ArrayName| {
+            let n_rows = n_rows(array, wanted, self.n_steps(), self.episodes.len());
+            n_rows.saturating_mul(array.row_len(&self.sizes()) * array.spec().dtype.size())
+        };
+        let bytes = ArrayName::ALL.into_iter().map(bytes_of).fold(0, usize::saturating_add);
+        let granted = Vec::<u8>::new().try_reserve_exact(bytes);
+        granted.map_err(|_| DatasetError::Memory { bytes })
     }
 
     fn zeros(&self, wanted: Wanted, steps: usize, episodes: usize) -> [Values; N_ARRAYS] {

@@ -7,10 +7,11 @@
 //! | lengths | u32 per episode |
 //! | policies | u16 per episode |
 //! | ends | a byte per episode: 1 terminated, 2 truncated, 4 won |
-//! | actions | a byte per agent and step, or a u16 if an agent has more than 256 actions: episode by episode, and in each the actions of one agent after those of the other, as they resemble each other most |
+//! | actions | a byte per agent and step, or a u16 if an agent has more than 256 actions: episode by
+//! episode, and in each the actions of one agent after those of the other, as they resemble each other most |
 //!
-//! Numbers are little-endian. gzip's checksum and length detect damage, and what is compressed is read only as
-//! far as the line of JSON says. Everything is checked after reading, except for what only play can tell:
+//! Numbers are little-endian. gzip's checksum and length detect damage, and what is compressed is read only
+//! as far as the line of JSON says. Everything is checked after reading, except for what only play can tell:
 //! whether actions are legal, and whether the arrays have the recorded hashes.
 
 use super::arrays::ARRAYS;
@@ -33,6 +34,9 @@ pub const SUFFIX: &str = "smdata";
 
 /// Most steps of a dataset, so that their numbers fit into 32 bits.
 pub(super) const MAX_STEPS: usize = 1 << 30;
+
+/// Most policies of a dataset, whose numbers are of 16 bits.
+pub(super) const MAX_POLICIES: usize = 1 << 16;
 
 /// Most bytes of the line of JSON.
 const MAX_HEAD_BYTES: u64 = 64 << 20;
@@ -77,8 +81,8 @@ impl Dataset {
     /// Reads a dataset file.
     ///
     /// # Errors
-    /// [`DatasetError`] says what is wrong with the file. Whether this version plays its episodes as they were
-    /// recorded is checked by [`expand`](Self::expand).
+    /// [`DatasetError`] says what is wrong with the file. Whether this version plays its episodes as they
+    /// were recorded is checked by [`expand`](Self::expand).
     pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
         let file = path.display().to_string();
         let failed = |error| DatasetError::Io { file: file.clone(), error };
@@ -237,9 +241,11 @@ impl<R: BufRead> Reader<'_, R> {
         let Head { setup, policies, episodes, steps, card, .. } = head;
         self.that(setup.sides == Sides::default(), "setup.sides", "left out", "both sides")?;
         let n_policies = policies.len();
-        self.that((1..=1 << 16).contains(&n_policies), "policies", "1 to 65536 policies", n_policies)?;
-        self.that(*steps <= MAX_STEPS, "steps", &format!("at most {MAX_STEPS}"), steps)?;
-        self.that(episodes <= steps, "episodes", &format!("at most {steps}, the `steps`"), episodes)?;
+        let fits = (1..=MAX_POLICIES).contains(&n_policies);
+        self.that(fits, "policies", &format!("1 to {MAX_POLICIES} policies"), n_policies)?;
+        self.that((1..=MAX_STEPS).contains(steps), "steps", &format!("1 to {MAX_STEPS}"), steps)?;
+        let fits = (1..=*steps).contains(episodes);
+        self.that(fits, "episodes", &format!("1 to {steps}, the `steps`"), episodes)?;
         let counts = (card.episodes, card.steps) == (*episodes, *steps);
         self.that(counts, "card", "of the same numbers of episodes and steps", card.steps)?;
         let fits = card.sizes == CardSizes::from(sizes);

@@ -2,11 +2,11 @@
 //! elements. Threads write their rows to their places.
 
 use super::arrays::{ArrayName, PerRow};
-use super::expand::{Chunk, Wanted};
+use super::chunk::{Chunk, Wanted};
 use super::{Dataset, DatasetError};
 use smaclite_pool::fields::Dtype;
 use std::fs::{File, Permissions};
-use std::io::{self, Write};
+use std::io;
 use std::os::unix::fs::{FileExt, PermissionsExt};
 use std::path::Path;
 use tempfile::TempDir;
@@ -37,10 +37,9 @@ impl Files {
             Ok((array, file))
         };
         let arrays = names.map(create).collect::<io::Result<Vec<_>>>().map_err(failed)?;
-        let card = serde_json::to_vec_pretty(dataset.card()).map_err(|error| failed(error.into()))?;
-        File::create(partial.path().join("card.json"))
-            .and_then(|mut file| file.write_all(&card))
-            .map_err(failed)?;
+        let card = dataset.card_json().and_then(|card| serde_json::to_vec_pretty(&card));
+        let card = card.map_err(|error| failed(error.into()))?;
+        std::fs::write(partial.path().join("card.json"), card).map_err(failed)?;
         Ok(Files { partial, arrays })
     }
 

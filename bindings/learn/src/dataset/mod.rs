@@ -8,6 +8,7 @@
 
 mod arrays;
 mod card;
+mod chunk;
 mod error;
 mod expand;
 mod file;
@@ -49,7 +50,8 @@ use std::sync::Arc;
 ///
 /// # At the edges
 ///
-/// - Every episode is whole: it begins with a reset that is seeded with its own seed, and ends by itself or at
+/// - Every episode is whole: it begins with a reset that is seeded with its own seed, and ends by itself or
+/// at
 ///   the episode limit, without which nothing is recorded.
 /// - The actions are those of the agents; a script plays the enemies, so there is no dataset of both sides.
 /// - A release whose rules differ cannot expand the file; the error names the first episode or array that
@@ -126,6 +128,11 @@ impl Dataset {
         self.arena.sizes()
     }
 
+    /// Steps after which an episode is truncated.
+    pub fn episode_limit(&self) -> Option<u32> {
+        self.arena.episode_limit()
+    }
+
     /// Who chose the actions.
     pub fn policies(&self) -> &[Policy] {
         &self.policies
@@ -144,6 +151,21 @@ impl Dataset {
     /// What was played.
     pub fn card(&self) -> &Card {
         &self.card
+    }
+
+    /// The card with the keys `program` and `hash`, as `card.json` has it.
+    ///
+    /// # Errors
+    /// Those of `serde_json`.
+    pub fn card_json(&self) -> serde_json::Result<serde_json::Value> {
+        #[derive(Serialize)]
+        struct Described<'a> {
+            #[serde(flatten)]
+            card: &'a Card,
+            program: &'a str,
+            hash: String,
+        }
+        serde_json::to_value(Described { card: &self.card, program: &self.program, hash: self.hash() })
     }
 
     /// The hash of all arrays, 32 hexadecimal digits: equal hashes are equal data.

@@ -37,7 +37,7 @@ impl Quality {
 
 /// A name that no quality has.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown quality `{0}`; the qualities are {names}", names = Quality::ALL.map(Quality::name).join(", "))]
+#[error("unknown quality `{0}`; they are {names}", names = Quality::ALL.map(Quality::name).join(", "))]
 pub struct UnknownQuality(String);
 
 impl FromStr for Quality {
@@ -60,8 +60,8 @@ impl fmt::Display for Quality {
 #[allow(missing_docs)] // the messages say it
 pub enum QualityError {
     #[error(
-        "{folder}: the run has no evaluations.csv, so its qualities are unknown; leave --quality out to record \
-         its last weights, or train with --evaluate-every for weights of several qualities"
+        "{folder}: the run has no evaluations.csv, so its qualities are unknown; leave --quality out to \
+         record its last weights, or train with --evaluate-every for weights of several qualities"
     )]
     NoEvaluations { folder: String },
     #[error("{file}, line {line}: {reason}")]

@@ -1,6 +1,6 @@
 //! Recording: a policy plays, some episodes in lockstep on each thread, and its actions are kept.
 
-use super::file::{MAX_STEPS, this_program};
+use super::file::{MAX_POLICIES, MAX_STEPS, this_program};
 use super::quality::{self, Quality};
 use super::{Card, Dataset, DatasetError, End, Episode, Policy, starts};
 use crate::checkpoint::read_actor;
@@ -11,9 +11,9 @@ use crate::run::RunDescription;
 use crate::team::Team;
 use crate::tournament::battles::{LOCKSTEP, Play, Running, Seat};
 use crate::tournament::player::Player;
-use crate::trained_team::TrainedTeam;
+use crate::trained_team::{TrainedTeam, Weights};
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Scratch};
+use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Scratch, Sides};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -50,28 +50,28 @@ pub enum Source {
     Run {
         /// The folder.
         folder: PathBuf,
-        /// Which of its weights; `None` for the last ones.
+        /// Which of its weights; `None` for those of [`Weights::of`].
         quality: Option<Quality>,
         /// Who plays the enemies instead of the scripts of the training.
         opponents: Option<Opponents>,
     },
 }
 
-/// How much is recorded. Episodes are whole.
+/// How much is recorded, at least one step or episode. Episodes are whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amount {
-    /// As many episodes as have this many steps together, or a few more.
+    /// As many episodes as have this many steps together, or a few more. Policies have equal shares of them.
     Steps(usize),
-    /// This many episodes.
+    /// This many episodes. If policies cannot have equal numbers of them, later ones have one more.
     Episodes(usize),
 }
 
 impl Amount {
-    /// The part of each of `n` policies.
-    fn share(self, n: usize) -> Amount {
+    /// The part of policy `i` of `n`.
+    fn share(self, i: usize, n: usize) -> Amount {
         match self {
             Amount::Steps(steps) => Amount::Steps(steps.div_ceil(n)),
-            Amount::Episodes(episodes) => Amount::Episodes(episodes.div_ceil(n)),
+            Amount::Episodes(episodes) => Amount::Episodes((episodes + i) / n),
         }
     }
 
@@ -109,25 +109,25 @@ impl Dataset {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Dataset, DatasetError> {
         let (setup, players) = recording.source.open()?;
-        let arena = Arc::new(setup.arena()?.1);
-        if arena.episode_limit().is_none() {
-            return Err(DatasetError::NoLimit);
+        let arena = recorded_arena(&setup)?;
+        let n_policies = players.len();
+        if n_policies > MAX_POLICIES {
+            return Err(DatasetError::TooManyPolicies { max: MAX_POLICIES, given: n_policies });
         }
-        let amount = recording.amount.share(players.len());
         let (mut policies, mut episodes, mut actions) = (Vec::new(), Vec::new(), Vec::new());
-        for (policy, player) in players {
-            let first = episodes.len();
-            for played in recording.play(&arena, &player, first, amount, interrupted)? {
+        let mut n_steps = 0;
+        for (i, (policy, player)) in players.into_iter().enumerate() {
+            let (first, amount) = (episodes.len(), recording.amount.share(i, n_policies));
+            let room = MAX_STEPS - n_steps;
+            for played in recording.play(&arena, &player, first, amount, room, interrupted)? {
                 let Played { seed, length, end, actions: own } = played;
-                episodes.push(Episode { seed, length, policy: policies.len() as u16, end });
+                n_steps += length as usize;
+                episodes.push(Episode { seed, length, policy: i as u16, end });
                 actions.extend(own);
             }
             policies.push(policy);
         }
         let starts = starts(&episodes);
-        if starts.last().is_some_and(|steps| *steps > MAX_STEPS) {
-            return Err(DatasetError::TooManySteps { max: MAX_STEPS });
-        }
         let mut dataset = Dataset {
             source: "the recording".to_owned(),
             program: this_program(),
@@ -142,6 +142,18 @@ impl Dataset {
         };
         dataset.measure(recording.threads, interrupted)?;
         Ok(dataset)
+    }
+}
+
+/// The arena of battles that can be recorded.
+fn recorded_arena(setup: &BattleSetup) -> Result<Arc<Arena>, DatasetError> {
+    if setup.sides != Sides::default() {
+        return Err(DatasetError::BothSides);
+    }
+    let (_, arena) = setup.arena()?;
+    match arena.episode_limit() {
+        Some(_) => Ok(Arc::new(arena)),
+        None => Err(DatasetError::NoLimit),
     }
 }
 
@@ -160,9 +172,11 @@ impl Source {
                 let setup = BattleSetup { opponents, ..run.setup.clone() };
                 let players = match quality {
                     None => {
-                        let name = "weights.safetensors".to_owned();
+                        let weights = Weights::of(folder, &run);
+                        let name = weights.file_name().to_owned();
                         let policy = Policy { name, training_steps: None, sampled_win_rate: None };
-                        vec![(policy, Player::Team(Box::new(TrainedTeam::open(folder)?)))]
+                        let team = TrainedTeam::open_with(folder, Some(weights))?;
+                        vec![(policy, Player::Team(Box::new(team)))]
                     }
                     Some(quality) => {
                         let policies = quality::policies(folder, *quality)?.into_iter();
@@ -182,13 +196,14 @@ impl Source {
 }
 
 impl Recording {
-    /// Plays episodes from number `first` on.
+    /// Plays episodes from number `first` on; of all policies, `room` steps are left.
     fn play(
         &self,
         arena: &Arc<Arena>,
         player: &Player,
         first: usize,
         amount: Amount,
+        room: usize,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Vec<Played>, DatasetError> {
         let mut scratches: Vec<Scratch> = (0..self.threads.max(1)).map(|_| Scratch::new()).collect();
@@ -208,6 +223,9 @@ impl Recording {
                 }
                 steps += played.length as usize;
                 all.push(played);
+            }
+            if steps > room {
+                return Err(DatasetError::TooManySteps { max: MAX_STEPS });
             }
         }
         Ok(all)

@@ -5,7 +5,7 @@ use crate::lanes::{Lanes, resolve_scenario};
 use crate::run::{Run, RunDescription};
 use crate::team::Team;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Battle, EpisodeLimit, Rules, Scratch};
+use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
 use std::io::Write;
 
 /// Shorter than some of the episodes.
@@ -51,7 +51,8 @@ fn threads_change_no_bit() {
     }
 }
 
-/// The arrays have the rows that a battle gives which is played step by step, and the last observations apart.
+/// The arrays have the rows that a battle gives which is played step by step, and the last observations
+/// apart.
 #[test]
 fn arrays_are_what_battles_give() {
     let dataset = recorded(2);
@@ -134,12 +135,34 @@ fn the_card_counts_what_was_played() {
 }
 
 #[test]
+fn battles_that_do_not_end_or_have_two_players_are_refused() {
+    let Source::Script { setup, tactic } = script("3m", 60) else { unreachable!() };
+    let endless = BattleSetup { episode_limit: EpisodeLimit::None, ..setup.clone() };
+    let both = setup.with_sides(Sides::Both(EnemySide { mirror: false, zero_sum: false }));
+    for (setup, expected) in [(endless, "must have an episode limit"), (both, "both sides")] {
+        let source = Source::Script { setup, tactic };
+        let recording = Recording { source, amount: Amount::Episodes(1), seed: 0, greedy: false, threads: 1 };
+        let error = Dataset::record(&recording, &mut || false).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
 fn as_many_steps_are_recorded_as_are_asked_for() {
     let amount = Amount::Steps(500);
     let recording = Recording { source: script("3m", 60), amount, seed: 1, greedy: false, threads: 2 };
     let dataset = Dataset::record(&recording, &mut || false).unwrap();
     let last = dataset.episodes().last().unwrap().length as usize;
     assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
+}
+
+/// Teams and start positions that are drawn for each episode are drawn again.
+#[test]
+fn generated_battles_are_played_again() {
+    let source = script("terran_5_vs_5", 60);
+    let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
+    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
 }
 
 fn compressed(text: &[u8]) -> Vec<u8> {
@@ -181,6 +204,8 @@ fn damaged_files_are_errors_that_say_what_is_wrong() {
         (with_head("smaclite-dataset", "smaclite-replay"), "`format` must be \"smaclite-dataset\""),
         (with_head("\"version\":1", "\"version\":2"), "`version` must be 1, got 2"),
         (with_head("\"episodes\":40", "\"episodes\":41"), "`card` must be"),
+        (with_head("\"episodes\":40", "\"episodes\":0"), "`episodes` must be 1 to"),
+        (with_head("\"steps\":", "\"steps\":99999999"), "`steps` must be 1 to 1073741824"),
         (with_head("\"hash\":\"", "\"hash\":\"0"), "`hash` must be"),
         (with_byte(40 * 8, 200), "episode 0: length` must be 1 to 45, got 200"),
         (with_byte(40 * 12, 9), "episode 0: policy` must be below 1, got 9"),
@@ -191,6 +216,53 @@ fn damaged_files_are_errors_that_say_what_is_wrong() {
         let error = read(&bytes).map(|_| ()).unwrap_err();
         assert!(error.starts_with("3m.smdata: ") && error.contains(expected), "{expected}: {error}");
     }
+}
+
+/// Whatever is changed, reading and expanding end with an error or with arrays.
+#[test]
+fn no_damage_panics() {
+    let bytes = bytes_of(&recorded(2));
+    for len in (0..bytes.len()).step_by(37) {
+        assert!(read(&bytes[..len]).is_err(), "{len} bytes");
+    }
+    let text = inflated(&bytes);
+    let body = text.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    let mut state = 1_u64;
+    for i in 0..300 {
+        let mut draw = |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % n
+        };
+        let mut damaged = text.clone();
+        // Half of the changes are where JSON says nothing against them.
+        let place = if i % 2 == 0 { draw(text.len()) } else { body + draw(text.len() - body) };
+        damaged[place] ^= 1 << draw(8);
+        if let Ok(dataset) = read(&compressed(&damaged)) {
+            let _ = dataset.expand(&[ArrayName::Reward], 2, &mut || false);
+        }
+    }
+}
+
+/// A few bytes that promise the largest dataset are read without memory for it.
+#[test]
+fn a_promise_of_steps_needs_no_memory() {
+    let dataset = recorded(2);
+    let text = inflated(&bytes_of(&dataset));
+    let head_len = text.iter().position(|byte| *byte == b'\n').unwrap();
+    let head = std::str::from_utf8(&text[..head_len]).unwrap();
+    let (steps, most) = (dataset.n_steps(), 1 << 30);
+    let head = head.replace(&format!("\"steps\":{steps}"), &format!("\"steps\":{most}"));
+    let head = head.replace("\"episodes\":40", &format!("\"episodes\":{most}"));
+    let error = read(&compressed(format!("{head}\n").as_bytes())).unwrap_err();
+    assert!(error.contains("the file ends too early"), "{error}");
+}
+
+#[test]
+fn arrays_beyond_the_memory_are_an_error() {
+    let mut dataset = recorded(2);
+    dataset.starts.push(1 << 50);
+    let error = dataset.expand(&[ArrayName::Obs], 2, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("bytes of memory, more than there is"), "{error}");
 }
 
 /// A file whose content was exchanged, with all of gzip's checksums right, is found by playing it.
@@ -258,6 +330,22 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let cards = &replay.card().policies;
     assert_eq!(replay.policies()[0].sampled_win_rate, Some(0.25));
     assert!(cards.iter().all(|card| card.steps >= 200 && card.steps < 200 + 60), "{cards:?}");
+    let of_episodes = |n| {
+        let source = Source::Run {
+            folder: folder.path().join("run"),
+            quality: Some(Quality::Replay),
+            opponents: None,
+        };
+        let recording = Recording { source, amount: Amount::Episodes(n), seed: 3, greedy: true, threads: 2 };
+        let dataset = Dataset::record(&recording, &mut || false).unwrap();
+        dataset.card().policies.iter().map(|card| card.episodes).collect::<Vec<_>>()
+    };
+    assert_eq!((of_episodes(7), of_episodes(1)), (vec![3, 4], vec![0, 1]));
+
+    let best = folder.path().join("run/best.safetensors");
+    std::fs::copy(folder.path().join("run/weights.safetensors"), best).unwrap();
+    assert_eq!(names(&record(None).unwrap()), ["best.safetensors"]);
+
     let seeds: Vec<u64> = replay.episodes().iter().map(|episode| episode.seed).collect();
     assert_eq!(seeds, (3..3 + seeds.len() as u64).collect::<Vec<_>>(), "no two episodes have the same seed");
     assert_eq!(all(&read(&bytes_of(&replay)).unwrap(), 1), all(&replay, 2));

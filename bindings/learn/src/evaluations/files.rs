@@ -55,6 +55,11 @@ impl EvaluationFiles {
         Ok((files, rows))
     }
 
+    /// Whether there is a file of evaluations.
+    pub fn exist(folder: &Path) -> bool {
+        folder.join(ROWS).exists()
+    }
+
     /// Removes the rows of a run that was here, so that one that begins takes nothing over.
     pub fn clear(folder: &Path) -> Result<(), FileError> {
         remove(&folder.join(ROWS))
@@ -89,8 +94,22 @@ impl EvaluationFiles {
 
     /// All rows, by step count.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
-        let text = read_lines(&self.folder.join(ROWS))?;
-        Ok(text.lines().filter_map(EvaluationRow::parse).collect())
+        let path = self.folder.join(ROWS);
+        let text = read_lines(&path)?;
+        let columns = EvaluationRow::COLUMNS.join(",");
+        let damaged = |why| FileError::Damaged { path: path.clone(), why };
+        match text.lines().next() {
+            None => return Ok(Vec::new()),
+            Some(head) if head != columns => {
+                return Err(damaged(format!("its first line is `{head}`, not `{columns}`")));
+            }
+            Some(_) => {}
+        }
+        let row = |(i, line)| {
+            let row = EvaluationRow::parse(line);
+            row.ok_or_else(|| damaged(format!("line {} is `{line}`, which is no evaluation", i + 1)))
+        };
+        text.lines().enumerate().skip(1).map(row).collect()
     }
 
     /// The episodes of all evaluations, by step count.

@@ -27,7 +27,7 @@ use crate::run::{BEST, RunDescription};
 use crate::team::Team;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
-pub(crate) use files::EvaluationFiles;
+pub(crate) use files::{BothEpisodes, EvaluationFiles};
 pub use final_result::FinalResult;
 pub use play::Actions;
 pub(crate) use play::{Evaluator, Occasion};

@@ -49,6 +49,8 @@ pub(crate) enum Occasion {
     Training { steps: u64 },
     /// At the end, with the best weights.
     Final,
+    /// In a report, with the weights of the evaluation at this step count: one of several blocks.
+    TimeToWin { steps: u64, block: u64 },
 }
 
 impl Occasion {
@@ -58,6 +60,7 @@ impl Occasion {
         match self {
             Occasion::Training { steps } => seed(run, Purpose::TrainingEvaluations, [steps, sampled]),
             Occasion::Final => seed(run, Purpose::FinalEvaluation, [0, sampled]),
+            Occasion::TimeToWin { steps, block } => seed(run, Purpose::TimeToWin, [steps, block]),
         }
     }
 }

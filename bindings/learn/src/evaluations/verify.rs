@@ -1,7 +1,10 @@
 //! Plays recorded evaluations again, with the weights that were kept, and compares every number.
 
 use super::files::BothEpisodes;
-use super::{Actions, EvaluationFiles, EvaluationRow, Evaluator, FinalResult, Occasion, Summary};
+use super::{
+    Actions, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES, FinalResult,
+    Occasion, Summary,
+};
 use crate::checkpoint::read_actor;
 use crate::parallel::Interrupted;
 use crate::rollout::Episode;
@@ -59,6 +62,16 @@ pub enum VerifyError {
     File(#[from] FileError),
     #[error("`{folder}` has no evaluations; `train --evaluate-every N` makes them")]
     NoEvaluations { folder: String },
+    #[error("`{folder}` is not verified: {which} has {found} {actions} episodes, but {expected} are played")]
+    Episodes { folder: String, which: String, found: usize, actions: &'static str, expected: usize },
+    #[error(
+        "`{folder}` is not verified: final.json is of {played} steps, but the best evaluation is at {best}"
+    )]
+    NotTheBest { folder: String, played: u64, best: u64 },
+    #[error(
+        "`{folder}` is not verified: best.safetensors has other weights than the evaluation at {best} steps"
+    )]
+    OtherWeights { folder: String, best: u64 },
     #[error(
         "`{folder}` is not verified: {difference}\nThe last bits of a network's outputs depend on the vector \
          instructions of the CPU, and so can an episode: verify on a machine with the instructions of the \
@@ -92,8 +105,10 @@ pub fn verify(
         VerifyError::Differs { folder, difference: Box::new(difference) }
     };
     let mut verification = Verification::default();
-    for (row, recorded) in spread(&verifier.recorded()?, evaluations) {
+    let all = verifier.recorded()?;
+    for (row, recorded) in spread(&all, evaluations) {
         let steps = row.steps;
+        verifier.check_count(&format!("the evaluation at {steps} steps"), recorded, EVALUATION_EPISODES)?;
         let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps)?)?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
@@ -103,9 +118,11 @@ pub fn verify(
         verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
     }
     if let Some(result) = FinalResult::read(folder)? {
-        let actor = verifier.actor(&folder.join(BEST))?;
+        let rows: Vec<EvaluationRow> = all.iter().map(|(row, _)| *row).collect();
+        let actor = verifier.best(&result, &rows)?;
         let summaries = [result.greedy, result.sampled];
         let recorded = [result.greedy_episodes, result.sampled_episodes];
+        verifier.check_count("the final evaluation", &recorded, FINAL_EPISODES)?;
         let occasion = (None, Occasion::Final);
         let difference = verifier.compare(&actor, occasion, &recorded, summaries, interrupted)?;
         difference.map_or(Ok(()), |difference| Err(differs(difference)))?;
@@ -151,6 +168,30 @@ impl<'a> Verifier<'a> {
 
     fn actor(&self, path: &Path) -> Result<Network, FileError> {
         read_actor(path, Team::new(&self.run.config, self.run.sizes).actor.mlp)
+    }
+
+    /// The best weights, which must be those of the best evaluation: the final episodes choose no weights.
+    fn best(&self, result: &FinalResult, rows: &[EvaluationRow]) -> Result<Network, VerifyError> {
+        let actor = self.actor(&self.folder.join(BEST))?;
+        let of_rows = EvaluationRow::best(rows).map_or(result.steps, |best| best.steps);
+        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows)?)?;
+        let folder = || self.folder.display().to_string();
+        if of_rows != result.steps {
+            return Err(VerifyError::NotTheBest { folder: folder(), played: result.steps, best: of_rows });
+        }
+        if actor != kept {
+            return Err(VerifyError::OtherWeights { folder: folder(), best: of_rows });
+        }
+        Ok(actor)
+    }
+
+    /// All episodes are there: none was left out.
+    fn check_count(&self, which: &str, recorded: &BothEpisodes, expected: usize) -> Result<(), VerifyError> {
+        let wrong = Actions::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
+        let Some((actions, episodes)) = wrong else { return Ok(()) };
+        let (folder, which) = (self.folder.display().to_string(), which.to_owned());
+        let (found, actions) = (episodes.len(), actions.name());
+        Err(VerifyError::Episodes { folder, which, found, actions, expected })
     }
 
     fn compare(

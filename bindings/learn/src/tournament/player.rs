@@ -2,9 +2,9 @@
 
 use super::TournamentError;
 use crate::trained_team::TrainedTeam;
+use crate::zoo::names_team;
 use smaclite_engine::Opponent;
 use smaclite_engine::policy::Tactic;
-use std::path::Path;
 
 /// Who plays a side.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ impl Player {
         match Opponent::scripts().find(|script| script.name() == name) {
             Some(Opponent::Scripted(tactic)) => Ok(Player::Tactic(tactic)),
             Some(march) => Ok(Player::March(march)),
-            None if Path::new(name).is_dir() => Ok(Player::Team(Box::new(TrainedTeam::open(name.as_ref())?))),
+            None if names_team(name) => Ok(Player::Team(Box::new(TrainedTeam::open(name.as_ref())?))),
             None => Err(TournamentError::UnknownPlayer(name.to_owned())),
         }
     }

@@ -7,6 +7,8 @@ use smaclite_learn::{
     Weights, verify,
 };
 use std::fs;
+use std::io::Write;
+use std::path::Path;
 use std::sync::Mutex;
 
 fn evaluated() -> Config {
@@ -51,7 +53,7 @@ fn runs_are_evaluated_at_exact_step_counts() {
 #[test]
 fn a_resumed_run_has_the_evaluations_of_the_uninterrupted_one() {
     check_resumed(
-        &Config { steps: 34 * 150, epochs: 1, evaluate_every: Some(700), ..small() },
+        &Config { steps: 34 * 158, epochs: 1, evaluate_every: Some(700), ..small() },
         &Place::new(),
     );
 }
@@ -108,6 +110,100 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
     place.train("without", &small(), 1);
     let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
     assert!(error.contains("has no evaluations; `train --evaluate-every N` makes them"), "{error}");
+}
+
+/// Lets a change to a file of a run be verified, and returns the error.
+fn error_after(path: &Path, file: &str, change: impl Fn(Vec<u8>) -> Vec<u8>) -> String {
+    let file = path.join(file);
+    let before = fs::read(&file).unwrap();
+    let after = change(before.clone());
+    assert_ne!(before, after, "the change must change {}", file.display());
+    fs::write(&file, after).unwrap();
+    let error = verify(path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    fs::write(&file, before).unwrap();
+    error
+}
+
+/// Numbers, weights, episodes that were left out, and weights that were chosen by their final episodes.
+#[test]
+fn every_change_to_the_results_is_found() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    let text = |change: fn(&str) -> String| {
+        move |bytes: Vec<u8>| change(&String::from_utf8(bytes).unwrap()).into_bytes()
+    };
+    let check = |error: String, expected: &str| assert!(error.contains(expected), "{error}");
+
+    let other_mean = text(|rows| {
+        let line = rows.lines().find(|line| line.starts_with("400,")).unwrap();
+        let mut fields: Vec<&str> = line.split(',').collect();
+        fields[7] = "19.5"; // sampled_mean_return
+        rows.replace(line, &fields.join(","))
+    });
+    check(error_after(&path, "evaluations.csv", other_mean), "the evaluation at 400 steps, sampled means");
+    let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
+    check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
+    let other_columns = text(|rows| rows.replacen("steps,", "step,", 1));
+    check(error_after(&path, "evaluations.csv", other_columns), "its first line is `step,trained_steps");
+    let without_one = text(|rows| {
+        let stays = |line: &&str| !line.starts_with("400,greedy,31,");
+        rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect()
+    });
+    let error = error_after(&path, "evaluation_episodes.csv", without_one);
+    check(error, "the evaluation at 400 steps has 31 greedy episodes, but 32 are played");
+
+    let one_weight = |mut bytes: Vec<u8>| {
+        *bytes.last_mut().unwrap() ^= 1;
+        bytes
+    };
+    let error = error_after(&path, "evaluations/000000000400.safetensors", one_weight);
+    check(error, "000000000400.safetensors` is damaged or not a file of a run: its checksum differs");
+    let result = FinalResult::read(&path).unwrap().unwrap();
+    let other = if result.steps == 0 { "000000000400" } else { "000000000000" };
+    let of_other = fs::read(path.join(format!("evaluations/{other}.safetensors"))).unwrap();
+    let error = error_after(&path, "best.safetensors", |_| of_other.clone());
+    check(error, "best.safetensors has other weights than the evaluation at");
+    let later = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        result["steps"] = 1.into();
+        result.to_string().into_bytes()
+    };
+    check(error_after(&path, "final.json", later), "final.json is of 1 steps, but the best evaluation is at");
+    let won = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        let episode = &mut result["sampled_episodes"][319];
+        episode["won"] = (!episode["won"].as_bool().unwrap()).into();
+        result.to_string().into_bytes()
+    };
+    check(error_after(&path, "final.json", won), "the final evaluation, sampled episode 319");
+    verify(&path, usize::MAX, 1, &mut || false).unwrap();
+}
+
+/// A process that was killed leaves rows of evaluations after its checkpoint, a part of a line, and weights
+/// of an evaluation without a row.
+#[test]
+fn half_an_evaluation_is_played_again() {
+    let place = Place::new();
+    place.train("whole", &evaluated(), 1);
+    let mut run = place.begin("killed", &evaluated(), 1);
+    let path = place.path("killed");
+    for _ in 0..4 {
+        run.update(&mut || false).unwrap();
+    }
+    assert!(run.evaluations().len() > 1);
+    drop(run); // the only checkpoint is that of the beginning
+    let append = |name: &str, text: &str| {
+        let mut file = fs::OpenOptions::new().append(true).open(path.join(name)).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+    };
+    append("evaluation_episodes.csv", "800,greedy,0,1.5,20,0\n800,greedy,1,1.");
+    append("evaluations.csv", "800,81");
+    fs::copy(path.join("weights.safetensors"), path.join("evaluations/000000000800.safetensors")).unwrap();
+    fs::copy(path.join("weights.safetensors"), path.join("best.safetensors")).unwrap();
+    complete(Run::resume(&path, None, place.lanes(10, 1), 1).unwrap());
+    assert_eq!(place.outcome("killed"), place.outcome("whole"));
+    assert!(place.evaluations("killed") == place.evaluations("whole"));
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn a_team_that_plays_itself_learns_from_both_sides() {
 #[test]
 fn a_team_trains_against_a_trained_team_and_is_evaluated_against_it() {
     let place = Place::new();
-    place.train("first", &Config { seed: 1, steps: 45_000, ..Config::for_agents(3) }, 2);
+    place.train("first", &Config { seed: 1, steps: 45_000, last_actions: 0, ..Config::for_agents(3) }, 2);
     let enemies = Enemies::Team { folder: place.path("first") };
     let config = against(enemies.clone());
     place.train("before", &config, 1);

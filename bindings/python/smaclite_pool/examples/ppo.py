@@ -33,9 +33,9 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
+from smaclite_pool.examples.evaluations import Clock, Evaluations
 from torch import Tensor, nn
 from torch.nn import functional as F
-
 
 TEAM_ENTROPY = 0.3
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
@@ -82,6 +82,7 @@ class Options:
     entropy: float = option(-1.0, "weight of the entropy at the beginning; -1: 0.3 / number of agents")
     entropy_end: float = option(0.0, "weight of the entropy at the end")
     max_grad_norm: float = option(1.0, "longest gradient of each network")
+    evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
     evaluate_episodes: int = option(200, "episodes of the evaluation at the end; 0: none")
     greedy: bool = option(False, "evaluate the most probable actions, not sampled ones")
 
@@ -363,7 +364,7 @@ class Log:
 
     def __init__(self, folder: Path) -> None:
         self.file = (folder / "log.csv").open("w", buffering=1)  # line by line
-        self.begin, self.cpu_begin, self.printed = time.perf_counter(), time.process_time(), 0.0
+        self.clock, self.printed = Clock(), 0.0
         self.tensorboard: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
@@ -373,9 +374,9 @@ class Log:
             pass
 
     def write(self, row: dict[str, float], speed: dict[str, float]) -> None:
-        """Adds a row, with time and processor time of the run; the latter includes the pool."""
-        seconds, cpu_seconds = time.perf_counter() - self.begin, time.process_time() - self.cpu_begin
-        row = row | {"seconds": seconds, "cpu_seconds": cpu_seconds} | speed
+        """Adds a row, with time and processor time of the run, without evaluations."""
+        times = self.clock.read()
+        row = row | times | speed
         if self.tensorboard is not None:
             for name, value in row.items():
                 self.tensorboard.add_scalar(name, value, int(row["steps"]))
@@ -383,10 +384,10 @@ class Log:
         if self.file.tell() == 0:
             writer.writeheader()
         writer.writerow({name: "" if value != value else value for name, value in row.items()})
-        if seconds > self.printed + 2:
-            self.printed = seconds
+        if times["seconds"] > self.printed + 2:
+            self.printed = times["seconds"]
             print(
-                f"{row['steps']:9,} steps, {row['steps'] / cpu_seconds:7,.0f} per CPU second, "
+                f"{row['steps']:9,} steps, {row['steps'] / row['cpu_seconds']:7,.0f} per CPU second, "
                 f"return {row['mean_return']:5.2f}, wins {100 * row['win_rate']:5.1f} %",
                 flush=True,
             )
@@ -415,8 +416,10 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
     update = steps = n_episodes = 0
     with make_envs(options, options.num_envs) as envs:
         learner, log = Learner(envs, options), Log(folder)
+        evaluations = evaluations_of(learner, folder, log.clock)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         while steps < options.steps:
+            evaluations.play_due(steps, update)
             begin = time.perf_counter()
             batch, n_ended, waited = learner.collect(batch, episodes)
             learn_begin = time.perf_counter()
@@ -427,8 +430,19 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
             row = {"update": update, "steps": steps, "episodes": n_episodes, **recent(episodes), **stats}
             speed = {"steps_per_s": new_steps / elapsed, "wait_share": waited / elapsed}
             log.write(row, speed | {"learn_share": learnt / elapsed})
+    evaluations.finish(steps, update)
     save_file(learner.team.state_dict(), folder / "weights.safetensors")
     return learner
+
+
+def evaluations_of(learner: Learner, folder: Path, clock: Clock) -> Evaluations:
+    """Against the script, also if the team trains against itself."""
+
+    def policy(envs: sp.Envs, greedy: bool) -> Callable[[sp.Batch], NDArray[np.int32]]:
+        return partial(learner.act, greedy=greedy)
+
+    options = learner.options
+    return Evaluations(folder, options, learner.team, partial(make, options), policy, clock)
 
 
 def evaluate(learner: Learner, options: Options) -> sp.Evaluation:

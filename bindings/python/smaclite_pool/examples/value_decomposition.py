@@ -27,6 +27,7 @@ import csv
 import json
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 from pathlib import Path
@@ -37,6 +38,7 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
+from smaclite_pool.examples.evaluations import Clock, Evaluations
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -74,6 +76,7 @@ class Options:
     log_interval: int = option(10, "gradient steps per row of the log")
     target_interval: int = option(50, "gradient steps after which the target networks are replaced")
     max_grad_norm: float = option(10.0, "longest gradient")
+    evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
     evaluate_episodes: int = option(200, "episodes of the evaluation, without random actions; 0: none")
 
 
@@ -276,7 +279,7 @@ class Log:
 
     def __init__(self, folder: Path) -> None:
         self.file = (folder / "log.csv").open("w", buffering=1)  # line by line
-        self.begin, self.cpu_begin, self.printed = time.perf_counter(), time.process_time(), 0.0
+        self.clock, self.printed = Clock(), 0.0
         self.tensorboard: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
@@ -286,9 +289,9 @@ class Log:
             pass
 
     def write(self, row: dict[str, float], speed: dict[str, float]) -> None:
-        """Adds a row, with time and processor time of the run; the latter includes the pool."""
-        seconds, cpu_seconds = time.perf_counter() - self.begin, time.process_time() - self.cpu_begin
-        row = row | {"seconds": seconds, "cpu_seconds": cpu_seconds} | speed
+        """Adds a row, with time and processor time of the run, without evaluations."""
+        times = self.clock.read()
+        row = row | times | speed
         if self.tensorboard is not None:
             for name, value in row.items():
                 self.tensorboard.add_scalar(name, value, int(row["steps"]))
@@ -296,10 +299,10 @@ class Log:
         if self.file.tell() == 0:
             writer.writeheader()
         writer.writerow({name: "" if value != value else value for name, value in row.items()})
-        if seconds > self.printed + 2:
-            self.printed = seconds
+        if times["seconds"] > self.printed + 2:
+            self.printed = times["seconds"]
             print(
-                f"{row['steps']:9,} steps, {row['steps'] / cpu_seconds:7,.0f} per CPU second, "
+                f"{row['steps']:9,} steps, {row['steps'] / row['cpu_seconds']:7,.0f} per CPU second, "
                 f"return {row['mean_return']:5.2f}, wins {100 * row['win_rate']:5.1f} %",
                 flush=True,
             )
@@ -330,12 +333,13 @@ def train(options: Options) -> Learner:
     steps = n_episodes = 0
     with make(options, options.num_envs) as envs:
         learner, log = Learner(envs, options), Log(folder)
-        player = Player(envs, learner)
+        player, evaluations = Player(envs, learner), evaluations_of(learner, folder, log.clock)
         envs.seed_sampler(options.seed)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         begin, waited, learnt, begin_steps = time.perf_counter(), 0.0, 0.0, 0  # since the last row of the log
         epsilon_steps = options.epsilon_steps or options.steps / 2
         while steps < options.steps:
+            evaluations.play_due(steps, learner.updates)
             epsilon = 1 + (options.epsilon_end - 1) * min(steps / epsilon_steps, 1.0)
             actions = player.act(batch, epsilon)
             step_begin = time.perf_counter()
@@ -358,8 +362,19 @@ def train(options: Options) -> Learner:
                     speed |= {"wait_share": waited / (end - begin), "learn_share": learnt / (end - begin)}
                     log.write(row | recent(episodes) | stats | {"epsilon": epsilon}, speed)
                     begin, waited, learnt, begin_steps = end, 0.0, 0.0, steps
+    evaluations.finish(steps, learner.updates)
     save_file(learner.team.state_dict(), folder / "weights.safetensors")
     return learner
+
+
+def evaluations_of(learner: Learner, folder: Path, clock: Clock) -> Evaluations:
+    """Greedy actions are those without random ones; sampled ones explore as at the end of the training."""
+    options = learner.options
+
+    def policy(envs: sp.Envs, greedy: bool) -> Callable[[sp.Batch], NDArray[np.int32]]:
+        return partial(Player(envs, learner).act, epsilon=0.0 if greedy else options.epsilon_end)
+
+    return Evaluations(folder, options, learner.team, partial(make, options), policy, clock)
 
 
 def evaluate(learner: Learner, options: Options) -> sp.Evaluation:

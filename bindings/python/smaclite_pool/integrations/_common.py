@@ -33,6 +33,9 @@ INFO_FIELDS = (*OUTCOME_FIELDS, "episode_return", "episode_length")
 ENEMY_FIELDS = ("enemy_obs", "enemy_avail_actions", "enemy_reward")
 """Fields of the enemies, where actions play both sides."""
 
+SHARE_FIELDS = ("reward_agents", "enemy_reward_agents")
+"""Fields of the shares of single units in the rewards."""
+
 SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, *ENEMY_FIELDS, "snapshot")
 """Fields of the lane of a single battle; a lane leaves those out that it cannot have."""
 
@@ -83,6 +86,8 @@ class TimeStep:
     """`battle_won` (bool), `dead_allies` and `dead_enemies` (int)."""
     enemies: EnemyTimeStep | None
     """If actions play both sides."""
+    shares: list[float] | None
+    """The share of each unit of `rows` in the reward of its team, if the battle has them."""
 
     @property
     def ended(self) -> bool:
@@ -120,6 +125,7 @@ class TimeStep:
                 avail_actions=batch.enemy_avail_actions[0].copy(),
                 reward=batch.enemy_reward[0].item(),
             )
+        shares = [name for name in SHARE_FIELDS if name in batch]
         return TimeStep(
             obs=batch.obs[0].copy(),
             avail_actions=batch.avail_actions[0].copy(),
@@ -132,6 +138,7 @@ class TimeStep:
             snapshot=batch.snapshot[0].copy(),
             info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
             enemies=enemies,
+            shares=[share for name in shares for share in getattr(batch, name)[0].tolist()] or None,
         )
 
 
@@ -146,16 +153,22 @@ class SingleBattle:
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except
             `fields`.
         both_sides: whether `sides="both"` is accepted among them; then `agents` has the enemies too.
+        shares: whether steps have the `shares` of single units.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
 
     def __init__(
-        self, scenario: str | PathLike[str], settings: Mapping[str, Any], *, both_sides: bool = False
+        self,
+        scenario: str | PathLike[str],
+        settings: Mapping[str, Any],
+        *,
+        both_sides: bool = False,
+        shares: bool = False,
     ) -> None:
         if "fields" in settings:
             raise InvalidRequest("a single battle has all fields; remove `fields`")
-        fields = list(SINGLE_BATTLE_FIELDS)
+        fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
         self.envs = make(scenario, 1, autoreset="disabled", fields=fields, **{**defaults, **settings})

@@ -51,8 +51,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     """One battle with PettingZoo's parallel interface.
 
     Each agent observes `{"observation": float32 [obs_size], "action_mask": int8 [n_actions]}`, copies that
-    you can keep and change. Every agent gets its team's reward; termination, truncation and info
-    (`battle_won`, `dead_allies`, `dead_enemies`) are the same for all.
+    you can keep and change. Every agent gets its team's reward, or its own share in it; termination,
+    truncation and info (`battle_won`, `dead_allies`, `dead_enemies`) are the same for all.
 
     Args:
         scenario: a standard scenario (see `smaclite_pool.scenarios()`) or the path of a scenario file.
@@ -60,6 +60,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
             (needs pygame and a display).
         render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
             motion; None for no waiting.
+        own_rewards: whether each agent gets its share in the reward of its team, `reward_agents`, instead of
+            the whole.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
@@ -73,11 +75,12 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         *,
         render_mode: str | None = None,
         render_speed: float | None = 1.0,
+        own_rewards: bool = False,
         **settings: Any,
     ) -> None:
         self.render_mode = render_mode
         self._viewer = BattleViewer(scenario, *self.picture_size, render_mode, render_speed)
-        self._battle = SingleBattle(scenario, settings, both_sides=True)
+        self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
         envs = self._battle.envs
         self.metadata = {
             "name": f"smaclite_pool_{envs.scenario}",
@@ -122,7 +125,7 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         now = self._battle.step_by_name(actions)
         self._viewer.observe(now.state)
         observations, infos = self._observe(now), self._infos(now)
-        rewards = dict(zip(self.agents, now.rewards, strict=True))
+        rewards = dict(zip(self.agents, now.shares or now.rewards, strict=True))
         terminations = dict.fromkeys(self.agents, now.terminated)
         truncations = dict.fromkeys(self.agents, now.truncated)
         if now.ended:

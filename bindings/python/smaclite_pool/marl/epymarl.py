@@ -26,7 +26,9 @@ Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
 - `pool`, `lane`: attach to a running pool instead of starting one. Start it with
   `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset disabled --name train`.
 - `threads`: worker threads of a pool that this runner starts.
-- `use_cpp_rvo2` and the options of SMAC: only with values that match what a pool does.
+- `reward_sparse`, `reward_win` and SMAC's other reward options: what agents are rewarded for; a running pool
+  has its own.
+- `use_cpp_rvo2` and the other options of SMAC: only with values that match what a pool does.
 """
 
 from __future__ import annotations
@@ -39,15 +41,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import Envs, Recorder, connect, make
+from .._native import REWARD_DEFAULTS, Envs, Recorder, connect, make
 from ..errors import InvalidRequest
 from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
 from ._replay import save_replay
+from ._rewards import changed_rewards
 
 __all__ = ["PoolRunner"]
 
 _KEYS = {"map_name", "seed", "time_limit", "episode_limit", "continuing_episode", "state_last_action"}
-_KEYS |= {"pool", "lane", "threads", "replay_dir", "replay_prefix"}
+_KEYS |= {"pool", "lane", "threads", "replay_dir", "replay_prefix"} | REWARD_DEFAULTS.keys()
 
 # Keys of the configurations of EPyMARL and SMAC, with the values that match what a pool does.
 _SAME: dict[str, tuple[object, ...]] = {
@@ -63,16 +66,9 @@ _SAME: dict[str, tuple[object, ...]] = {
     "obs_instead_of_state": (False,),
     "obs_timestep_number": (False,),
     "state_timestep_number": (False,),
-    "reward_sparse": (False,),
-    "reward_only_positive": (True,),
-    "reward_death_value": (10,),
-    "reward_win": (200,),
-    "reward_defeat": (0,),
-    "reward_scale": (True,),
-    "reward_scale_rate": (20,),
     "heuristic_ai": (False,),
 }
-_WITHOUT_EFFECT = {"use_cpp_rvo2", "reward_negative_scale", "heuristic_rest", "debug"}
+_WITHOUT_EFFECT = {"use_cpp_rvo2", "heuristic_rest", "debug"}
 
 
 class PoolRunner:
@@ -309,7 +305,10 @@ def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
             threads=settings.get("threads"),
             autoreset="disabled",
             episode_limit=limit,
+            rewards=changed_rewards(settings),
         )
+    if changed := changed_rewards(settings):
+        raise InvalidRequest(f"a running pool has its own rewards; remove {', '.join(changed)} from env_args")
     envs = connect(settings["pool"], settings.get("lane"), timeout=10)
     served = (envs.num_envs, envs.batch_size, envs.autoreset)
     if served != (num_envs, 1, "disabled"):

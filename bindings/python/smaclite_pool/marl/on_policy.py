@@ -84,7 +84,8 @@ class ShareVecEnv:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: number of environments (B).
         seed: environment i is seeded with seed + i.
-        threads, episode_limit, rules, opponent, max_held_batches, record: as in `smaclite_pool.make`.
+        threads, episode_limit, rules, opponent, rewards, max_held_batches, record: as in
+            `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -101,6 +102,7 @@ class ShareVecEnv:
         episode_limit: int | Literal["default"] | None = "default",
         rules: Literal["smaclite", "paper"] = "smaclite",
         opponent: str | Mapping[str, float] = "attack_move",
+        rewards: dict[str, Any] | None = None,
         max_held_batches: int = 4,
         record: str | PathLike[str] | None = None,
     ) -> None:
@@ -114,6 +116,7 @@ class ShareVecEnv:
                 episode_limit=episode_limit,
                 rules=rules,
                 opponent=opponent,
+                rewards=rewards,
                 max_held_batches=max_held_batches,
                 record=record,
             )

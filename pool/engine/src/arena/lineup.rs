@@ -7,7 +7,6 @@ use smaclite_units::UnitType;
 
 use super::{Approach, Arena, Regeneration, UnitStats};
 use crate::buffers::refill;
-use crate::{KILL_REWARD, WIN_REWARD};
 
 impl Arena {
     /// Lets the units have these types, by battle-wide id.
@@ -30,7 +29,7 @@ impl Arena {
             Approach::new(unit_type, stats, attacks_healers)
         };
         refill(&mut self.approaches, types.zip(all_stats).map(approach));
-        self.max_rewards = [self.max_reward_of(&self.enemies), self.max_reward_of(&self.agents)];
+        self.max_rewards = [self.greatest_return(&self.enemies), self.greatest_return(&self.agents)];
     }
 
     /// Takes over the units that were drawn, allies first.
@@ -45,10 +44,10 @@ impl Arena {
     }
 
     /// The unscaled return of a win over these units without their regeneration.
-    fn max_reward_of(&self, ids: &[u32]) -> f64 {
+    fn greatest_return(&self, ids: &[u32]) -> f64 {
         let total = |&id: &u32| self.all_stats[id as usize].hp + self.all_stats[id as usize].shield;
         // The first two terms are exact, so only the order of the sum of health decides the last bit: it is
         // by in-faction id.
-        KILL_REWARD * ids.len() as f64 + WIN_REWARD + ids.iter().map(total).sum::<f64>()
+        self.rewards.greatest_return(ids.len(), ids.iter().map(total).sum())
     }
 }

@@ -14,14 +14,13 @@ mod unit_stats;
 use std::sync::Arc;
 
 use glam::{DVec2, Vec2};
-use smaclite_scenarios::{Drawer, Faction, Scenario, Terrain};
+use smaclite_scenarios::{Drawer, Faction, Rewards, Scenario, Terrain};
 use smaclite_units::UnitType;
 
 pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
-use crate::REWARD_SCALE;
 use crate::command::action;
 use crate::fnv::Fnv1a;
 use crate::opponents::{Opponent, Opponents};
@@ -78,6 +77,7 @@ pub struct Arena {
     pub(crate) largest_radius: f64,
     /// By faction.
     max_rewards: [f64; 2],
+    rewards: Rewards,
 
     /// What agents observe, may do and are rewarded for, where it is SMACv2's interface.
     interface: Option<Arc<Interface>>,
@@ -136,6 +136,7 @@ impl Arena {
             has_area_attacks: false,
             largest_radius: 0.0,
             max_rewards: [0.0; 2],
+            rewards: scenario.smacv2.as_ref().map_or(scenario.rewards, |options| options.rewards),
             sizes: interface.as_ref().map_or(sizes(scenario, Faction::Ally), |interface| interface.sizes()),
             interface,
             enemy_sizes: sizes(scenario, Faction::Enemy),
@@ -212,16 +213,20 @@ impl Arena {
     }
 
     /// The unscaled return of a win without enemy regeneration: all health and shields of the enemies, a
-    /// reward per kill, and the reward for winning. It is scaled to a return of 20.
+    /// reward per kill, and the reward for winning. Unless the scenario says otherwise, it is scaled to a
+    /// return of 20.
     pub fn max_reward(&self) -> f64 {
-        self.max_rewards[Faction::Ally as usize]
+        self.max_reward_of(Faction::Ally)
     }
 
-    /// Scales what a faction earned in a step, so that a return of its [`max_reward`](Self::max_reward)
-    /// becomes 20.
-    pub(crate) fn scale_reward(&self, faction: Faction, earned: f64) -> f64 {
-        // Two divisions, as in the published environment: the last bit depends on it.
-        earned / (self.max_rewards[faction as usize] / REWARD_SCALE)
+    /// As [`max_reward`](Self::max_reward), of a faction.
+    pub(crate) fn max_reward_of(&self, faction: Faction) -> f64 {
+        self.max_rewards[faction as usize]
+    }
+
+    /// What both sides are rewarded for; with SMACv2's interface by its options.
+    pub fn rewards(&self) -> &Rewards {
+        &self.rewards
     }
 
     /// The battle-wide ids of a faction's units, by in-faction id.

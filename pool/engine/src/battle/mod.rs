@@ -1,12 +1,13 @@
 //! A battle: the units of an arena in one episode after another, stepped by joint actions.
 //!
 //! Here are steps and episodes: the execution order, and victory, defeat and the time limit. Commands are in
-//! `commands`, what a battle shows is in `outputs`. The rules of a tick are in `tick`, what agents observe is
+//! `commands`, rewards in `rewards`, what a battle shows is in `outputs`. The rules of a tick are in `tick`, what agents observe is
 //! in `encode`, the check of snapshots is in `snapshot`.
 
 mod commands;
 mod outputs;
 mod perceiver;
+mod rewards;
 
 use std::sync::Arc;
 
@@ -19,15 +20,15 @@ use crate::neighbour_order::NeighbourOrder;
 use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
 use crate::scratch::Scratch;
-use crate::sides::{Actor, EnemySide, Sides};
+use crate::sides::Actor;
 use crate::smacv2::{End, Outcome};
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::step::{ExecutionOrder, Step, Tick};
-use crate::tick::{self, Earned, World};
+use crate::tick::{self, Earned, TickScratch, World};
 use crate::units::{AliveIds, Units};
 use perceiver::Perceiver;
 
-use crate::{TICKS_PER_STEP, WIN_REWARD};
+use crate::TICKS_PER_STEP;
 use smaclite_scenarios::{DrawnTeams, Faction};
 
 /// One battle. A clone continues independently, with the same bits.
@@ -58,6 +59,8 @@ pub struct Battle {
     types: Vec<u32>,
     episode_length: u32,
     episode_return: f64,
+    /// The shares of all units in the rewards of the last step, by battle-wide id, if someone wants them.
+    shares: Option<Vec<f64>>,
 }
 
 impl Battle {
@@ -82,6 +85,7 @@ impl Battle {
             types: Vec::new(),
             episode_length: 0,
             episode_return: 0.0,
+            shares: None,
         };
         battle.reset();
         battle
@@ -153,6 +157,7 @@ impl Battle {
         refill(&mut self.last_actions, self.arena.unit_ids().map(|_| None));
         self.episode_length = 0;
         self.episode_return = 0.0;
+        self.clear_shares();
         if let (Some(perceiver), Some(interface)) = (&mut self.perceiver, self.arena.interface()) {
             perceiver.begin(interface, &self.arena, &self.units, &mut self.generator);
         }
@@ -307,6 +312,7 @@ impl Battle {
         mut observe: impl FnMut(Tick<'_>),
     ) -> Step {
         self.give_commands(scratch);
+        self.prepare_rewards(&mut scratch.tick);
         let mut earned = Earned::default();
         for tick in 0..TICKS_PER_STEP {
             self.kill_below_levels(tick, scratch);
@@ -331,7 +337,7 @@ impl Battle {
             });
         }
         self.kill_below_levels(TICKS_PER_STEP, scratch);
-        self.finish_step(earned)
+        self.finish_step(earned, &scratch.tick)
     }
 
     /// Removes the agents whose health is below their level, so many ticks before the end of a step as the
@@ -391,21 +397,19 @@ impl Battle {
         }
     }
 
-    fn finish_step(&mut self, earned: Earned) -> Step {
+    fn finish_step(&mut self, earned: Earned, scratch: &TickScratch) -> Step {
         if let (Some(perceiver), Some(interface)) = (&mut self.perceiver, self.arena.interface()) {
             let outcome = perceiver.settle(interface, &self.arena, &self.units, &mut self.generator);
-            let enemy_reward = self.reward_of(Faction::Enemy, earned.enemies);
+            let greatest = perceiver.perception().max_reward;
+            self.share_out(Faction::Ally, outcome.reward, greatest, scratch);
+            let enemy_reward = self.reward_of(Faction::Enemy, earned.enemies, scratch);
             return self.finish_as(outcome, enemy_reward);
         }
         self.refresh_encoded();
         // A win is that no enemy is alive, also if the last agent died in the same tick. At the time limit
         // only this counts, not the health that is left: a truncated episode is not won.
         let battle_won = self.is_won_by(Faction::Ally);
-        let (mut reward, mut enemy_reward) =
-            (self.reward_of(Faction::Ally, earned.allies), self.reward_of(Faction::Enemy, earned.enemies));
-        if let Sides::Both(EnemySide { zero_sum: true, .. }) = self.arena.sides() {
-            (reward, enemy_reward) = (reward - enemy_reward, enemy_reward - reward);
-        }
+        let [reward, enemy_reward] = self.rewards(earned, scratch);
         self.episode_length = self.episode_length.saturating_add(1);
         self.episode_return += reward;
         let terminated = self.is_terminated();
@@ -420,11 +424,6 @@ impl Battle {
         self.episode_return += outcome.reward;
         let Outcome { reward, terminated, at_limit, battle_won } = outcome;
         Step { reward, enemy_reward, terminated, truncated: at_limit && !terminated, battle_won }
-    }
-
-    /// What a side earned in a step, and the reward for winning, scaled.
-    fn reward_of(&self, side: Faction, earned: f64) -> f64 {
-        self.arena.scale_reward(side, if self.is_won_by(side) { earned + WIN_REWARD } else { earned })
     }
 
     /// Whether all units that a side fights are dead. It is true of both sides if the last ones died in the
@@ -504,6 +503,7 @@ impl Battle {
         self.generator = snapshot.generator.clone();
         self.episode_length = snapshot.episode_length;
         self.episode_return = snapshot.episode_return;
+        self.clear_shares();
         level::describe(&self.arena, &self.units, &mut self.level);
         if let (Some(perceiver), Some(interface)) = (&mut self.perceiver, self.arena.interface()) {
             perceiver.load(interface, &self.arena, &self.units, &snapshot.perception);

@@ -6,7 +6,7 @@
 use smaclite_scenarios::{Faction, Scenario};
 
 use crate::arena::n_actions;
-use crate::features::{FeatureBlock, action_names, in_sequence, names};
+use crate::features::{self, FeatureBlock, in_sequence, names};
 use crate::smacv2::Interface;
 
 /// The blocks of the observation of one agent: `moves` (whether a move in each direction is available),
@@ -46,12 +46,20 @@ pub fn state_features(scenario: &Scenario) -> Vec<FeatureBlock> {
     let (n_agents, n_enemies) = (scenario.n_agents(), scenario.n_enemies());
     let allies = in_state(&["energy/cooldown", "rel_x", "rel_y"], Faction::Ally);
     let enemies = in_state(&["rel_x", "rel_y"], Faction::Enemy);
-    let actions = action_names(0, n_actions(scenario, Faction::Ally));
     in_sequence([
         ("allies", Some(n_agents), allies),
         ("enemies", Some(n_enemies), enemies),
-        ("last_action", Some(n_agents), actions),
+        ("last_action", Some(n_agents), action_names(scenario)),
     ])
+}
+
+/// The names of the actions of an agent, by their numbers: `no_op`, `stop`, `north`, ..., with SMACv2's
+/// interface `look_i`, and `target_i`: the enemy of that number, and for healers the ally.
+pub fn action_names(scenario: &Scenario) -> Vec<String> {
+    match &scenario.smacv2 {
+        Some(options) => Interface::new(scenario, options).action_names(),
+        None => features::action_names(0, n_actions(scenario, Faction::Ally)),
+    }
 }
 
 /// `first`, then health, \[shield\], \[type\].

@@ -9,7 +9,7 @@ mod tests;
 mod unit_tables;
 
 pub(crate) use avail::Available;
-pub use features::{obs_features, state_features};
+pub use features::{action_names, obs_features, state_features};
 pub(crate) use obs::{ObsScratch, write_obs};
 pub use state::UnitFeatures;
 pub(crate) use state::{types_in_state, write_state};

@@ -69,7 +69,7 @@ impl Interface {
     pub fn is_below_level(&self, frame: &Frame, perception: &Perception, agent: usize) -> bool {
         let share = ratio(frame.health[agent], self.kind(frame, agent).health);
         // With sparse rewards deaths are not counted, so the published code kills the dead again and again.
-        let is_listed = !perception.dead[agent] || self.options.reward_sparse && self.options.published;
+        let is_listed = !perception.dead[agent] || self.options.rewards.sparse && self.options.published;
         is_listed && perception.health.get(agent).is_some_and(|level| share < *level)
     }
 }

@@ -1,6 +1,7 @@
 //! Rewards and ends.
 
 use super::{Frame, Interface, Perception};
+use crate::rewards::Points;
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,18 +30,9 @@ impl Interface {
         let o = &self.options;
         perception.steps = perception.steps.saturating_add(1);
         let end = self.end_of(frame);
-        let earned = self.earned(frame, perception);
-        let mut reward = if o.reward_sparse { 0.0 } else { earned };
-        match end {
-            Some(End::Won) => reward = if o.reward_sparse { 1.0 } else { reward + o.reward_win },
-            Some(End::Lost) => reward = if o.reward_sparse { -1.0 } else { reward + o.reward_defeat },
-            Some(End::Draw) | None => {}
-        }
+        let reward = self.points(frame, perception).reward(&o.rewards, end, perception.max_reward);
         let is_late = self.episode_limit.is_some_and(|limit| perception.steps >= limit);
         let at_limit = end.is_none() && is_late;
-        if o.reward_scale {
-            reward /= perception.max_reward / o.reward_scale_rate;
-        }
         let terminated = end.is_some() || at_limit && o.published;
         perception.has_ended |= end.is_some() || at_limit;
         self.forget_dead(frame, perception);
@@ -74,9 +66,9 @@ impl Interface {
     }
 
     /// What the step was worth, and whose deaths were counted.
-    fn earned(&self, frame: &Frame, perception: &mut Perception) -> f64 {
-        let o = &self.options;
-        let (mut kills, mut lost, mut damage) = (0.0, 0.0, 0.0);
+    fn points(&self, frame: &Frame, perception: &mut Perception) -> Points {
+        let o = &self.options.rewards;
+        let mut points = Points::default();
         for unit in 0..self.n_agents + self.n_enemies {
             if perception.dead[unit] {
                 continue;
@@ -87,20 +79,16 @@ impl Interface {
             let change = if is_dead { before } else { before - frame.health[unit] - frame.shield[unit] };
             if unit < self.n_agents {
                 if is_dead {
-                    kills -= if o.reward_only_positive {
-                        0.0
-                    } else {
-                        o.reward_death_value * o.reward_negative_scale
-                    };
+                    points.deaths -= if o.only_positive { 0.0 } else { o.death_value * o.negative_scale };
                 }
-                lost += change * o.reward_negative_scale;
+                points.lost += change * o.negative_scale;
             } else {
                 if is_dead {
-                    kills += o.reward_death_value;
+                    points.deaths += o.death_value;
                 }
-                damage += change;
+                points.damage += change;
             }
         }
-        if o.reward_only_positive { (damage + kills).max(0.0) } else { damage + kills - lost }
+        points
     }
 }

@@ -176,7 +176,7 @@ impl Interface {
             perception.max_reward = 0.0;
         }
         if perception.max_reward == 0.0 {
-            perception.max_reward = self.n_enemies as f64 * o.reward_death_value + o.reward_win;
+            perception.max_reward = o.rewards.greatest_return(self.n_enemies, 0.0);
         }
         if !perception.has_ended || !o.published {
             perception.max_reward += worth;

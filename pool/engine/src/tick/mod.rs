@@ -95,6 +95,12 @@ pub(crate) struct TickScratch {
     reserved: (usize, usize),
     /// Whether a unit may be without health: in the first tick of a step, and where one lost its last health.
     may_have_dead: bool,
+    /// The units of each faction that were killed in this step, also those that were healed to life then.
+    pub killed: [u32; 2],
+    /// What the hits of each unit earned in this step; empty unless the battle wants to know it.
+    pub credits: Vec<f64>,
+    /// Health and shield of each unit at the start of the step; stale unless losses count.
+    pub before: Vec<f64>,
     target_choice: target_choice::TargetChoiceScratch,
     avoid: avoid::AvoidScratch,
 }
@@ -110,6 +116,8 @@ impl TickScratch {
         }
         self.may_have_dead = true;
         self.is_first_tick = true;
+        self.killed = [0; 2];
+        self.credits.clear();
         self.commands.resize(sizes.0, Command::Stop);
         self.moving.clear();
         self.targeting.clear();
@@ -142,6 +150,8 @@ impl TickScratch {
         clear_and_reserve(&mut self.start, n_units);
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
+        clear_and_reserve(&mut self.credits, n_units);
+        clear_and_reserve(&mut self.before, n_units);
         clear_and_reserve(&mut self.commands, n_units);
         clear_and_reserve(&mut self.moving, n_units);
         clear_and_reserve(&mut self.targeting, n_units);

@@ -25,12 +25,12 @@ pub(super) fn act(world: &mut World, id: u32, target: u32, earned: &mut Earned) 
 /// All hits of one attack; some units hit more than once.
 fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
     let damage = world.arena.matchup(id, victim).damage;
-    (0..world.arena.stats(id).attacks).map(|_| hit(world, damage, victim)).sum()
+    (0..world.arena.stats(id).attacks).map(|_| hit(world, id, damage, victim)).sum()
 }
 
 /// One hit. The shield absorbs the damage first, without armor; armor reduces the rest, and health absorbs
 /// what remains. It earns the damage dealt, and more for a kill.
-fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
+fn hit(world: &mut World, id: u32, damage: f64, victim: u32) -> f64 {
     let (units, stats, i) = (&mut *world.units, world.arena.stats(victim), victim as usize);
     // A victim that was killed earlier in this tick is hit to no effect, so a kill is rewarded once.
     if units.hp[i] == 0.0 {
@@ -46,6 +46,13 @@ fn hit(world: &mut World, damage: f64, victim: u32) -> f64 {
     units.hp[i] -= to_health;
     let killed = units.hp[i] == 0.0;
     world.scratch.may_have_dead |= killed;
+    if killed {
+        world.scratch.killed[world.arena.faction(victim) as usize] += 1;
+    }
+    if let Some(credit) = world.scratch.credits.get_mut(id as usize) {
+        let for_kill = if killed { world.arena.rewards().death_value } else { 0.0 };
+        *credit += to_shield + to_health + for_kill;
+    }
     // Losses cost the victim's side nothing: a reward is never negative.
     to_shield + to_health + if killed { KILL_REWARD } else { 0.0 }
 }

@@ -95,8 +95,14 @@ fn what_cannot_be_played_is_refused() {
 fn a_trained_team_plays_the_enemies() {
     let folder = tempfile::tempdir().unwrap();
     let (path, runtime_dir) = (folder.path().join("run"), folder.path().join("pools"));
-    let small =
-        Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], last_actions: 0, ..Config::for_agents(3) };
+    let small = Config {
+        num_envs: 4,
+        horizon: 8,
+        minibatches: 2,
+        hidden: vec![8],
+        last_actions: 0,
+        ..Config::for_agents(3)
+    };
     let setup = resolve_scenario("3m", Rules::Smaclite).unwrap();
     let lanes = Lanes::start(&setup, 4, 0, 1, &RuntimeDir::at(runtime_dir).unwrap()).unwrap();
     let run = Run::begin(&path, Config { steps: 32, ..small }, &setup, lanes, 1).unwrap();

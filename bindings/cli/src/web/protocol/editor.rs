@@ -128,8 +128,8 @@ pub(crate) struct CheckedFiles {
     pub(in crate::web) types: Vec<TypeInfo>,
     /// The units of each group: `[index in types, x, y]`; none if a type is unknown.
     pub(in crate::web) groups: Vec<Option<Vec<(usize, f64, f64)>>>,
-    /// The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where the
-    /// faction is 0 for allies and 1 for enemies.
+    /// The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where
+    /// the faction is 0 for allies and 1 for enemies.
     pub(in crate::web) drawn: Option<Vec<(usize, usize, f32, f32)>>,
     pub(in crate::web) sight: f64,
 }

@@ -22,7 +22,7 @@ PyMARL.
 
 from ..._units import Unit
 from .env import MultiAgentEnv, get_map_params
-from .rewards import Unavailable
+from .unavailable import Unavailable
 
 __all__ = ["MultiAgentEnv", "StarCraft2Env", "Unavailable", "Unit", "get_map_params"]
 

@@ -18,9 +18,10 @@ from ..._render import RENDER_MODES, BattleViewer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
 from .._replay import save_replay
+from .._rewards import changed_rewards
 from .heuristic import Heuristic
 from .queries import Queries
-from .rewards import HealthTotals, Reward, RewardOptions, Unavailable
+from .unavailable import Unavailable
 from .views import ViewOptions, Views
 
 _log = logging.getLogger(__name__)
@@ -62,6 +63,7 @@ class MultiAgentEnv(Queries):
             (net of what was regained) and `reward_death_value` per death, times `reward_negative_scale`.
         reward_death_value, reward_win, reward_defeat: points for a kill, a victory, a defeat.
         reward_scale, reward_scale_rate: multiply rewards by rate / (the maximum return in points).
+            Reward options that have SMAC's defaults are those of the scenario.
         replay_dir, replay_prefix: folder of `save_replay`, and prefix of its file names (default: name of the
             map).
         window_size_x, window_size_y: size of pictures and of the window of `render()`, in pixels.
@@ -73,8 +75,9 @@ class MultiAgentEnv(Queries):
         render_speed: not in SMAC; of the window: 1 for the speed of the battle, two steps per second; 0.25
             for slow motion; None for no waiting.
 
-    Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario, and
-    InvalidRequest for an invalid value. `rewards` explains how rewards other than the default are computed.
+    Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario or reward
+    option, and InvalidRequest for another invalid value. docs/reference/rewards.md says how rewards are
+    computed.
 
     Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`.
     """
@@ -140,18 +143,16 @@ class MultiAgentEnv(Queries):
                 state_timestep_number=state_timestep_number,
             ),
         )
-        options = RewardOptions(
-            sparse=reward_sparse,
-            only_positive=reward_only_positive,
-            death_value=reward_death_value,
-            win=reward_win,
-            defeat=reward_defeat,
-            negative_scale=reward_negative_scale,
-            scale=reward_scale,
-            scale_rate=reward_scale_rate,
-        )
-        self._reward = Reward(self._views.layout, options)
-        self.max_reward = self._reward.max_reward
+        rewards: dict[str, bool | float] = {
+            "reward_sparse": reward_sparse,
+            "reward_only_positive": reward_only_positive,
+            "reward_death_value": reward_death_value,
+            "reward_win": reward_win,
+            "reward_defeat": reward_defeat,
+            "reward_negative_scale": reward_negative_scale,
+            "reward_scale": reward_scale,
+            "reward_scale_rate": reward_scale_rate,
+        }
         self.continuing_episode = continuing_episode
         self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
         self._heuristic = Heuristic(self._views.layout)
@@ -164,11 +165,15 @@ class MultiAgentEnv(Queries):
             "episode_limit": episode_limit,
             "rules": rules,
             "opponent": opponent,
+            "rewards": changed_rewards(rewards),
         }
         self._battle = SingleBattle(map_name, settings)
         envs = self._battle.envs
         self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
         self.episode_limit = envs.episode_limit
+        health = sum(unit["hp"] + unit["shield"] for unit in self._views.layout.enemies)
+        kills = envs.rewards["reward_death_value"] * self.n_enemies
+        self.max_reward = kills + envs.rewards["reward_win"] + health
         self._views.set_limit(self.episode_limit)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
         # Zeros until the first reset.
@@ -195,7 +200,6 @@ class MultiAgentEnv(Queries):
         InvalidRequest before the first reset and after the end of an episode; nothing is stepped then.
         """
         chosen = self._chosen(actions)
-        before = self._health_totals()
         now = self._battle.step(chosen)
         self._update(now)
         info, won = now.info.copy(), bool(now.info["battle_won"])
@@ -204,10 +208,9 @@ class MultiAgentEnv(Queries):
         self.timeouts += now.truncated
         if now.truncated and self.continuing_episode:
             info["episode_limit"] = True
-        reward = self._reward(now.reward, now.terminated, won, before, self._health_totals())
         if self.debug:
-            _log.debug("actions %s, reward %s, info %s", chosen, reward, info)
-        return reward, now.ended, info
+            _log.debug("actions %s, reward %s, info %s", chosen, now.reward, info)
+        return now.reward, now.ended, info
 
     def _chosen(self, actions: Sequence[SupportsInt] | NDArray[Any]) -> list[int]:
         if self.heuristic_ai:
@@ -225,10 +228,6 @@ class MultiAgentEnv(Queries):
     def _update(self, now: TimeStep) -> None:
         self._views.update(now.obs, now.state, now.episode_length)
         self._avail = now.avail_actions
-
-    def _health_totals(self) -> HealthTotals:
-        health = self._views.units.health + self._views.units.shield
-        return HealthTotals(health[: self.n_agents], health[self.n_agents :])
 
     def get_stats(self) -> dict[str, float]:
         """Counts of episodes: won, all, and at the limit; `win_rate` is 0 before the first."""

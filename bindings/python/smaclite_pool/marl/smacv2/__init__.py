@@ -41,7 +41,7 @@ Each environment plays one battle. To train with many at once, use batches of th
 (`smaclite_pool.make("terran_5_vs_5", 64)`).
 """
 
-from ..smac.rewards import Unavailable
+from ..smac.unavailable import Unavailable
 from .base import CannotResetException, MultiAgentEnv, UnavailableAction
 from .distributions import Distribution, get_distribution, register_distribution
 from .env import StarCraft2Env

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ...errors import InvalidRequest
-from ..smac.rewards import Unavailable
+from ..smac.unavailable import Unavailable
 
 __all__ = ["DRAWN_BY_THE_BATTLE", "Distribution", "get_distribution", "register_distribution", "translated"]
 

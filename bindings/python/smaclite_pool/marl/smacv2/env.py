@@ -15,7 +15,7 @@ from ..._native import CapabilityBattle
 from ..._render import RENDER_MODES, Window
 from ...errors import InvalidRequest
 from ..smac.env import check_fixed
-from ..smac.rewards import Unavailable
+from ..smac.unavailable import Unavailable
 from .base import UnavailableAction
 from .distributions import DRAWN_BY_THE_BATTLE
 from .maps import get_map_params

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..._native import scenario
 from ...errors import InvalidRequest
-from ..smac.rewards import Unavailable
+from ..smac.unavailable import Unavailable
 from .distributions import translated
 from .maps import get_map_params, race_types
 

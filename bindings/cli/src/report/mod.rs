@@ -1,0 +1,169 @@
+//! `smaclite-pool report`: compare runs of several seeds and algorithms. The numbers are those of
+//! `smaclite_learn`; here are the options and the files. `tables` has what people read, `files` what programs
+//! read, and `figures` the pictures, which `chart` draws.
+
+mod chart;
+mod figures;
+mod files;
+mod tables;
+
+use super::{CommandResult, THREADS};
+use crate::number::{count, seed};
+use crate::picture::write_file;
+use crate::process::interrupt_flag;
+use clap::{Args, ValueEnum};
+use smaclite_learn::{
+    Actions, Benchmark, EvaluatedRun, Report, ReportError, TimeToWin, marl_eval_json, time_to_win,
+};
+use smaclite_pool::PoolOptions;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  smaclite-pool train 3m --seeds 10 --evaluate-every 10k --steps 200k --out runs/3m
+  smaclite-pool report runs/3m --out report
+  smaclite-pool report ours=runs/ippo theirs=runs/mappo --out report
+
+A FOLDER is that of a run, of `train --seeds`, or one with such folders in it. All runs in it are those of one \
+algorithm. Its name in the report is NAME, by default that of the folder; folders with the same NAME are joined. \
+The task of a run is its scenario. Algorithms are compared over the tasks that all of them have.
+
+Tables and curves are interquartile means with 95 % intervals of the stratified bootstrap \
+(docs/how-to/benchmark.md). The time to win is that until the lower end of the 95 % interval (Wilson) of the win \
+rate is at least 90 %, over 200 episodes with fresh seeds, which this command plays with the weights of one \
+evaluation after the other, greedy ones and sampled ones.")]
+pub(super) struct WriteReport {
+    /// Folders of runs that were evaluated, with the name of their algorithm if it is another than that of the
+    /// folder
+    #[arg(required = true, value_name = "[NAME=]FOLDER")]
+    runs: Vec<String>,
+    /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; files of these
+    /// names are replaced
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Which episodes are compared: those with the most probable actions, or with sampled ones
+    #[arg(long, value_enum, default_value = "greedy")]
+    actions: Which,
+    /// Play no episodes to find out when teams first won
+    #[arg(long)]
+    skip_times: bool,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0, value_parser = seed())]
+    seed: u64,
+    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
+    threads: Option<usize>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Which {
+    Greedy,
+    Sampled,
+}
+
+/// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
+type Times = BTreeMap<PathBuf, [Option<TimeToWin>; 2]>;
+
+/// Everything that is written.
+struct Results {
+    benchmark: Benchmark,
+    actions: Actions,
+    report: Report,
+    /// `None` if they were not asked for.
+    times: Option<Times>,
+    notes: Vec<String>,
+    /// The file for marl-eval, if it can be made.
+    metrics: Option<String>,
+}
+
+impl WriteReport {
+    pub(super) fn run(self) -> CommandResult {
+        let folders: Vec<(String, PathBuf)> = self.runs.iter().map(|text| named(text)).collect();
+        let benchmark = Benchmark::read(&folders)?;
+        std::fs::create_dir_all(&self.out)
+            .map_err(|error| format!("--out {}: {error}", self.out.display()))?;
+        let interrupted = interrupt_flag()?;
+        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let stop = || interrupted.load(Ordering::Relaxed);
+        let times = (!self.skip_times).then(|| play(&benchmark, threads, &stop)).transpose()?;
+        let actions = match self.actions {
+            Which::Greedy => Actions::Greedy,
+            Which::Sampled => Actions::Sampled,
+        };
+        let mut notes = benchmark.notes();
+        let metrics = match marl_eval_json(&benchmark, actions) {
+            Ok(text) => Some(text),
+            Err(why) => {
+                notes.push(format!("there is no metrics.json, which marl-eval would not read: {why}"));
+                None
+            }
+        };
+        let report = Report::new(&benchmark, actions, self.seed);
+        let results = Results { benchmark, actions, report, times, notes, metrics };
+        tables::print(&results)?;
+        write(&self.out, &results)
+    }
+}
+
+/// The name of an algorithm and its folder. A folder whose name has an equals sign is none with a name.
+fn named(text: &str) -> (String, PathBuf) {
+    if let Some((name, folder)) = text.split_once('=')
+        && !name.is_empty()
+        && !Path::new(text).exists()
+    {
+        return (name.to_owned(), PathBuf::from(folder));
+    }
+    let whole = std::path::absolute(text).unwrap_or_default(); // as that of `.`
+    let name = whole.file_name().map(|name| name.to_string_lossy().into_owned());
+    (name.unwrap_or_else(|| text.to_owned()), PathBuf::from(text))
+}
+
+/// Finds out when the teams of all runs first won.
+fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Result<Times, ReportError> {
+    let runs = benchmark.algorithms.iter().flat_map(|algorithm| algorithm.tasks.values()).flatten();
+    let times = |run: &EvaluatedRun| {
+        let time = |actions| time_to_win(run, actions, threads, &mut || stop());
+        Ok((run.folder.clone(), [time(Actions::Greedy)?, time(Actions::Sampled)?]))
+    };
+    runs.map(times).collect()
+}
+
+/// The names of the files that a report may have.
+fn write(folder: &Path, results: &Results) -> CommandResult {
+    let mut all = vec![("report.md".to_owned(), tables::markdown(results))];
+    all.extend(files::all(results).map(|(name, text)| (name.to_owned(), text)));
+    all.extend(figures::all(results));
+    for (name, text) in all {
+        write_file(&folder.join(name), |output| output.write_all(text.as_bytes()))?;
+    }
+    let metrics = folder.join("metrics.json");
+    match &results.metrics {
+        Some(text) => write_file(&metrics, |output| output.write_all(text.as_bytes())),
+        // One of an earlier report is not of these runs.
+        None => match std::fs::remove_file(&metrics) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(format!("{}: {error}", metrics.display()).into())
+            }
+            _ => Ok(()),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_has_the_name_before_it_or_its_own() {
+        let check = |text: &str, name: &str, folder: &str| {
+            assert_eq!(named(text), (name.to_owned(), PathBuf::from(folder)), "{text}");
+        };
+        check("ours=runs/a", "ours", "runs/a");
+        check("runs/a/", "a", "runs/a/");
+        check("=runs/a", "a", "=runs/a");
+        check("a=b=c", "a", "b=c");
+    }
+}

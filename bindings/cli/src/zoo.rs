@@ -1,0 +1,48 @@
+//! `smaclite-pool zoo`: the trained teams that are part of the program.
+
+use super::CommandResult;
+use super::table::Table;
+use clap::Args;
+use smaclite_learn::zoo_cards;
+
+#[derive(Args)]
+#[command(after_help = "\
+Wherever the folder of a run can be named, zoo:SCENARIO is the team of that scenario:
+  smaclite-pool evaluate zoo:2s3z
+  smaclite-pool tournament zoo:3m attack_move kite
+  smaclite-pool play 8m --against zoo:8m --open
+
+Teams were trained by the default configuration for two million steps; wins are
+those of the final evaluation.")]
+pub(super) struct Zoo {
+    /// Print one JSON object per team
+    #[arg(long)]
+    json: bool,
+}
+
+impl Zoo {
+    pub(super) fn run(self) -> CommandResult {
+        let mut table =
+            Table::new(&["team", "seed", "steps", "CPU-seconds", "won, greedy", "won, sampled", "episodes"]);
+        for card in zoo_cards()? {
+            if self.json {
+                out!("{}", serde_json::to_string(&card)?)?;
+                continue;
+            }
+            let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+            table.push([
+                format!("zoo:{}", card.scenario),
+                card.seed.to_string(),
+                card.steps.to_string(),
+                format!("{:.0}", card.cpu_seconds),
+                percent(card.greedy.win_rate),
+                percent(card.sampled.win_rate),
+                card.episodes.to_string(),
+            ]);
+        }
+        if !self.json {
+            table.print()?;
+        }
+        Ok(())
+    }
+}

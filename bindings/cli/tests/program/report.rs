@@ -1,0 +1,89 @@
+//! Reports by the program: tables, files, errors.
+
+use crate::kit::{check_error, output};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16 --steps 600 --evaluate-every 300";
+
+/// All files in a folder, by name.
+fn files(folder: &Path) -> BTreeMap<String, String> {
+    let entries = fs::read_dir(folder).expect("a folder");
+    let read = |entry: std::io::Result<fs::DirEntry>| {
+        let path = entry.expect("an entry").path();
+        let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+        (name, fs::read_to_string(path).expect("text"))
+    };
+    entries.map(read).collect()
+}
+
+#[test]
+fn two_algorithms_are_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --seeds 2 --out runs/ippo {SMALL}"));
+    output(folder, &format!("train 3m --seeds 2 --out runs/other --algorithm mappo {SMALL}"));
+    let report = "report runs/ippo/ mappo=runs/other --actions sampled";
+    let printed = output(folder, &format!("{report} --out one --threads 1"));
+    assert!(printed.starts_with("2 algorithms, 1 task, 2 seeds each, sampled actions\n\n"), "{printed}");
+    for part in ["\nalgorithm  tasks  runs  won ", "\nippo       1      2     ", "\nmappo   ippo  "] {
+        assert!(printed.contains(part), "{part} in {printed}");
+    }
+    let again = output(folder, &format!("{report} --out again --threads 3"));
+    assert_eq!(printed, again);
+    let one = files(&folder.join("one"));
+    assert_eq!(one, files(&folder.join("again")), "threads change nothing");
+    let pictures = one.keys().filter(|name| name.ends_with(".svg"));
+    assert_eq!(pictures.clone().count(), 2 * 4 * 2, "two metrics, four kinds, light and dark");
+    for picture in pictures.filter(|name| !name.contains("-dark")) {
+        assert!(one["report.md"].contains(&format!("src=\"{picture}\"")), "{picture}");
+        let dark = picture.replace(".svg", "-dark.svg");
+        assert!(one["report.md"].contains(&dark) && one.contains_key(&dark), "{dark}");
+        assert_ne!(one[picture], one[&dark]);
+    }
+    let rows = |name: &str| one[name].lines().count() - 1;
+    assert_eq!([rows("runs.csv"), rows("aggregates.csv"), rows("improvement.csv")], [4, 8, 4]);
+    assert_eq!([rows("curves.csv"), rows("profiles.csv")], [8 * 3, 4 * 101]);
+    let columns = |line: &str| line.split(',').count();
+    assert!(one.iter().filter(|(name, _)| name.ends_with(".csv")).all(|(_, text)| {
+        text.lines().all(|line| columns(line) == columns(text.lines().next().expect("a header")))
+    }));
+    let metrics: Value = serde_json::from_str(&one["metrics.json"]).expect("JSON");
+    assert_eq!(metrics["smaclite"]["3m"]["mappo"]["run_1"]["step_1"]["step_count"], 300);
+
+    let quick = output(folder, "report runs/ippo --out quick --skip-times");
+    assert!(!quick.contains("until a team won"), "{quick}");
+}
+
+/// A file of an earlier report would be taken for one of these runs.
+#[test]
+fn there_is_no_file_for_marl_eval_if_seeds_differ() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --seeds 2 --out a {SMALL}"));
+    output(folder, &format!("train 3m --out b {SMALL}"));
+    output(folder, "report a --out all");
+    assert!(folder.join("all/metrics.json").exists());
+    let printed = output(folder, "report a b --out all");
+    assert!(!folder.join("all/metrics.json").exists());
+    let why = "note: there is no metrics.json, which marl-eval would not read: numbers of seeds differ\n";
+    assert!(printed.ends_with(why), "{printed}");
+    assert!(fs::read_to_string(folder.join("all/report.md")).expect("text").contains("no metrics.json"));
+}
+
+#[test]
+fn errors_say_what_is_accepted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::create_dir(folder.join("empty")).expect("a folder");
+    check_error(folder, "report", 2, "<[NAME=]FOLDER>");
+    check_error(folder, "report empty", 2, "--out <FOLDER>");
+    check_error(folder, "report empty --out all", 1, "`empty` has no runs: expected the folder of a run");
+    check_error(folder, "report x=nowhere --out all", 1, "cannot read `nowhere`");
+    output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16 --steps 600 --out run");
+    check_error(folder, "report run --out all", 1, "`run` has no evaluations: expected evaluations.csv");
+    assert!(!folder.join("all").exists(), "a command that fails leaves no folder");
+    check_error(folder, "report run --out all --actions both", 2, "[possible values: greedy, sampled]");
+}

@@ -1,0 +1,179 @@
+//! A run as a report reads it: what it played, its evaluations and its final episodes.
+//!
+//! The folder is one of `smaclite-pool train --evaluate-every N`, or of another learner that writes the same
+//! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead of
+//! `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
+
+use super::ReportError;
+use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
+use crate::rollout::Episode;
+use crate::run::RunDescription;
+use crate::tensors::{FileError, read};
+use serde_json::Value;
+use smaclite_engine::Rules;
+use std::path::{Path, PathBuf};
+
+/// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
+const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
+
+/// How far a win rate in `evaluations.csv` may be from that of its episodes.
+const ROUNDING: f64 = 1e-6;
+
+/// An evaluation while a run trained.
+#[derive(Clone, Debug)]
+pub struct PlayedEvaluation {
+    /// Step count, means and times.
+    pub row: EvaluationRow,
+    episodes: BothEpisodes,
+}
+
+/// A complete run that was evaluated.
+#[derive(Clone, Debug)]
+pub struct EvaluatedRun {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// The scenario's name, with `-paper` if it was played by those rules.
+    pub task: String,
+    /// Its seed.
+    pub seed: u64,
+    /// By step count; at least one.
+    pub evaluations: Vec<PlayedEvaluation>,
+    /// How its best weights play.
+    pub result: FinalResult,
+    /// The description, if `smaclite-pool train` made the run: then its weights can be played again.
+    pub(super) description: Option<RunDescription>,
+    /// What was played, and with which options, without the seed: what runs that are compared have in common.
+    pub(super) battles: Option<Value>,
+    pub(super) settings: Value,
+}
+
+impl PlayedEvaluation {
+    /// Its episodes.
+    pub fn episodes(&self, actions: Actions) -> &[Episode] {
+        &self.episodes[usize::from(actions == Actions::Sampled)]
+    }
+}
+
+impl EvaluatedRun {
+    /// Whether a folder is that of a run.
+    pub(super) fn is_in(folder: &Path) -> bool {
+        DESCRIPTIONS.iter().any(|name| folder.join(name).is_file())
+    }
+
+    /// Reads a run.
+    pub(super) fn read(folder: &Path) -> Result<EvaluatedRun, ReportError> {
+        if !EvaluationFiles::exist(folder) {
+            return Err(ReportError::NoEvaluations(folder.to_owned()));
+        }
+        let evaluations = read_evaluations(folder)?;
+        let incomplete = || ReportError::Incomplete(folder.to_owned());
+        let result = FinalResult::read(folder)?.ok_or_else(incomplete)?;
+        if result.greedy_episodes.is_empty() || result.sampled_episodes.is_empty() || evaluations.is_empty() {
+            return Err(incomplete());
+        }
+        let folder = folder.to_owned();
+        let described = if folder.join(DESCRIPTIONS[0]).is_file() {
+            Described::by_program(&folder)?
+        } else {
+            Described::by_other(&folder.join(DESCRIPTIONS[1]))?
+        };
+        let Described { task, seed, description, battles, settings } = described;
+        Ok(EvaluatedRun { folder, task, seed, evaluations, result, description, battles, settings })
+    }
+
+    /// The step counts of its evaluations.
+    pub fn steps(&self) -> impl Iterator<Item = u64> {
+        self.evaluations.iter().map(|evaluation| evaluation.row.steps)
+    }
+
+    /// The final episodes.
+    pub fn final_episodes(&self, actions: Actions) -> &[Episode] {
+        match actions {
+            Actions::Greedy => &self.result.greedy_episodes,
+            Actions::Sampled => &self.result.sampled_episodes,
+        }
+    }
+}
+
+/// Rows with their episodes, which must agree.
+fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError> {
+    let files = EvaluationFiles::of(folder);
+    let mut all_episodes = files.episodes()?;
+    let mut evaluations: Vec<PlayedEvaluation> = Vec::new();
+    for row in files.rows()? {
+        let steps = row.steps;
+        let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
+        if evaluations.last().is_some_and(|last| last.row.steps >= steps) {
+            return Err(damaged(format!("its steps do not rise at {steps}")).into());
+        }
+        let found = all_episodes.iter().position(|(of, _)| *of == steps);
+        let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
+        for (episodes, summary) in episodes.iter().zip([row.greedy, row.sampled]) {
+            let played = Summary::of(episodes);
+            if episodes.is_empty() || (played.win_rate - summary.win_rate).abs() > ROUNDING {
+                let (rate, other) = (summary.win_rate, played.win_rate);
+                let counted = episodes.len();
+                let why = format!(
+                    "at {steps} steps it has the win rate {rate}, and evaluation_episodes.csv has {counted} \
+                     episodes with {other}"
+                );
+                return Err(damaged(why).into());
+            }
+        }
+        evaluations.push(PlayedEvaluation { row, episodes });
+    }
+    Ok(evaluations)
+}
+
+/// What a description says.
+struct Described {
+    task: String,
+    seed: u64,
+    description: Option<RunDescription>,
+    battles: Option<Value>,
+    settings: Value,
+}
+
+impl Described {
+    fn by_program(folder: &Path) -> Result<Described, FileError> {
+        let description = RunDescription::read(folder)?;
+        let mut battles = read_object(&folder.join(DESCRIPTIONS[0]))?;
+        let mut settings = battles["config"].take();
+        ["config", "version"].into_iter().for_each(|name| without(&mut battles, name));
+        without(&mut settings, "seed");
+        without(&mut battles["files"], "source"); // where the file was, not what is in it
+        battles["enemies"] = settings["enemies"].clone();
+        let suffix = if description.setup.rules == Rules::Paper { "-paper" } else { "" };
+        let task = format!("{}{suffix}", description.name);
+        let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
+        Ok(Described { task, seed, description, battles, settings })
+    }
+
+    fn by_other(path: &Path) -> Result<Described, FileError> {
+        let mut settings = read_object(path)?;
+        let scenario = settings["scenario"].as_str().map(Path::new);
+        let name = scenario.map(|path| match path.extension() {
+            Some(suffix) if suffix == "json" => path.file_stem().unwrap_or_default(),
+            _ => path.as_os_str(),
+        });
+        let (Some(name), Some(seed)) = (name, settings["seed"].as_u64()) else {
+            let why = "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned();
+            return Err(FileError::Damaged { path: path.to_owned(), why });
+        };
+        let task = name.to_string_lossy().into_owned();
+        ["seed", "out"].into_iter().for_each(|name| without(&mut settings, name));
+        Ok(Described { task, seed, description: None, battles: None, settings })
+    }
+}
+
+fn without(object: &mut Value, name: &str) {
+    if let Some(object) = object.as_object_mut() {
+        object.remove(name);
+    }
+}
+
+fn read_object(path: &Path) -> Result<Value, FileError> {
+    let damaged = |why: String| FileError::Damaged { path: path.to_owned(), why };
+    let value: Value = serde_json::from_slice(&read(path)?).map_err(|error| damaged(error.to_string()))?;
+    if value.is_object() { Ok(value) } else { Err(damaged("expected an object".to_owned())) }
+}

@@ -1,0 +1,201 @@
+//! How long a team trained until it won: until the lower end of the 95 % interval of its win rate over 200
+//! episodes is at least 90 %, which 189 wins are.
+//!
+//! The 32 episodes of an evaluation cannot say so: even 32 wins have a lower end of 89.3 %. So the weights of
+//! every evaluation, from the first on, play 200 episodes with seeds that no other evaluation has, and the
+//! time is that of the first weights with enough wins. A team that has lost too many episodes plays no more
+//! of them, so this costs little. Other learners do the same while they train, and leave the result in
+//! `time_to_win.json`, an object with `greedy` and `sampled`, each a [`TimeToWin`] or null.
+//!
+//! Greedy teams are not all: where episodes begin equal and hardly anything is random, 200 of them are one
+//! battle, which a team can win by chance. With sampled actions they differ.
+
+use super::{EvaluatedRun, ReportError};
+use crate::checkpoint::read_actor;
+use crate::evaluations::{Actions, EvaluationFiles, EvaluationRow, Evaluator, Occasion};
+use crate::parallel::Interrupted;
+use crate::rollout::Episode;
+use crate::run::RunDescription;
+use crate::statistics::wilson_interval;
+use crate::team::{Network, Team};
+use crate::tensors::{FileError, read};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Episodes that are played with the weights of an evaluation.
+pub const CRITERION_EPISODES: usize = 200;
+
+/// What the lower end of the interval of the win rate must reach.
+pub const CRITERION_WIN_RATE: f64 = 0.9;
+
+/// Episodes that are played before the losses are counted.
+const BLOCK: usize = 40;
+
+/// When a team first won.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TimeToWin {
+    /// The step count of the evaluation with its weights.
+    pub steps: u64,
+    /// Wins among the episodes.
+    pub wins: usize,
+    /// Episodes that were played.
+    pub episodes: usize,
+    /// Seconds of training until then, without evaluations.
+    pub seconds: f64,
+    /// Processor time of the same.
+    pub cpu_seconds: f64,
+}
+
+/// When the team of a run first won with such actions; `None` if it never did.
+///
+/// # Errors
+/// If its files cannot be read or are damaged.
+pub fn time_to_win(
+    run: &EvaluatedRun,
+    actions: Actions,
+    threads: usize,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<Option<TimeToWin>, ReportError> {
+    let Some(description) = &run.description else { return Ok(recorded(run, actions)?) };
+    let mut evaluator = Evaluator::open(&run.folder, description, threads)?;
+    for evaluation in &run.evaluations {
+        let EvaluationRow { steps, seconds, cpu_seconds, .. } = evaluation.row;
+        let actor = actor(&run.folder, description, steps)?;
+        let mut play = |block: u64| {
+            let occasion = Occasion::TimeToWin { steps, block };
+            evaluator.play(&actor, occasion, actions, BLOCK, interrupted)
+        };
+        if let Some(wins) = enough_wins(&mut play)? {
+            let episodes = CRITERION_EPISODES;
+            return Ok(Some(TimeToWin { steps, wins, episodes, seconds, cpu_seconds }));
+        }
+    }
+    Ok(None)
+}
+
+fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
+    let path = EvaluationFiles::of(folder).weights(steps)?;
+    read_actor(&path, Team::new(&run.config, run.sizes).actor.mlp)
+}
+
+/// The wins among the episodes, played in blocks of [`BLOCK`], if they are enough.
+fn enough_wins(
+    play: &mut dyn FnMut(u64) -> Result<Vec<Episode>, Interrupted>,
+) -> Result<Option<usize>, Interrupted> {
+    let (mut wins, mut left) = (0, CRITERION_EPISODES);
+    for block in 0.. {
+        let played = play(block)?;
+        wins += played.iter().filter(|episode| episode.won).count();
+        left -= played.len().min(left);
+        if !is_enough(wins + left, CRITERION_EPISODES) {
+            return Ok(None);
+        }
+        if left == 0 {
+            break;
+        }
+    }
+    Ok(Some(wins))
+}
+
+fn is_enough(wins: usize, episodes: usize) -> bool {
+    wilson_interval(wins, episodes)[0] >= CRITERION_WIN_RATE
+}
+
+/// What another learner left.
+fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<Option<TimeToWin>, FileError> {
+    let path = run.folder.join("time_to_win.json");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let damaged = |why: String| FileError::Damaged { path: path.clone(), why };
+    let read = serde_json::from_slice(&read(&path)?);
+    let Recorded { greedy, sampled } = read.map_err(|error| damaged(error.to_string()))?;
+    let time = match actions {
+        Actions::Greedy => greedy,
+        Actions::Sampled => sampled,
+    };
+    match time {
+        Some(time) if time.wins > time.episodes || !is_enough(time.wins, time.episodes) => {
+            Err(damaged(format!("{} wins of {} episodes are too few", time.wins, time.episodes)))
+        }
+        time => Ok(time),
+    }
+}
+
+#[derive(Deserialize)]
+struct Recorded {
+    greedy: Option<TimeToWin>,
+    sampled: Option<TimeToWin>,
+}
+
+/// Median and worst of some runs; `None` where the team never won.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// The median; of an even number of runs, the mean of the middle two.
+    pub median: Option<f64>,
+    /// The largest.
+    pub worst: Option<f64>,
+}
+
+impl Spread {
+    /// Of the times of some runs. A run that never won is worse than all others.
+    pub fn of(times: &[Option<TimeToWin>], value: impl Fn(&TimeToWin) -> f64) -> Spread {
+        let value = |time: &Option<TimeToWin>| time.as_ref().map_or(f64::INFINITY, &value);
+        let mut values: Vec<f64> = times.iter().map(value).collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let known = |value: f64| value.is_finite().then_some(value);
+        let middle = |i: usize| values.get(i).copied().unwrap_or(f64::INFINITY);
+        let n = values.len();
+        let median = (middle(n.saturating_sub(1) / 2) + middle(n / 2)) / 2.0;
+        Spread { median: known(median), worst: values.last().copied().and_then(known) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eleven_of_200_episodes_may_be_lost() {
+        assert_eq!([189, 188].map(|wins| is_enough(wins, CRITERION_EPISODES)), [true, false]);
+        assert!(!is_enough(32, 32), "an evaluation alone cannot tell");
+        assert_eq!(CRITERION_EPISODES % BLOCK, 0);
+    }
+
+    /// As many blocks are played as are needed to see that the wins are too few.
+    #[test]
+    fn a_team_that_loses_plays_few_episodes() {
+        let check = |lost_in_block: &[usize], expected: Option<usize>, expected_blocks: u64| {
+            let mut blocks = 0;
+            let mut play = |block: u64| {
+                blocks = block + 1;
+                let won = |i| i >= lost_in_block[block as usize];
+                Ok((0..BLOCK).map(|i| Episode { episode_return: 0.0, length: 1, won: won(i) }).collect())
+            };
+            assert_eq!(enough_wins(&mut play), Ok(expected));
+            assert_eq!(blocks, expected_blocks, "{lost_in_block:?}");
+        };
+        check(&[40], None, 1);
+        check(&[12], None, 1);
+        check(&[11, 0, 1], None, 3);
+        check(&[0; 5], Some(200), 5);
+        check(&[3, 2, 2, 2, 2], Some(189), 5);
+        check(&[3, 2, 2, 2, 3], None, 5);
+    }
+
+    #[test]
+    fn who_never_won_is_worst() {
+        let at = |seconds| {
+            Some(TimeToWin { steps: 1, wins: 200, episodes: 200, seconds, cpu_seconds: 2.0 * seconds })
+        };
+        let check = |times: &[Option<TimeToWin>], median, worst| {
+            assert_eq!(Spread::of(times, |time| time.seconds), Spread { median, worst }, "{times:?}");
+        };
+        check(&[at(3.0), at(1.0), at(2.0)], Some(2.0), Some(3.0));
+        check(&[at(3.0), None, at(1.0), at(2.0)], Some(2.5), None);
+        check(&[at(3.0), None], None, None);
+        check(&[None], None, None);
+        check(&[], None, None);
+        assert_eq!(Spread::of(&[at(3.0)], |time| time.cpu_seconds).worst, Some(6.0));
+    }
+}

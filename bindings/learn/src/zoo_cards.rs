@@ -1,0 +1,40 @@
+//! The cards of the teams in the zoo, and that they are what they say.
+
+use crate::evaluations::Summary;
+use crate::tensors::{FileError, read};
+use crate::zoo::{folder, zoo_scenarios};
+use serde::{Deserialize, Serialize};
+
+/// How a team of the zoo was trained, and how it plays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ZooCard {
+    /// The scenario.
+    pub scenario: String,
+    /// The seed of its training.
+    pub seed: u64,
+    /// Environment steps that its weights were learnt from.
+    pub steps: u64,
+    /// Environment steps of the whole training.
+    pub run_steps: u64,
+    /// Processor time of the whole training.
+    pub cpu_seconds: f64,
+    /// Means of the final evaluation, with the most probable actions.
+    pub greedy: Summary,
+    /// The same with actions that are drawn.
+    pub sampled: Summary,
+    /// Episodes of each of the two.
+    pub episodes: usize,
+}
+
+/// The cards of all teams, in the order of their scenarios' names.
+///
+/// # Errors
+/// If the program was built with a file that is not a card.
+pub fn zoo_cards() -> Result<Vec<ZooCard>, FileError> {
+    let card = |name| {
+        let path = folder(name).join("card.json");
+        let card = serde_json::from_slice(&read(&path)?);
+        card.map_err(|error| FileError::Damaged { path, why: error.to_string() })
+    };
+    zoo_scenarios().map(card).collect()
+}

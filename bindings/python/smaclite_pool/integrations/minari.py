@@ -1,0 +1,168 @@
+"""Minari: a dataset in the format of Minari, as single battles of Gymnasium have it (extra `minari`).
+
+    smaclite-pool dataset export 3m.smdata --to minari --out minari --uid smaclite/3m/good-v0
+
+Minari looks for datasets in the folder that the variable MINARI_DATASETS_PATH names:
+
+    import os
+
+    os.environ["MINARI_DATASETS_PATH"] = "minari"
+    import minari
+
+    dataset = minari.load_dataset("smaclite/3m/good-v0")
+    episode = dataset[0]
+    print(episode.observations["obs"].shape)    # (T + 1, n_agents, obs_size)
+
+Minari knows one agent, so the agents are an axis. Observations and actions are those of `BattleEnv` in
+`smaclite_pool.integrations.gymnasium`: a dict of `obs` float32 [n_agents, obs_size], `state` float32
+[state_size] and `action_mask` int8 [n_agents, n_actions]; int32 [n_agents]. An episode of T steps has T + 1
+observations, and T of `actions`, `rewards`, `terminations` and `truncations`. `infos` has `battle_won`, with
+T + 1 entries like the observations, and the metadata of an episode its seed. `recover_environment()` makes
+the environment, if the battles are those of a standard scenario.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import os
+import re
+import shutil
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._native import Dataset
+from ..errors import InvalidRequest
+from ._export import Arrays, description, expanded, run
+from ._extra import extra
+
+__all__ = ["export"]
+
+CODE = "https://github.com/smaclite-pool/smaclite-pool"
+
+
+def episode(episodes: Arrays, arrays: Arrays, i: int) -> dict[str, Any]:
+    """The data of episode `i`, as Minari's `EpisodeBuffer` has it."""
+    start = episodes["start"][i]
+    steps = slice(start, start + episodes["length"][i])
+
+    def observations(name: str, dtype: Any) -> Any:
+        return np.concatenate([arrays[name][steps], arrays[f"final_{name}"][i : i + 1]]).astype(dtype)
+
+    return {
+        "id": i,
+        "seed": episodes["seed"][i],
+        "observations": {
+            "obs": observations("obs", np.float32),
+            "state": observations("state", np.float32),
+            "action_mask": observations("avail_actions", np.int8),
+        },
+        "actions": arrays["actions"][steps],
+        "rewards": arrays["reward"][steps],
+        "terminations": arrays["terminated"][steps],
+        "truncations": arrays["truncated"][steps],
+        "infos": {"battle_won": np.concatenate([[False], arrays["battle_won"][steps]])},
+    }
+
+
+def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Path:
+    """Write the dataset in `file` for Minari, and return its folder.
+
+    Args:
+        file: a file of `smaclite-pool dataset record`.
+        out: the folder of all datasets of Minari, as MINARI_DATASETS_PATH names it.
+        uid: the id of this one, such as `smaclite/3m/good-v0`; there must be no dataset with it.
+
+    Meanwhile, `out` has the expanded arrays too, in a temporary folder. Raises InvalidRequest for another id,
+    PoolError and OSError as `Dataset`.
+    """
+    with extra("minari"):  # here, so that the command prints no traceback without it
+        import h5py  # noqa: F401  # Minari needs it for its files, and imports it late
+        from minari import create_dataset_from_buffers
+        from minari.data_collector import EpisodeBuffer
+
+    root = Path(out).resolve()
+    if not re.fullmatch(r"([\w-]+/)*[\w-]+-v\d+", uid):
+        raise InvalidRequest(f"the id must be like smaclite/3m/good-v0, got `{uid}`")
+    if (root / uid).exists():
+        raise InvalidRequest(f"`{root / uid}` exists; choose another id, such as a higher version")
+    dataset = Dataset(file)
+    root.mkdir(parents=True, exist_ok=True)
+    with expanded(dataset, root) as arrays, datasets_in(root), removed_on_error(root / uid):
+        episodes = dataset.episodes
+        buffers = (EpisodeBuffer(**episode(episodes, arrays, i)) for i in range(len(episodes["start"])))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # advice about authors and environments
+            written = create_dataset_from_buffers(
+                uid,
+                buffers,
+                **environment(dataset),
+                algorithm_name=", ".join(policy["name"] for policy in dataset.card["policies"]),
+                code_permalink=CODE,
+                requirements=["smaclite-pool[gymnasium]"],
+            )
+        written.storage.update_metadata({"smaclite_pool": description(dataset)})
+    return root / uid
+
+
+def environment(dataset: Dataset) -> dict[str, Any]:
+    """The environment of the battles for Minari: its spaces and, if Gymnasium can make it, how."""
+    import gymnasium
+    from gymnasium import spaces
+
+    sizes = dataset.card["sizes"]
+    n_agents, n_actions = sizes["n_agents"], sizes["n_actions"]
+    observation_space = spaces.Dict(
+        {
+            "obs": spaces.Box(-1.0, 1.0, (n_agents, sizes["obs_size"]), np.float32),
+            "state": spaces.Box(-1.0, 1.0, (sizes["state_size"],), np.float32),
+            "action_mask": spaces.Box(0, 1, (n_agents, n_actions), np.int8),
+        }
+    )
+    action_space = spaces.MultiDiscrete([n_actions] * n_agents)
+    found: dict[str, Any] = {"observation_space": observation_space, "action_space": action_space}
+    if dataset.scenario is not None:
+        importlib.import_module("smaclite_pool.integrations.gymnasium")  # registers the ids
+        spec = copy.deepcopy(gymnasium.spec(f"smaclite_pool/{dataset.scenario}-v0"))
+        spec.kwargs.update(dataset.settings)
+        found["env"] = spec
+    return found
+
+
+@contextmanager
+def datasets_in(folder: Path) -> Iterator[None]:
+    """Let Minari write into `folder`."""
+    name = "MINARI_DATASETS_PATH"
+    before = os.environ.get(name)
+    os.environ[name] = str(folder)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
+
+
+@contextmanager
+def removed_on_error(folder: Path) -> Iterator[None]:
+    """Remove what was written to `folder` if the block fails or is interrupted."""
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def main() -> None:
+    run("minari", export)
+
+
+if __name__ == "__main__":
+    main()

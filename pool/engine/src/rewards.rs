@@ -1,0 +1,57 @@
+//! Rewards: from what a side did in a step to its reward, by SMAC's options, and the share of each unit.
+//!
+//! Both interfaces use this formula. They differ in what they count as damage: SMAClite's rules what hits
+//! removed, SMACv2's code by how much health and shields have become less.
+
+use smaclite_scenarios::Rewards;
+
+use crate::smacv2::End;
+
+/// What a side did and lost in a step, in points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Points {
+    /// Damage to the other side.
+    pub damage: f64,
+    /// For deaths of units of the other side, less those of the own side where these count.
+    pub deaths: f64,
+    /// What the own units lost, as much as it counts.
+    pub lost: f64,
+}
+
+impl Points {
+    /// The reward of the side for which the step ended so. `greatest` is the greatest return before scaling.
+    pub fn reward(&self, options: &Rewards, end: Option<End>, greatest: f64) -> f64 {
+        let earned = self.damage + self.deaths;
+        let earned = if options.only_positive { earned.max(0.0) } else { earned - self.lost };
+        let reward = match end {
+            _ if options.sparse => end.map_or(0.0, |end| match end {
+                End::Won => 1.0,
+                End::Lost => -1.0,
+                End::Draw => 0.0,
+            }),
+            Some(End::Won) => earned + options.win,
+            Some(End::Lost) => earned + options.defeat,
+            Some(End::Draw) | None => earned,
+        };
+        scaled(reward, options, greatest)
+    }
+}
+
+/// Points as a reward.
+pub(crate) fn scaled(points: f64, options: &Rewards, greatest: f64) -> f64 {
+    // Two divisions, as in the published environment: the last bit depends on it.
+    if options.scale { points / (greatest / options.scale_rate) } else { points }
+}
+
+/// Adds to what the units of a side earned themselves, by battle-wide id, an equal part of what none of them
+/// earned, so that their shares add up to the reward of the side.
+pub(crate) fn divide(reward: f64, ids: &[u32], shares: &mut [f64]) {
+    let of_side = || ids.iter().map(|&id| id as usize);
+    let (own, size) = of_side().fold((0.0, 0.0), |(own, size), i| (own + shares[i], size + shares[i].abs()));
+    let rest = reward - own;
+    // Sums round, and a unit that did nothing has a share of exactly 0 where nothing is common.
+    if rest.abs() > 1e-9 * (reward.abs() + size) {
+        let part = rest / ids.len() as f64;
+        of_side().for_each(|i| shares[i] += part);
+    }
+}

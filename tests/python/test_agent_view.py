@@ -1,0 +1,194 @@
+"""Rows of units, views of single agents and functions as policies, compared with observations and states."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+ONE_SIDE_HAS_SHIELDS = "2s_vs_1sc"
+
+
+def nearest(view: sp.AgentView) -> str | int:
+    """Attacks or heals the nearest unit, or goes east."""
+    targets = [unit.action for unit in view.enemies + view.allies if unit.action]
+    return targets[0] if targets else view.actions.get("move east", view.actions["stop"])
+
+
+@pytest.mark.parametrize(
+    "name", ["2s3z", "MMM", ONE_SIDE_HAS_SHIELDS, "3s5z", *sp.scenarios(generated=True)[:2]]
+)
+def test_rows_of_units_hold_every_feature_of_observations(name: str) -> None:
+    layout = {part["name"]: part for part in sp.scenario(name)["obs_layout"]}
+    with sp.make(name, 3, obs_last_actions=1) as envs:
+        entities = sp.Entities(envs)
+        n_others = envs.n_agents + envs.n_enemies - 1
+        batch = envs.reset(seed=1)
+        seen = 0
+        for _ in range(30):
+            batch = envs.step(envs.sample_actions())
+            rows = entities(batch)
+            assert rows.features.shape == (3, envs.n_agents, n_others, len(entities.features))
+            assert np.shares_memory(rows.features, batch.obs) == entities.is_view
+            for side, where in (("enemies", entities.enemies), ("allies", entities.allies)):
+                part = layout[side]
+                size = math.prod(part["shape"])
+                block = batch.obs[..., part["start"] : part["start"] + size]
+                block = block.reshape(3, envs.n_agents, *part["shape"])
+                for i, feature in enumerate(part["features"]):
+                    column = entities.features.index(feature if i else "seen")
+                    assert np.array_equal(rows.features[:, :, where, column], block[..., i])
+                assert np.array_equal(rows.mask[:, :, where], block.any(-1))
+                absent = [n for n in entities.features[1:] if n not in part["features"]]
+                for feature in absent:
+                    assert not rows.features[:, :, where, entities.features.index(feature)].any()
+            together = np.concatenate((rows.moves, rows.own), axis=-1)
+            start = layout["own"]["start"]
+            assert np.array_equal(together, batch.obs[..., [*range(4), *range(start, envs.obs_size)]])
+            seen += int(rows.mask.sum())
+        assert seen > 0
+        assert not rows.features.flags.writeable or not entities.is_view
+
+
+def test_only_rows_of_equal_width_are_a_view() -> None:
+    assert sp.Entities("2s3z").is_view
+    assert sp.Entities("MMM").is_view
+    info = sp.scenario("3s_vs_5z")
+    assert info["ally_has_shields"] == info["enemy_has_shields"] == sp.Entities("3s_vs_5z").is_view
+    differ = [n for n in sp.scenarios() if not sp.Entities(n).is_view]
+    assert differ
+    for name in differ:
+        info = sp.scenario(name)
+        assert info["ally_has_shields"] != info["enemy_has_shields"]
+
+
+def test_rows_of_states_are_the_units_of_the_battle() -> None:
+    with sp.make("MMM2", 2) as envs:
+        entities = sp.Entities(envs)
+        batch = envs.reset(seed=1)
+        for _ in range(80):
+            batch = envs.step(envs.sample_actions())
+        rows, alive = entities.state(batch)
+        assert rows.shape == (2, envs.n_agents + envs.n_enemies, len(entities.state_features))
+        assert np.array_equal(alive[:, : envs.n_agents], batch.alive)
+        assert ((~alive[:, envs.n_agents :]).sum(1) == batch.dead_enemies).all()
+        cooldown = entities.state_features.index("energy/cooldown")
+        assert rows[:, : envs.n_agents, cooldown].any() and not rows[:, envs.n_agents :, cooldown].any()
+
+
+def test_scenarios_without_units_in_observations_are_refused() -> None:
+    options = {"obs_starcraft": False, "obs_timestep_number": True}
+    with sp.make("3m", 1, smacv2=options) as envs:
+        for of_units in (sp.Entities, sp.AgentViews):
+            with pytest.raises(sp.InvalidRequest, match="obs_starcraft"):
+                of_units(envs)
+
+
+def test_a_view_says_what_the_observation_has() -> None:
+    """Distances and directions are compared with the positions in the state."""
+    info = sp.scenario("MMM")
+    with sp.make("MMM", 2) as envs:
+        views = sp.AgentViews(envs)
+        policy = sp.PerAgent(envs, nearest)
+        batch = envs.reset(seed=1)
+        compared = healed = attacked = 0
+        for _ in range(60):
+            batch = envs.step(policy(batch))
+            rows, alive = sp.Entities(envs).state(batch)
+            squares = rows[..., [2, 3]] * [info["width"], info["height"]]
+            for agent in np.flatnonzero(batch.alive[1]):
+                view = views(batch, env=1, agent=int(agent))
+                assert view.unit_type == info["allies"][agent]["unit_type"]
+                assert list(view.actions.values()) == np.flatnonzero(batch.avail_actions[1, agent]).tolist()
+                for unit in view.enemies + view.allies:
+                    side, number = unit.name.split()
+                    index = int(number) + (envs.n_agents if side == "enemy" else 0)
+                    dx, dy = squares[1, index] - squares[1, agent]
+                    assert alive[1, index] and np.allclose((unit.dx, unit.dy), (dx, dy), atol=1e-3)
+                    assert math.isclose(unit.distance, math.hypot(dx, dy), abs_tol=1e-3)
+                    units = info["enemies"] if side == "enemy" else info["allies"]
+                    assert unit.unit_type == units[int(number)]["unit_type"]
+                    assert str(unit) in str(view)
+                    compared += 1
+                    if unit.action:
+                        heals = unit.action.startswith("heal ally")
+                        assert heals == info["allies"][agent]["healer"]
+                        assert view.actions[unit.action] == 6 + int(number)
+                        healed, attacked = healed + heals, attacked + (not heals)
+        assert min(compared, healed, attacked) > 0
+
+
+def test_a_view_in_words() -> None:
+    with sp.make("2s3z", 1) as envs:
+        batch = envs.reset(seed=1)
+        text = sp.AgentViews(envs).describe(batch, env=0, agent=4)
+        lines = text.splitlines()
+        assert lines[0] == "Step 0 of 120. You are agent 4, a ZEALOT with health 100 %, shield 100 %."
+        assert "Enemies in sight: none." in lines and "Allies in sight:" in lines
+        assert lines[-1].startswith("Available actions: stop, move ")
+        for env, agent, message in [(1, 0, "env must be in the batch"), (0, 5, "between 0 and 4")]:
+            with pytest.raises(sp.InvalidRequest, match=message):
+                sp.AgentViews(envs)(batch, env=env, agent=agent)
+
+
+def test_directions_are_those_of_a_compass() -> None:
+    def direction(dx: float, dy: float) -> str:
+        return sp.SeenUnit("enemy 0", "ZEALOT", math.hypot(dx, dy), dx, dy, 1.0, None, None).direction
+
+    assert [direction(1, 0), direction(0, 1), direction(-1, 0), direction(0, -1)] == [
+        "east", "north", "west", "south",
+    ]  # fmt: skip
+    assert [direction(1, 1), direction(-2, -2.1), direction(-1, 0.1)] == ["north-east", "south-west", "west"]
+
+
+def test_types_that_are_drawn_come_from_the_observation() -> None:
+    name = sp.scenarios(generated=True)[0]
+    with sp.make(name, 4, fields=["obs", "avail_actions", "episode_length", "snapshot", "level"]) as envs:
+        names = [unit["unit_type"] for unit in sp.scenario(envs)["unit_types"]]
+        batch = envs.reset(seed=1)
+        views = sp.AgentViews(envs)
+        for env in range(4):
+            for agent in range(envs.n_agents):
+                drawn = names[int(batch.level[env, agent, 0])]
+                assert views(batch, env, agent).unit_type == drawn
+
+
+@pytest.mark.parametrize("autoreset", ["next_step", "same_step"])
+def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
+    """A function of views chooses what it would choose of the arrays: in every step of every episode."""
+
+    def lowest(view: sp.AgentView) -> int:
+        assert view.step == 0 or view.step < 60
+        return max(view.actions.values())
+
+    with sp.make("3s_vs_5z", 4, autoreset=autoreset) as envs:
+        expected = sp.evaluate(
+            envs, lambda b: b.avail_actions.shape[-1] - 1 - b.avail_actions[..., ::-1].argmax(-1), 12, seed=5
+        )
+    function = sp.evaluate_function(
+        "3s_vs_5z", lambda view: max(view.actions.values()), 12, seed=5, num_envs=4, autoreset=autoreset
+    )
+    assert np.array_equal(function.returns, expected.returns) and len(function) == 12
+    assert np.array_equal(function.lengths, expected.lengths)
+    with sp.make("3s_vs_5z", 4, autoreset=autoreset, episode_limit=60) as envs:
+        assert len(sp.evaluate(envs, sp.PerAgent(envs, lowest), 12, seed=5)) == 12
+
+
+def test_a_function_is_evaluated_in_one_call(tmp_path: Path) -> None:
+    result = sp.evaluate_function("3m", nearest, episodes=20, opponent="random")
+    assert len(result) == 20 and result.win_rate >= 0.9
+    again = sp.evaluate_function("3m", nearest, episodes=20, opponent="random")
+    assert np.array_equal(result.returns, again.returns)
+
+
+def test_a_wrong_action_of_a_function_is_an_error_that_says_what_is_available() -> None:
+    with pytest.raises(
+        sp.InvalidRequest, match="'attack enemy 0' of agent 0 in environment 0 must be one of"
+    ):
+        sp.evaluate_function("3m", lambda view: "attack enemy 0", episodes=1)
+    with pytest.raises(sp.IllegalAction, match="agent 0"):
+        sp.evaluate_function("3m", lambda view: 8, episodes=1)
