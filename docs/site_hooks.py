@@ -2,7 +2,7 @@
 
 A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
 batch, `snapshot-columns` for the columns of a snapshot, `unit-keys` and `scenario-keys` for the keys of these
-files, `commands` for the help of every command, `playground` for the page that `just playground` made, if it did.
+files, `commands` for the help of every command, `playground` for the page of `just playground`.
 """
 
 from __future__ import annotations
@@ -110,7 +110,9 @@ def commands() -> str:
 def playground() -> str:
     """The playground in a frame, or how to build it."""
     if not PLAYGROUND.exists():
-        return "!!! note\n    The playground is not part of this build of the site: `just playground` makes it."
+        return (
+            "!!! note\n    The playground is not part of this build of the site: `just playground` makes it."
+        )
     return (
         '<iframe class="playground" src="battle.html" title="Playground" loading="lazy" '
         'allow="clipboard-write"></iframe>\n\n'

@@ -11,6 +11,7 @@ import { listenToFiles } from "./files.js";
 import { base64, battleOf } from "./link.js";
 import { Playground } from "./playground.js";
 
+/** @import { SharedBattle } from "./link.js" */
 /** @import { TeamFiles } from "./protocol.d.ts" */
 /**
  * What is in the page: the engine's code, compressed by deflate, in base64; and teams.
@@ -18,7 +19,7 @@ import { Playground } from "./playground.js";
  */
 
 /** The battle of a page without a link. */
-const FIRST = { scenario: "2s3z", seed: "1", opponent: "", team: DEFAULT_TEAM, actions: [], taken: [] };
+const FIRST = { scenario: "2s3z", seed: "1", opponent: "", team: "", actions: [], taken: [] };
 /** What the person can do, in the words of mouse or finger. */
 const GUIDES = {
   mouse:
@@ -26,18 +27,28 @@ const GUIDES = {
   touch: "Press play, or take over: tap a blue agent, then where it goes or the enemy to attack.",
 };
 
-/** The battle that the address asks for. */
-async function battleOfAddress() {
-  const battle = await battleOf(location.hash.slice(1), FIRST);
+/**
+ * A battle as the engine begins it. If no team is named, one plays that was trained on the map.
+ * @param {SharedBattle} battle
+ * @param {TeamFiles[]} teams
+ */
+function withSource(battle, teams) {
   const { scenario, seed, opponent } = battle;
-  return { ...battle, source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }) };
+  const team = battle.team || (teams.find(({ name }) => name === scenario)?.name ?? DEFAULT_TEAM);
+  return { ...battle, team, source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }) };
 }
+
+/**
+ * The battle that the address asks for.
+ * @param {TeamFiles[]} teams
+ */
+const battleOfAddress = async (teams) => withSource(await battleOf(location.hash.slice(1), FIRST), teams);
 
 /** @param {PageData} data */
 async function start(data) {
   const engine = await Engine.load(await inflate(data.engine));
   for (const team of data.teams) engine.request({ type: "add_team", ...team });
-  const page = await firstPage(engine);
+  const page = await firstPage(engine, data.teams);
   page.note(GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
   listenToFiles({
     replay: (name, bytes) => page.openReplay(name, bytes),
@@ -57,7 +68,7 @@ async function start(data) {
   });
   addEventListener("hashchange", async () => {
     try {
-      const { source, team, actions, taken } = await battleOfAddress();
+      const { source, team, actions, taken } = await battleOfAddress(data.teams);
       page.begin(source, team, actions, taken);
     } catch (error) {
       page.fail(error);
@@ -68,9 +79,10 @@ async function start(data) {
 /**
  * The page with the battle of its address, or if that is refused, with the first one and the reason.
  * @param {Engine} engine
+ * @param {TeamFiles[]} teams
  */
-async function firstPage(engine) {
-  /** @param {Awaited<ReturnType<typeof battleOfAddress>>} battle */
+async function firstPage(engine, teams) {
+  /** @param {ReturnType<typeof withSource>} battle */
   const open = ({ source, team, actions, taken }) => {
     const begun = engine.request({ type: "begin_battle", of: source, team, actions, taken });
     const page = new Playground(engine, source, team, begun);
@@ -78,9 +90,9 @@ async function firstPage(engine) {
     return page;
   };
   try {
-    return open(await battleOfAddress());
+    return open(await battleOfAddress(teams));
   } catch (error) {
-    const page = open({ ...FIRST, source: { kind: "scenario", ...FIRST } });
+    const page = open(withSource(FIRST, teams));
     page.fail(new Error(`The battle of this link cannot be played: ${/** @type {Error} */ (error).message}`));
     return page;
   }

@@ -91,6 +91,11 @@ impl Team {
         &self.scenario
     }
 
+    /// The sizes of its side; `obs_size` includes the last actions.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
     /// Whether the team can play the agents of an arena.
     ///
     /// # Errors
