@@ -1,7 +1,7 @@
 """Makes the zoo: copies the best team of every scenario from runs of `smaclite-pool train --evaluate-every`.
 
 A team is in the zoo if its best weights win at least 90 % of the 320 greedy episodes of its final evaluation.
-Of several seeds, the one that wins most is taken.
+Of several seeds, the one is taken whose worse win rate, of greedy and of sampled actions, is highest.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("runs", help="folders with runs, at any depth", type=Path, nargs="+")
     parser.add_argument("--out", help=f"folder of the zoo ({FOLDER})", type=Path, default=FOLDER)
     options = parser.parse_args(argv)
-    best: dict[str, tuple[float, float, Path]] = {}
+    best: dict[str, tuple[float, Path]] = {}
     for run in found(options.runs):
         final = json.loads((run / "final.json").read_text())
-        wins = (final["greedy"]["win_rate"], final["sampled"]["win_rate"], run)
-        name = scenario(run)
-        if final["greedy"]["win_rate"] >= WINS and wins > best.get(name, (0.0, 0.0, run)):
-            best[name] = wins
-    for name, (_, _, run) in sorted(best.items()):
+        greedy, sampled = final["greedy"]["win_rate"], final["sampled"]["win_rate"]
+        worse, name = min(greedy, sampled), scenario(run)
+        if greedy >= WINS and worse > best.get(name, (0.0, run))[0]:
+            best[name] = worse, run
+    for name, (_, run) in sorted(best.items()):
         keep(run, options.out / name)
         print(f"{name}: {run}")
     return 0

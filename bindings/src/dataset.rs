@@ -138,9 +138,8 @@ impl Dataset {
     }
 
     /// What was played, as a dict: `scenario`, `rules`, `opponents`, `sizes`, `episodes`, `steps`,
-    /// `win_rate`,
-    /// `truncated_rate`, `returns` and `lengths` (mean, deviation and quantiles), `unique_pairs`, `coverage`
-    /// (the share of different pairs of state and joint action) and `policies`.
+    /// `win_rate`, `truncated_rate`, `returns` and `lengths` (mean, deviation and quantiles), `unique_pairs`,
+    /// `coverage` (the share of different pairs of state and joint action) and `policies`.
     #[getter]
     fn card<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         to_dict(py, self.recipe.card())

@@ -21,15 +21,15 @@ use std::path::Path;
 ///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
 ///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
-///         units; then `allies` and `enemies` are one sample), `unit_types` (a list of dicts with `unit_type`,
-///         `type_id`, `healer` and `sight_range`, by which agents of the type see distances divided),
-///         `actions` (the names of an agent's actions), `allies`, `enemies`, `obs_layout` and `state_layout`.
-///         `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id` (index in the
-///         one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`, `energy` (maxima),
-///         `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or heal) and `targeter`.
-///         `obs_layout` and `state_layout` are lists of dicts, the parts of an observation and of the state
-///         in order, each with `name`, `start` (index of its first feature), `shape` ([features], or [units,
-///         features]) and `features` (their names).
+///         units; then `allies` and `enemies` are one sample), `unit_types` (a list of dicts with
+///         `unit_type`, `type_id`, `healer` and `sight_range`, by which agents of the type see distances
+///         divided), `actions` (the names of an agent's actions), `allies`, `enemies`, `obs_layout` and
+///         `state_layout`. `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id`
+///         (index in the one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`,
+///         `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or
+///         heal) and `targeter`. `obs_layout` and `state_layout` are lists of dicts, the parts of an
+///         observation and of the state in order, each with `name`, `start` (index of its first feature),
+///         `shape` ([features], or [units, features]) and `features` (their names).
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.

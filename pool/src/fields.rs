@@ -268,7 +268,7 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         "enemy_reward_agents",
         F32,
         &[Enemy],
-        "both sides: share of each enemy in enemy_reward, as reward_agents; only in lanes that name this field",
+        "both sides: share of each enemy in enemy_reward, as reward_agents; lanes must name this field",
     ),
     spec(
         Field::FinalEnemyObs,

@@ -63,9 +63,9 @@ impl ScenarioFiles {
     }
 
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
-    /// `smacv2` and `rewards` are added to those of the file, `teams` replaces `groups`, and any other value replaces the
-    /// file's. The text is written anew, and what cannot be changed because it is no JSON object stays as it
-    /// is.
+    /// `smacv2` and `rewards` are added to those of the file, `teams` replaces `groups`, and any other value
+    /// replaces the file's. The text is written anew, and what cannot be changed because it is no JSON object
+    /// stays as it is.
     ///
     /// ```
     /// use smaclite_scenarios::ScenarioFiles;

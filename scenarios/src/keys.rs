@@ -116,7 +116,7 @@ pub(crate) const SMACV2: Key<Shape> = Key::optional(
 pub(crate) const REWARDS: Key<Shape> = Key::optional(
     "rewards",
     Shape { schema: || object_schema(&REWARD_KEYS), expected: "an object of reward options" },
-    "What agents are rewarded for: SMAC's reward options. Not beside `smacv2`, which has these options itself.",
+    "What agents are rewarded for: SMAC's reward options. Not beside `smacv2`, which has these itself.",
 );
 pub(crate) const ATTACK_POINT: Key<Shape> = Key::optional(
     "attack_point",

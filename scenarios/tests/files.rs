@@ -611,7 +611,8 @@ fn teams_take_the_place_of_groups() {
     assert!(problems.contains("`start_positions` is missing"), "{problems}");
 }
 
-/// Changed keys once sorted the units of all groups by name, which gave them other ids: MMM was another battle.
+/// Changed keys once sorted the units of all groups by name, which gave them other ids: MMM was another
+/// battle.
 #[test]
 fn changed_keys_leave_everything_else_as_it_is() {
     for name in Scenario::standard_names().chain(Scenario::generated_names()) {

@@ -129,9 +129,8 @@ pub struct Config {
 }
 
 /// The default weight of the entropy at the beginning, divided by the number of agents. The more agents
-/// explore
-/// at once, the less can each of them learn from the reward that they share; with the quotient, teams of 2
-/// and of 27 explore as long as they should.
+/// explore at once, the less can each of them learn from the reward that they share; with the quotient, teams
+/// of 2 and of 27 explore as long as they should.
 pub const TEAM_ENTROPY: f64 = 0.3;
 
 impl Config {

@@ -14,9 +14,9 @@
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
 //! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms
-//! (`statistics`), `evaluate` plays a trained team, and `trained_team` lets it play a single battle. `dataset`
-//! keeps what teams play, for offline learning. `zoo` has teams that are part of the program. `team` is what is
-//! trained. `random`, `parallel`, `math` and `tensors` serve the others.
+//! (`statistics`), `evaluate` plays a trained team, and `trained_team` lets it play a single battle.
+//! `dataset` keeps what teams play, for offline learning. `zoo` has teams that are part of the program.
+//! `team` is what is trained. `random`, `parallel`, `math` and `tensors` serve the others.
 //!
 //! **Determinism.** The seed and the hyperparameters decide every bit of a run on one machine. They do so for
 //! any load and any number of threads, of the learner and of the pool: each random number comes from a

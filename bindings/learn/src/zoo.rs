@@ -32,10 +32,14 @@ macro_rules! teams {
 const TEAMS: &[Files] = teams! {
     "10m_vs_11m"
     "1c3s5z"
+    "25m"
+    "27m_vs_30m"
+    "2c_vs_64zg"
     "2s3z"
     "2s_vs_1sc"
     "3m"
     "3s5z"
+    "3s5z_vs_3s6z"
     "3s_vs_3z"
     "3s_vs_4z"
     "3s_vs_5z"
@@ -44,6 +48,8 @@ const TEAMS: &[Files] = teams! {
     "8m_vs_9m"
     "MMM"
     "MMM2"
+    "bane_vs_bane"
+    "corridor"
 };
 
 /// The scenarios that have a team in the zoo.

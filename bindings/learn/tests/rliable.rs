@@ -1,5 +1,5 @@
-//! The statistics on data that rliable (Agarwal et al., 2021) summarised: `rliable/record.py` wrote scores and
-//! its numbers. Values are equal; ends of intervals are those of other draws.
+//! The statistics on data that rliable (Agarwal et al., 2021) summarised: `rliable/record.py` wrote scores
+//! and its numbers. Values are equal; ends of intervals are those of other draws.
 
 use serde::Deserialize;
 use smaclite_learn::{

@@ -82,9 +82,8 @@ class Entities:
     def __call__(self, batch: Any) -> EntityRows:
         """The rows of `batch.obs`, float32 [M, A, obs_size]."""
         obs: Floats = batch.obs
-        enemies, allies = self._blocks
         if self.is_view:
-            start, end = enemies.start, self._own
+            start, end = self._blocks[0].start, self._own
             features = obs[..., start:end].reshape(*obs.shape[:-1], -1, len(self.features))
         else:
             features = _padded(obs, self._blocks, self._columns, len(self.features))

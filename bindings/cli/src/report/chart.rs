@@ -1,5 +1,5 @@
-//! Charts in SVG in the style of the documentation's: transparent, with the colours of light or of dark pages.
-//! All values are shares, 0 to 1.
+//! Charts in SVG in the style of the documentation's: transparent, with the colours of light or of dark
+//! pages. All values are shares, 0 to 1.
 
 use crate::svg::{LETTER, escaped};
 use smaclite_learn::Estimate;
@@ -103,8 +103,8 @@ pub(super) fn bars(title: &str, bars: &[Bar], mark: Option<f64>, theme: &Theme) 
         let _ = writeln!(
             svg,
             "<g><title>{}: {:.1} % ({:.1} to {:.1})</title><rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" \
-             height=\"10\" fill=\"{colour}\" fill-opacity=\"0.35\"/><rect x=\"{:.1}\" y=\"{:.1}\" width=\"2\" \
-             height=\"10\" fill=\"{colour}\"/></g>",
+             height=\"10\" fill=\"{colour}\" fill-opacity=\"0.35\"/><rect x=\"{:.1}\" y=\"{:.1}\" \
+             width=\"2\" height=\"10\" fill=\"{colour}\"/></g>",
             escaped(&bar.name),
             100.0 * value,
             100.0 * low,
@@ -193,8 +193,9 @@ fn drawn(panel: &Panel, theme: &Theme) -> String {
         let middle = path(|of| of.value).join(" ");
         let _ = writeln!(
             svg,
-            "<g><title>{}</title><polygon points=\"{band}\" fill=\"{colour}\" fill-opacity=\"0.2\"/><polyline \
-             points=\"{middle}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\"{dashes}/></g>",
+            "<g><title>{}</title><polygon points=\"{band}\" fill=\"{colour}\" \
+             fill-opacity=\"0.2\"/><polyline points=\"{middle}\" fill=\"none\" \
+             stroke=\"{colour}\" stroke-width=\"1.6\"{dashes}/></g>",
             escaped(&line.name)
         );
     }

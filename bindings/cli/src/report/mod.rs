@@ -27,17 +27,17 @@ Examples:
   smaclite-pool report runs/3m --out report
   smaclite-pool report ours=runs/ippo theirs=runs/mappo --out report
 
-A FOLDER is that of a run, of `train --seeds`, or one with such folders in it. All runs in it are those of one \
-algorithm. Its name in the report is NAME, by default that of the folder; folders with the same NAME are joined. \
-The task of a run is its scenario. Algorithms are compared over the tasks that all of them have.
+A FOLDER is that of a run, of `train --seeds`, or one with such folders in it. All runs in it are those of \
+one algorithm. Its name in the report is NAME, by default that of the folder; folders with the same NAME are \
+joined. The task of a run is its scenario. Algorithms are compared over the tasks that all of them have.
 
 Tables and curves are interquartile means with 95 % intervals of the stratified bootstrap \
-(docs/how-to/benchmark.md). The time to win is that until the lower end of the 95 % interval (Wilson) of the win \
-rate is at least 90 %, over 200 episodes with fresh seeds, which this command plays with the weights of one \
-evaluation after the other, greedy ones and sampled ones.")]
+(docs/how-to/benchmark.md). The time to win is that until the lower end of the 95 % interval (Wilson) of the \
+win rate is at least 90 %, over 200 episodes with fresh seeds, which this command plays with the weights of \
+one evaluation after the other, greedy ones and sampled ones.")]
 pub(super) struct WriteReport {
-    /// Folders of runs that were evaluated, with the name of their algorithm if it is another than that of the
-    /// folder
+    /// Folders of runs that were evaluated, with the name of their algorithm if it is another than that of
+    /// the folder
     #[arg(required = true, value_name = "[NAME=]FOLDER")]
     runs: Vec<String>,
     /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; files of these

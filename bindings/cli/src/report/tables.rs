@@ -205,8 +205,8 @@ fn explanations(results: &Results) -> String {
             "- **Training until a team won**: the training time of the first evaluation whose weights won so \
              many of {CRITERION_EPISODES} episodes with fresh seeds that the lower end of the 95 % \
              interval (Wilson) of the win rate is at least {win_rate:.0} %. Evaluations are not counted. A \
-             dash: not in its run; such a seed is worse than all others. Where battles begin equal, all greedy \
-             episodes can be one battle, which is won by chance: read the sampled ones too.\n"
+             dash: not in its run; such a seed is worse than all others. Where battles begin equal, all \
+             greedy episodes can be one battle, which is won by chance: read the sampled ones too.\n"
         )
     } else {
         String::new()
@@ -220,8 +220,8 @@ fn explanations(results: &Results) -> String {
          - **Normalised return**: 0 is the lowest and 1 the highest return of an episode of the task in any \
          evaluation of these runs, so it depends on what is compared.\n\
          - **Performance profile**: the share of runs above each score. A curve above another is better.\n\
-         - **Probability of improvement**: that a run of one algorithm is better than a run of the other on a \
-         random task; a draw counts as a half.\n\
+         - **Probability of improvement**: that a run of one algorithm is better than a run of the other on \
+         a random task; a draw counts as a half.\n\
          {enough}"
     )
 }

@@ -151,8 +151,8 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
-/// What a killed process leaves, also of an evaluation, changes nothing: the resumed run has the bits of one that
-/// was not killed.
+/// What a killed process leaves, also of an evaluation, changes nothing: the resumed run has the bits of one
+/// that was not killed.
 #[test]
 fn a_killed_run_has_the_evaluations_of_the_uninterrupted_one() {
     let folder = tempfile::tempdir().expect("a folder");

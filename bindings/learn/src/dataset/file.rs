@@ -7,8 +7,10 @@
 //! | lengths | u32 per episode |
 //! | policies | u16 per episode |
 //! | ends | a byte per episode: 1 terminated, 2 truncated, 4 won |
-//! | actions | a byte per agent and step, or a u16 if an agent has more than 256 actions: episode by
-//! episode, and in each the actions of one agent after those of the other, as they resemble each other most |
+//! | actions | a byte per agent and step, or a u16 if there are more than 256 actions; see below |
+//!
+//! Actions are stored episode by episode, and in each those of one agent after those of the other, as they
+//! resemble each other most.
 //!
 //! Numbers are little-endian. gzip's checksum and length detect damage, and what is compressed is read only
 //! as far as the line of JSON says. Everything is checked after reading, except for what only play can tell:

@@ -50,9 +50,8 @@ use std::sync::Arc;
 ///
 /// # At the edges
 ///
-/// - Every episode is whole: it begins with a reset that is seeded with its own seed, and ends by itself or
-/// at
-///   the episode limit, without which nothing is recorded.
+/// - Every episode is whole: it begins with a reset that is seeded with its own seed, and ends by itself
+///   or at the episode limit, without which nothing is recorded.
 /// - The actions are those of the agents; a script plays the enemies, so there is no dataset of both sides.
 /// - A release whose rules differ cannot expand the file; the error names the first episode or array that
 ///   differs, and the release that recorded it.

@@ -11,13 +11,13 @@ pub enum ReportError {
     #[error(transparent)]
     File(#[from] FileError),
     #[error(
-        "`{}` has no runs: expected the folder of a run (with run.json or options.json), one of `smaclite-pool \
-         train --seeds`, or one with such folders in it", .0.display()
+        "`{}` has no runs: expected the folder of a run (with run.json or options.json), one of \
+         `smaclite-pool train --seeds`, or one with such folders in it", .0.display()
     )]
     NoRuns(PathBuf),
     #[error(
-        "`{}` has no evaluations: expected evaluations.csv, as `smaclite-pool train --evaluate-every N` writes \
-         it", .0.display()
+        "`{}` has no evaluations: expected evaluations.csv, as `smaclite-pool train --evaluate-every N` \
+         writes it", .0.display()
     )]
     NoEvaluations(PathBuf),
     #[error(
@@ -32,8 +32,9 @@ pub enum ReportError {
     )]
     Twice { algorithm: String, task: String, seed: u64, first: PathBuf, second: PathBuf },
     #[error(
-        "`{}` and `{}` are runs of {algorithm} on {task}, but were evaluated at other steps, {steps}: expected \
-         equal ones; name another algorithm, as `NAME={}`", first.display(), second.display(), second.display()
+        "`{}` and `{}` are runs of {algorithm} on {task}, but were evaluated at other steps, {steps}: \
+         expected equal ones; name another algorithm, as `NAME={}`",
+        first.display(), second.display(), second.display()
     )]
     OtherSteps { algorithm: String, task: String, first: PathBuf, second: PathBuf, steps: String },
     #[error(

@@ -1,7 +1,7 @@
 //! `metrics.json` as marl-eval reads it (Gorsane et al., 2022): environment, task, algorithm, run, and then
-//! steps, each with one number per episode. It uses the keys of the first algorithm and run for all others, so
-//! all must have the same ones; `absolute_metrics` must have the names of metrics that the steps have, and no
-//! more.
+//! steps, each with one number per episode. It uses the keys of the first algorithm and run for all others,
+//! so all must have the same ones; `absolute_metrics` must have the names of metrics that the steps have, and
+//! no more.
 
 use super::{AlgorithmRuns, Benchmark, EvaluatedRun};
 use crate::evaluations::Actions;

@@ -10,8 +10,8 @@
 //! | `marl_eval` | `metrics.json` |
 //!
 //! What runs have in common is checked before anything is computed: runs of one algorithm and task must be
-//! complete and have evaluations at the same steps, and all runs of a task must play the same battles. What is
-//! only unequal, such as numbers of seeds, is noted in the report.
+//! complete and have evaluations at the same steps, and all runs of a task must play the same battles. What
+//! is only unequal, such as numbers of seeds, is noted in the report.
 
 mod algorithm;
 mod error;

@@ -1,8 +1,8 @@
 //! A run as a report reads it: what it played, its evaluations and its final episodes.
 //!
 //! The folder is one of `smaclite-pool train --evaluate-every N`, or of another learner that writes the same
-//! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead of
-//! `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
+//! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead
+//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
 
 use super::ReportError;
 use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};

@@ -20,9 +20,9 @@ pub fn profile(scores: &Scores, thresholds: &[f64]) -> Vec<f64> {
     thresholds.iter().map(|threshold| above(threshold) as f64 / all.len() as f64).collect()
 }
 
-/// The probability that a run of one algorithm is better than a run of another on the same task, which is drawn
-/// at random: the mean over tasks of the share of pairs of runs in which the score of the first is higher. An
-/// equal pair counts as a half (the statistic of Mann and Whitney, 1947).
+/// The probability that a run of one algorithm is better than a run of another on the same task, which is
+/// drawn at random: the mean over tasks of the share of pairs of runs in which the score of the first is
+/// higher. An equal pair counts as a half (the statistic of Mann and Whitney, 1947).
 ///
 /// Both have the same tasks, in the same order.
 pub fn probability_of_improvement(scores: &Scores, of_other: &Scores) -> f64 {

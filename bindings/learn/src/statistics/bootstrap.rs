@@ -62,7 +62,8 @@ pub fn estimates(
 /// Draws as many runs of every task as it has.
 fn draw(scores: &Scores, drawn: &mut Scores, generator: &mut Pcg64Mcg) {
     for (runs, drawn) in scores.iter().zip(drawn) {
-        // The high half of a product is a number below `len`; its bias is below 1 in 2^30 for any number of runs.
+        // The high half of a product is a number below `len`; its bias is below 1 in 2^30 for any number of
+        // runs.
         let mut index = |len: usize| (((generator.next_u64() >> 32) * len as u64) >> 32) as usize;
         drawn.iter_mut().for_each(|drawn| *drawn = runs[index(runs.len())]);
     }

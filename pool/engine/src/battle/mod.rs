@@ -1,8 +1,8 @@
 //! A battle: the units of an arena in one episode after another, stepped by joint actions.
 //!
 //! Here are steps and episodes: the execution order, and victory, defeat and the time limit. Commands are in
-//! `commands`, rewards in `rewards`, what a battle shows is in `outputs`. The rules of a tick are in `tick`, what agents observe is
-//! in `encode`, the check of snapshots is in `snapshot`.
+//! `commands`, rewards in `rewards`, what a battle shows is in `outputs`. The rules of a tick are in `tick`,
+//! what agents observe is in `encode`, the check of snapshots is in `snapshot`.
 
 mod commands;
 mod outputs;
