@@ -93,6 +93,7 @@ def test_a_battle_is_played_to_its_end_and_scrubbed(browser: Any) -> None:
         page.press(" ")
         page.wait(lambda: page.step == last)
         page.press("Home")
+        page.wait(lambda: page.step == 0)
         page.press("]")
         page.wait(lambda: page.page.is_visible("#obs table >> nth=0"))
         assert "agent 0" in page.text("#unit")
