@@ -114,14 +114,12 @@ instructions *scenarios: (figures "instructions" "--check" scenarios)
 
 results := "PYTHONPATH=" + justfile_directory() / "benches"
 
-# Train the teams of docs/results.md, for hours (--help, --list); what is there is skipped
-results-train *args: _venv
-    cargo build --release --quiet -p smaclite-cli
+# Train and report the teams of docs/results.md, for hours (--help); what is there is skipped
+results-train *args: install build
     {{ results }} {{ python }} -m results.train {{ args }}
 
 # Measure where the time of training goes, for docs/results.md
-results-shares *args: _venv
-    cargo build --release --quiet -p smaclite-cli
+results-shares *args: install build
     {{ results }} {{ python }} -m results.shares {{ args }}
 
 # Search every scenario for its best episode, for docs/results.md; ten minutes
@@ -140,7 +138,7 @@ results-elo *args: install build
 results-zoo +runs: _venv
     {{ results }} {{ python }} -m results.zoo {{ runs }}
 
-# Draw curves and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
+# Draw charts and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
 results: _venv && values
     {{ python }} -m pip install --quiet matplotlib
     {{ results }} {{ python }} -m results.page

@@ -1,8 +1,9 @@
 """What pages take from the installed package when the site is built, so that it is written once.
 
 A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
-batch, `snapshot-columns` for the columns of a snapshot, `unit-keys` and `scenario-keys` for the keys of these
-files, `commands` for the help of every command, `playground` for the page of `just playground`.
+batch, `snapshot-columns` for the columns of a snapshot, `dataset-arrays` for the arrays of a dataset,
+`unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command,
+`playground` for the page of `just playground`.
 """
 
 from __future__ import annotations
@@ -85,6 +86,14 @@ def snapshot_columns() -> str:
     return "\n".join(lines)
 
 
+def dataset_arrays() -> str:
+    """The table of the arrays of a dataset, from the native module."""
+    lines = ["| array | type | shape | meaning |", "| --- | --- | --- | --- |"]
+    for name, dtype, shape, meaning in smaclite_pool.DATASET_ARRAYS:
+        lines.append(f"| `{name}` | {dtype} | [{shape}] | {meaning} |")
+    return "\n".join(lines)
+
+
 def keys(kind: str) -> str:
     """The table of the keys of a kind of file, from its JSON Schema."""
     schema = json.loads(run("schema", kind))
@@ -130,6 +139,7 @@ def run(*command: str) -> str:
 INSERTS = {
     "batch-fields": batch_fields,
     "snapshot-columns": snapshot_columns,
+    "dataset-arrays": dataset_arrays,
     "unit-keys": lambda: keys("unit"),
     "scenario-keys": lambda: keys("scenario"),
     "commands": commands,

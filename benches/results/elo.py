@@ -14,7 +14,7 @@ from pathlib import Path
 import smaclite_pool as sp
 
 from . import data
-from .opponents import MIXTURE, PROGRAM
+from .opponents import MIXTURE, OPTIONS, PROGRAM
 
 SCENARIOS = ("3m", "8m", "2s3z")
 STEPS, SEEDS, EPISODES = (100_000, 200_000, 300_000, 400_000, 500_000), (1, 2, 3, 4, 5), 30
@@ -53,7 +53,8 @@ def train(folder: Path, scenario: str, trained: str, seed: int) -> dict[Path, in
         return copies
     shutil.rmtree(run, ignore_errors=True)
     for copy, steps in copies.items():
-        new = [scenario, "--seed", str(seed), "--opponent", TRAINED[trained], "--out", str(run)]
+        new = [scenario, "--seed", str(seed), "--opponent", TRAINED[trained]]
+        new += [*OPTIONS.split(), "--out", str(run)]
         program("train", *(["--resume", str(run)] if run.exists() else new), "--steps", str(steps))
         shutil.copytree(run, copy, dirs_exist_ok=True)
     print(scenario, trained, seed, flush=True)

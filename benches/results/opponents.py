@@ -20,6 +20,11 @@ SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM", "1c3s5z", "3s_vs_3z", "10m_vs_11
 STEPS, EPISODES, SEEDS = 500_000, 200, (1, 2, 3)
 MIXTURE = ",".join(f"{name}=1" for name in ("attack_move", "nearest", "focus_fire", "kite", "hold", "line"))
 """The others are met for the first time in the evaluation."""
+OPTIONS = (
+    "--algorithm mappo --last-actions 0 --minibatches 4 --entropy 0.01 --entropy-end 0.01 --lr-end 1 "
+    "--advantage-floor 0"
+)
+"""Without last actions, annealing and a floor of the advantages."""
 TRAINED = {"attack_move": "attack_move", "mixture": MIXTURE}
 
 
@@ -41,7 +46,15 @@ def play(scenario: str, trained: str, seed: int) -> list[data.Row]:
     """Trains a team, and evaluates it against every opponent with sampled actions."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        options = ["--steps", str(STEPS), "--seed", str(seed), "--opponent", TRAINED[trained]]
+        options = [
+            "--steps",
+            str(STEPS),
+            "--seed",
+            str(seed),
+            "--opponent",
+            TRAINED[trained],
+            *OPTIONS.split(),
+        ]
         run("train", scenario, *options, "--out", str(out))
         rows = []
         for opponent in sp.OPPONENTS[:-1]:  # all but "learner"

@@ -1,4 +1,4 @@
-"""Draws the curves of docs/results.md and writes its tables, from the CSV files in docs/results.
+"""Draws the ratings of docs/results.md and writes its tables, from the CSV files in docs/results.
 
 What is between the marks `<!-- table: NAME -->` and `<!-- end -->` of the page is replaced; the text around
 it is written by hand.
@@ -27,18 +27,20 @@ def main(argv: list[str] | None = None) -> int:
     from . import charts  # needs matplotlib, which `--help` does not
 
     options.page.write_text(with_tables(options.page.read_text(), options.data))
-    charts.draw(options.data)
+    charts.ratings(options.data)
     return 0
 
 
 def with_tables(text: str, folder: Path) -> str:
     """The page with the tables of these files."""
-    rows, shares = data.read(folder / "runs.csv"), data.read(folder / "shares.csv")
+    runs, paper_rules = (data.read(folder / name / "runs.csv") for name in ("default", "paper-rules"))
+    shares = data.read(folder / "shares.csv")
     round_trip = float(values.value(ROUND_TRIP, data.REPOSITORY / "docs"))
     searches = data.read(folder / "search.csv")
     scripts = (data.REPOSITORY / "docs" / "reference" / "policies.md").read_text()
     played, rated = data.read(folder / "opponents.csv"), data.read(folder / "elo.csv")
-    for name, table in tables.tables(rows, shares, round_trip, searches, scripts, played, rated).items():
+    all_tables = tables.tables(runs, paper_rules, shares, round_trip, searches, scripts, played, rated)
+    for name, table in all_tables.items():
         text = tables.insert(text, name, table)
     return text
 

@@ -22,9 +22,8 @@ from pathlib import Path
 
 from . import data
 from .data import Row
-from .learners import PROGRAM
-from .runs import PAPER
-from .train import machine
+from .tables import PAPER
+from .train import PROGRAM, machine
 
 STEPS = 200_000
 

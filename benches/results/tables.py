@@ -7,20 +7,23 @@ from collections.abc import Callable, Iterable
 from statistics import median
 
 from .data import Row
-from .runs import PAPER, RUNS, Runs, default
 
-SECTIONS = {
-    "paper": "the scenarios of the paper",
-    "default": "the default configuration",
-    "others": "other scenarios",
-    "rules": "both rule sets",
+PAPER = {
+    "2s_vs_1sc": ("QMIX", 16.22),
+    "3s5z": ("VDN", 20.0),
+    "MMM2": ("MAPPO", 24.63),
+    "corridor": ("MAA2C", 20.25),
+    "3s_vs_5z": ("IQL", 18.1),
+    "bane_vs_bane": ("IA2C", 19.14),
 }
+"""Algorithm and mean test return that the paper describes per scenario (its section 5.2)."""
 
 Cells = list[str]
 
 
 def tables(
-    rows: list[Row],
+    runs: list[Row],
+    paper_rules: list[Row],
     shares: list[Row],
     round_trip: float,
     searches: list[Row],
@@ -28,20 +31,18 @@ def tables(
     played: list[Row],
     rated: list[Row],
 ) -> dict[str, str]:
-    """All tables by name, in Markdown. A round trip of 64 environments that do nothing is in microseconds;
-    `scripts` is the page with the returns of the scripted policies; `played` is of teams and opponents,
-    `rated` has the ratings of teams and scripts."""
+    """All tables by name, in Markdown. `runs` and `paper_rules` are of the reports of both rule sets; a round
+    trip of 64 environments that do nothing is in microseconds; `scripts` is the page with the returns of the
+    scripted policies; `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
     return {
-        "paper": paper(rows),
-        "default": budgets(rows, "default"),
-        "others": budgets(rows, "others"),
-        "rules": rules(rows),
+        "maps": maps(runs),
+        "paper": paper(runs),
+        "rules": rules(runs, paper_rules),
         "shares": time_shares(shares, round_trip),
-        "search": search(rows, searches, scripts),
+        "search": search(runs, searches, scripts),
         "opponents": opponents(played),
         "elo": elo(rated),
-        "options": options(),
-        "machines": machines(rows + shares),
+        "machines": machines(shares),
     }
 
 
@@ -62,19 +63,6 @@ def markdown(header: Cells, rows: Iterable[Cells]) -> str:
     """A table whose first column is text and whose others are numbers."""
     lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
-def of(rows: list[Row], runs: Runs) -> list[Row]:
-    """The rows of these runs."""
-    names = [runs.name(seed) for seed in range(1, runs.seeds + 1)]
-    return [row for row in rows if row["name"] in names]
-
-
-def present(rows: list[Row], group: str) -> Iterable[tuple[Runs, list[Row]]]:
-    """The planned runs of a group that have rows, with these."""
-    for runs in RUNS:
-        if runs.group == group and of(rows, runs):
-            yield runs, of(rows, runs)
 
 
 def middle(rows: list[Row], column: str, form: Callable[[float], str]) -> str:
@@ -104,78 +92,77 @@ def whole(value: float) -> str:
     return f"{value:,.0f}"
 
 
-def paper(rows: list[Row]) -> str:
+def maps(runs: list[Row]) -> str:
+    """Final episodes of the best weights, and the time until a team first won for certain, per scenario."""
     header = [
-        "scenario", "paper", "return, sampled", "return, greedy", "wins, sampled (%)", "wins, greedy (%)",
-        "steps", "seeds", "CPU-seconds", "seconds",
+        "scenario", "wins, greedy (%)", "wins, sampled (%)", "return, greedy", "CPU-seconds",
+        "won after steps", "after CPU-seconds", "seeds that won",
     ]  # fmt: skip
 
-    def cells(runs: Runs, rows: list[Row]) -> Cells:
-        theirs = PAPER[runs.scenario]
+    def cells(task: str, rows: list[Row]) -> Cells:
+        won = [row for row in rows if row["greedy_win_steps"]]
+        most = 2 * len(won) > len(rows)  # the median of the others is above the budget
         return [
-            runs.title,
-            f"{theirs.algorithm} {theirs.test_return:.2f}",
-            spread(rows, "sampled_mean_return", two_digits),
+            task,
+            spread(rows, "greedy_win_rate", percent),
+            spread(rows, "sampled_win_rate", percent),
+            middle(rows, "greedy_mean_return", two_digits),
+            middle(rows, "cpu_seconds", whole),
+            middle(endless(rows), "greedy_win_steps", whole) if most else "",
+            middle(endless(rows), "greedy_win_cpu_seconds", whole) if most else "",
+            f"{len(won)} of {len(rows)}",
+        ]
+
+    return markdown(header, (cells(*found) for found in by_task(runs)))
+
+
+def by_task(runs: list[Row]) -> Iterable[tuple[str, list[Row]]]:
+    for task in sorted({row["task"] for row in runs}, key=str.lower):
+        yield task, [row for row in runs if row["task"] == task]
+
+
+def paper(runs: list[Row]) -> str:
+    header = ["scenario", "paper", "return, greedy", "return, sampled", "wins, greedy (%)"]
+
+    def cells(task: str, rows: list[Row]) -> Cells:
+        algorithm, theirs = PAPER[task]
+        return [
+            task,
+            f"{algorithm} {theirs:.2f}",
             spread(rows, "greedy_mean_return", two_digits),
-            spread(rows, "sampled_win_rate", percent),
+            spread(rows, "sampled_mean_return", two_digits),
             spread(rows, "greedy_win_rate", percent),
-            middle(rows, "steps", whole),
-            str(len(rows)),
-            middle(rows, "cpu_seconds", whole),
-            middle(rows, "seconds", whole),
         ]
 
-    return markdown(header, (cells(*found) for found in present(rows, "paper")))
-
-
-def budgets(rows: list[Row], group: str) -> str:
-    header = [
-        "scenario", "steps", "wins, sampled (%)", "wins, greedy (%)", "return, sampled", "CPU-seconds",
-        "90 % after steps", "after CPU-seconds", "seeds that reached it",
-    ]  # fmt: skip
-
-    def cells(runs: Runs, rows: list[Row]) -> Cells:
-        reached = [row for row in rows if row["steps_at_90"]]
-        most = 2 * len(reached) > len(rows)  # the median of the others is above the budget
-        return [
-            runs.title,
-            middle(rows, "steps", whole),
-            spread(rows, "sampled_win_rate", percent),
-            spread(rows, "greedy_win_rate", percent),
-            middle(rows, "sampled_mean_return", two_digits),
-            middle(rows, "cpu_seconds", whole),
-            middle(endless(rows), "steps_at_90", whole) if most else "",
-            middle(endless(rows), "cpu_seconds_at_90", whole) if most else "",
-            f"{len(reached)} of {len(rows)}",
-        ]
-
-    return markdown(header, (cells(*found) for found in present(rows, group)))
+    return markdown(header, (cells(task, rows) for task, rows in by_task(runs) if task in PAPER))
 
 
 def endless(rows: list[Row]) -> list[Row]:
-    """Runs that did not reach the win rate count as those that would need longest."""
+    """Runs that did not win count as those that would need longest."""
     return [{name: value or "inf" for name, value in row.items()} for row in rows]
 
 
-def rules(rows: list[Row]) -> str:
+def rules(runs: list[Row], of_paper: list[Row]) -> str:
     header = [
-        "scenario", "rules", "wins, sampled (%)", "wins, greedy (%)", "return, sampled", "return, greedy",
-        "steps", "seeds",
-    ]  # fmt: skip
+        "scenario",
+        "rules",
+        "wins, greedy (%)",
+        "wins, sampled (%)",
+        "return, greedy",
+        "return, sampled",
+    ]
     lines = []
-    for runs, of_paper in present(rows, "rules"):
-        for name, found in (("smaclite", of(rows, default(runs.scenario))), ("paper", of_paper)):
-            if found:
-                lines.append([
-                    runs.scenario,
-                    name,
-                    spread(found, "sampled_win_rate", percent),
-                    spread(found, "greedy_win_rate", percent),
-                    spread(found, "sampled_mean_return", two_digits),
-                    spread(found, "greedy_mean_return", two_digits),
-                    middle(found, "steps", whole),
-                    str(len(found)),
-                ])  # fmt: skip
+    for task, found in by_task(of_paper):
+        scenario = task.removesuffix("-paper")
+        others = [row for row in runs if row["task"] == scenario]
+        for name, rows in (("smaclite", others), ("paper", found)):
+            columns = {"win_rate": percent, "mean_return": two_digits}
+            spreads = [
+                spread(rows, f"{kind}_{column}", form)
+                for column, form in columns.items()
+                for kind in ("greedy", "sampled")
+            ]
+            lines.append([scenario, name, *spreads])
     return markdown(header, lines)
 
 
@@ -191,8 +178,7 @@ def search(rows: list[Row], searches: list[Row], scripts: str) -> str:
             if line.startswith(f"| {name} |")
             for cell in line.strip("| ").split("|")[1:]
         )
-        teams = [r for r in rows if r["scenario"] == name and r["group"] != "rules"]
-        returns = [float(r["greedy_mean_return"]) for r in teams if r["greedy_mean_return"]]
+        returns = [float(r["greedy_mean_return"]) for r in rows if r["task"] == name]
         lines.append(
             [
                 name,
@@ -253,17 +239,6 @@ def time_shares(shares: list[Row], round_trip: float) -> str:
         return [row["scenario"], *(percent(part / total) for part in parts), whole(steps / total)]
 
     return markdown(header, map(cells, shares))
-
-
-def options() -> str:
-    """The runs whose configuration is not the default."""
-    configured = [runs for runs in RUNS if runs.options]
-    lines = [
-        [f"{SECTIONS[runs.group]}: {runs.title}", f"`{runs.learner}`", f"`{runs.options}`"]
-        for runs in configured
-    ]
-    header = [["table and scenario", "learner", "options"], ["---"] * 3]
-    return "".join(f"| {' | '.join(line)} |\n" for line in header + lines)
 
 
 def machines(rows: list[Row]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-LIMIT_SCENARIO = "2s3z"
+SCENARIO = "2s3z"
 STEPS = 1500
 
 
@@ -23,7 +23,7 @@ def program(*arguments: str | Path, **variables: str) -> subprocess.CompletedPro
     return subprocess.run(argv, capture_output=True, text=True, env={**os.environ, **variables})
 
 
-def record(file: Path, *arguments: str, policy: str = "random", scenario: str = LIMIT_SCENARIO) -> Path:
+def record(file: Path, *arguments: str, policy: str = "random", scenario: str = SCENARIO) -> Path:
     done = program("dataset", "record", policy, "--scenario", scenario, "--out", file, *arguments)
     assert done.returncode == 0, done.stderr
     return file
@@ -55,7 +55,7 @@ def test_arrays_are_those_of_the_table(file: Path) -> None:
     for name, dtype, shape, _ in sp.DATASET_ARRAYS:
         assert arrays[name].dtype == dtype and arrays[name].flags.c_contiguous, name
         assert arrays[name].shape == tuple(lengths[axis] for axis in shape.split(", ")), name
-    assert card["steps"] >= STEPS and card["scenario"] == dataset.scenario == LIMIT_SCENARIO
+    assert card["steps"] >= STEPS and card["scenario"] == dataset.scenario == SCENARIO
     assert len(dataset.hash) == 32 and dataset.program == f"smaclite-pool {sp.__version__}"
     assert repr(dataset).endswith(f"2s3z.smdata: {card['steps']} steps, {card['episodes']} episodes>")
 
@@ -118,7 +118,7 @@ def test_errors_say_what_is_accepted(file: Path, tmp_path: Path) -> None:
 
 
 def export(file: Path, out: Path, to: str, uid: str) -> subprocess.CompletedProcess[str]:
-    arguments = ["--to", to, "--out", out, "--uid", uid, "--python", sys.executable]
+    arguments: list[str | Path] = ["--to", to, "--out", out, "--uid", uid, "--python", sys.executable]
     return program("dataset", "export", file, *arguments)
 
 
@@ -128,7 +128,8 @@ def test_a_missing_package_is_named(to: str, file: Path, tmp_path: Path) -> None
     folder.mkdir()
     for package in ("flashbax", "minari"):
         (folder / f"{package}.py").write_text("import of_this_name_is_nothing\n")
-    arguments = ["--to", to, "--out", tmp_path / "x.vlt", "--uid", "x-v0", "--python", sys.executable]
+    arguments: list[str | Path] = ["--to", to, "--out", tmp_path / "x.vlt", "--uid", "x-v0"]
+    arguments += ["--python", sys.executable]
     done = program("dataset", "export", file, *arguments, PYTHONPATH=str(folder))
     assert done.returncode == 1 and f"pip install 'smaclite-pool[{to}]'" in done.stderr, done.stderr
     assert "Traceback" not in done.stderr and not (tmp_path / "x.vlt").exists()
@@ -147,16 +148,15 @@ def test_a_vault_has_the_arrays_and_the_schema_of_og_marl(truncated: Path, tmp_p
     expected = {
         "actions": arrays["actions"],
         "observations": arrays["obs"],
-        "infos": {"legals": arrays["avail_actions"].astype(np.float32), "state": arrays["state"]},
+        "legals": arrays["avail_actions"].astype(np.float32),
+        "state": arrays["state"],
     }
     for name, source in {"rewards": "reward", "terminals": "terminated", "truncations": "truncated"}.items():
         expected[name] = np.repeat(arrays[source][:, None].astype(np.float32), agents, axis=1)
-    assert sorted(experience) == sorted(expected) and sorted(experience["infos"]) == ["legals", "state"]
-    for found, given in [
-        *((experience[name], array) for name, array in expected.items() if name != "infos"),
-        *((experience["infos"][name], array) for name, array in expected["infos"].items()),
-    ]:
-        np.testing.assert_array_equal(np.asarray(found), given[None], strict=True)
+    found = {**experience, **experience["infos"]}
+    assert found.keys() - expected.keys() == {"infos"} and list(experience["infos"]) == ["legals", "state"]
+    for name, array in expected.items():
+        np.testing.assert_array_equal(np.asarray(found[name]), array[None], strict=True, err_msg=name)
     assert (experience["terminals"] * experience["truncations"] == 0).all()
     metadata = json.loads((tmp_path / "short.vlt/Poor/metadata.json").read_text())
     assert metadata["smaclite_pool"]["hash"] == dataset.hash

@@ -57,6 +57,11 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "scenario_args": OTHER_CODE,
     },
     "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
+    "how-to/datasets.md": {
+        "smaclite-pool train": "needs a run that wins; test_dataset.py and the tests of the program record",
+        "python -m": "needs the dataset above; test_dataset.py runs it",
+        "smaclite-pool dataset export": "needs the dataset above; test_dataset.py runs it",
+    },
     "how-to/docker.md": {
         "docker build": DOCKER,
         "docker run --rm": DOCKER,
@@ -120,11 +125,20 @@ NOT_RUN: dict[str, dict[str, str]] = {
     },
     "_wrapper.py": {"class Scaled": FRAGMENT},
     "examples/__init__.py": {"python -m": "tests of each run it"},
+    "examples/behaviour_cloning.py": {"smaclite-pool dataset": "test_dataset.py runs it"},
     "examples/epymarl_speed.py": {"python -m": OTHER_CODE},
     "examples/ray_rollouts.py": {"python -m": "test_ray.py runs it"},
     "compat/__init__.py": {
         "python -m smaclite_pool.compat src": OTHER_CODE,
         "python -m smaclite_pool.compat --ep": OTHER_CODE,
+    },
+    "integrations/minari.py": {
+        "smaclite-pool dataset": "test_dataset.py runs it",
+        "import os": "needs the dataset above; test_dataset.py reads one",
+    },
+    "integrations/vault.py": {
+        "smaclite-pool dataset": "test_dataset.py runs it",
+        "from flashbax": "needs the vault above; test_dataset.py reads one",
     },
     "integrations/torch.py": {"envs = sp.connect": "needs a GPU"},
     "marl/epymarl.py": {"from smaclite_pool.marl.epymarl import PoolRunner; REG": OTHER_CODE},

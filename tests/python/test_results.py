@@ -1,16 +1,16 @@
-"""The tools of docs/results.md: what is kept of a run, tables, and curves where matplotlib is installed."""
+"""The tools of docs/results.md: tables, and charts where matplotlib is installed."""
 
 from __future__ import annotations
 
 import re
+import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from results import benchmarks, data, page, tables, train, values
+from results import benchmarks, data, page, tables, values
 from results.data import Row
-from results.runs import PAPER, RUNS, Runs
 
 PAGE = data.REPOSITORY / "docs" / "results.md"
 
@@ -31,73 +31,42 @@ def log(updates: int, win_rate: float = 1.0) -> list[Row]:
     ]
 
 
-def row(runs: Runs, seed: int, win_rate: float, steps_at_90: str) -> Row:
-    key = train.Run(runs, seed, runs.steps).key
-    values = {"win_rate": win_rate, "mean_return": 20 * win_rate}
-    evaluated = {f"{kind}_{name}": str(values[name]) for kind in ("sampled", "greedy") for name in values}
-    cpu = {"cpu_seconds": "30.5", "cpu_seconds_at_90": "12.2" if steps_at_90 else "", "seconds": "20.1"}
-    steps = {"steps": str(runs.steps), "steps_at_90": steps_at_90}
-    return {**key, **steps, **evaluated, **cpu, "machine": "a machine"}
-
-
-def test_a_curve_has_few_rows_and_the_last_one() -> None:
-    curve = data.thinned(log(1000))
-    assert len(curve) == data.CURVE_ROWS
-    assert curve[0] == {"steps": "8000", "mean_return": "0.040", "win_rate": "0.002", "cpu_seconds": "2.001"}
-    assert curve[-1]["steps"] == "4000000"
-    assert [row["steps"] for row in data.thinned(log(4))] == ["8000", "12000", "16000"]
-    assert data.thinned(log(1)) == []
-
-
-def test_a_win_rate_counts_from_200_episodes_on() -> None:
-    reached = data.first_reached(log(10))
-    assert reached is not None
-    assert reached["steps"] == "36000"
-    assert data.first_reached(log(10, win_rate=0.89)) is None
-    early = [{**entry, "win_rate": "1"} for entry in log(5)]
-    assert (data.first_reached(early) or {})["episodes"] == "200"
+def run(task: str, seed: int, win_rate: float, won_after: str = "") -> Row:
+    """A row of the file that `smaclite-pool report` writes."""
+    values = {"win_rate": str(win_rate), "mean_return": str(20 * win_rate)}
+    evaluated = {f"{kind}_{name}": values[name] for kind in ("greedy", "sampled") for name in values}
+    times = {"greedy_win_steps": won_after, "greedy_win_cpu_seconds": "12.2" if won_after else ""}
+    return {
+        "algorithm": "default",
+        "task": task,
+        "seed": str(seed),
+        "cpu_seconds": "30.5",
+        **evaluated,
+        **times,
+    }
 
 
 def test_shares_are_weighted_by_time() -> None:
     assert data.time_share(log(4), "wait_share") == pytest.approx(1 / 10)
 
 
-def test_runs_have_names_of_their_own() -> None:
-    names = [run.name for run in train.planned()]
-    assert len(set(names)) == len(names)
-    assert {runs.scenario for runs in RUNS if runs.group == "paper"} == set(PAPER)
-
-
-def test_a_run_is_missing_until_its_row_has_its_steps_and_options(tmp_path: Path) -> None:
-    first, second = train.planned()[:2]
-    table = train.Table(tmp_path, train.planned())
-    table.add(second, row(second.runs, second.seed, 0.5, ""), data.thinned(log(5)))
-    table.add(first, row(first.runs, first.seed, 0.5, ""), data.thinned(log(5)))
-    read = train.Table(tmp_path, train.planned())
-    assert [entry["name"] for entry in read.rows] == [first.name, second.name]
-    assert read.has(first)
-    assert not read.has(train.planned(steps=7)[0])
-    read.add(first, {**read.rows[0], "options": "--gamma 1"}, data.thinned(log(5)))
-    assert len(read.rows) == 2
-    assert not read.has(first)
-
-
 def test_a_cell_is_median_and_range() -> None:
-    runs = next(runs for runs in RUNS if runs.group == "default" and runs.seeds == 5)
     shares = [0.5, 0.9, 0.8, 1.0, 0.7]
-    rows = [row(runs, i + 1, share, "400000" if share > 0.7 else "") for i, share in enumerate(shares)]
-    line = tables.budgets(rows, "default").splitlines()[-1]
-    cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells[0] == runs.scenario
-    assert cells[2] == "80.0 (50.0 to 100.0)"
-    assert cells[-3:] == ["400,000", "12", "3 of 5"]
-    # A learner without probabilities has no sampled episodes.
-    greedy = [{**entry, "sampled_win_rate": "", "sampled_mean_return": ""} for entry in rows]
-    cells = tables.budgets(greedy, "default").splitlines()[-1].split(" | ")
-    assert cells[2:5] == ["", "80.0 (50.0 to 100.0)", ""]
-    # Fewer than half reached it: the median is not known.
-    line = tables.budgets([{**entry, "steps_at_90": ""} for entry in rows[:3]] + rows[3:], "default")
-    assert line.splitlines()[-1].endswith("|  |  | 1 of 5 |")
+    rows = [run("8m", i + 1, share, "400000" if share > 0.7 else "") for i, share in enumerate(shares)]
+    cells = [cell.strip() for cell in tables.maps(rows).splitlines()[-1].strip("|").split("|")]
+    assert cells[:2] == ["8m", "80.0 (50.0 to 100.0)"]
+    assert cells[-4:] == ["30", "400,000", "12", "3 of 5"]
+    # Fewer than half won: the median is not known.
+    few = tables.maps([{**entry, "greedy_win_steps": ""} for entry in rows[:3]] + rows[3:])
+    assert few.splitlines()[-1].endswith("|  |  | 1 of 5 |")
+
+
+def test_rule_sets_are_compared_by_scenario() -> None:
+    table = tables.rules([run("MMM", 1, 1.0), run("8m", 1, 0.3)], [run("MMM-paper", 1, 0.5)])
+    assert table.splitlines()[2:] == [
+        "| MMM | smaclite | 100.0 | 100.0 | 20.00 | 20.00 |",
+        "| MMM | paper | 50.0 | 50.0 | 10.00 | 10.00 |",
+    ]
 
 
 def test_shares_of_time_add_up() -> None:
@@ -116,7 +85,7 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], [], 8.0, [], "", [], []).items():
+    for name, table in tables.tables([], [], [], 8.0, [], "", [], []).items():
         tables.insert(PAGE.read_text(), name, table)
 
 
@@ -173,26 +142,18 @@ def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) 
 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
-def test_equal_data_gives_equal_and_small_pictures(tmp_path: Path) -> None:
-    rows = []
-    for run in train.planned():
-        data.write(tmp_path / "curves" / f"{run.name}.csv", data.thinned(log(300, 0.9 + run.seed / 50)))
-        rows.append(row(run.runs, run.seed, 0.9, ""))
-    data.write(tmp_path / "runs.csv", rows)
+def test_equal_data_gives_equal_pictures(tmp_path: Path) -> None:
+    for name in ("elo.csv", "shares.csv", "search.csv", "opponents.csv", "default", "paper-rules"):
+        source = data.FOLDER / name
+        shutil.copytree(source, tmp_path / name) if source.is_dir() else shutil.copy(source, tmp_path / name)
     text = tmp_path / "page.md"
     text.write_text(PAGE.read_text())
     drawn = []
     for _ in range(2):
         assert page.main(["--data", str(tmp_path), "--page", str(text)]) == 0
         drawn.append({path.name: path.read_text() for path in tmp_path.glob("*.svg")})
-    assert drawn[0] == drawn[1]
-    names = {"paper", "paper-wins", "default", "others", "rules"}
-    assert set(drawn[0]) == {f"{name}{suffix}.svg" for name in names for suffix in ("", "-dark")}
-    for name, svg in drawn[0].items():
-        assert len(svg) < 60_000, name
-    for theirs in PAPER.values():
-        assert f"paper, {theirs.algorithm}" in drawn[0]["paper.svg"]
-    assert "| 2s3z | 500,000 | 90.0 |" in text.read_text()
+    assert drawn[0] == drawn[1] and set(drawn[0]) == {"elo.svg", "elo-dark.svg"}
+    assert text.read_text() == PAGE.read_text()
 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
