@@ -119,6 +119,21 @@ def test_every_map_and_team_begins(browser: Any) -> None:
         assert page.page.input_value("#seed") == "2"
 
 
+def test_a_chosen_map_is_played_by_its_team(browser: Any) -> None:
+    with Playground(browser) as page:
+        assert page.page.input_value("#team") == "2s3z"
+        page.page.select_option("#scenario", "3m")
+        assert page.page.input_value("#team") == "3m"
+        page.wait(lambda: page.step >= 2)
+        page.page.select_option("#scenario", "25m")
+        assert page.page.input_value("#team") == "nearest", "no team of this map is in the page"
+        page.page.select_option("#scenario", "8m")
+        assert page.page.input_value("#team") == "8m"
+        page.page.select_option("#team", "kite")
+        page.page.select_option("#scenario", "2s3z")
+        assert page.page.input_value("#team") == "kite", "a chosen script stays"
+
+
 def test_a_unit_is_taken_over_by_mouse_and_given_back(browser: Any, tmp_path: Path) -> None:
     with Playground(browser) as page:
         page.wait_until_played()

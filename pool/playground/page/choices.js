@@ -4,7 +4,7 @@
 import { titleCase } from "#view/battle.js";
 import { byId, make } from "#view/dom.js";
 
-/** @import { Choices } from "./protocol.d.ts" */
+/** @import { Choices, TeamInfo } from "./protocol.d.ts" */
 /** @import { SharedBattle } from "./link.js" */
 
 /** What plays the agents if the chosen team cannot. */
@@ -19,6 +19,8 @@ export class ChoiceBar {
     this.choices = choices;
     /** @type {string | null} The text of a scenario that was opened. */
     this.opened = null;
+    /** Whether the team of a map plays there, if there is one: until the person chooses a script. */
+    this.wantsTrained = true;
     this.fill();
     byId("choices").addEventListener("submit", (/** @type {Event} */ event) => event.preventDefault());
     for (const id of ["scenario", "opponent", "seed", "team"])
@@ -32,11 +34,11 @@ export class ChoiceBar {
       maps.unshift(group("Opened", [this.opened], (text) => nameOf(text) ?? "your scenario"));
     byId("scenario").replaceChildren(...maps);
     byId("opponent").replaceChildren(
-      make("option", { value: "" }, "as the map says"),
+      make("option", { value: "" }, "The map's own"),
       ...opponents.map((name) => make("option", { value: name }, titleCase(name))),
     );
     byId("team").replaceChildren(
-      ...(teams.length ? [group("Trained teams", teams, ({ name }) => name)] : []),
+      ...(teams.length ? [group("Trained teams", teams, labelOf)] : []),
       group("Scripts", policies, titleCase),
     );
   }
@@ -49,13 +51,17 @@ export class ChoiceBar {
     const [scenario, team, opponent, seed] = ["scenario", "team", "opponent", "seed"].map(
       (id) => byId(id).value,
     );
-    const trained = this.choices.teams.find(({ name }) => name === team);
-    if (!trained || trained.scenario === (nameOf(scenario) ?? scenario))
-      return { scenario, team, opponent, seed: seed.trim() };
+    const chosen = { scenario, team, opponent, seed: seed.trim() };
+    const { teams, scenarios } = this.choices,
+      trained = teams.find(({ name }) => name === team),
+      map = nameOf(scenario) ?? scenario;
+    if (changed === "team") this.wantsTrained = trained !== undefined;
+    if (trained?.scenario === map) return chosen;
     // A trained team plays the units that it was trained with.
-    return changed === "team" && this.choices.scenarios.includes(trained.scenario)
-      ? { scenario: trained.scenario, team, opponent, seed: seed.trim() }
-      : { scenario, team: DEFAULT_TEAM, opponent, seed: seed.trim() };
+    if (trained && changed === "team" && scenarios.includes(trained.scenario))
+      return { ...chosen, scenario: trained.scenario };
+    const fitting = this.wantsTrained ? teams.find(({ scenario }) => scenario === map) : undefined;
+    return trained || fitting ? { ...chosen, team: fitting?.name ?? DEFAULT_TEAM } : chosen;
   }
 
   /** @param {Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">} battle */
@@ -86,6 +92,12 @@ function group(label, values, text = String) {
   });
   return make("optgroup", { label }, options);
 }
+
+/**
+ * What a team is called in the list: those of the page have the names of their maps.
+ * @param {TeamInfo} team
+ */
+const labelOf = ({ name, scenario }) => (name === scenario ? `${name} team` : name);
 
 /**
  * The name in the text of a scenario file.

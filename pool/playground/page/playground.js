@@ -2,15 +2,14 @@
 // The playground: battles that the engine plays in this page. A team plays the agents; who gives one an order
 // takes it over, and the battle goes on from the step that is shown.
 
-import { titleCase } from "#view/battle.js";
 import { Commander } from "#view/commander.js";
-import { byId, download, make } from "#view/dom.js";
+import { byId, download } from "#view/dom.js";
 import { ObservationCard } from "#view/observation.js";
-import { RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
 import { EpisodeList } from "./episodes.js";
+import { Headline } from "./headline.js";
 import { linkOf, through } from "./link.js";
 import { PlaygroundView } from "./playground_view.js";
 
@@ -45,7 +44,7 @@ export class Playground extends Commander {
     this.result = null;
     /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
     this.goesOn = true;
-    this.described = "";
+    this.headline = new Headline();
     this.observation = new ObservationCard(
       byId("obs"),
       async (_, step, agent) => engine.request({ type: "get_observation", step, agent }).obs,
@@ -81,6 +80,11 @@ export class Playground extends Commander {
   /** Whether the battle waits for a person at its end. */
   get isLive() {
     return this.taken.size > 0 && this.result === null;
+  }
+
+  /** Whether the team plays on by itself. */
+  get isPlayedAhead() {
+    return !this.taken.size && this.result === null && this.goesOn && this.begun.is_playable;
   }
 
   /** The actions of all steps, agent by agent. */
@@ -168,7 +172,9 @@ export class Playground extends Commander {
     this.result = played.result;
     this.field.orders = played.orders;
     this.clock.end = track.last;
-    this.clock.isOpen = this.isLive;
+    this.clock.isOpen = this.isLive || this.isPlayedAhead;
+    // The map shows wherever the team will go, unless a person has moved it.
+    if (!this.taken.size && this.view.isFitted) this.view.camera = null;
     this.redraw();
   }
 
@@ -240,7 +246,7 @@ export class Playground extends Commander {
     const taken = [...new Set(agents)];
     this.engine.request({ type: "take_agents", agents: taken });
     this.arena.taken = new Set(taken);
-    this.clock.isOpen = this.isLive;
+    this.clock.isOpen = this.isLive || this.isPlayedAhead;
     this.selected();
   }
 
@@ -269,39 +275,13 @@ export class Playground extends Commander {
     super.frame(now);
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
-    if (this.result === null && this.goesOn && this.begun.is_playable) {
-      if (!this.taken.size) this.play(AHEAD);
-      else if (clock.playing && left < LEAD) this.play(1);
-    }
+    if (this.isPlayedAhead) this.play(AHEAD);
+    else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.play(1);
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
     const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
     this.observation.update(shown, this.begun.features, step <= this.steps);
-    this.describe();
-  }
-
-  describe() {
-    const { clock, taken, begun, isAtEnd } = this;
-    const state = isAtEnd && this.result ? this.result : clock.playing ? "running" : "paused";
-    const key = [this.serial, state, taken.size, this.steps > 0].join();
-    if (key === this.described) return;
-    this.described = key;
-    byId("name").textContent = begun.scenario.name;
-    const own = taken.size ? `, you play ${taken.size} of ${begun.scenario.n_agents}` : "";
-    const names = { ...RESULTS, running: "Running", paused: "Paused" };
-    byId("result").textContent = names[state] + own;
-    byId("result").className = `badge ${isAtEnd ? state : taken.size ? "yours" : ""}`;
-    byId("save").disabled = this.steps === 0;
-    const facts = {
-      enemies: titleCase(begun.opponent),
-      seed: begun.seed,
-      ...(isAtEnd ? { return: this.episodeReturn.toFixed(2) } : {}),
-    };
-    byId("facts").replaceChildren(
-      ...Object.entries(facts).map(([name, value]) =>
-        make("div", {}, [make("dt", {}, name), make("dd", {}, value)]),
-      ),
-    );
+    this.headline.update(this);
   }
 
   async share() {

@@ -3,8 +3,8 @@
 //!
 //!     smaclite-playground ENGINE.wasm PAGE.html [TEAM...]
 //!
-//! A team is a folder that `smaclite-pool train` wrote; the page calls it by the folder's name. `just playground`
-//! runs this.
+//! A team is a folder that `smaclite-pool train` wrote; the page calls it by the folder's name.
+//! `just playground` runs this.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -34,6 +34,7 @@ const MODULES: &[Module] = modules![
     "engine.js",
     "episodes.js",
     "files.js",
+    "headline.js",
     "link.js",
     "main.js",
     "playground.js",

@@ -1,5 +1,6 @@
-//! Writes the recorded battles as replay files into a folder, for the test of the playground: the actions are the
-//! recorded ones, and the checksums are those of this processor's engine, which plays every step as it was recorded.
+//! Writes the recorded battles as replay files into a folder, for the test of the playground: the actions
+//! are the recorded ones, and the checksums are those of this processor's engine, which plays every step as
+//! it was recorded.
 //!
 //!     golden_replays FOLDER
 

@@ -118,7 +118,8 @@ mod tests {
 
     #[test]
     fn comments_are_left_out() {
-        let text = "// @ts-check\n/** @typedef {A} B */\n/**\n * A.\n */\nexport const a =\n  /** @type {B} */ (1); // one\n";
+        let text = "// @ts-check\n/** @typedef {A} B */\n/**\n * A.\n */\nexport const a =\n  \
+             /** @type {B} */ (1); // one\n";
         let modules = [Module { path: "a.js", text }];
         assert_eq!(bundle("a.js", &[&modules]), "const a =\n  /** @type {B} */ (1); // one\n");
     }
