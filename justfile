@@ -50,7 +50,7 @@ test-learners *args: install
     {{ python }} -m pytest tests/python/test_torch_learners.py {{ args }}
 
 # Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
-test-page *args: install
+test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
         tests/python/test_play.py tests/python/test_playground.py {{ args }}
@@ -281,7 +281,7 @@ lint-github: _venv
     {{ schema }}github-issue-config .github/ISSUE_TEMPLATE/config.yml
     {{ schema }}dependabot .github/dependabot.yml
     {{ schema }}citation-file-format CITATION.cff
-    {{ venv }}/bin/shellcheck .ci/run
+    {{ venv }}/bin/shellcheck .ci/run pool/playground/build.sh
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":

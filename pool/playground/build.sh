@@ -3,31 +3,38 @@
 # around it. `just playground` runs this; `build.sh --check` only says whether it can.
 #
 # With the sources of the standard library that is built too, for size (a tenth less). Otherwise the target must be
-# installed. wasm-opt (Debian: binaryen) makes the engine another tenth smaller, if it is there.
+# installed. Debian's compiler is used if the usual one has neither. wasm-opt (Debian: binaryen) makes the engine
+# another tenth smaller, if it is there.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
 target=wasm32-unknown-unknown
-rustc=${RUSTC:-rustc}
 cargo=${CARGO:-cargo}
-sysroot=$("$rustc" --print sysroot)
-linker=() std=()
-# rustup's compiler has a linker for WebAssembly, Debian's needs that of the package lld.
-test -n "$(find "$sysroot/lib/rustlib" -name rust-lld -print -quit 2>/dev/null)" ||
-    linker=(-C "linker=$(command -v wasm-ld || command -v wasm-ld-14 || echo wasm-ld)")
-if [ -e "$sysroot/lib/rustlib/src/rust/library/std/Cargo.toml" ]; then
-    std=(-Zbuild-std=std,panic_abort -Zbuild-std-features=optimize_for_size)
-elif ! [ -d "$sysroot/lib/rustlib/$target" ]; then
+can_build() {
+    library=$("$1" --print sysroot 2>/dev/null)/lib/rustlib
+    [ -e "$library/src/rust/library/std/Cargo.toml" ] || [ -d "$library/$target" ]
+}
+if can_build "${RUSTC:-rustc}"; then
+    compiler=("${RUSTC:-rustc}" "$cargo")
+elif can_build /usr/bin/rustc; then
+    compiler=(/usr/bin/rustc /usr/bin/cargo)
+else
     echo "no playground: Rust has no target $target (rustup target add $target, or Debian's rustc-web," \
         "cargo-web, rust-web-src and lld; see CONTRIBUTING.md)" >&2
     exit 3
 fi
+linker=() std=()
+# rustup's compiler has a linker for WebAssembly, Debian's needs that of the package lld.
+test -n "$(find "$library" -name rust-lld -print -quit 2>/dev/null)" ||
+    linker=(-C "linker=$(command -v wasm-ld || command -v wasm-ld-14 || echo wasm-ld)")
+test ! -e "$library/src/rust/library/std/Cargo.toml" ||
+    std=("-Zbuild-std=std,panic_abort" -Zbuild-std-features=optimize_for_size)
 test "${1:-}" != --check || exit 0
 
 # The standard library of stable compilers is built, and positions in the source are left out of panics, with flags
 # that only differ from stable ones in that they may change.
-RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zlocation-detail=none ${linker[*]}" \
-    "$cargo" rustc --quiet --package smaclite-playground --lib --crate-type cdylib \
+RUSTC=${compiler[0]} RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zlocation-detail=none ${linker[*]}" \
+    "${compiler[1]}" rustc --quiet --package smaclite-playground --lib --crate-type cdylib \
     --profile playground --target $target --target-dir target/playground "${std[@]}"
 built=target/playground/$target/playground/smaclite_playground.wasm
 engine=target/playground/engine.wasm
