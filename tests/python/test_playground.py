@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ class Playground:
     def press(self, key: str) -> None:
         self.page.keyboard.press(key)
 
-    def wait(self, condition: Callable[[], bool]) -> None:
+    def wait(self, condition: Callable[[], object]) -> None:
         for _ in range(400):
             if condition():
                 return
@@ -172,6 +173,34 @@ def test_a_team_is_taken_over_by_touch_on_a_phone(browser: Any) -> None:
         page.wait(lambda: page.step >= 3)
         page.page.tap("#release")  # the selected ones: all
         page.wait(lambda: "you play" not in page.text("#result"))
+
+
+def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.wait_until_played()
+        before = page.last
+        page.press("Home")
+        page.press("m")
+        page.wait(lambda: page.step == 0)
+        page.press("0")
+        page.wait(lambda: "Position" in page.text("#unit"))
+        x, y = map(float, page.text("#unit").split("Position\n")[1].split("\n")[0].split(", "))
+        mouse = page.page.mouse
+        mouse.move(*page.at(x, y))
+        mouse.down()
+        mouse.move(*page.at(12, 18), steps=4)
+        mouse.up()
+        page.press("0")
+        page.wait(lambda: re.search(r"Position\n1[12]\.[019]\d, 1[78]\.[019]", page.text("#unit")))
+        page.wait_until_played()
+        assert page.last != before
+        assert page.page.input_value("#team") == "3m", "its team plays on"
+        page.page.click("#share")
+        page.wait(lambda: "file=" in page.page.url)
+        link = page.page.url.split("#")[1]
+        last = page.last
+    with Playground(browser, link) as page:
+        assert page.last == last
 
 
 def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:

@@ -3,7 +3,9 @@
 
 import { all, byId, make } from "#view/dom.js";
 import { RESULTS } from "#view/player.js";
+import { through } from "./link.js";
 
+/** @import { Engine } from "./engine.js" */
 /** @import { EpisodeInfo } from "./protocol.d.ts" */
 
 export class EpisodeList {
@@ -16,6 +18,20 @@ export class EpisodeList {
 
   clear() {
     this.show([]);
+  }
+
+  /**
+   * Shows the episodes of a replay, and says that they were verified; it is an error if they are not.
+   * @param {Engine} engine
+   * @param {string} name
+   * @param {Uint8Array<ArrayBuffer>} bytes
+   */
+  async read(engine, name, bytes) {
+    const replay = new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
+    const { episodes, program } = engine.request({ type: "open_replay", name, replay });
+    this.show(episodes);
+    const which = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
+    return `${which} of ${name} (${program}) verified: every tick has the recorded bits.`;
   }
 
   /** @param {EpisodeInfo[]} episodes */

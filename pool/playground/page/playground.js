@@ -3,17 +3,18 @@
 // takes it over, and the battle goes on from the step that is shown.
 
 import { Commander } from "#view/commander.js";
-import { byId, download } from "#view/dom.js";
+import { byId } from "#view/dom.js";
 import { ObservationCard } from "#view/observation.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
 import { EpisodeList } from "./episodes.js";
 import { Headline } from "./headline.js";
-import { linkOf, through } from "./link.js";
 import { PlaygroundView } from "./playground_view.js";
+import { save, share } from "./share.js";
 
 /** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { Rectangle } from "#view/selection.js" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
 /** @import { BegunBattle, EpisodeResult, PlayedSteps, Source } from "./protocol.d.ts" */
@@ -130,7 +131,9 @@ export class Playground extends Commander {
   accept(begun, taken) {
     const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
     this.begun = begun;
+    const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
+    this.view.wholeMap = wholeMap;
     this.field.selection.clear();
     this.restart(taken);
     this.clock.playing = false;
@@ -222,6 +225,47 @@ export class Playground extends Commander {
     this.redraw();
   }
 
+  /**
+   * At the start, a drag that begins on a unit moves it.
+   * @param {Rectangle | null} box
+   */
+  drawBox(box) {
+    const unit = box && this.isAtStart ? this.view.unitAt(box.x0, box.y0) : -1;
+    this.arena.dragged = box && unit >= 0 ? { unit, at: { x: box.x1, y: box.y1 } } : null;
+    super.drawBox(unit >= 0 ? null : box);
+  }
+
+  /** Whether units can be moved: before the first step of a battle of a scenario. */
+  get isAtStart() {
+    return this.source.kind === "scenario" && !this.clock.playing && this.clock.time === 0;
+  }
+
+  /**
+   * @param {Rectangle | null} box
+   * @param {boolean} add
+   */
+  boxed(box, add) {
+    const { dragged } = this.arena;
+    if (!box || !dragged) return super.boxed(box, add);
+    this.drawBox(null);
+    this.moveUnit(dragged.unit, this.arena.placeAt(box.x1, box.y1));
+  }
+
+  /**
+   * Begins a battle in which a unit starts elsewhere.
+   * @param {number} unit
+   * @param {{ x: number, y: number }} to
+   */
+  moveUnit(unit, to) {
+    try {
+      const { scenario } = this.engine.request({ type: "move_unit", unit, ...to });
+      const { seed, opponent, team } = this.shared;
+      this.begin({ kind: "scenario", scenario, seed, opponent }, team, [], [...this.taken]);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
   /** Ends the battle after the step that is shown. */
   cut() {
     const step = Math.ceil(this.clock.time / TICKS_PER_STEP);
@@ -284,40 +328,14 @@ export class Playground extends Commander {
     this.headline.update(this);
   }
 
-  async share() {
-    if (this.source.kind !== "scenario") return this.note("Save this replay to share it.");
-    const taken = [...this.taken].sort((a, b) => a - b);
-    const link = await linkOf({ ...this.shared, actions: this.actions, taken });
-    history.replaceState(null, "", `#${link}`);
-    try {
-      await navigator.clipboard.writeText(location.href);
-      this.note("The link to this battle is copied.");
-    } catch {
-      this.note("The link to this battle is in the address bar.");
-    }
-  }
-
-  async save() {
-    try {
-      const { name, replay } = this.engine.request({ type: "get_replay" });
-      const file = await through(new TextEncoder().encode(replay), new CompressionStream("gzip"));
-      download(name, file, "application/octet-stream");
-    } catch (error) {
-      this.fail(error);
-    }
-  }
-
   /**
    * @param {string} name
    * @param {Uint8Array<ArrayBuffer>} bytes
    */
   async openReplay(name, bytes) {
-    const replay = new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
-    const { episodes, program } = this.engine.request({ type: "open_replay", name, replay });
-    this.episodes.show(episodes);
+    const verified = await this.episodes.read(this.engine, name, bytes);
     this.openEpisode(0);
-    const n = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
-    this.note(`${n} of ${name} (${program}) verified: every tick has the recorded bits.`);
+    this.note(verified);
   }
 
   /** @param {number} episode */
@@ -343,14 +361,10 @@ export class Playground extends Commander {
 
   listen() {
     super.listen();
-    /** @type {{ [id: string]: () => void }} */
-    const buttons = {
-      again: () => this.again(),
-      share: () => this.share(),
-      save: () => this.save(),
-      release: () => this.release(),
-    };
-    for (const [id, act] of Object.entries(buttons)) byId(id).addEventListener("click", act);
+    byId("again").addEventListener("click", () => this.again());
+    byId("share").addEventListener("click", () => share(this));
+    byId("save").addEventListener("click", () => save(this));
+    byId("release").addEventListener("click", () => this.release());
     byId("battle").addEventListener("pointerdown", () => (byId("note").hidden = true));
   }
 
@@ -364,7 +378,7 @@ export class Playground extends Commander {
   /** @param {string} key */
   shortcut(key) {
     if (key !== "s") return super.shortcut(key);
-    this.save();
+    save(this);
     return true;
   }
 

@@ -4,6 +4,7 @@
 import { PlayView } from "#view/play_view.js";
 
 /** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { Point } from "#view/camera.js" */
 /** @import { UnitState } from "#view/battle.js" */
 
 export class PlaygroundView extends PlayView {
@@ -16,6 +17,33 @@ export class PlaygroundView extends PlayView {
     this.hasFog = false;
     /** @type {Set<number>} The agents that are the person's, by number. */
     this.taken = new Set();
+    /** @type {{ unit: number, at: Point } | null} A unit that is dragged, and where it is on the canvas. */
+    this.dragged = null;
+  }
+
+  /**
+   * The place at a point of the canvas, as a person would write it into a scenario file.
+   * @param {number} x
+   * @param {number} y
+   */
+  placeAt(x, y) {
+    const at = this.toSquares(x, y);
+    return { x: Math.round(at.x * 20) / 20, y: Math.round(at.y * 20) / 20 };
+  }
+
+  /** @param {number} time */
+  draw(time) {
+    super.draw(time);
+    if (!this.dragged) return;
+    const { unit, at } = this.dragged,
+      { x, y } = this.states[unit],
+      from = this.toCanvas(x, y),
+      { context } = this;
+    this.drawMark(at, Math.max(3, this.radius(unit)), true);
+    context.beginPath();
+    context.moveTo(from.x, from.y);
+    context.lineTo(at.x, at.y);
+    context.stroke();
   }
 
   /**

@@ -206,6 +206,11 @@ impl PlayedBattle {
         Ok(own.ok_or(BattleError::NoSuchAgent { agent, n_agents: sizes.n_agents })?.to_vec())
     }
 
+    /// The text of its scenario with a unit that starts elsewhere.
+    pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, BattleError> {
+        Ok(self.game.with_moved_unit(unit, x, y)?)
+    }
+
     /// All steps so far, as the file of a replay.
     pub fn replay(&self) -> Result<ReplayFile, BattleError> {
         let mut recorder = self.game.recorder()?;

@@ -1,10 +1,12 @@
 //! What a battle is played with, and how it begins.
 
 use crate::protocol::Source;
+use serde_json::json;
 use smaclite_engine::{
     Arena, BattleSetup, Opponent, Opponents, OpponentsError, Snapshot, SnapshotError, StreamPosition,
 };
-use smaclite_scenarios::{Faction, Problems, Scenario, ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{Faction, Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
+use smaclite_units::Keyword;
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::sync::Arc;
 
@@ -23,6 +25,10 @@ pub(crate) enum GameError {
     Episode { episode: usize, n_episodes: usize },
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error("unit must be below {n_units}, got {unit}")]
+    Unit { unit: usize, n_units: usize },
+    #[error("this scenario draws where units start, so they cannot be moved")]
+    Drawn,
     #[error("the state at the start of the episode is not one of its scenario: {0}")]
     Snapshot(#[from] SnapshotError),
 }
@@ -111,6 +117,26 @@ impl Game {
             Start::Seed(seed) => *seed,
             Start::Episode { at, .. } => at.seed,
         }
+    }
+
+    /// The text of the scenario with a unit that starts elsewhere; whether it can start there, reading tells.
+    pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, GameError> {
+        let Scenario { units, unit_types, generation, .. } = &self.scenario;
+        if generation.is_some() {
+            return Err(GameError::Drawn);
+        }
+        let n_units = units.len();
+        if unit >= n_units {
+            return Err(GameError::Unit { unit, n_units });
+        }
+        // A unit alone in its group starts at the place of the group.
+        let group = |(id, placed): (usize, &Placement)| {
+            let [x, y] = if id == unit { [x, y] } else { placed.position };
+            let name = unit_types[placed.unit_type].name.as_str();
+            json!({"x": x, "y": y, "faction": placed.faction.name(), "units": {name: 1}})
+        };
+        let groups = units.iter().enumerate().map(group).collect();
+        Ok(self.setup.files.with_keys([("groups".to_owned(), groups)]).text)
     }
 
     /// Whether joint actions play the agents alone, so that a team or a person can play on.

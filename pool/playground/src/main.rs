@@ -39,6 +39,7 @@ const MODULES: &[Module] = modules![
     "main.js",
     "playground.js",
     "playground_view.js",
+    "share.js",
 ];
 
 /// The weights of a run that play, the best ones first.

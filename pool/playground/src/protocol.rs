@@ -37,6 +37,8 @@ pub(crate) enum Request {
     GetObservation { step: usize, agent: usize },
     /// The battle so far as a replay.
     GetReplay {},
+    /// The scenario of the battle, but for where a unit starts, in squares.
+    MoveUnit { unit: usize, x: f64, y: f64 },
 }
 
 /// The response to the request of the same name.
@@ -62,6 +64,10 @@ pub(crate) enum Response {
         obs: Vec<f32>,
     },
     GetReplay(ReplayFile),
+    /// The text of its file.
+    MoveUnit {
+        scenario: String,
+    },
 }
 
 /// What became of a request.

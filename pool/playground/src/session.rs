@@ -71,6 +71,9 @@ impl Session {
                 Response::GetObservation { obs: battle?.observation(step, agent)? }
             }
             Request::GetReplay {} => Response::GetReplay(battle?.replay()?),
+            Request::MoveUnit { unit, x, y } => {
+                Response::MoveUnit { scenario: battle?.with_moved_unit(unit, x, y)? }
+            }
         })
     }
 

@@ -192,11 +192,7 @@ export class Commander extends BattlePlayer {
     new Controls(canvas, {
       tap: (at, how) => this.tap(at, how),
       draw: (box) => this.drawBox(box),
-      box: (box, add) => {
-        if (box) this.field.selection.take(this.field.agentsIn(box), add);
-        this.drawBox(null);
-        this.selected();
-      },
+      box: (box, add) => this.boxed(box, add),
       command: (at) => this.commandAt(at),
       move: (dx, dy) => {
         this.view.move(dx, dy);
@@ -209,6 +205,17 @@ export class Commander extends BattlePlayer {
       hover: (at) => this.hover(...at),
       leave: () => this.hover(-1e6, -1e6),
     });
+  }
+
+  /**
+   * Selects the agents in a box.
+   * @param {Rectangle | null} box
+   * @param {boolean} add
+   */
+  boxed(box, add) {
+    if (box) this.field.selection.take(this.field.agentsIn(box), add);
+    this.drawBox(null);
+    this.selected();
   }
 
   /** @param {Rectangle | null} box */

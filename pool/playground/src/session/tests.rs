@@ -2,6 +2,7 @@
 
 use super::*;
 use serde_json::{Value, json};
+use smaclite_scenarios::{Placement, ScenarioFiles};
 
 /// The response to a request, or the error.
 fn ask(session: &mut Session, request: Value) -> Value {
@@ -113,4 +114,38 @@ fn what_cannot_be_played_is_refused() {
         assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
     }
     assert!(session.battle.is_none(), "a refused battle begins nothing");
+}
+
+#[test]
+fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
+    let mut session = Session::default();
+    let places = |text: &str| -> Vec<_> {
+        let files = ScenarioFiles { source: "a".into(), text: text.into(), unit_files: Vec::new() };
+        let scenario = files.scenario().unwrap();
+        let name = |unit: &Placement| scenario.unit_types[unit.unit_type].name.clone();
+        scenario
+            .units
+            .iter()
+            .map(|unit| (name(unit), unit.faction, unit.position.map(|x| x as f32)))
+            .collect()
+    };
+    for scenario in ["2s3z", "MMM2", "corridor"] {
+        ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        let before = places(&ScenarioFiles::resolve(scenario).unwrap().1.text);
+        let moved = ask(&mut session, json!({"type": "move_unit", "unit": 1, "x": 3.25, "y": 20.5}));
+        let text = moved["scenario"].as_str().unwrap();
+        let mut expected = before.clone();
+        expected[1].2 = [3.25, 20.5];
+        assert_eq!(places(text), expected);
+        assert_eq!(ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"]["name"], scenario);
+    }
+    let refused = [
+        ("2s3z", json!({"type": "move_unit", "unit": 10, "x": 3, "y": 3}), "unit must be below 10, got 10"),
+        ("terran_5_vs_5", json!({"type": "move_unit", "unit": 0, "x": 3, "y": 3}), "draws where units start"),
+    ];
+    for (scenario, request, reason) in refused {
+        ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        let error = ask(&mut session, request);
+        assert!(error.as_str().unwrap().contains(reason), "{error}");
+    }
 }
