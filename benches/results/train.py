@@ -23,12 +23,15 @@ PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
 
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
-    "paper-rules": {scenario: ["--rules", "paper"] for scenario in ("MMM", "MMM2")},
+    "paper-rules": {"MMM": ["--rules", "paper"]},
 }
 """What is trained for each report: scenarios, with options other than the defaults."""
 
-KEPT = ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg")
-"""Files of a report that the documentation keeps."""
+KEPT = {
+    "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
+    "paper-rules": ("runs.csv",),
+}
+"""Files of each report that the documentation keeps."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -64,7 +67,7 @@ def report(runs: Path, out: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         run("report", str(runs), "--out", folder)
         out.mkdir(parents=True, exist_ok=True)
-        for name in KEPT:
+        for name in KEPT[runs.name]:
             shutil.copyfile(Path(folder) / name, out / name)
     rows = data.read(out / "runs.csv")
     # The folders are of this machine.

@@ -4,6 +4,7 @@
 use crate::actor::Draw;
 use crate::collect::ended_episodes;
 use crate::config::Enemies;
+use crate::description::{RunDescription, Weights, read_rival, read_team};
 use crate::enemy_actor::{BothActors, Teams};
 use crate::lane_error::LaneError;
 use crate::lanes::{LaneBatch, Lanes};
@@ -11,9 +12,7 @@ use crate::league::League;
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
-use crate::run::{RunDescription, read_rival, read_team};
 use crate::tensors::FileError;
-use crate::trained_team::Weights;
 use serde::Serialize;
 use smaclite_engine::{BattleSetup, Opponents};
 use smaclite_ipc::{Batch, ClientError, RuntimeDir};

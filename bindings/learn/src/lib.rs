@@ -33,6 +33,7 @@ mod collect;
 mod config;
 mod cpu_timer;
 mod dataset;
+mod description;
 mod enemy_actor;
 mod evaluate;
 mod evaluations;
@@ -73,6 +74,7 @@ pub use dataset::{
     Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,
     Source, UnknownArray, UnknownQuality, Values,
 };
+pub use description::{RunDescription, Weights};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };
@@ -90,7 +92,7 @@ pub use report::{
     TimeToWin, marl_eval_json, time_to_win,
 };
 pub use rollout::Episode;
-pub use run::{Run, RunDescription};
+pub use run::Run;
 pub use seeds::{OnSeedEvent, SeedEvent, Seeds};
 pub use statistics::{
     Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
@@ -98,7 +100,7 @@ pub use statistics::{
 };
 pub use tensors::FileError;
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
-pub use trained_team::{TrainedTeam, UnfitTeam, Weights};
+pub use trained_team::{TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};
 pub use zoo::{names_team, zoo_file, zoo_scenarios};
 pub use zoo_cards::{ZooCard, zoo_cards};

@@ -18,86 +18,23 @@
 
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::config::Config;
+use crate::description::{
+    OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, read_team, write_description,
+};
 use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
 use crate::lane_error::LaneError;
-use crate::lanes::{Lanes, sizes_with_history};
+use crate::lanes::Lanes;
 use crate::log::{CsvLog, TensorBoardLog};
-use crate::team::{Network, Team};
-use crate::tensors::{FileError, exists, read, write};
-use crate::trained_team::Weights;
+use crate::team::Team;
+use crate::tensors::FileError;
 use crate::training::{Record, TrainError, Training};
-use crate::zoo;
-use serde::{Deserialize, Serialize};
-use smaclite_engine::{BattleSetup, Sizes};
-use smaclite_scenarios::Problems;
+use smaclite_engine::BattleSetup;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The last weights of a run, which others read.
-pub(crate) const WEIGHTS: &str = "weights.safetensors";
-
-/// Its best weights, if it was evaluated.
-pub(crate) const BEST: &str = "best.safetensors";
-
 /// How often a checkpoint is written, besides at the end.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
-
-/// The contents of `run.json`.
-#[derive(Serialize, Deserialize)]
-struct RunFile {
-    version: String,
-    config: Config,
-    #[serde(flatten)]
-    setup: BattleSetup,
-}
-
-/// What `run.json` says.
-#[derive(Clone, Debug)]
-pub struct RunDescription {
-    /// The hyperparameters.
-    pub config: Config,
-    /// What the team plays, where scripts play the enemies: in a run in which teams play them, `attack_move`.
-    pub setup: BattleSetup,
-    /// The scenario's name.
-    pub name: String,
-    /// The sizes of its environments; `obs_size` includes the last actions.
-    pub sizes: Sizes,
-}
-
-impl RunDescription {
-    /// Reads the description of the run in a folder.
-    ///
-    /// # Errors
-    /// If it cannot be read or is not valid.
-    pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
-        let path = folder.join("run.json");
-        let damaged = |why: &dyn std::fmt::Display| {
-            let (path, why) = (path.clone(), why.to_string());
-            FileError::Damaged { path, why }
-        };
-        if let Some(name) = zoo::missing(folder) {
-            return Err(FileError::NotInZoo { name: name.to_owned() });
-        }
-        if !exists(&path) {
-            return Err(FileError::NoRun { folder: folder.to_owned() });
-        }
-        let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
-        file.config.check().map_err(|error| damaged(&error))?;
-        RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))
-    }
-
-    fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
-        let (scenario, arena) = setup.arena()?;
-        let sizes = sizes_with_history(arena.sizes(), config.last_actions);
-        Ok(RunDescription { config, name: scenario.name, sizes, setup })
-    }
-
-    /// What the lanes of the run play.
-    pub fn lanes_setup(&self) -> BattleSetup {
-        self.config.enemies.setup(&self.setup)
-    }
-}
 
 /// A run that writes its logs and checkpoints to its folder.
 ///
@@ -291,50 +228,12 @@ impl Run {
     }
 }
 
-/// The folder, in that of a run, of the team that plays the enemies.
-pub(crate) const OPPONENT: &str = "opponent";
-
 /// The folder, in that of a run, of its copies.
 const LEAGUE: &str = "league";
 
 /// The file of the copy that was made after that many updates.
 fn copy_path(folder: &Path, updates: u64) -> PathBuf {
     folder.join(LEAGUE).join(format!("{updates:06}.safetensors"))
-}
-
-/// The trained team in the folder of a run: the run, which of its weights, and the policy with those.
-///
-/// # Errors
-/// If the files cannot be read or are damaged.
-pub(crate) fn read_team(
-    folder: &Path,
-    weights: Option<Weights>,
-) -> Result<(RunDescription, Weights, Network), FileError> {
-    let run = RunDescription::read(folder)?;
-    let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
-    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
-    let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
-    Ok((run, weights, actor))
-}
-
-/// The policy of the team in a folder, if it can play the enemies of these lanes.
-pub(crate) fn read_rival<E>(folder: &Path, lanes: &Lanes) -> Result<Network, E>
-where
-    E: From<FileError> + From<LaneError>,
-{
-    let (run, _, actor) = read_team(folder, None)?;
-    lanes.check_rival(folder, run.sizes)?;
-    Ok(actor)
-}
-
-/// Copies what [`read_rival`] reads.
-fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
-    fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
-    let weights = Weights::of(from, &RunDescription::read(from)?).file_name();
-    for (source, name) in [("run.json", "run.json"), (weights, WEIGHTS)] {
-        write(&to.join(name), &read(&from.join(source))?)?;
-    }
-    Ok(())
 }
 
 /// Locks the folder until the file is dropped.
@@ -345,13 +244,4 @@ fn lock(folder: &Path) -> Result<File, TrainError> {
         Err(TryLockError::WouldBlock) => Err(TrainError::FolderLocked(folder.display().to_string())),
         Err(TryLockError::Error(source)) => Err(FileError::Write { path: folder.to_owned(), source }.into()),
     }
-}
-
-fn write_description(folder: &Path, config: &Config, setup: &BattleSetup) -> Result<(), FileError> {
-    let version = env!("CARGO_PKG_VERSION").to_owned();
-    let file = RunFile { version, config: config.clone(), setup: setup.clone() };
-    let path = folder.join("run.json");
-    let text = serde_json::to_vec_pretty(&file)
-        .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;
-    write(&path, &text)
 }

@@ -2,9 +2,10 @@
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
 
 use crate::config::Config;
+use crate::description::RunDescription;
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
-use crate::run::{Run, RunDescription};
+use crate::run::Run;
 use crate::tensors::FileError;
 use crate::training::{Record, TrainError};
 use smaclite_engine::BattleSetup;

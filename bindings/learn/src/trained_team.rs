@@ -1,16 +1,14 @@
 //! A trained team that plays one side of a single battle, which its caller steps: no lane, no pool.
 
 use crate::actor::{Actor, Draw, Rows};
-use crate::config::{Enemies, UnknownKeyword};
+use crate::description::{RunDescription, Weights, read_team};
 use crate::lanes::sizes_with_history;
 use crate::mlp::Workspace;
 use crate::policy::Choice;
 use crate::random::Purpose;
-use crate::run::{BEST, RunDescription, WEIGHTS, read_team};
 use crate::team::{Network, agent_ids};
-use crate::tensors::{FileError, exists};
+use crate::tensors::FileError;
 use faer::MatRef;
-use serde::Serialize;
 use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
@@ -20,45 +18,6 @@ use std::path::Path;
 pub struct TrainedTeam {
     pub(crate) run: RunDescription,
     pub(crate) network: Network,
-}
-
-/// Which weights of a run play.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Weights {
-    /// Those of the last checkpoint, `weights.safetensors`.
-    Last,
-    /// Those of the best evaluation, `best.safetensors`.
-    Best,
-}
-
-impl Weights {
-    /// Which weights of the run in a folder play, if nothing else is said: the best ones, if the run was
-    /// evaluated, else the last. In self-play the last: its evaluations are against a script that it does not
-    /// learn to beat.
-    pub fn of(folder: &Path, run: &RunDescription) -> Weights {
-        let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
-        if !is_self_play && exists(&folder.join(BEST)) { Weights::Best } else { Weights::Last }
-    }
-
-    pub(crate) fn file_name(self) -> &'static str {
-        match self {
-            Weights::Last => WEIGHTS,
-            Weights::Best => BEST,
-        }
-    }
-}
-
-impl std::str::FromStr for Weights {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<Weights, UnknownKeyword> {
-        match keyword {
-            "last" => Ok(Weights::Last),
-            "best" => Ok(Weights::Best),
-            _ => Err(UnknownKeyword::new(["last", "best"], keyword)),
-        }
-    }
 }
 
 /// A team has networks for units of other numbers or kinds.

@@ -1,8 +1,9 @@
 use super::*;
 use crate::checkpoint::write_actor;
 use crate::config::Config;
+use crate::description::RunDescription;
 use crate::lanes::{Lanes, resolve_scenario};
-use crate::run::{Run, RunDescription};
+use crate::run::Run;
 use crate::team::Team;
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};

@@ -22,8 +22,8 @@ mod verify;
 
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::cpu_timer::CpuTimer;
+use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
-use crate::run::{BEST, RunDescription};
 use crate::team::Team;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;

@@ -1,15 +1,15 @@
 //! Plays the episodes of an evaluation, as tournaments do: some in lockstep, on several threads.
 
 use crate::config::Enemies;
+use crate::description::{OPPONENT, RunDescription, Weights};
 use crate::parallel::{self, Interrupted};
 use crate::policy::Choice;
 use crate::random::{Purpose, seed};
 use crate::rollout::Episode;
-use crate::run::{OPPONENT, RunDescription};
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use crate::tournament::{Ended, Pairing, Play, Player};
-use crate::trained_team::{TrainedTeam, Weights};
+use crate::trained_team::TrainedTeam;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Opponent, Scratch};
 use std::path::Path;

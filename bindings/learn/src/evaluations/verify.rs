@@ -6,9 +6,9 @@ use super::{
     Occasion, Summary,
 };
 use crate::checkpoint::read_actor;
+use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::rollout::Episode;
-use crate::run::{BEST, RunDescription};
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use std::path::Path;

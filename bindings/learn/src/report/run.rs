@@ -5,9 +5,9 @@
 //! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
 
 use super::ReportError;
+use crate::description::RunDescription;
 use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
 use crate::rollout::Episode;
-use crate::run::RunDescription;
 use crate::tensors::{FileError, read};
 use serde_json::Value;
 use smaclite_engine::Rules;

@@ -12,10 +12,10 @@
 
 use super::{EvaluatedRun, ReportError};
 use crate::checkpoint::read_actor;
+use crate::description::RunDescription;
 use crate::evaluations::{Actions, EvaluationFiles, EvaluationRow, Evaluator, Occasion};
 use crate::parallel::Interrupted;
 use crate::rollout::Episode;
-use crate::run::RunDescription;
 use crate::statistics::wilson_interval;
 use crate::team::{Network, Team};
 use crate::tensors::{FileError, read};

@@ -1,0 +1,166 @@
+//! What a folder of a run says to others: `run.json`, and the weights of its team.
+
+use crate::checkpoint::read_actor;
+use crate::config::{Config, Enemies, UnknownKeyword};
+use crate::lane_error::LaneError;
+use crate::lanes::{Lanes, sizes_with_history};
+use crate::team::{Network, Team};
+use crate::tensors::{FileError, exists, read, write};
+use crate::zoo;
+use serde::{Deserialize, Serialize};
+use smaclite_engine::{BattleSetup, Sizes};
+use smaclite_scenarios::Problems;
+use std::fs;
+use std::path::Path;
+
+/// The last weights of a run, which others read.
+pub(crate) const WEIGHTS: &str = "weights.safetensors";
+
+/// Its best weights, if it was evaluated.
+pub(crate) const BEST: &str = "best.safetensors";
+
+/// The folder, in that of a run, of the team that plays the enemies.
+pub(crate) const OPPONENT: &str = "opponent";
+
+/// The contents of `run.json`.
+#[derive(Serialize, Deserialize)]
+struct RunFile {
+    version: String,
+    config: Config,
+    #[serde(flatten)]
+    setup: BattleSetup,
+}
+
+/// What `run.json` says.
+#[derive(Clone, Debug)]
+pub struct RunDescription {
+    /// The hyperparameters.
+    pub config: Config,
+    /// What the team plays, where scripts play the enemies: in a run in which teams play them, `attack_move`.
+    pub setup: BattleSetup,
+    /// The scenario's name.
+    pub name: String,
+    /// The sizes of its environments; `obs_size` includes the last actions.
+    pub sizes: Sizes,
+}
+
+impl RunDescription {
+    /// Reads the description of the run in a folder.
+    ///
+    /// # Errors
+    /// If it cannot be read or is not valid.
+    pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
+        let path = folder.join("run.json");
+        let damaged = |why: &dyn std::fmt::Display| {
+            let (path, why) = (path.clone(), why.to_string());
+            FileError::Damaged { path, why }
+        };
+        if let Some(name) = zoo::missing(folder) {
+            return Err(FileError::NotInZoo { name: name.to_owned() });
+        }
+        if !exists(&path) {
+            return Err(FileError::NoRun { folder: folder.to_owned() });
+        }
+        let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
+        file.config.check().map_err(|error| damaged(&error))?;
+        RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))
+    }
+
+    pub(crate) fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
+        let (scenario, arena) = setup.arena()?;
+        let sizes = sizes_with_history(arena.sizes(), config.last_actions);
+        Ok(RunDescription { config, name: scenario.name, sizes, setup })
+    }
+
+    /// What the lanes of the run play.
+    pub fn lanes_setup(&self) -> BattleSetup {
+        self.config.enemies.setup(&self.setup)
+    }
+}
+
+/// Which weights of a run play.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weights {
+    /// Those of the last checkpoint, `weights.safetensors`.
+    Last,
+    /// Those of the best evaluation, `best.safetensors`.
+    Best,
+}
+
+impl Weights {
+    /// Which weights of the run in a folder play, if nothing else is said: the best ones, if the run was
+    /// evaluated, else the last. In self-play the last: its evaluations are against a script that it does not
+    /// learn to beat.
+    pub fn of(folder: &Path, run: &RunDescription) -> Weights {
+        let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
+        if !is_self_play && exists(&folder.join(BEST)) { Weights::Best } else { Weights::Last }
+    }
+
+    pub(crate) fn file_name(self) -> &'static str {
+        match self {
+            Weights::Last => WEIGHTS,
+            Weights::Best => BEST,
+        }
+    }
+}
+
+impl std::str::FromStr for Weights {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<Weights, UnknownKeyword> {
+        match keyword {
+            "last" => Ok(Weights::Last),
+            "best" => Ok(Weights::Best),
+            _ => Err(UnknownKeyword::new(["last", "best"], keyword)),
+        }
+    }
+}
+
+/// The trained team in the folder of a run: the run, which of its weights, and the policy with those.
+///
+/// # Errors
+/// If the files cannot be read or are damaged.
+pub(crate) fn read_team(
+    folder: &Path,
+    weights: Option<Weights>,
+) -> Result<(RunDescription, Weights, Network), FileError> {
+    let run = RunDescription::read(folder)?;
+    let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
+    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+    let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
+    Ok((run, weights, actor))
+}
+
+/// The policy of the team in a folder, if it can play the enemies of these lanes.
+pub(crate) fn read_rival<E>(folder: &Path, lanes: &Lanes) -> Result<Network, E>
+where
+    E: From<FileError> + From<LaneError>,
+{
+    let (run, _, actor) = read_team(folder, None)?;
+    lanes.check_rival(folder, run.sizes)?;
+    Ok(actor)
+}
+
+/// Copies what [`read_rival`] reads.
+pub(crate) fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
+    fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    let weights = Weights::of(from, &RunDescription::read(from)?).file_name();
+    for (source, name) in [("run.json", "run.json"), (weights, WEIGHTS)] {
+        write(&to.join(name), &read(&from.join(source))?)?;
+    }
+    Ok(())
+}
+
+pub(crate) fn write_description(
+    folder: &Path,
+    config: &Config,
+    setup: &BattleSetup,
+) -> Result<(), FileError> {
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    let file = RunFile { version, config: config.clone(), setup: setup.clone() };
+    let path = folder.join("run.json");
+    let text = serde_json::to_vec_pretty(&file)
+        .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;
+    write(&path, &text)
+}
