@@ -5,7 +5,7 @@ export default [
   { ignores: ["target/", ".venv/", "docs/", "site/"] },
   js.configs.recommended,
   {
-    files: ["pool/view/page/**/*.js", "bindings/cli/src/web/pages/**/*.js"],
+    files: ["pool/view/page/**/*.js", "pool/playground/page/**/*.js", "bindings/cli/src/web/pages/**/*.js"],
     languageOptions: { globals: globals.browser },
     rules: {
       "no-unused-vars": ["error", { argsIgnorePattern: "^_" }],

@@ -49,11 +49,11 @@ test-learners *args: install
     {{ python }} -m pip install --quiet torch safetensors
     {{ python }} -m pytest tests/python/test_torch_learners.py {{ args }}
 
-# Test the pages of replays, running pools, the scenario editor and `play` in a browser (Debian: apt install chromium)
-test-page *args: install
+# Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
+test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
-        tests/python/test_play.py {{ args }}
+        tests/python/test_play.py tests/python/test_playground.py {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 
@@ -281,7 +281,7 @@ lint-github: _venv
     {{ schema }}github-issue-config .github/ISSUE_TEMPLATE/config.yml
     {{ schema }}dependabot .github/dependabot.yml
     {{ schema }}citation-file-format CITATION.cff
-    {{ venv }}/bin/shellcheck .ci/run
+    {{ venv }}/bin/shellcheck .ci/run pool/playground/build.sh
 
 # Build the API documentation of all Rust crates in target/doc
 docs $RUSTDOCFLAGS="-D warnings":
@@ -291,11 +291,24 @@ _site: install
     {{ python }} -m pip install --quiet 'mkdocs-material>=9.6,<10' 'mkdocstrings[python]>=1' 'mike>=2.1,<3' \
         'mkdocs-jupyter>=0.26,<1'
 
-# Build the documentation site in site/
-site: _site
+# Build the page of the playground, target/playground/battle.html (CONTRIBUTING.md says what that needs)
+playground:
+    pool/playground/build.sh
+
+# Build it if that is possible, and say why if it is not.
+_playground:
+    pool/playground/build.sh --check && pool/playground/build.sh || test $? -eq 3
+
+# Test that the playground plays recorded battles to the bit, and its size (Node.js; SMACLITE_TRACES as above)
+test-playground: _node playground
+    cargo run --release --quiet -p smaclite-tests --bin golden_replays -- target/playground/golden
+    node --test pool/playground/page/engine.test.js
+
+# Build the documentation site in site/, with the playground if it can be built
+site: _site _playground
     {{ python }} -m mkdocs build
 
 # Commit the site of a version, such as 0.1, to the branch gh-pages, as the newest (`--push` publishes it)
-site-deploy version *args: _site
+site-deploy version *args: _site _playground
     PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike deploy --update-aliases {{ args }} {{ version }} latest
     PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike set-default {{ args }} latest

@@ -2,7 +2,8 @@
 
 A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
 batch, `snapshot-columns` for the columns of a snapshot, `dataset-arrays` for the arrays of a dataset,
-`unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command.
+`unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command,
+`playground` for the page of `just playground`.
 """
 
 from __future__ import annotations
@@ -13,9 +14,14 @@ import posixpath
 import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import smaclite_pool
+from mkdocs.structure.files import File
+
+PLAYGROUND = Path(__file__).resolve().parents[1] / "target/playground/battle.html"
+"""The page of `just playground`; beside docs/playground.md on the site."""
 
 COLUMNS = "90"
 """Characters per line of the help."""
@@ -26,6 +32,13 @@ def on_config(config: Any) -> Any:
     if "MIKE_DOCS_VERSION" not in os.environ:
         config.extra.pop("version", None)
     return config
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Called by MkDocs with all files of the site."""
+    if PLAYGROUND.exists():
+        files.append(File.generated(config, "playground/battle.html", abs_src_path=str(PLAYGROUND)))
+    return files
 
 
 def on_post_page(output: str, **_: Any) -> str:
@@ -103,6 +116,19 @@ def commands() -> str:
     return "\n\n".join(parts)
 
 
+def playground() -> str:
+    """The playground in a frame, or how to build it."""
+    if not PLAYGROUND.exists():
+        return (
+            "!!! note\n    The playground is not part of this build of the site: `just playground` makes it."
+        )
+    return (
+        '<iframe class="playground" src="battle.html" title="Playground" loading="lazy" '
+        'allow="clipboard-write"></iframe>\n\n'
+        '<a class="md-button" href="battle.html">Open it in a page of its own</a>'
+    )
+
+
 def run(*command: str) -> str:
     """What the program prints."""
     argv = [sys.executable, "-m", "smaclite_pool", *command]
@@ -117,4 +143,5 @@ INSERTS = {
     "unit-keys": lambda: keys("unit"),
     "scenario-keys": lambda: keys("scenario"),
     "commands": commands,
+    "playground": playground,
 }

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Without `bindings`, where `Envs.render` draws with a `Renderer`, which can be made of `Envs`.
-const CRATES: &str = "units scenarios pool/engine pool pool/view ipc bindings/recorder bindings/learn \
-     bindings/cli benches tests";
+const CRATES: &str = "units scenarios pool/engine pool pool/view pool/playground ipc bindings/recorder \
+     bindings/learn bindings/cli benches tests";
 
 type Module = Vec<String>;
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::npy::Npz;
 use glam::Vec2;
 use smaclite_engine::{Battle, Generator, NeighbourOrder, Opponent, Snapshot, TICKS_PER_STEP, Units};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -141,21 +141,30 @@ impl Recording {
         self.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// The scenario: a file of its name beside the recording or at the top of the recordings, else a standard
-    /// one.
+    /// The scenario, read from [its files](Self::load_files).
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn load_scenario(&self) -> Scenario {
+        self.load_files().scenario().unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// The texts of the scenario: of a file of its name beside the recording or at the top of the recordings,
+    /// else of a standard one.
     ///
     /// # Panics
     /// If there is neither.
-    pub fn load_scenario(&self) -> Scenario {
+    pub fn load_files(&self) -> ScenarioFiles {
         let file = format!("{}.json", self.scenario);
         let beside = self.path.with_file_name(&file);
         let at_top = folder().join(&file);
-        match [beside, at_top].into_iter().find(|path| path.is_file()) {
-            Some(path) => Scenario::load(&path).unwrap_or_else(|e| panic!("{e}")),
-            None => Scenario::standard(&self.scenario).unwrap_or_else(|| {
-                panic!("{}: no {file} beside it, and no standard scenario", self.path.display())
-            }),
-        }
+        let files = match [beside, at_top].into_iter().find(|path| path.is_file()) {
+            Some(path) => ScenarioFiles::load(&path).map_err(|e| e.to_string()),
+            None => {
+                ScenarioFiles::resolve(&self.scenario).map_err(|e| format!("no {file} beside it, and {e}"))
+            }
+        };
+        files.unwrap_or_else(|e| panic!("{}: {e}", self.path.display())).1
     }
 
     /// Number of steps.

@@ -3,10 +3,12 @@
 use crate::actor::{Actor, Draw, Rows};
 use crate::description::{RunDescription, Weights, read_team};
 use crate::lanes::sizes_with_history;
+use crate::mlp::Workspace;
 use crate::policy::Choice;
 use crate::random::Purpose;
-use crate::team::Network;
+use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
+use faer::MatRef;
 use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
@@ -75,6 +77,20 @@ impl TrainedTeam {
             given_actions: given.n_actions,
             given_obs: given.obs_size,
         })
+    }
+
+    /// The network's outputs, f32 `[n_agents, n_actions]`, for the observations of a battle, f32
+    /// `[n_agents, obs_size]`, which include the last actions.
+    ///
+    /// # Panics
+    /// If `obs` has another size.
+    pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
+        let Sizes { n_agents, n_actions, obs_size, .. } = self.run.sizes;
+        let x = MatRef::from_row_major_slice(obs, n_agents, obs_size);
+        let mut workspace = Workspace::default();
+        self.network.forward(x, &agent_ids(n_agents, n_agents), &mut workspace);
+        let rows = workspace.output().chunks_exact(self.network.mlp.padded_out());
+        rows.flat_map(|row| row[..n_actions].to_vec()).collect()
     }
 
     /// The actions of a side's units, drawn by their probability. `past` are the side's actions of the steps

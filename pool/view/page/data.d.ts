@@ -41,3 +41,30 @@ moments: string,
  * Compressed, in base64.
  */
 decisions: string, };
+export type Features = { name: string, start: number, 
+/**
+ * `None` for a block that is one row and not a list of units.
+ */
+rows: number | null, features: Array<string>, };
+export type Order = { "type": "none" } | { "type": "stop" } | { "type": "move", 
+/**
+ * From the west side of the map.
+ */
+x: number, 
+/**
+ * From its south side.
+ */
+y: number, } | { "type": "target", 
+/**
+ * Its battle-wide id.
+ */
+unit: number, };
+export type AgentOrder = { 
+/**
+ * Its number.
+ */
+agent: number, 
+/**
+ * What it is told.
+ */
+order: Order, };

@@ -1,5 +1,5 @@
 //! Seeing battles: what happens in each tick ([`Moment`]), pictures of it ([`Renderer`]), recorded battles
-//! ([`Replay`]), and the page that plays them ([`export_html`]).
+//! ([`Replay`]), and the page that plays them ([`export_html`]); and what a person tells units ([`Orders`]).
 //!
 //! A battle is drawn from its [`Scenario`](smaclite_scenarios::Scenario), which no tick changes, and one
 //! moment per tick. Nothing here knows of pools, processes, windows or sockets.
@@ -8,12 +8,14 @@
 
 mod from_state;
 mod moment;
+mod orders;
 pub mod page;
 mod picture;
 mod render;
 mod replay;
 
 pub use moment::{Attack, AttackKind, Moment, Observer, UnitMoment};
+pub use orders::{AgentOrder, Field, Order, OrderError, Orders};
 pub use page::export_html;
 pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, write_gif};
 pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};

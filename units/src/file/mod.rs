@@ -8,9 +8,11 @@ mod hint;
 mod json;
 mod key;
 mod node;
+mod open;
 mod problem;
 mod shown;
 mod syntax;
+#[cfg(not(target_family = "wasm"))] // a browser has no files
 mod write;
 
 pub use hint::did_you_mean;
@@ -21,10 +23,9 @@ pub use key::{
 pub use node::{Document, Node, Object};
 pub use problem::{Problem, Problems, Report, Reported};
 pub use shown::{printable_text, shortened, shown_path, without_os_errors};
+#[cfg(not(target_family = "wasm"))]
 pub use write::write_whole;
 
-use rustix::fs::{Mode, OFlags};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -45,11 +46,7 @@ pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String,
     if !metadata.is_file() {
         return Err(unreadable("it is not a regular file".into()));
     }
-    // Some files that claim to be regular block when they are read, as /proc/kmsg does. With NONBLOCK the
-    // read is an error instead.
-    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-    let file = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| unreadable(error.to_string()))?;
-    let file = File::from(file);
+    let file = open::without_waiting(path).map_err(|error| unreadable(error.to_string()))?;
     let mut bytes = Vec::new();
     // One byte over the limit detects a file that is larger, also one that grew after `metadata`.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;

@@ -73,7 +73,7 @@ impl Level {
             #[cfg(target_arch = "aarch64")]
             Level::Neon(simd) => simd.vectorize(Inlined(kernel, simd)),
             #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-            Level::Portable(simd) => kernel.run(simd),
+            Level::Portable(simd) => pulp::Simd::vectorize(simd, Inlined(kernel, simd)),
         }
     }
 }

@@ -51,15 +51,22 @@ impl Bundle<'_> {
 struct Parts<'a> {
     /// What is imported, as it is written.
     imports: Vec<&'a str>,
-    /// The rest, without `export`.
+    /// The rest, without `export` and without comments.
     body: String,
 }
 
 fn parts(text: &str) -> Parts<'_> {
     let mut parts = Parts { imports: Vec::new(), body: String::with_capacity(text.len()) };
-    let mut is_import = false;
+    let (mut is_import, mut is_comment) = (false, false);
     for line in text.split_inclusive('\n') {
         is_import |= line.starts_with("import ");
+        // A third of the text is comments on lines of their own. A type before an expression stays.
+        let code = line.trim();
+        is_comment |= code.starts_with("/**") && (code.ends_with("*/") || !code.contains("*/"));
+        if is_comment || code.starts_with("//") {
+            is_comment &= !code.ends_with("*/");
+            continue;
+        }
         if is_import {
             // The names may take several lines; the last one ends with `from "path";`.
             parts.imports.extend(line.split('"').nth(1));
@@ -107,6 +114,14 @@ mod tests {
         let view = [Module { path: "view/a.js", text: "export function A() {}\nexport class C {}\n" }];
         let expected = "function A() {}\nclass C {}\nconst B = A(\"import x\");\nA(B);\n";
         assert_eq!(bundle("watch/page.js", &[&page, &view]), expected);
+    }
+
+    #[test]
+    fn comments_are_left_out() {
+        let text = "// @ts-check\n/** @typedef {A} B */\n/**\n * A.\n */\nexport const a =\n  \
+             /** @type {B} */ (1); // one\n";
+        let modules = [Module { path: "a.js", text }];
+        assert_eq!(bundle("a.js", &[&modules]), "const a =\n  /** @type {B} */ (1); // one\n");
     }
 
     #[test]

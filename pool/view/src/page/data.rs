@@ -12,7 +12,7 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use serde::Serialize;
-use smaclite_engine::{Arena, Battle, SIGHT_RANGE};
+use smaclite_engine::{Arena, Battle, FeatureBlock, SIGHT_RANGE, obs_features};
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::{Keyword, Targeter, UnitType};
 
@@ -80,6 +80,17 @@ struct UnitInfo {
     id: usize,
 }
 
+/// A block of features of an observation.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub struct Features {
+    name: &'static str,
+    start: usize,
+    /// `None` for a block that is one row and not a list of units.
+    rows: Option<usize>,
+    features: Vec<String>,
+}
+
 /// How many units of the encoded columns are one square, point, second or turn.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(TS))]
@@ -144,6 +155,13 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
         sight_range: SIGHT_RANGE,
         units_per: UnitsPer { position: POSITION, points: POINTS, seconds: SECONDS, turn: DIRECTIONS as i32 },
     }
+}
+
+/// What agents of a scenario observe, block by block.
+pub fn features_info(scenario: &Scenario) -> Vec<Features> {
+    let blocks = obs_features(scenario).into_iter();
+    let info = |FeatureBlock { name, start, rows, features }| Features { name, start, rows, features };
+    blocks.map(info).collect()
 }
 
 /// What the page shows of unit types, with the letter of each.
@@ -284,7 +302,7 @@ fn compressed(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Recorder;
+    use crate::{AgentOrder, Order, Recorder};
     use smaclite_engine::{BattleSetup, EpisodeLimit, policy};
     use smaclite_scenarios::ScenarioFiles;
     use ts_rs::Config;
@@ -300,6 +318,9 @@ mod tests {
             UnitsPer::decl(&config),
             ReplayData::decl(&config),
             EpisodeData::decl(&config),
+            Features::decl(&config),
+            Order::decl(&config),
+            AgentOrder::decl(&config),
         ];
         let head = "// Written by a test of src/page/data.rs: SMACLITE_WRITE=1 cargo test -p smaclite-view\n";
         let text = head.to_owned() + &declarations.map(|text| format!("export {text}\n")).concat();

@@ -10,7 +10,9 @@ mod data;
 use serde_json::Value;
 
 pub use bundle::Module;
-pub use data::{ScenarioInfo, TypeInfo, encode_moments, encode_step, scenario_info, types_info};
+pub use data::{
+    Features, ScenarioInfo, TypeInfo, encode_moments, encode_step, features_info, scenario_info, types_info,
+};
 
 use bundle::bundle;
 use data::ReplayData;
@@ -36,12 +38,17 @@ const MODULES: &[Module] = modules![
     "battle.js",
     "camera.js",
     "chart.js",
+    "commander.js",
+    "controls.js",
     "dom.js",
     "effects.js",
     "inspector.js",
     "numbers.js",
+    "observation.js",
+    "play_view.js",
     "player.js",
     "replay.js",
+    "selection.js",
     "terrain.js",
     "theme.js",
     "track.js",

@@ -19,7 +19,9 @@ use smaclite_engine::{
     StreamPosition,
 };
 use smaclite_scenarios::{ScenarioFiles, UnitFile};
-use smaclite_units::file::{printable_text, shortened, write_whole};
+#[cfg(not(target_family = "wasm"))]
+use smaclite_units::file::write_whole;
+use smaclite_units::file::{printable_text, shortened};
 
 use super::{Episode, Outcome, Replay, ReplayError};
 
@@ -114,10 +116,11 @@ impl Replay {
         Replay::from_bytes(&bytes, &file)
     }
 
-    /// Writes a replay file.
+    /// Writes a replay file; a browser has none.
     ///
     /// # Errors
     /// [`ReplayError::TooLarge`], or [`ReplayError::Io`].
+    #[cfg(not(target_family = "wasm"))]
     pub fn write(&self, path: &Path) -> Result<(), ReplayError> {
         let file = || path.display().to_string();
         let bytes = self.to_bytes().map_err(|error| match error {
@@ -133,12 +136,22 @@ impl Replay {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn from_bytes(bytes: &[u8], source: &str) -> Result<Replay, ReplayError> {
-        let json = inflate(bytes, source)?;
+        Replay::from_json(&inflate(bytes, source)?, source)
+    }
+
+    /// Reads the decompressed bytes of a replay file, which are JSON.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn from_json(json: &[u8], source: &str) -> Result<Replay, ReplayError> {
+        if json.len() as u64 > MAX_JSON_BYTES {
+            return Err(ReplayError::TooLarge { file: source.into(), max: MAX_JSON_BYTES, unit: "of JSON" });
+        }
         let not_a_replay = |error: serde_json::Error| ReplayError::NotAReplay {
             file: source.into(),
             reason: error.to_string(),
         };
-        let head: Head = serde_json::from_slice(&json).map_err(not_a_replay)?;
+        let head: Head = serde_json::from_slice(json).map_err(not_a_replay)?;
         if head.format != FORMAT {
             let reason = format!("`format` must be {FORMAT:?}, got {:?}", shortened(&head.format));
             return Err(ReplayError::NotAReplay { file: source.into(), reason });
@@ -151,7 +164,7 @@ impl Replay {
                 program: shortened(&head.program),
             });
         }
-        let document: Document = serde_json::from_slice(&json).map_err(not_a_replay)?;
+        let document: Document = serde_json::from_slice(json).map_err(not_a_replay)?;
         document.replay(source)
     }
 
@@ -161,16 +174,25 @@ impl Replay {
     /// [`ReplayError::TooLarge`].
     pub fn to_bytes(&self) -> Result<Vec<u8>, ReplayError> {
         let io = |error| ReplayError::Io { file: "replay".into(), error };
-        let json = serde_json::to_vec(&Document::of(self)).map_err(|error| io(error.into()))?;
-        let too_large = |max, unit| Err(ReplayError::TooLarge { file: "replay".into(), max, unit });
-        if json.len() as u64 > MAX_JSON_BYTES {
-            return too_large(MAX_JSON_BYTES, "of JSON");
-        }
         let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-        encoder.write_all(&json).map_err(io)?;
+        encoder.write_all(&self.to_json()?).map_err(io)?;
         let bytes = encoder.finish().map_err(io)?;
         if bytes.len() as u64 > MAX_FILE_BYTES { too_large(MAX_FILE_BYTES, "in its file") } else { Ok(bytes) }
     }
+
+    /// The bytes of the replay's file before they are compressed by gzip.
+    ///
+    /// # Errors
+    /// [`ReplayError::TooLarge`].
+    pub fn to_json(&self) -> Result<Vec<u8>, ReplayError> {
+        let io = |error: serde_json::Error| ReplayError::Io { file: "replay".into(), error: error.into() };
+        let json = serde_json::to_vec(&Document::of(self)).map_err(io)?;
+        if json.len() as u64 > MAX_JSON_BYTES { too_large(MAX_JSON_BYTES, "of JSON") } else { Ok(json) }
+    }
+}
+
+fn too_large(max: u64, unit: &'static str) -> Result<Vec<u8>, ReplayError> {
+    Err(ReplayError::TooLarge { file: "replay".into(), max, unit })
 }
 
 impl Document {

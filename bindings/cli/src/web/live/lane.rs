@@ -2,15 +2,14 @@
 
 use super::battles::Battles;
 use super::cells::Cells;
-use crate::web::protocol::{Features, LaneInfo};
-use smaclite_engine::{FeatureBlock, obs_features};
+use crate::web::protocol::LaneInfo;
 use smaclite_ipc::{
     ConnectError, ControlError, LaneDescription, PoolStatus, RuntimeDir, Spectator, WaitOptions,
     lane_scenario,
 };
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Problems;
-use smaclite_view::page::scenario_info;
+use smaclite_view::page::{features_info, scenario_info};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -83,7 +82,6 @@ impl WatchedLane {
     /// What a page needs to know before it shows the lane.
     pub(super) fn info(&self) -> LaneInfo {
         let lane = &self.description;
-        let features = obs_features(&self.battles.scenario);
         LaneInfo {
             scenario: scenario_info(&self.battles.scenario, &self.battles.arena),
             lane: lane.lane.clone(),
@@ -92,7 +90,7 @@ impl WatchedLane {
             rules: lane.rules.to_string(),
             no_grid: self.spectator.as_ref().err().cloned(),
             has_state: lane.settings.fields.contains(Field::State),
-            features: features.into_iter().map(features_of).collect(),
+            features: features_info(&self.battles.scenario),
         }
     }
 
@@ -113,8 +111,4 @@ impl WatchedLane {
         }
         Ok(&mut self.cells)
     }
-}
-
-fn features_of(FeatureBlock { name, start, rows, features }: FeatureBlock) -> Features {
-    Features { name, start, rows, features }
 }

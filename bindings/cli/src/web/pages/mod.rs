@@ -39,13 +39,9 @@ const MODULES: &[Module] = modules![
     "editor/start.js",
     "editor/text.js",
     "editor/types.js",
-    "play/controls.js",
     "play/play.js",
-    "play/selection.js",
-    "play/view.js",
     "watch/follow.js",
     "watch/grid.js",
-    "watch/observation.js",
     "watch/plots.js",
     "watch/watch.js",
 ];

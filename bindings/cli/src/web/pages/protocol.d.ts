@@ -1,6 +1,6 @@
 // Written by a test of protocol/mod.rs, from the types there:
 // SMACLITE_WRITE=1 cargo test protocol
-import type { ScenarioInfo, TypeInfo } from "#view/data.d.ts";
+import type { AgentOrder, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
 export type Version = 3;
 type UnitFile = { name: string; keys: string[]; text: string };
@@ -76,8 +76,6 @@ seed: string,
  * The actions of those steps, agent by agent.
  */
 actions: Array<number>, };
-export type AgentOrder = { agent: number, order: Order, };
-export type Order = { "type": "none" } | { "type": "stop" } | { "type": "move", x: number, y: number, } | { "type": "target", unit: number, };
 export type Steps = { number: number, 
 /**
  * The first of them, and how many there are.
@@ -183,7 +181,6 @@ export type LaneInfo = { scenario: ScenarioInfo, lane: string, pid: number, num_
  * Why there is no grid, if there is none.
  */
 no_grid: string | null, has_state: boolean, features: Array<Features>, };
-export type Features = { name: string, start: number, rows: number | null, features: Array<string>, };
 export type GridCell = { env: number, length: number | null, return: number | null, 
 /**
  * How the episode ended that the row shows the end of.

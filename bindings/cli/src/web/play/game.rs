@@ -1,15 +1,14 @@
 //! One battle of a person: orders become actions, actions become steps, and all of them a replay. A trained
 //! team may play the enemies.
 
-use super::orders::{Field, OrderError, Orders};
-use crate::web::protocol::{AgentOrder, PlayedSteps, ReplayFile};
+use crate::web::protocol::{PlayedSteps, ReplayFile};
 use crate::web::simulation::{Simulation, SimulationError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::{Arena, Battle, BattleSetup, IllegalAction};
 use smaclite_learn::{TrainedTeam, UnfitTeam};
 use smaclite_scenarios::{Faction, Problems, Scenario};
-use smaclite_view::{Recorder, ReplayError, SUFFIX};
+use smaclite_view::{AgentOrder, Field, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::sync::Arc;
 
 /// What all battles of the command have in common.
@@ -120,11 +119,7 @@ impl Game {
 impl Played<'_> {
     /// Gives orders, all of them or none.
     pub(super) fn give(&mut self, orders: &[AgentOrder]) -> Result<(), OrderError> {
-        let field = self.game.field(self.simulation.battle());
-        let mut given = self.orders.clone();
-        orders.iter().try_for_each(|&AgentOrder { agent, order }| given.give(&field, agent, order))?;
-        self.orders = given;
-        Ok(())
+        self.orders.give_all(&self.game.field(self.simulation.battle()), orders)
     }
 
     pub(super) fn orders(&self) -> &Orders {

@@ -2,7 +2,6 @@
 //! orders and says when a step is played; this side translates orders to actions and plays them.
 
 mod game;
-mod orders;
 
 use super::protocol::{BeginBattle, GameInfo, PageRequest, PageResponse};
 use super::{App, Page, pages};

@@ -1,13 +1,12 @@
 //! A game as its page plays it: begin, give orders, play steps, save.
 
 use super::*;
-use crate::web::protocol::{AgentOrder, Order};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::{Opponent, Rules};
 use smaclite_ipc::RuntimeDir;
 use smaclite_learn::{Config, Lanes, Run, resolve_scenario};
-use smaclite_view::Replay;
+use smaclite_view::{AgentOrder, Order, Replay};
 
 fn play(name: &str, against: &str) -> Play {
     let setup = resolve_scenario(name, Rules::Smaclite).expect("a standard scenario");

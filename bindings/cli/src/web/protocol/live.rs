@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 use smaclite_pool::LaneStats;
-use smaclite_view::page::ScenarioInfo;
+use smaclite_view::page::{Features, ScenarioInfo};
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -61,17 +61,8 @@ pub(crate) struct LaneInfo {
     /// Why there is no grid, if there is none.
     pub(in crate::web) no_grid: Option<String>,
     pub(in crate::web) has_state: bool,
+    #[cfg_attr(test, ts(type = "Array<Features>"))]
     pub(in crate::web) features: Vec<Features>,
-}
-
-/// A block of features of an observation.
-#[derive(Debug, Serialize)]
-#[cfg_attr(test, derive(TS))]
-pub(crate) struct Features {
-    pub(in crate::web) name: &'static str,
-    pub(in crate::web) start: usize,
-    pub(in crate::web) rows: Option<usize>,
-    pub(in crate::web) features: Vec<String>,
 }
 
 /// An environment's newest row.

@@ -15,6 +15,7 @@ pub(crate) use play::*;
 
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::ScenarioFiles;
+use smaclite_view::{AgentOrder, Order};
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -116,7 +117,10 @@ pub(crate) enum PageRequest {
     /// Begins a battle that the person plays.
     BeginBattle(BeginBattle),
     /// Gives agents orders, all of them or none.
-    GiveOrders { orders: Vec<AgentOrder> },
+    GiveOrders {
+        #[cfg_attr(test, ts(type = "Array<AgentOrder>"))]
+        orders: Vec<AgentOrder>,
+    },
     /// Plays one step by the orders.
     PlayStep {},
     /// The battle so far as a replay.
@@ -146,6 +150,7 @@ pub(crate) enum PageResponse {
     BeginBattle(PlayedSteps),
     /// The orders that hold now, by agent.
     GiveOrders {
+        #[cfg_attr(test, ts(type = "Array<Order>"))]
         orders: Vec<Order>,
     },
     PlayStep(PlayedSteps),

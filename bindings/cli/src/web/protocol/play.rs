@@ -2,6 +2,7 @@
 
 use super::Steps;
 use serde::{Deserialize, Serialize};
+use smaclite_view::Order;
 use smaclite_view::page::ScenarioInfo;
 #[cfg(test)]
 use ts_rs::TS;
@@ -29,30 +30,6 @@ pub(crate) struct BeginBattle {
     pub(in crate::web) actions: Vec<u16>,
 }
 
-/// What an agent is told. It holds until it is carried out or another one replaces it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
-#[serde(tag = "type", rename_all = "snake_case")]
-#[cfg_attr(test, derive(TS))]
-pub(crate) enum Order {
-    /// Nothing: it stands, and attacks the nearest enemy within targeting range; a healer heals.
-    #[default]
-    None,
-    /// Stand, and attack nothing.
-    Stop,
-    /// Go to a point, in squares.
-    Move { x: f32, y: f32 },
-    /// Attack or heal a unit, by battle-wide id; an agent that can do neither goes to where the unit is.
-    Target { unit: usize },
-}
-
-/// An order for an agent.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[cfg_attr(test, derive(TS))]
-pub(crate) struct AgentOrder {
-    pub(in crate::web) agent: usize,
-    pub(in crate::web) order: Order,
-}
-
 /// Steps of the battle.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(TS))]
@@ -61,6 +38,7 @@ pub(crate) struct PlayedSteps {
     #[cfg_attr(test, ts(flatten))]
     pub(in crate::web) steps: Steps,
     /// The orders that hold after them, by agent.
+    #[cfg_attr(test, ts(type = "Array<Order>"))]
     pub(in crate::web) orders: Vec<Order>,
 }
 

@@ -52,8 +52,6 @@ fn description() -> String {
         PlayBattle,
         SaveFiles,
         BeginBattle,
-        AgentOrder,
-        Order,
         Steps,
         SnapshotFile,
         EpisodeResult,
@@ -70,7 +68,6 @@ fn description() -> String {
         PlayedBattle,
         SavedFiles,
         LaneInfo,
-        Features,
         GridCell,
         PoolState,
         PoolResponse,
@@ -85,7 +82,7 @@ fn description() -> String {
     format!(
         "// Written by a test of protocol/mod.rs, from the types there:\n\
          // SMACLITE_WRITE=1 cargo test protocol\n\
-         import type {{ ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
+         import type {{ AgentOrder, Features, Order, ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
     )
 }

@@ -42,12 +42,14 @@ class StarCraft2Env(Queries):
         seed: seed of the first reset; equal seeds and actions give equal episodes with equal teams and
             capabilities, which they do not in SMACv2. None for a random seed.
         continuing_episode: mark an episode that reached the episode limit with `info["episode_limit"]`.
-        obs_all_health, obs_own_health, obs_last_action, obs_pathing_grid, obs_terrain_height, obs_own_pos,
-        obs_timestep_number, obs_starcraft, obs_instead_of_state, state_last_action, state_timestep_number,
-        conic_fov, num_fov_actions, use_unit_ranges, min_attack_range, kill_unit_step_mul, fully_observable,
-        prob_obs_enemy, action_mask, reward_sparse, reward_only_positive, reward_death_value, reward_win,
-        reward_defeat, reward_negative_scale, reward_scale, reward_scale_rate: the options of `smacv2` in
-            scenario files.
+        obs_all_health, obs_own_health, obs_last_action, obs_pathing_grid, obs_terrain_height, obs_own_pos:
+            this option and those below are the options of `smacv2` in scenario files.
+        obs_timestep_number, obs_starcraft, obs_instead_of_state, state_last_action, state_timestep_number:
+            what else agents and the state are told.
+        conic_fov, num_fov_actions, use_unit_ranges, min_attack_range, kill_unit_step_mul: sight and attacks.
+        fully_observable, prob_obs_enemy, action_mask: which enemies are seen, and which actions are offered.
+        reward_sparse, reward_only_positive, reward_death_value, reward_win, reward_defeat: the reward.
+        reward_negative_scale, reward_scale, reward_scale_rate: how the reward is scaled.
         capability_config: SMACv2's `n_units`, `n_enemies` and its tables `team_gen`, `start_positions`,
             `enemy_mask`, `attack` and `health`. It is not changed.
         replay_dir, replay_prefix: without an effect, as `save_replay` is not offered.

@@ -2,27 +2,19 @@
 // The page of a person who plays: it gives orders and says when a step is played; the program plays it.
 
 import { titleCase } from "#view/battle.js";
+import { Commander } from "#view/commander.js";
 import { byId, download, make } from "#view/dom.js";
-import { clamp } from "#view/numbers.js";
-import { BattlePlayer, RESULTS } from "#view/player.js";
+import { RESULTS } from "#view/player.js";
 import { theme } from "#view/theme.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { Connection, ConnectionLost, messageOf } from "../connection.js";
-import { Controls } from "./controls.js";
-import { PlayView } from "./view.js";
 
-/** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { AgentOrder, EpisodeResult, GameInfo, Order, PlayedSteps } from "../protocol.d.ts" */
-/** @import { At } from "./controls.js" */
+/** @import { AgentOrder } from "#view/data.d.ts" */
+/** @import { EpisodeResult, GameInfo, PlayedSteps } from "../protocol.d.ts" */
 
 /** Seconds before the end of a step is shown, when the next one is requested. */
 const LEAD = 0.06;
-/** Squares around the first places of all units that the map shows at least. */
-const MARGIN = 4;
-/** Length of a move, in squares. */
-const MOVE = 2;
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 const GUIDES = {
   mouse:
@@ -30,7 +22,7 @@ const GUIDES = {
   touch: "Tap a unit (blue), or drag a box. Then tap where it goes, or the enemy to attack. \u25b6 starts.",
 };
 
-class PlayPage extends BattlePlayer {
+class PlayPage extends Commander {
   /** @param {GameInfo} data */
   constructor(data) {
     super(data.scenario);
@@ -50,22 +42,11 @@ class PlayPage extends BattlePlayer {
     this.isEndNew = false;
     /** What `describe` showed last. */
     this.described = "";
-    this.inspector.isMarked = (unit) => this.field.selection.units.has(unit);
-    this.inspector.shows = (unit) => this.field.shows(unit);
     this.connection = new Connection({
       open: () => this.begin(this.seed, this.played),
       close: () => this.say("The connection to smaclite-pool play is lost. Trying again."),
       refuse: (error) => this.say(error),
     });
-  }
-
-  /** @param {ScenarioInfo} info */
-  viewOf(info) {
-    return new PlayView(byId("battle"), info);
-  }
-
-  get field() {
-    return /** @type {PlayView} */ (this.view);
   }
 
   get isOver() {
@@ -123,14 +104,6 @@ class PlayPage extends BattlePlayer {
     this.begin(String(BigInt.asUintN(64, BigInt(this.seed) + 1n)), []);
   }
 
-  /** The squares around the first places of all units. */
-  startArea() {
-    const states = this.info.units.map((_, unit) => this.view.track.unitAt(unit, 0));
-    const [xs, ys] = [states.map(({ x }) => x), states.map(({ y }) => y)];
-    const [x0, y0] = [Math.min(...xs) - MARGIN, Math.min(...ys) - MARGIN];
-    return { x0, y0, x1: Math.max(...xs) + MARGIN, y1: Math.max(...ys) + MARGIN };
-  }
-
   /** @param {PlayedSteps} played */
   append(played) {
     const { step, steps, n_moments, moments, decisions } = played;
@@ -172,6 +145,20 @@ class PlayPage extends BattlePlayer {
     if (!(error instanceof ConnectionLost)) this.say(messageOf(error)); // else the page says so already
   }
 
+  /** @param {AgentOrder[]} orders */
+  async send(orders) {
+    if (!orders.length) return;
+    const { battle } = this;
+    try {
+      const response = await this.connection.request({ type: "give_orders", orders });
+      if (battle !== this.battle) return;
+      this.field.orders = response.orders;
+      this.redraw();
+    } catch (error) {
+      this.failed(error);
+    }
+  }
+
   /** @param {string} text */
   say(text) {
     this.clock.playing = false;
@@ -195,136 +182,6 @@ class PlayPage extends BattlePlayer {
     this.forget();
     if (this.isEndNew && clock.time >= clock.end) this.showEnd();
     this.describe();
-  }
-
-  /** Selects the dead no more, nor an enemy that went out of sight. */
-  forget() {
-    const { field } = this;
-    if (!field.states.length) return;
-    const hasDead = field.selection.keep(this.living);
-    const isGone =
-      field.selected >= 0 && !field.selection.isAgent(field.selected) && !field.shows(field.selected);
-    if (hasDead || isGone) this.selected();
-  }
-
-  get living() {
-    return this.field.agents.map(({ unit }) => unit);
-  }
-
-  /** Shows what is selected: one agent, or an enemy, with its numbers. */
-  selected(enemy = -1) {
-    const { selection } = this.field;
-    this.view.selected = enemy >= 0 ? enemy : selection.only;
-    const { size } = selection.units;
-    this.inspector.hint = size
-      ? `${size} units: ${selection.summary()}.`
-      : "Select a unit to see its numbers.";
-    for (const id of ["attack", "stop"]) byId(id).disabled = size === 0;
-    this.redraw();
-  }
-
-  /**
-   * @param {number} unit
-   * @param {boolean} [add]
-   */
-  select(unit, add = false) {
-    const { selection } = this.field;
-    if (unit >= 0 && !selection.isAgent(unit)) {
-      if (this.view.shows(unit)) this.selected(unit);
-      return;
-    }
-    if (unit < 0 || (unit === selection.only && this.view.selected === unit)) selection.clear();
-    else if (this.living.includes(unit) || !this.view.states.length) selection.pick(unit, add);
-    this.selected();
-  }
-
-  /** @param {number} direction */
-  selectNext(direction) {
-    const { selection } = this.field,
-      way = direction < 0 ? -1 : 1;
-    if (!selection.next(this.living, way)) {
-      selection.clear();
-      selection.next(this.living, way);
-    }
-    this.selected();
-  }
-
-  selectAll() {
-    this.field.selection.take(this.living, false);
-    this.selected();
-  }
-
-  /**
-   * Gives the selected agents an order each.
-   * @param {(unit: number) => Order | null} orderOf
-   */
-  give(orderOf) {
-    if (!this.isOver) this.send(this.field.selection.orders(orderOf));
-  }
-
-  /** @param {AgentOrder[]} orders */
-  async send(orders) {
-    if (!orders.length) return;
-    const { battle } = this;
-    try {
-      const response = await this.connection.request({ type: "give_orders", orders });
-      if (battle !== this.battle) return;
-      this.field.orders = response.orders;
-      this.redraw();
-    } catch (error) {
-      this.failed(error);
-    }
-  }
-
-  /**
-   * An order for what is at a point of the canvas: to go there, or to attack or heal that unit.
-   * @param {At} at
-   */
-  commandAt([x, y]) {
-    const unit = this.view.unitAt(x, y);
-    if (unit >= 0 && !this.field.selection.units.has(unit))
-      return this.give(() => ({ type: "target", unit }));
-    const to = this.view.toSquares(x, y);
-    this.give(() => this.moveTo(to.x, to.y));
-  }
-
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @returns {Order}
-   */
-  moveTo(x, y) {
-    return { type: "move", x: clamp(x, 0, this.info.width), y: clamp(y, 0, this.info.height) };
-  }
-
-  /** Attacks the nearest enemy that is seen; a healer heals the ally with the least share of its health. */
-  attack() {
-    const { field, info } = this;
-    this.give((unit) => {
-      const { x, y } = field.states[unit],
-        heals = field.type(unit).attack === "heal";
-      /** @param {import("#view/battle.js").UnitState} state */
-      const rank = (state) =>
-        heals ? state.hp / field.type(state.unit).hp : Math.hypot(state.x - x, state.y - y);
-      const others = heals
-        ? field.agents.filter((other) => info.types[info.units[other.unit].type].attack !== "heal")
-        : field.enemies;
-      const best = others.reduce(
-        (found, other) => (found && rank(found) <= rank(other) ? found : other),
-        /** @type {import("#view/battle.js").UnitState | null} */ (null),
-      );
-      return best && { type: "target", unit: best.unit };
-    });
-  }
-
-  /**
-   * Moves the selected agents by squares.
-   * @param {number} dx
-   * @param {number} dy
-   */
-  moveBy(dx, dy) {
-    const { states } = this.view;
-    this.give((unit) => this.moveTo(states[unit].x + MOVE * dx, states[unit].y + MOVE * dy));
   }
 
   toggle() {
@@ -419,114 +276,15 @@ class PlayPage extends BattlePlayer {
       "end-save": () => this.save(),
       "end-close": () => (byId("end").hidden = true),
       reveal: () => this.reveal(),
-      all: () => this.selectAll(),
-      attack: () => this.attack(),
-      stop: () => this.give(() => ({ type: "stop" })),
     };
     for (const [id, act] of Object.entries(buttons)) byId(id).addEventListener("click", act);
   }
 
-  /** @param {HTMLCanvasElement} canvas */
-  listenToPointer(canvas) {
-    new Controls(canvas, {
-      tap: (at, how) => this.tap(at, how),
-      draw: (box) => this.drawBox(box),
-      box: (box, add) => {
-        if (box) this.field.selection.take(this.field.agentsIn(box), add);
-        this.drawBox(null);
-        this.selected();
-      },
-      command: (at) => this.commandAt(at),
-      move: (dx, dy) => {
-        this.view.move(dx, dy);
-        this.redraw();
-      },
-      zoom: (factor, at) => {
-        this.view.zoom(factor, ...at);
-        this.redraw();
-      },
-      hover: (at) => this.hover(...at),
-      leave: () => this.hover(-1e6, -1e6),
-    });
-  }
-
-  /** @param {import("./selection.js").Rectangle | null} box */
-  drawBox(box) {
-    this.field.box = box;
-    this.redraw();
-  }
-
-  /**
-   * Selects; on a touch screen a tap that selects no agent commands those that are selected.
-   * @param {At} at
-   * @param {{ add: boolean, isDouble: boolean, isTouch: boolean }} how
-   */
-  tap(at, { add, isDouble, isTouch }) {
-    const { selection } = this.field,
-      unit = this.view.unitAt(...at),
-      isAgent = unit >= 0 && selection.isAgent(unit);
-    if (isAgent && isDouble) {
-      selection.takeType(unit, this.living, add);
-      return this.selected();
-    }
-    if (isTouch && selection.units.size && (!isAgent || this.heals(unit))) return this.commandAt(at);
-    if (unit >= 0 || !add) this.select(unit, add);
-  }
-
-  /**
-   * Whether all selected agents are healers, and this unit is not.
-   * @param {number} unit
-   */
-  heals(unit) {
-    /** @param {number} other */
-    const isHealer = (other) => this.view.type(other).attack === "heal";
-    return !isHealer(unit) && [...this.field.selection.units].every(isHealer);
-  }
-
-  /**
-   * @param {number} x
-   * @param {number} y
-   */
-  hover(x, y) {
-    super.hover(x, y);
-    const { view, field } = this,
-      isEnemy = view.hovered >= 0 && !field.selection.isAgent(view.hovered);
-    view.canvas.classList.toggle("attack", isEnemy && field.selection.units.size > 0);
-  }
-
-  /** @param {KeyboardEvent} event */
-  key(event) {
-    if (byId("keys").open) return;
-    const done = event.ctrlKey || event.metaKey ? this.shortcut(event.key) : this.selectByKey(event);
-    if (done) event.preventDefault();
-    else super.key(event);
-  }
-
   /** @param {string} key */
   shortcut(key) {
-    if (key === "a") this.selectAll();
-    else if (key === "s") this.save();
-    else return false;
+    if (key !== "s") return super.shortcut(key);
+    this.save();
     return true;
-  }
-
-  /**
-   * Digits select agents, and with shift more of them. Tab selects one after the other, and leaves the map
-   * after the last.
-   * @param {KeyboardEvent} event
-   */
-  selectByKey({ code, key, shiftKey, altKey, target }) {
-    const { selection } = this.field;
-    const digit = /^(?:Digit|Numpad)(\d)$/.exec(code)?.[1];
-    if (digit && !altKey) {
-      const unit = selection.numbered(Number(digit), this.living);
-      if (unit >= 0) this.select(unit, shiftKey);
-      return true;
-    }
-    if (key !== "Tab" || target !== this.view.canvas) return false;
-    const isDone = selection.next(this.living, shiftKey ? -1 : 1);
-    this.selected();
-    return isDone;
   }
 
   /**
@@ -540,12 +298,7 @@ class PlayPage extends BattlePlayer {
       f: () => this.reveal(),
       ".": () => this.step(TICKS_PER_STEP),
     };
-    if (!this.isOver) {
-      for (const [arrow, [dx, dy]] of Object.entries(ARROWS)) commands[arrow] = () => this.moveBy(dx, dy);
-      commands.a = () => this.attack();
-      commands.s = () => this.give(() => ({ type: "stop" }));
-      commands.Home = commands.End = () => {};
-    }
+    if (!this.isOver) commands.Home = commands.End = () => {};
     return commands[key] ?? super.command(key, ticks);
   }
 }

@@ -4,15 +4,15 @@
 import { titleCase } from "#view/battle.js";
 import { byId, download, make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
+import { ObservationCard } from "#view/observation.js";
 import { BattlePlayer, RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_STEP } from "#view/transport.js";
 import { ConnectionLost, messageOf } from "../connection.js";
-import { ObservationCard } from "./observation.js";
 
 /** @import { Box } from "#view/camera.js" */
-/** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { EpisodeInfo, EpisodeResult, Features, Steps } from "../protocol.d.ts" */
+/** @import { Features, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { EpisodeInfo, EpisodeResult, Steps } from "../protocol.d.ts" */
 /** @typedef {import("../connection.js").Connection["request"]} Request */
 /**
  * What is known of an episode.
@@ -43,7 +43,10 @@ export class FollowPlayer extends BattlePlayer {
     this.features = /** @type {Features[]} */ ([]);
     this.clock.isOpen = true;
     this.isFetching = false;
-    this.observation = new ObservationCard(byId("obs"), request);
+    this.observation = new ObservationCard(byId("obs"), async (number, step, agent) => {
+      const { obs } = await request({ type: "get_observation", number, step, agent });
+      return obs;
+    });
     this.env = -1;
     /** @type {EpisodeInfo[]} The newest first. */
     this.listed = [];
@@ -261,7 +264,7 @@ export class FollowPlayer extends BattlePlayer {
   frame(now) {
     const time = this.clock.time;
     super.frame(now);
-    this.observation.update(this, Math.floor(this.clock.time));
+    this.showObservation(Math.floor(this.clock.time / TICKS_PER_STEP));
     if (this.clock.time !== time) this.fetch();
     this.describe();
     const entry = this.tracks.get(this.number);
@@ -274,6 +277,13 @@ export class FollowPlayer extends BattlePlayer {
     if (!isComplete || this.isNewest) return;
     this.endedAt ||= now;
     if (now - this.endedAt > PAUSE_AT_END) this.newest();
+  }
+
+  /** @param {number} step */
+  showObservation(step) {
+    const { info, view, number, entry } = this,
+      isKnown = entry !== undefined && step <= entry.steps;
+    this.observation.update({ info, unit: view.selected, episode: number, step }, this.features, isKnown);
   }
 
   /** Seconds since the shown moment happened. */

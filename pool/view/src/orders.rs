@@ -1,10 +1,46 @@
 //! What a person tells agents, as actions of SMAC: step after step, each agent takes one of its available
 //! actions that carries its order out. So a joint action made here is one that a learner could send.
 
-use crate::web::protocol::Order;
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 use smaclite_engine::{Battle, SIGHT_RANGE, TICKS_PER_STEP, action};
 use smaclite_scenarios::{Faction, Scenario};
+#[cfg(test)]
+use ts_rs::TS;
+
+/// What an agent is told. It holds until it is carried out or another one replaces it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub enum Order {
+    /// Nothing: it stands, and attacks the nearest enemy within targeting range; a healer heals.
+    #[default]
+    None,
+    /// Stand, and attack nothing.
+    Stop,
+    /// Go to a point, in squares.
+    Move {
+        /// From the west side of the map.
+        x: f32,
+        /// From its south side.
+        y: f32,
+    },
+    /// Attack or heal a unit; an agent that can do neither goes to where the unit is.
+    Target {
+        /// Its battle-wide id.
+        unit: usize,
+    },
+}
+
+/// An order for an agent.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[cfg_attr(test, derive(TS))]
+pub struct AgentOrder {
+    /// Its number.
+    pub agent: usize,
+    /// What it is told.
+    pub order: Order,
+}
 
 /// Length of a move, in squares.
 const MOVE: f32 = 2.0;
@@ -19,13 +55,13 @@ const PROGRESS: f32 = 0.1;
 const PATIENCE: u32 = 3;
 
 /// The orders of all agents.
-#[derive(Clone)]
-pub(super) struct Orders {
+#[derive(Clone, Debug)]
+pub struct Orders {
     held: Vec<Held>,
 }
 
 /// The order of one agent, and how far it is carried out.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Held {
     order: Order,
     /// Where its target was seen last.
@@ -38,7 +74,8 @@ struct Held {
 
 /// Why an order is refused.
 #[derive(Debug, PartialEq, thiserror::Error)]
-pub(super) enum OrderError {
+#[allow(missing_docs)] // the messages say it
+pub enum OrderError {
     #[error("agent must be below {n_agents}, got {agent}")]
     NoSuchAgent { agent: usize, n_agents: usize },
     #[error("unit must be below {n_units}, got {unit}")]
@@ -49,17 +86,31 @@ pub(super) enum OrderError {
 
 impl Orders {
     /// No order for any agent.
-    pub(super) fn new(n_agents: usize) -> Orders {
+    pub fn new(n_agents: usize) -> Orders {
         Orders { held: vec![Held::default(); n_agents] }
     }
 
     /// The orders that hold, by agent.
-    pub(super) fn current(&self) -> Vec<Order> {
+    pub fn current(&self) -> Vec<Order> {
         self.held.iter().map(|held| held.order).collect()
     }
 
+    /// Gives agents orders instead of those that they had: all of them or none.
+    ///
+    /// # Errors
+    /// The first order that cannot be given.
+    pub fn give_all(&mut self, field: &Field, orders: &[AgentOrder]) -> Result<(), OrderError> {
+        let mut given = self.clone();
+        orders.iter().try_for_each(|&AgentOrder { agent, order }| given.give(field, agent, order))?;
+        *self = given;
+        Ok(())
+    }
+
     /// Gives an agent an order instead of the one that it had.
-    pub(super) fn give(&mut self, field: &Field, agent: usize, order: Order) -> Result<(), OrderError> {
+    ///
+    /// # Errors
+    /// If there is no such agent or unit, or the destination is no point.
+    pub fn give(&mut self, field: &Field, agent: usize, order: Order) -> Result<(), OrderError> {
         let n_agents = self.held.len();
         let held = self.held.get_mut(agent).ok_or(OrderError::NoSuchAgent { agent, n_agents })?;
         let mut seen_at = Vec2::ZERO;
@@ -83,7 +134,7 @@ impl Orders {
     }
 
     /// The actions of the next step, one per agent. Orders that are carried out end.
-    pub(super) fn actions(&mut self, field: &Field) -> Vec<u16> {
+    pub fn actions(&mut self, field: &Field) -> Vec<u16> {
         let held = self.held.iter_mut().enumerate();
         let actions = held.map(|(agent, held)| {
             if !field.is_alive(field.agents[agent]) {
@@ -143,12 +194,16 @@ impl Held {
 }
 
 /// A battle before a step, and the ids of its units.
-pub(super) struct Field<'a> {
-    pub(super) scenario: &'a Scenario,
-    pub(super) battle: &'a Battle,
-    /// Battle-wide ids by in-faction id.
-    pub(super) agents: &'a [usize],
-    pub(super) enemies: &'a [usize],
+#[derive(Clone, Copy)]
+pub struct Field<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// The battle.
+    pub battle: &'a Battle,
+    /// The agents' battle-wide ids, by in-faction id.
+    pub agents: &'a [usize],
+    /// The enemies' likewise.
+    pub enemies: &'a [usize],
 }
 
 impl Field<'_> {

@@ -1,14 +1,13 @@
 // @ts-check
 // PlayView: the battle as a person sees it who plays: what agents see, what is selected, what was ordered.
 
-import { BattleView } from "#view/battle.js";
-import { clamp } from "#view/numbers.js";
-import { contextOf, theme } from "#view/theme.js";
+import { BattleView } from "./battle.js";
+import { clamp } from "./numbers.js";
+import { contextOf, theme } from "./theme.js";
 import { Selection, seenBy, unitsIn } from "./selection.js";
 
-/** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { UnitState } from "#view/battle.js" */
-/** @import { Order } from "../protocol.d.ts" */
+/** @import { Order, ScenarioInfo } from "./data.d.ts" */
+/** @import { UnitState } from "./battle.js" */
 /** @import { Rectangle } from "./selection.js" */
 
 export class PlayView extends BattleView {

@@ -1,8 +1,7 @@
 // @ts-check
 // Selection: the agents that the next order is for.
 
-/** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { AgentOrder, Order } from "../protocol.d.ts" */
+/** @import { AgentOrder, Order, ScenarioInfo } from "./data.d.ts" */
 
 /** A rectangle of the canvas, by two opposite corners.
  * @typedef {{ x0: number, y0: number, x1: number, y1: number }} Rectangle

@@ -1,12 +1,13 @@
 // @ts-check
 // ObservationCard: what the selected agent observed before the shown step, with the name of every feature.
 
-import { make } from "#view/dom.js";
-import { TICKS_PER_STEP } from "#view/transport.js";
-import { messageOf } from "../connection.js";
+import { make } from "./dom.js";
 
-/** @import { Features } from "../protocol.d.ts" */
-/** @import { FollowPlayer, Request } from "./follow.js" */
+/** @import { Features, ScenarioInfo } from "./data.d.ts" */
+/**
+ * What is shown: a unit, or -1, before a step of an episode.
+ * @typedef {{ info: ScenarioInfo, unit: number, episode: number, step: number }} Shown
+ */
 
 /** Milliseconds between two requests for observations. */
 const OBSERVE_EVERY = 250;
@@ -14,36 +15,34 @@ const OBSERVE_EVERY = 250;
 export class ObservationCard {
   /**
    * @param {HTMLElement} element
-   * @param {Request} request
+   * @param {(episode: number, step: number, agent: number) => Promise<number[]>} observe
    */
-  constructor(element, request) {
+  constructor(element, observe) {
     this.element = element;
-    this.request = request;
+    this.observe = observe;
     this.shown = "";
     this.asked = -OBSERVE_EVERY;
   }
 
   /**
-   * @param {FollowPlayer} player
-   * @param {number} tick
+   * @param {Shown} shown
+   * @param {Features[]} features
+   * @param {boolean} isKnown Whether the step can be asked for.
    */
-  update(player, tick) {
-    const unit = player.info.units[player.view.selected],
-      isAgent = unit?.faction === 0;
-    this.element.hidden = !isAgent;
-    if (!isAgent) {
+  update({ info, unit, episode, step }, features, isKnown) {
+    const { faction, id } = info.units[unit] ?? { faction: 1, id: 0 };
+    this.element.hidden = faction !== 0;
+    if (this.element.hidden) {
       this.shown = "";
       return;
     }
-    const entry = player.tracks.get(player.number),
-      step = Math.floor(tick / TICKS_PER_STEP),
-      key = [player.number, step, unit.id].join();
-    const now = performance.now();
-    if (!entry || key === this.shown || now - this.asked < OBSERVE_EVERY || step > entry.steps) return;
+    const key = [episode, step, id].join(),
+      now = performance.now();
+    if (key === this.shown || now - this.asked < OBSERVE_EVERY || !isKnown) return;
     [this.shown, this.asked] = [key, now];
-    this.request({ type: "get_observation", number: player.number, step, agent: unit.id })
-      .then(({ obs }) => this.shown === key && this.draw(player.features, step, obs))
-      .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, messageOf(error))));
+    this.observe(episode, step, id)
+      .then((obs) => this.shown === key && this.draw(features, step, obs))
+      .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
   }
 
   /**

@@ -1,0 +1,113 @@
+// @ts-check
+// ChoiceBar: which map is played, who plays it, and the seed.
+
+import { titleCase } from "#view/battle.js";
+import { byId, make } from "#view/dom.js";
+
+/** @import { Choices, TeamInfo } from "./protocol.d.ts" */
+/** @import { SharedBattle } from "./link.js" */
+
+/** What plays the agents if the chosen team cannot. */
+export const DEFAULT_TEAM = "nearest";
+
+export class ChoiceBar {
+  /**
+   * @param {Choices} choices
+   * @param {(battle: Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">) => void} choose
+   */
+  constructor(choices, choose) {
+    this.choices = choices;
+    /** @type {string | null} The text of a scenario that was opened. */
+    this.opened = null;
+    /** Whether the team of a map plays there, if there is one: until the person chooses a script. */
+    this.wantsTrained = true;
+    this.fill();
+    byId("choices").addEventListener("submit", (/** @type {Event} */ event) => event.preventDefault());
+    for (const id of ["scenario", "opponent", "seed", "team"])
+      byId(id).addEventListener("change", () => choose(this.chosen(id)));
+  }
+
+  fill() {
+    const { scenarios, generated, opponents, policies, teams } = this.choices;
+    const maps = [group("Maps", scenarios), group("Drawn teams", generated)];
+    if (this.opened !== null)
+      maps.unshift(group("Opened", [this.opened], (text) => nameOf(text) ?? "your scenario"));
+    byId("scenario").replaceChildren(...maps);
+    byId("opponent").replaceChildren(
+      make("option", { value: "" }, "The map's own"),
+      ...opponents.map((name) => make("option", { value: name }, titleCase(name))),
+    );
+    byId("team").replaceChildren(
+      ...(teams.length ? [group("Trained teams", teams, labelOf)] : []),
+      group("Scripts", policies, titleCase),
+    );
+  }
+
+  /**
+   * What is chosen after a change of one choice, which another one may have to follow.
+   * @param {string} changed
+   */
+  chosen(changed) {
+    const [scenario, team, opponent, seed] = ["scenario", "team", "opponent", "seed"].map(
+      (id) => byId(id).value,
+    );
+    const chosen = { scenario, team, opponent, seed: seed.trim() };
+    const { teams, scenarios } = this.choices,
+      trained = teams.find(({ name }) => name === team),
+      map = nameOf(scenario) ?? scenario;
+    if (changed === "team") this.wantsTrained = trained !== undefined;
+    if (trained?.scenario === map) return chosen;
+    // A trained team plays the units that it was trained with.
+    if (trained && changed === "team" && scenarios.includes(trained.scenario))
+      return { ...chosen, scenario: trained.scenario };
+    const fitting = this.wantsTrained ? teams.find(({ scenario }) => scenario === map) : undefined;
+    return trained || fitting ? { ...chosen, team: fitting?.name ?? DEFAULT_TEAM } : chosen;
+  }
+
+  /** @param {Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">} battle */
+  show(battle) {
+    const isText = battle.scenario.trimStart().startsWith("{");
+    if (isText && battle.scenario !== this.opened) {
+      this.opened = battle.scenario;
+      this.fill();
+    }
+    Object.assign(byId("scenario"), { value: battle.scenario });
+    Object.assign(byId("team"), { value: battle.team });
+    Object.assign(byId("opponent"), { value: battle.opponent });
+    Object.assign(byId("seed"), { value: battle.seed });
+  }
+}
+
+/**
+ * Choices under a heading.
+ * @template T
+ * @param {string} label
+ * @param {T[]} values
+ * @param {(value: T) => string} [text]
+ */
+function group(label, values, text = String) {
+  const options = values.map((value) => {
+    const name = /** @type {any} */ (value)?.name ?? value;
+    return make("option", { value: name }, text(value));
+  });
+  return make("optgroup", { label }, options);
+}
+
+/**
+ * What a team is called in the list: those of the page have the names of their maps.
+ * @param {TeamInfo} team
+ */
+const labelOf = ({ name, scenario }) => (name === scenario ? `${name} team` : name);
+
+/**
+ * The name in the text of a scenario file.
+ * @param {string} text
+ * @returns {string | null}
+ */
+function nameOf(text) {
+  try {
+    return JSON.parse(text).name ?? null;
+  } catch {
+    return null;
+  }
+}

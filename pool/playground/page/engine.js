@@ -1,0 +1,46 @@
+// @ts-check
+// Engine: battles, in WebAssembly. A request and its response are one message of JSON in the engine's memory
+// (`src/exports.rs`); `src/protocol.rs` declares them and writes their types to protocol.d.ts.
+
+/** @import { Outcome, Request, Response } from "./protocol.d.ts" */
+/**
+ * What the engine exports.
+ * @typedef {object} Exports
+ * @property {WebAssembly.Memory} memory
+ * @property {(length: number) => number} request
+ * @property {() => number} respond
+ * @property {() => number} response
+ */
+
+export class Engine {
+  /** @param {BufferSource} code */
+  static async load(code) {
+    const { instance } = await WebAssembly.instantiate(code, {});
+    return new Engine(/** @type {any} */ (instance.exports));
+  }
+
+  /** @param {Exports} exports */
+  constructor(exports) {
+    this.exports = exports;
+  }
+
+  /**
+   * The response to a request; an error if it is refused.
+   * @template {Request["type"]} T
+   * @param {Extract<Request, { type: T }>} request
+   * @returns {Extract<Response, { type: T }>}
+   */
+  request(request) {
+    const { exports } = this,
+      text = new TextEncoder().encode(JSON.stringify(request)),
+      at = exports.request(text.length);
+    // The memory may have grown, and then its old buffer is gone.
+    new Uint8Array(exports.memory.buffer, at, text.length).set(text);
+    const length = exports.respond();
+    const bytes = new Uint8Array(exports.memory.buffer, exports.response(), length);
+    /** @type {Outcome} */
+    const outcome = JSON.parse(new TextDecoder().decode(bytes));
+    if ("error" in outcome) throw new Error(outcome.error);
+    return /** @type {any} */ (outcome.response);
+  }
+}

@@ -1,0 +1,68 @@
+// @ts-check
+// EpisodeList: the episodes of an opened replay.
+
+import { all, byId, make } from "#view/dom.js";
+import { RESULTS } from "#view/player.js";
+import { through } from "./link.js";
+
+/** @import { Engine } from "./engine.js" */
+/** @import { EpisodeInfo } from "./protocol.d.ts" */
+
+export class EpisodeList {
+  /** @param {(episode: number) => void} open */
+  constructor(open) {
+    this.open = open;
+    /** @type {EpisodeInfo[]} */
+    this.list = [];
+  }
+
+  clear() {
+    this.show([]);
+  }
+
+  /**
+   * Shows the episodes of a replay, and says that they were verified; it is an error if they are not.
+   * @param {Engine} engine
+   * @param {string} name
+   * @param {Uint8Array<ArrayBuffer>} bytes
+   */
+  async read(engine, name, bytes) {
+    const replay = new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
+    const { episodes, program } = engine.request({ type: "open_replay", name, replay });
+    this.show(episodes);
+    const which = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
+    return `${which} of ${name} (${program}) verified: every tick has the recorded bits.`;
+  }
+
+  /** @param {EpisodeInfo[]} episodes */
+  show(episodes) {
+    this.list = episodes;
+    byId("episodes").hidden = !episodes.length;
+    byId("episodes")
+      .querySelector("ol")
+      .replaceChildren(...episodes.map((episode, i) => this.row(episode, i)));
+  }
+
+  /**
+   * @param {EpisodeInfo} episode
+   * @param {number} index
+   */
+  row(episode, index) {
+    const result = episode.result ?? "unfinished";
+    const button = make("button", { type: "button", title: `Checksum ${episode.checksum}` }, [
+      make("span", {}, String(index + 1)),
+      make("span", { className: `dot ${result}` }, RESULTS[result]),
+      make("span", {}, `${episode.steps} steps`),
+      make("span", {}, episode.return.toFixed(2)),
+    ]);
+    button.addEventListener("click", () => this.open(index));
+    return make("li", {}, button);
+  }
+
+  /** @param {number} episode */
+  mark(episode) {
+    all("#episodes button").forEach((button, i) =>
+      button.setAttribute("aria-current", String(i === episode)),
+    );
+  }
+}

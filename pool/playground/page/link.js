@@ -1,0 +1,81 @@
+// @ts-check
+// Links: a battle as the part of an address after `#`, as `scenario=2s3z&seed=1&team=nearest&actions=...`. It is
+// all that is needed to play the battle again, to the bit.
+
+/**
+ * A battle: its scenario (a name, or the text of a file), who plays, and the joint actions of its steps.
+ * @typedef {{ scenario: string, seed: string, opponent: string, team: string, actions: number[],
+ *   taken: number[] }} SharedBattle
+ */
+
+/**
+ * Passes bytes through a stream that compresses or decompresses.
+ * @param {Uint8Array<ArrayBuffer>} bytes
+ * @param {CompressionStream | DecompressionStream} stream
+ */
+export async function through(bytes, stream) {
+  const readable = new Blob([bytes]).stream().pipeThrough(stream);
+  return new Uint8Array(await new Response(readable).arrayBuffer());
+}
+
+/**
+ * Bytes as base64 text.
+ * @param {Uint8Array} bytes
+ */
+export const base64 = (bytes) => btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+
+/**
+ * Bytes as text for an address.
+ * @param {Uint8Array<ArrayBuffer>} bytes
+ */
+async function packed(bytes) {
+  const text = base64(await through(bytes, new CompressionStream("deflate-raw")));
+  return text.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+/** @param {string} text */
+async function unpacked(text) {
+  const binary = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
+  const bytes = Uint8Array.from(binary, (letter) => letter.charCodeAt(0));
+  return through(bytes, new DecompressionStream("deflate-raw"));
+}
+
+/**
+ * A battle as text: what stands behind `#`.
+ * @param {SharedBattle} battle
+ */
+export async function linkOf({ scenario, seed, opponent, team, actions, taken }) {
+  const link = new URLSearchParams();
+  if (scenario.trimStart().startsWith("{"))
+    link.set("file", await packed(new TextEncoder().encode(scenario)));
+  else link.set("scenario", scenario);
+  link.set("seed", seed);
+  if (opponent) link.set("opponent", opponent);
+  link.set("team", team);
+  // Two bytes per action, little-endian.
+  const bytes = Uint8Array.from(actions.flatMap((action) => [action & 255, action >> 8]));
+  if (actions.length) link.set("actions", await packed(bytes));
+  if (taken.length) link.set("taken", taken.join("."));
+  return link.toString();
+}
+
+/**
+ * The battle of a link; what it leaves out is that of `defaults`.
+ * @param {string} text
+ * @param {SharedBattle} defaults
+ * @returns {Promise<SharedBattle>}
+ */
+export async function battleOf(text, defaults) {
+  const link = new URLSearchParams(text);
+  const [file, actions, taken] = ["file", "actions", "taken"].map((key) => link.get(key));
+  const bytes = actions ? await unpacked(actions) : new Uint8Array();
+  const scenario = file ? new TextDecoder().decode(await unpacked(file)) : link.get("scenario");
+  return {
+    scenario: scenario ?? defaults.scenario,
+    seed: link.get("seed") ?? defaults.seed,
+    opponent: link.get("opponent") ?? "",
+    team: link.get("team") ?? defaults.team,
+    actions: Array.from({ length: bytes.length >> 1 }, (_, i) => bytes[2 * i] | (bytes[2 * i + 1] << 8)),
+    taken: taken ? taken.split(".").map(Number) : [],
+  };
+}

@@ -1,0 +1,107 @@
+// @ts-check
+// The page of the playground: starts the engine that is inside the page, with the teams that are there too, and
+// begins the battle of the link.
+
+import { byId } from "#view/dom.js";
+import { theme } from "#view/theme.js";
+import { inflate } from "#view/track.js";
+import { DEFAULT_TEAM } from "./choices.js";
+import { Engine } from "./engine.js";
+import { listenToFiles } from "./files.js";
+import { base64, battleOf } from "./link.js";
+import { Playground } from "./playground.js";
+
+/** @import { SharedBattle } from "./link.js" */
+/** @import { TeamFiles } from "./protocol.d.ts" */
+/**
+ * What is in the page: the engine's code, compressed by deflate, in base64; and teams.
+ * @typedef {{ engine: string, teams: TeamFiles[] }} PageData
+ */
+
+/** The battle of a page without a link. */
+const FIRST = { scenario: "2s3z", seed: "1", opponent: "", team: "", actions: [], taken: [] };
+/** What the person can do, in the words of mouse or finger. */
+const GUIDES = {
+  mouse:
+    "Press play, or take over: select blue agents, and right click where they go or the enemy to attack.",
+  touch: "Press play, or take over: tap a blue agent, then where it goes or the enemy to attack.",
+};
+
+/**
+ * A battle as the engine begins it. If no team is named, one plays that was trained on the map.
+ * @param {SharedBattle} battle
+ * @param {TeamFiles[]} teams
+ */
+function withSource(battle, teams) {
+  const { scenario, seed, opponent } = battle;
+  const team = battle.team || (teams.find(({ name }) => name === scenario)?.name ?? DEFAULT_TEAM);
+  return { ...battle, team, source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }) };
+}
+
+/**
+ * The battle that the address asks for.
+ * @param {TeamFiles[]} teams
+ */
+const battleOfAddress = async (teams) => withSource(await battleOf(location.hash.slice(1), FIRST), teams);
+
+/** @param {PageData} data */
+async function start(data) {
+  const engine = await Engine.load(await inflate(data.engine));
+  for (const team of data.teams) engine.request({ type: "add_team", ...team });
+  const page = await firstPage(engine, data.teams);
+  page.note(GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
+  listenToFiles({
+    replay: (name, bytes) => page.openReplay(name, bytes),
+    scenario: (scenario) => page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" }),
+    team: (name, run, weights) => {
+      page.choices.choices.teams = engine.request({
+        type: "add_team",
+        name,
+        run,
+        weights: base64(weights),
+      }).teams;
+      page.choices.fill();
+      byId("team").value = name;
+      page.choose(page.choices.chosen("team"));
+    },
+    fail: (error) => page.fail(error),
+  });
+  addEventListener("hashchange", async () => {
+    try {
+      const { source, team, actions, taken } = await battleOfAddress(data.teams);
+      page.begin(source, team, actions, taken);
+    } catch (error) {
+      page.fail(error);
+    }
+  });
+}
+
+/**
+ * The page with the battle of its address, or if that is refused, with the first one and the reason.
+ * @param {Engine} engine
+ * @param {TeamFiles[]} teams
+ */
+async function firstPage(engine, teams) {
+  /** @param {ReturnType<typeof withSource>} battle */
+  const open = ({ source, team, actions, taken }) => {
+    const begun = engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    const page = new Playground(engine, source, team, begun);
+    page.start(taken);
+    return page;
+  };
+  try {
+    return open(await battleOfAddress(teams));
+  } catch (error) {
+    const page = open(withSource(FIRST, teams));
+    page.fail(new Error(`The battle of this link cannot be played: ${/** @type {Error} */ (error).message}`));
+    return page;
+  }
+}
+
+theme.start();
+start(JSON.parse(byId("data").textContent)).catch((error) => {
+  byId("message").hidden = false;
+  const browsers = "Firefox 113, Chrome 103, Safari 16.4, or newer";
+  byId("message").textContent = `The page cannot start: ${error.message}. It needs ${browsers}.`;
+  console.error(error);
+});

@@ -1,0 +1,398 @@
+// @ts-check
+// The playground: battles that the engine plays in this page. A team plays the agents; who gives one an order
+// takes it over, and the battle goes on from the step that is shown.
+
+import { Commander } from "#view/commander.js";
+import { byId } from "#view/dom.js";
+import { ObservationCard } from "#view/observation.js";
+import { Track, bytesOf } from "#view/track.js";
+import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
+import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
+import { EpisodeList } from "./episodes.js";
+import { Headline } from "./headline.js";
+import { PlaygroundView } from "./playground_view.js";
+import { save, share } from "./share.js";
+
+/** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { Rectangle } from "#view/selection.js" */
+/** @import { Engine } from "./engine.js" */
+/** @import { SharedBattle } from "./link.js" */
+/** @import { BegunBattle, EpisodeResult, PlayedSteps, Source } from "./protocol.d.ts" */
+
+/** Seconds before the end of a step is shown, when the next one is played. */
+const LEAD = 0.06;
+/** Steps that are played between two pictures, if nobody waits for them. */
+const AHEAD = 12;
+
+export class Playground extends Commander {
+  /**
+   * @param {Engine} engine
+   * @param {Source} source
+   * @param {string} team
+   * @param {BegunBattle} begun
+   */
+  constructor(engine, source, team, begun) {
+    super(begun.scenario);
+    this.engine = engine;
+    this.source = source;
+    this.team = team;
+    this.begun = begun;
+    /** Counts battles. */
+    this.serial = 0;
+    this.steps = 0;
+    this.episodeReturn = 0;
+    /** @type {EpisodeResult | null} */
+    this.result = null;
+    /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
+    this.goesOn = true;
+    this.headline = new Headline();
+    this.observation = new ObservationCard(
+      byId("obs"),
+      async (_, step, agent) => engine.request({ type: "get_observation", step, agent }).obs,
+    );
+    this.choices = new ChoiceBar(engine.request({ type: "get_choices" }), (choice) => this.choose(choice));
+    this.episodes = new EpisodeList((episode) => this.openEpisode(episode));
+  }
+
+  /** @param {ScenarioInfo} info */
+  viewOf(info) {
+    return new PlaygroundView(byId("battle"), info);
+  }
+
+  get arena() {
+    return /** @type {PlaygroundView} */ (this.view);
+  }
+
+  /** The agents that the person has taken over. */
+  get taken() {
+    return this.arena.taken;
+  }
+
+  /** No orders are given while no agent is selected, or after the end. */
+  get isOver() {
+    return !this.field.selection.units.size || !this.begun.is_playable || this.isAtEnd;
+  }
+
+  /** Whether the end of the battle is shown. */
+  get isAtEnd() {
+    return this.result !== null && this.clock.time >= this.clock.end;
+  }
+
+  /** Whether the battle waits for a person at its end. */
+  get isLive() {
+    return this.taken.size > 0 && this.result === null;
+  }
+
+  /** Whether the team plays on by itself. */
+  get isPlayedAhead() {
+    return !this.taken.size && this.result === null && this.goesOn && this.begun.is_playable;
+  }
+
+  /** The actions of all steps, agent by agent. */
+  get actions() {
+    return this.view.track.decisions.flatMap((step) => step.map(({ action }) => action));
+  }
+
+  /**
+   * Shows the battle with which the page begins.
+   * @param {number[]} taken
+   */
+  start(taken) {
+    this.listen();
+    this.accept(this.begun, taken);
+    /** @param {number} now */
+    const frame = (now) => {
+      this.frame(now);
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    document.documentElement.dataset.ready = "";
+  }
+
+  /**
+   * Begins another battle, after these actions. If it is refused, nothing changes.
+   * @param {Source} source
+   * @param {string} team
+   * @param {number[]} [actions]
+   * @param {number[]} [taken]
+   */
+  begin(source, team, actions = [], taken = []) {
+    const begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
+    this.accept(begun, taken);
+    byId("message").hidden = byId("note").hidden = true;
+  }
+
+  /**
+   * Shows a battle that has begun, from its start.
+   * @param {BegunBattle} begun
+   * @param {number[]} taken
+   */
+  accept(begun, taken) {
+    const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
+    this.begun = begun;
+    const { wholeMap } = this.view;
+    if (isOther) this.use(begun.scenario);
+    this.view.wholeMap = wholeMap;
+    this.field.selection.clear();
+    this.restart(taken);
+    this.clock.playing = false;
+    this.choices.show(this.shared);
+  }
+
+  /**
+   * Shows the begun battle as far as it was played.
+   * @param {Iterable<number>} taken
+   */
+  restart(taken) {
+    this.serial++;
+    this.result = null;
+    this.arena.taken = new Set(taken);
+    this.show(new Track(this.begun.scenario));
+    this.append(this.begun.played);
+    this.selected();
+  }
+
+  /** The battle without its actions, for links and choices. */
+  get shared() {
+    const { source, team, begun } = this;
+    const { scenario, opponent } =
+      source.kind === "scenario" ? source : { scenario: begun.scenario.name, opponent: begun.opponent };
+    return { scenario, seed: begun.seed, opponent, team };
+  }
+
+  /** @param {PlayedSteps} played */
+  append(played) {
+    const { step, steps, n_moments, moments, decisions } = played;
+    // The start comes alone, and then again with the first step.
+    if (step === 0) this.view.track = this.chart.track = new Track(this.begun.scenario);
+    const { track } = this.view;
+    track.serial = this.serial;
+    track.append(bytesOf(moments), n_moments);
+    track.appendDecisions(bytesOf(decisions));
+    this.steps = step + steps;
+    this.episodeReturn = played.return;
+    this.result = played.result;
+    this.field.orders = played.orders;
+    this.clock.end = track.last;
+    this.clock.isOpen = this.isLive || this.isPlayedAhead;
+    // The map shows wherever the team will go, unless a person has moved it.
+    if (!this.taken.size && this.view.isFitted) this.view.camera = null;
+    this.redraw();
+  }
+
+  /** @param {number} steps */
+  play(steps) {
+    try {
+      this.append(this.engine.request({ type: "play_steps", steps }));
+    } catch (error) {
+      this.goesOn = false;
+      this.fail(error);
+    }
+  }
+
+  /** @param {Omit<SharedBattle, "actions" | "taken">} choice */
+  choose({ scenario, team, opponent, seed }) {
+    try {
+      this.begin({ kind: "scenario", scenario, seed, opponent }, team);
+      this.episodes.clear();
+      this.toggle();
+    } catch (error) {
+      this.fail(error);
+      this.choices.show(this.shared);
+    }
+  }
+
+  /** A new battle. */
+  again() {
+    const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
+    this.choose({ ...this.shared, seed });
+  }
+
+  /**
+   * Gives agents orders, and takes them over. What followed the shown step is forgotten.
+   * @param {AgentOrder[]} orders
+   */
+  send(orders) {
+    if (!orders.length) return;
+    try {
+      this.cut();
+      this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
+      this.field.orders = this.engine.request({ type: "give_orders", orders }).orders;
+    } catch (error) {
+      this.fail(error);
+    }
+    this.redraw();
+  }
+
+  /**
+   * At the start, a drag that begins on a unit moves it.
+   * @param {Rectangle | null} box
+   */
+  drawBox(box) {
+    const unit = box && this.isAtStart ? this.view.unitAt(box.x0, box.y0) : -1;
+    this.arena.dragged = box && unit >= 0 ? { unit, at: { x: box.x1, y: box.y1 } } : null;
+    super.drawBox(unit >= 0 ? null : box);
+  }
+
+  /** Whether units can be moved: before the first step of a battle of a scenario. */
+  get isAtStart() {
+    return this.source.kind === "scenario" && !this.clock.playing && this.clock.time === 0;
+  }
+
+  /**
+   * @param {Rectangle | null} box
+   * @param {boolean} add
+   */
+  boxed(box, add) {
+    const { dragged } = this.arena;
+    if (!box || !dragged) return super.boxed(box, add);
+    this.drawBox(null);
+    this.moveUnit(dragged.unit, this.arena.placeAt(box.x1, box.y1));
+  }
+
+  /**
+   * Begins a battle in which a unit starts elsewhere.
+   * @param {number} unit
+   * @param {{ x: number, y: number }} to
+   */
+  moveUnit(unit, to) {
+    try {
+      const { scenario } = this.engine.request({ type: "move_unit", unit, ...to });
+      const { seed, opponent, team } = this.shared;
+      this.begin({ kind: "scenario", scenario, seed, opponent }, team, [], [...this.taken]);
+    } catch (error) {
+      this.fail(error);
+    }
+  }
+
+  /** Ends the battle after the step that is shown. */
+  cut() {
+    const step = Math.ceil(this.clock.time / TICKS_PER_STEP);
+    this.goesOn = true;
+    if (step >= this.steps) return;
+    const { source, team, clock, view } = this,
+      { time, playing } = clock,
+      { camera, isFitted } = view,
+      actions = this.actions.slice(0, step * this.info.n_agents),
+      taken = [...this.taken];
+    this.begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    const selected = [...this.field.selection.units];
+    this.restart(taken);
+    Object.assign(this.view, { camera, isFitted });
+    this.field.selection.take(selected, false);
+    clock.seek(time);
+    clock.playing = playing;
+  }
+
+  /** @param {number[]} agents */
+  take(agents) {
+    const taken = [...new Set(agents)];
+    this.engine.request({ type: "take_agents", agents: taken });
+    this.arena.taken = new Set(taken);
+    this.clock.isOpen = this.isLive || this.isPlayedAhead;
+    this.selected();
+  }
+
+  /** Lets the team play the selected agents again; if none is selected, all. */
+  release() {
+    if (!this.taken.size) return;
+    const selected = new Set([...this.field.selection.units].map((unit) => this.info.units[unit].id));
+    this.cut();
+    this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+  }
+
+  /** @param {number} [enemy] */
+  selected(enemy) {
+    super.selected(enemy);
+    byId("release").disabled = !this.taken.size;
+  }
+
+  /** @param {number} ticks */
+  step(ticks) {
+    if (ticks > 1 && this.isLive && this.clock.time >= this.clock.end) this.play(1);
+    super.step(ticks);
+  }
+
+  /** @param {number} now */
+  frame(now) {
+    super.frame(now);
+    const { clock } = this,
+      left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
+    if (this.isPlayedAhead) this.play(AHEAD);
+    else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.play(1);
+    this.forget();
+    const step = Math.floor(clock.time / TICKS_PER_STEP);
+    const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
+    this.observation.update(shown, this.begun.features, step <= this.steps);
+    this.headline.update(this);
+  }
+
+  /**
+   * @param {string} name
+   * @param {Uint8Array<ArrayBuffer>} bytes
+   */
+  async openReplay(name, bytes) {
+    const verified = await this.episodes.read(this.engine, name, bytes);
+    this.openEpisode(0);
+    this.note(verified);
+  }
+
+  /** @param {number} episode */
+  openEpisode(episode) {
+    const { actions } = this.episodes.list[episode];
+    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, actions);
+    this.episodes.mark(episode);
+  }
+
+  /** @param {string} text */
+  note(text) {
+    byId("note").textContent = text;
+    byId("note").hidden = false;
+  }
+
+  /** @param {unknown} error */
+  fail(error) {
+    this.clock.playing = false;
+    byId("message").hidden = false;
+    byId("message").textContent = error instanceof Error ? error.message : String(error);
+    this.redraw();
+  }
+
+  listen() {
+    super.listen();
+    byId("again").addEventListener("click", () => this.again());
+    byId("share").addEventListener("click", () => share(this));
+    byId("save").addEventListener("click", () => save(this));
+    byId("release").addEventListener("click", () => this.release());
+    byId("battle").addEventListener("pointerdown", () => (byId("note").hidden = true));
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    // What is chosen or typed is no command.
+    const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
+    if (!isChoice) super.key(event);
+  }
+
+  /** @param {string} key */
+  shortcut(key) {
+    if (key !== "s") return super.shortcut(key);
+    save(this);
+    return true;
+  }
+
+  /**
+   * @param {string} key
+   * @param {number} ticks
+   */
+  command(key, ticks) {
+    /** @type {{ [key: string]: () => void }} */
+    const commands = {
+      n: () => this.again(),
+      r: () => this.release(),
+      ".": () => this.step(TICKS_PER_STEP),
+    };
+    return commands[key] ?? super.command(key, ticks);
+  }
+}

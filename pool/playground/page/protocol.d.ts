@@ -1,0 +1,125 @@
+// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
+import type { AgentOrder, Features, Order, ScenarioInfo } from "#view/data.d.ts";
+
+export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, 
+/**
+ * The file's text; the page decompresses it.
+ */
+replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, };
+export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, };
+export type Outcome = { "response": Response } | { "error": string };
+export type Choices = { 
+/**
+ * The standard scenarios.
+ */
+scenarios: Array<string>, 
+/**
+ * Those whose teams and start positions are drawn.
+ */
+generated: Array<string>, 
+/**
+ * Scripts that play the enemies.
+ */
+opponents: Array<string>, 
+/**
+ * Scripts that play the agents.
+ */
+policies: Array<string>, teams: Array<TeamInfo>, };
+export type TeamInfo = { name: string, 
+/**
+ * The scenario that it was trained in.
+ */
+scenario: string, };
+export type TeamFiles = { name: string, 
+/**
+ * The text of `run.json`.
+ */
+run: string, 
+/**
+ * The weights, safetensors in base64.
+ */
+weights: string, };
+export type BeginBattle = { of: Source, 
+/**
+ * The script or trained team that plays the agents.
+ */
+team: string, 
+/**
+ * The joint actions of the steps that are played at once, agent by agent.
+ */
+actions: Array<number>, 
+/**
+ * The agents that carry out orders.
+ */
+taken: Array<number>, };
+export type Source = { "kind": "scenario", 
+/**
+ * A name, or the text of a scenario file.
+ */
+scenario: string, 
+/**
+ * A whole number; as a text, because JavaScript has no 64-bit integers.
+ */
+seed: string, 
+/**
+ * The script that plays the enemies; that of the scenario if this is empty.
+ */
+opponent: string, } | { "kind": "episode", episode: number, };
+export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, rules: string, 
+/**
+ * Who plays the enemies.
+ */
+opponent: string, seed: string, 
+/**
+ * Whether it can be played on; a battle in which actions play the enemies too is only shown.
+ */
+is_playable: boolean, played: PlayedSteps, };
+export type PlayedSteps = { 
+/**
+ * The first of them, and how many there are.
+ */
+step: number, steps: number, n_moments: number, 
+/**
+ * In base64.
+ */
+moments: string, 
+/**
+ * In base64.
+ */
+decisions: string, 
+/**
+ * Return of the episode after them.
+ */
+return: number, 
+/**
+ * How the episode ended, if it did.
+ */
+result: EpisodeResult | null, 
+/**
+ * The orders that hold after them, by agent.
+ */
+orders: Array<Order>, };
+export type EpisodeResult = "won" | "lost" | "truncated";
+export type OpenedReplay = { 
+/**
+ * The program that recorded it.
+ */
+program: string, episodes: Array<EpisodeInfo>, };
+export type EpisodeInfo = { seed: string, steps: number, return: number, result: EpisodeResult | null, 
+/**
+ * XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
+ */
+checksum: string, 
+/**
+ * The joint actions of all steps.
+ */
+actions: Array<number>, };
+export type ReplayFile = { name: string, 
+/**
+ * The file's text; the page compresses it by gzip.
+ */
+replay: string, 
+/**
+ * As in [`EpisodeInfo`].
+ */
+checksum: string, };

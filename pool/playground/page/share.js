@@ -1,0 +1,51 @@
+// @ts-check
+// What leaves the page: the link to a battle, and the battle as a replay file.
+
+import { download } from "#view/dom.js";
+import { linkOf, through } from "./link.js";
+
+/** @import { Engine } from "./engine.js" */
+/** @import { SharedBattle } from "./link.js" */
+/** @import { Source } from "./protocol.d.ts" */
+/**
+ * A battle, and the page that says what became of it.
+ * @typedef {object} Shown
+ * @property {Engine} engine
+ * @property {Source} source
+ * @property {Omit<SharedBattle, "actions" | "taken">} shared
+ * @property {number[]} actions
+ * @property {Set<number>} taken
+ * @property {(text: string) => void} note
+ * @property {(error: unknown) => void} fail
+ */
+
+/**
+ * Copies the link to a battle.
+ * @param {Shown} page
+ */
+export async function share(page) {
+  if (page.source.kind !== "scenario") return page.note("Save this replay to share it.");
+  const taken = [...page.taken].sort((a, b) => a - b);
+  const link = await linkOf({ ...page.shared, actions: page.actions, taken });
+  history.replaceState(null, "", `#${link}`);
+  try {
+    await navigator.clipboard.writeText(location.href);
+    page.note("The link to this battle is copied.");
+  } catch {
+    page.note("The link to this battle is in the address bar.");
+  }
+}
+
+/**
+ * Saves a battle as a file that `smaclite-pool replay` reads.
+ * @param {Shown} page
+ */
+export async function save(page) {
+  try {
+    const { name, replay } = page.engine.request({ type: "get_replay" });
+    const file = await through(new TextEncoder().encode(replay), new CompressionStream("gzip"));
+    download(name, file, "application/octet-stream");
+  } catch (error) {
+    page.fail(error);
+  }
+}

@@ -1,0 +1,243 @@
+//! The battle that a page shows: a team plays the agents, but for those that a person has taken over. Every
+//! step is recorded, and encoded for the page.
+
+use crate::game::{Game, GameError};
+use crate::protocol::{EpisodeResult, PlayedSteps, ReplayFile};
+use crate::team::Team;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use smaclite_engine::policy::Scripted;
+use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot, Step};
+use smaclite_view::page::{encode_moments, encode_step};
+use smaclite_view::{
+    AgentOrder, Field, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX,
+};
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+/// Who plays the agents that nobody has taken over.
+#[derive(Clone)]
+pub(crate) enum Player {
+    Script(Box<Scripted>),
+    Team(Rc<Team>),
+}
+
+/// Why a request about a battle is refused.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BattleError {
+    #[error(transparent)]
+    Game(#[from] GameError),
+    #[error(transparent)]
+    Order(#[from] OrderError),
+    #[error("step {step} cannot be played: {error}")]
+    Action { step: usize, error: IllegalAction },
+    #[error("actions must be {n_actors} per step, got {given} in all")]
+    ActionCount { n_actors: usize, given: usize },
+    #[error("agent must be below {n_agents}, got {agent}")]
+    NoSuchAgent { agent: usize, n_agents: usize },
+    #[error("step must be at most {steps}, which is the next one, got {step}")]
+    NoSuchStep { step: usize, steps: usize },
+    #[error("actions play the enemies of this replay too, so that it is only shown")]
+    NotPlayable,
+    #[error("the battle has no step yet")]
+    NoStep,
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+}
+
+/// A battle, as far as it was played.
+pub(crate) struct PlayedBattle {
+    game: Rc<Game>,
+    player: Player,
+    taken: BTreeSet<usize>,
+    orders: Orders,
+    recorder: Recorder,
+    observer: Observer,
+    /// The joint actions of all steps.
+    actions: Vec<u16>,
+    /// The states before all steps, and now.
+    states: Vec<Snapshot>,
+    newest: Option<Step>,
+}
+
+/// What is to be encoded of some steps.
+#[derive(Default)]
+struct Seen {
+    moments: Vec<Moment>,
+    decisions: Vec<u8>,
+}
+
+impl PlayedBattle {
+    /// The battle at its start.
+    pub fn new(game: Rc<Game>, player: Player) -> Result<PlayedBattle, BattleError> {
+        let recorder = game.recorder()?;
+        let observer = Observer::new(&game.scenario, recorder.battle());
+        Ok(PlayedBattle {
+            player,
+            taken: BTreeSet::new(),
+            orders: Orders::new(game.agents.len()),
+            states: vec![recorder.battle().save()],
+            recorder,
+            observer,
+            actions: Vec::new(),
+            newest: None,
+            game,
+        })
+    }
+
+    /// Number of steps that were played.
+    pub fn steps(&self) -> usize {
+        self.states.len() - 1
+    }
+
+    /// Lets these agents carry out orders, and no others.
+    pub fn take(&mut self, agents: &[usize]) -> Result<(), BattleError> {
+        let n_agents = self.game.agents.len();
+        if let Some(&agent) = agents.iter().find(|&&agent| agent >= n_agents) {
+            return Err(BattleError::NoSuchAgent { agent, n_agents });
+        }
+        self.taken = agents.iter().copied().collect();
+        let field = field(&self.game, self.recorder.battle());
+        // What an agent was told before it was given back is forgotten.
+        for agent in (0..n_agents).filter(|agent| !self.taken.contains(agent)) {
+            self.orders.give(&field, agent, Order::None)?;
+        }
+        Ok(())
+    }
+
+    /// Gives agents orders, all of them or none.
+    pub fn give(&mut self, orders: &[AgentOrder]) -> Result<Vec<Order>, BattleError> {
+        self.orders.give_all(&field(&self.game, self.recorder.battle()), orders)?;
+        Ok(self.orders.current())
+    }
+
+    /// Plays these joint actions.
+    pub fn play_actions(&mut self, actions: &[u16]) -> Result<PlayedSteps, BattleError> {
+        let (n_actors, given) = (self.game.arena.sizes().n_actors(), actions.len());
+        if !given.is_multiple_of(n_actors) {
+            return Err(BattleError::ActionCount { n_actors, given });
+        }
+        let (first, mut seen) = (self.steps(), Seen::default());
+        for joint in actions.chunks_exact(n_actors) {
+            self.step(joint, &mut seen)?;
+        }
+        Ok(self.encode(first, seen))
+    }
+
+    /// Plays up to so many steps by orders and the team.
+    pub fn play(&mut self, steps: usize) -> Result<PlayedSteps, BattleError> {
+        let (first, mut seen) = (self.steps(), Seen::default());
+        while self.steps() < first + steps && !self.recorder.battle().is_over() {
+            let joint = self.choose()?;
+            self.step(&joint, &mut seen)?;
+        }
+        Ok(self.encode(first, seen))
+    }
+
+    /// The joint action of the next step.
+    fn choose(&mut self) -> Result<Vec<u16>, BattleError> {
+        if !self.game.is_playable() {
+            return Err(BattleError::NotPlayable);
+        }
+        let battle = self.recorder.battle();
+        let chosen = match &mut self.player {
+            Player::Script(script) => {
+                let mut chosen = vec![0; self.game.agents.len()];
+                script.act(battle, &mut chosen);
+                chosen
+            }
+            Player::Team(team) => team.act(battle, &self.actions, self.game.seed()),
+        };
+        let ordered = self.orders.actions(&field(&self.game, battle));
+        let own = |(agent, (ordered, chosen))| {
+            // Legal actions are below the 6 + 1000 actions of the largest scenario.
+            if self.taken.contains(&agent) { ordered } else { chosen as u16 }
+        };
+        Ok(ordered.into_iter().zip(chosen).enumerate().map(own).collect())
+    }
+
+    fn step(&mut self, joint: &[u16], seen: &mut Seen) -> Result<(), BattleError> {
+        let step = self.steps();
+        let actions: Vec<i32> = joint.iter().map(|&action| action.into()).collect();
+        self.recorder.battle().check(&actions).map_err(|error| BattleError::Action { step, error })?;
+        encode_step(self.recorder.battle(), joint, &mut seen.decisions);
+        let observer = &mut self.observer;
+        let observe = |units: &_| seen.moments.push(observer.observe(units).clone());
+        let played = self.recorder.step_observed(&actions, observe);
+        self.newest = Some(played.map_err(|error| BattleError::Action { step, error })?);
+        self.actions.extend(joint);
+        self.states.push(self.recorder.battle().save());
+        Ok(())
+    }
+
+    /// The steps from `first` on; those from the start on begin with the moment there.
+    fn encode(&self, first: usize, seen: Seen) -> PlayedSteps {
+        let Seen { mut moments, decisions } = seen;
+        if first == 0 {
+            let start = self.battle_before(0).map(|battle| Observer::new(&self.game.scenario, &battle));
+            moments.splice(0..0, start.map(|observer| observer.moment().clone()));
+        }
+        PlayedSteps {
+            step: first,
+            steps: self.steps() - first,
+            n_moments: moments.len(),
+            moments: STANDARD.encode(encode_moments(&moments)),
+            decisions: STANDARD.encode(decisions),
+            episode_return: self.recorder.battle().episode_return(),
+            result: self.newest.and_then(result),
+            orders: self.orders.current(),
+        }
+    }
+
+    fn battle_before(&self, step: usize) -> Option<Battle> {
+        let mut battle = Battle::new(self.game.arena.clone(), 0);
+        battle.restore(self.states.get(step)?).ok()?;
+        Some(battle)
+    }
+
+    /// What an agent observes before a step.
+    pub fn observation(&self, step: usize, agent: usize) -> Result<Vec<f32>, BattleError> {
+        let sizes = self.game.arena.sizes();
+        let steps = self.steps();
+        let battle = self.battle_before(step).ok_or(BattleError::NoSuchStep { step, steps })?;
+        let mut all = vec![0.0; sizes.n_agents * sizes.obs_size];
+        battle.write_obs(&mut all, &mut Scratch::new());
+        let own = all.chunks_exact(sizes.obs_size).nth(agent);
+        Ok(own.ok_or(BattleError::NoSuchAgent { agent, n_agents: sizes.n_agents })?.to_vec())
+    }
+
+    /// The text of its scenario with a unit that starts elsewhere.
+    pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, BattleError> {
+        Ok(self.game.with_moved_unit(unit, x, y)?)
+    }
+
+    /// All steps so far, as the file of a replay.
+    pub fn replay(&self) -> Result<ReplayFile, BattleError> {
+        let mut recorder = self.game.recorder()?;
+        for (step, joint) in self.actions.chunks_exact(self.game.arena.sizes().n_actors()).enumerate() {
+            let joint: Vec<i32> = joint.iter().map(|&action| action.into()).collect();
+            recorder.step(&joint).map_err(|error| BattleError::Action { step, error })?;
+        }
+        let replay = recorder.finish();
+        let episode = replay.episodes().first().ok_or(BattleError::NoStep)?;
+        Ok(ReplayFile {
+            name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed()),
+            checksum: format!("{:016x}", episode.checksum),
+            replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
+        })
+    }
+}
+
+fn field<'a>(game: &'a Game, battle: &'a Battle) -> Field<'a> {
+    Field { scenario: &game.scenario, battle, agents: &game.agents, enemies: &game.enemies }
+}
+
+/// How an episode ended, if the step ended it.
+fn result(step: Step) -> Option<EpisodeResult> {
+    match step {
+        Step { battle_won: true, .. } => Some(EpisodeResult::Won),
+        Step { terminated: true, .. } => Some(EpisodeResult::Lost),
+        Step { truncated: true, .. } => Some(EpisodeResult::Truncated),
+        _ => None,
+    }
+}

@@ -1,0 +1,146 @@
+//! What a battle is played with, and how it begins.
+
+use crate::protocol::Source;
+use serde_json::json;
+use smaclite_engine::{
+    Arena, BattleSetup, Opponent, Opponents, OpponentsError, Snapshot, SnapshotError, StreamPosition,
+};
+use smaclite_scenarios::{Faction, Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
+use smaclite_units::Keyword;
+use smaclite_view::{Recorder, Replay, ReplayError};
+use std::sync::Arc;
+
+/// Why there is no battle.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum GameError {
+    #[error(transparent)]
+    Unknown(#[from] ScenarioError),
+    #[error("the scenario is not valid: {0}")]
+    Invalid(#[from] Problems),
+    #[error(transparent)]
+    Opponent(#[from] OpponentsError),
+    #[error("seed must be a whole number from 0 to {max}, got `{0}`", max = u64::MAX)]
+    Seed(String),
+    #[error("episode must be below {n_episodes}, got {episode}")]
+    Episode { episode: usize, n_episodes: usize },
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error("unit must be below {n_units}, got {unit}")]
+    Unit { unit: usize, n_units: usize },
+    #[error("this scenario draws where units start, so they cannot be moved")]
+    Drawn,
+    #[error("the state at the start of the episode is not one of its scenario: {0}")]
+    Snapshot(#[from] SnapshotError),
+}
+
+/// What a battle is played with.
+pub(crate) struct Game {
+    pub setup: BattleSetup,
+    pub scenario: Scenario,
+    pub arena: Arc<Arena>,
+    /// Battle-wide ids by in-faction id.
+    pub agents: Vec<usize>,
+    pub enemies: Vec<usize>,
+    start: Start,
+}
+
+/// Where it begins.
+enum Start {
+    Seed(u64),
+    Episode { at: StreamPosition, opponent: Opponent, snapshot: Option<Box<Snapshot>> },
+}
+
+impl Game {
+    /// A battle of a scenario or of the opened replay.
+    pub fn new(source: &Source, replay: Option<&Replay>) -> Result<Game, GameError> {
+        match source {
+            Source::Scenario { scenario, seed, opponent } => Game::of_scenario(scenario, seed, opponent),
+            Source::Episode { episode } => Game::of_episode(*episode, replay),
+        }
+    }
+
+    fn of_scenario(name_or_text: &str, seed: &str, opponent: &str) -> Result<Game, GameError> {
+        let files = if name_or_text.trim_start().starts_with('{') {
+            ScenarioFiles { source: "scenario".into(), text: name_or_text.into(), unit_files: Vec::new() }
+        } else {
+            ScenarioFiles::resolve(name_or_text)?.1
+        };
+        let setup = BattleSetup::new(files);
+        let opponents = match opponent {
+            "" => setup.opponents.clone(),
+            name => Opponents::from(Opponent::from_name(name)?),
+        };
+        opponents.check(setup.sides)?;
+        let seed = seed.parse().map_err(|_| GameError::Seed(seed.to_owned()))?;
+        Game::with(BattleSetup { opponents, ..setup }, Start::Seed(seed))
+    }
+
+    fn of_episode(episode: usize, replay: Option<&Replay>) -> Result<Game, GameError> {
+        let episodes = replay.map_or(&[][..], Replay::episodes);
+        let n_episodes = episodes.len();
+        let (Some(replay), Some(recorded)) = (replay, episodes.get(episode)) else {
+            return Err(GameError::Episode { episode, n_episodes });
+        };
+        let (at, opponent) = (recorded.start, recorded.opponent);
+        Game::with(
+            replay.setup().clone(),
+            Start::Episode { at, opponent, snapshot: recorded.snapshot.clone() },
+        )
+    }
+
+    fn with(setup: BattleSetup, start: Start) -> Result<Game, GameError> {
+        let (scenario, arena) = setup.arena()?;
+        let ids = |faction| {
+            let units = scenario.units.iter().enumerate();
+            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect()
+        };
+        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
+        Ok(Game { setup, scenario, arena: Arc::new(arena), agents, enemies, start })
+    }
+
+    /// The battle at its start.
+    pub fn recorder(&self) -> Result<Recorder, GameError> {
+        let mut recorder = Recorder::new(self.setup.clone(), self.seed())?;
+        match &self.start {
+            Start::Seed(_) => {}
+            Start::Episode { snapshot: Some(snapshot), .. } => {
+                recorder.begin_at(snapshot)?;
+            }
+            Start::Episode { at, opponent, .. } => recorder.begin(*at, *opponent),
+        }
+        Ok(recorder)
+    }
+
+    /// The seed of its generator.
+    pub fn seed(&self) -> u64 {
+        match &self.start {
+            Start::Seed(seed) => *seed,
+            Start::Episode { at, .. } => at.seed,
+        }
+    }
+
+    /// The text of the scenario with a unit that starts elsewhere; whether it can start there, reading tells.
+    pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, GameError> {
+        let Scenario { units, unit_types, generation, .. } = &self.scenario;
+        if generation.is_some() {
+            return Err(GameError::Drawn);
+        }
+        let n_units = units.len();
+        if unit >= n_units {
+            return Err(GameError::Unit { unit, n_units });
+        }
+        // A unit alone in its group starts at the place of the group.
+        let group = |(id, placed): (usize, &Placement)| {
+            let [x, y] = if id == unit { [x, y] } else { placed.position };
+            let name = unit_types[placed.unit_type].name.as_str();
+            json!({"x": x, "y": y, "faction": placed.faction.name(), "units": {name: 1}})
+        };
+        let groups = units.iter().enumerate().map(group).collect();
+        Ok(self.setup.files.with_keys([("groups".to_owned(), groups)]).text)
+    }
+
+    /// Whether joint actions play the agents alone, so that a team or a person can play on.
+    pub fn is_playable(&self) -> bool {
+        !self.setup.sides.are_both()
+    }
+}

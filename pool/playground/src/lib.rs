@@ -1,0 +1,31 @@
+//! Battles in a browser: the engine itself, without a program or a pool behind it.
+//!
+//! A page sends requests as JSON to a [`Session`], which has one battle at a time, and gets responses:
+//! `protocol` declares both. Scripts or trained [teams](Team) play the agents, a person takes over some or
+//! all of them, and every battle is a replay. `exports` is what a page sees of all this, in WebAssembly; the
+//! program of this crate makes the page.
+//!
+//! ```
+//! use smaclite_playground::Session;
+//!
+//! let mut session = Session::default();
+//! let request = r#"{"type": "begin_battle", "team": "nearest", "actions": [], "taken": [],
+//!     "of": {"kind": "scenario", "scenario": "3m", "seed": "1", "opponent": ""}}"#;
+//! assert!(session.respond_json(request.as_bytes()).starts_with(r#"{"response":{"type":"begin_battle""#));
+//! let request = r#"{"type": "play_steps", "steps": 1000}"#;
+//! assert!(session.respond_json(request.as_bytes()).contains(r#""result":"won""#));
+//! ```
+
+#![forbid(unsafe_op_in_unsafe_fn)]
+
+mod battle;
+#[cfg(target_family = "wasm")]
+mod exports;
+mod game;
+mod network;
+mod protocol;
+mod session;
+mod team;
+
+pub use session::Session;
+pub use team::{Team, TeamError};

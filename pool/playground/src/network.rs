@@ -1,0 +1,108 @@
+//! The forward pass of an actor. A page shows one battle, so plain loops are fast enough; `smaclite-learn`,
+//! which computes the same for thousands of rows, has its own.
+
+use safetensors::{Dtype, SafeTensors};
+use serde::Deserialize;
+
+/// The non-linearity of hidden layers.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Activation {
+    /// `max(x, 0)`.
+    #[default]
+    Relu,
+    /// Hyperbolic tangent.
+    Tanh,
+}
+
+/// A multi-layer perceptron that all agents share, but for a bias of each in the first layer.
+#[derive(Debug)]
+pub(crate) struct Network {
+    layers: Vec<Layer>,
+    /// `[n_agents, width of the first layer]`.
+    id_bias: Vec<f32>,
+    activation: Activation,
+}
+
+/// `weight` is `[n_out, n_in]`, row by row, as PyTorch has it.
+#[derive(Debug)]
+struct Layer {
+    n_in: usize,
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+/// Why the weights of a network cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum WeightsError {
+    #[error("{0}")]
+    Format(#[from] safetensors::SafeTensorError),
+    #[error("`{name}` must be F32 {expected:?}, got {dtype:?} {given:?}")]
+    Shape { name: String, expected: Vec<usize>, dtype: Dtype, given: Vec<usize> },
+    #[error("`{0}` has a number that is not finite")]
+    NotFinite(String),
+}
+
+impl Network {
+    /// The actor in a file of weights, from its `widths`: inputs, hidden layers, outputs.
+    pub fn read(
+        bytes: &[u8],
+        widths: &[usize],
+        n_agents: usize,
+        activation: Activation,
+    ) -> Result<Network, WeightsError> {
+        let arrays = SafeTensors::deserialize(bytes)?;
+        let pairs = widths.windows(2).enumerate();
+        let layers = pairs.map(|(i, pair)| {
+            let (n_in, n_out) = (pair[0], pair[1]);
+            let weight = array(&arrays, format!("actor.{i}.weight"), &[n_out, n_in])?;
+            Ok(Layer { n_in, weight, bias: array(&arrays, format!("actor.{i}.bias"), &[n_out])? })
+        });
+        let layers = layers.collect::<Result<Vec<Layer>, WeightsError>>()?;
+        let first = widths.get(1).copied().unwrap_or(0);
+        let id_bias = array(&arrays, "actor.id_bias".to_owned(), &[n_agents, first])?;
+        Ok(Network { layers, id_bias, activation })
+    }
+
+    /// The outputs for what an agent observes.
+    pub fn forward(&self, agent: usize, obs: &[f32]) -> Vec<f32> {
+        let mut x = obs.to_vec();
+        for (i, layer) in self.layers.iter().enumerate() {
+            let rows = layer.weight.chunks_exact(layer.n_in).zip(&layer.bias);
+            let mut z: Vec<f32> = rows.map(|(row, bias)| dot(row, &x) + bias).collect();
+            if i == 0 {
+                let own = self.id_bias.chunks_exact(z.len()).nth(agent).unwrap_or_default();
+                z.iter_mut().zip(own).for_each(|(z, bias)| *z += bias);
+            }
+            if i + 1 < self.layers.len() {
+                z.iter_mut().for_each(|z| *z = self.activation.of(*z));
+            }
+            x = z;
+        }
+        x
+    }
+}
+
+impl Activation {
+    fn of(self, x: f32) -> f32 {
+        match self {
+            Activation::Relu => x.max(0.0),
+            Activation::Tanh => x.tanh(),
+        }
+    }
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn array(arrays: &SafeTensors<'_>, name: String, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    let tensor = arrays.tensor(&name)?;
+    if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
+        let (expected, given) = (shape.to_vec(), tensor.shape().to_vec());
+        return Err(WeightsError::Shape { name, expected, dtype: tensor.dtype(), given });
+    }
+    let bytes = tensor.data().as_chunks::<4>().0;
+    let values: Vec<f32> = bytes.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(WeightsError::NotFinite(name)) }
+}

@@ -1,0 +1,271 @@
+//! What a page asks and is told: JSON, declared here and nowhere else. `page/protocol.d.ts` describes it to
+//! the scripts; the test below writes it. It has no version, because a page contains both sides.
+
+use serde::{Deserialize, Serialize};
+use smaclite_view::page::{Features, ScenarioInfo};
+use smaclite_view::{AgentOrder, Order};
+#[cfg(test)]
+use ts_rs::TS;
+
+/// A request of the page.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub(crate) enum Request {
+    /// What there is to choose from.
+    GetChoices {},
+    /// Adds a trained team.
+    AddTeam(TeamFiles),
+    /// Reads a replay, and checks that this engine plays every tick of it as it was recorded.
+    OpenReplay {
+        name: String,
+        /// The file's text; the page decompresses it.
+        replay: String,
+    },
+    /// Begins a battle instead of the one that there is.
+    BeginBattle(BeginBattle),
+    /// Plays steps, up to the end of the battle.
+    PlaySteps { steps: usize },
+    /// Gives agents orders, all of them or none.
+    GiveOrders {
+        #[cfg_attr(test, ts(type = "Array<AgentOrder>"))]
+        orders: Vec<AgentOrder>,
+    },
+    /// Which agents carry out orders; the team plays the others.
+    TakeAgents { agents: Vec<usize> },
+    /// What an agent observes before a step that was played, or the next one.
+    GetObservation { step: usize, agent: usize },
+    /// The battle so far as a replay.
+    GetReplay {},
+    /// The scenario of the battle, but for where a unit starts, in squares.
+    MoveUnit { unit: usize, x: f64, y: f64 },
+}
+
+/// The response to the request of the same name.
+#[derive(Debug, Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub(crate) enum Response {
+    GetChoices(Choices),
+    /// The names of all teams.
+    AddTeam {
+        teams: Vec<TeamInfo>,
+    },
+    OpenReplay(OpenedReplay),
+    BeginBattle(Box<BegunBattle>),
+    PlaySteps(PlayedSteps),
+    /// The orders that hold now, by agent.
+    GiveOrders {
+        #[cfg_attr(test, ts(type = "Array<Order>"))]
+        orders: Vec<Order>,
+    },
+    TakeAgents {},
+    GetObservation {
+        obs: Vec<f32>,
+    },
+    GetReplay(ReplayFile),
+    /// The text of its file.
+    MoveUnit {
+        scenario: String,
+    },
+}
+
+/// What became of a request.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub(crate) enum Outcome {
+    Response(Response),
+    Error(String),
+}
+
+/// What there is to choose from.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct Choices {
+    /// The standard scenarios.
+    pub scenarios: Vec<&'static str>,
+    /// Those whose teams and start positions are drawn.
+    pub generated: Vec<&'static str>,
+    /// Scripts that play the enemies.
+    pub opponents: Vec<&'static str>,
+    /// Scripts that play the agents.
+    pub policies: Vec<&'static str>,
+    pub teams: Vec<TeamInfo>,
+}
+
+/// A trained team.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct TeamInfo {
+    pub name: String,
+    /// The scenario that it was trained in.
+    pub scenario: String,
+}
+
+/// The files of a trained team.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct TeamFiles {
+    pub name: String,
+    /// The text of `run.json`.
+    pub run: String,
+    /// The weights, safetensors in base64.
+    pub weights: String,
+}
+
+/// A battle, from its start or after steps.
+#[derive(Debug, Deserialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct BeginBattle {
+    pub of: Source,
+    /// The script or trained team that plays the agents.
+    pub team: String,
+    /// The joint actions of the steps that are played at once, agent by agent.
+    pub actions: Vec<u16>,
+    /// The agents that carry out orders.
+    pub taken: Vec<usize>,
+}
+
+/// Which battle.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub(crate) enum Source {
+    /// A battle of a scenario.
+    Scenario {
+        /// A name, or the text of a scenario file.
+        scenario: String,
+        /// A whole number; as a text, because JavaScript has no 64-bit integers.
+        seed: String,
+        /// The script that plays the enemies; that of the scenario if this is empty.
+        opponent: String,
+    },
+    /// An episode of the replay that was opened last.
+    Episode { episode: usize },
+}
+
+/// A battle that has begun.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct BegunBattle {
+    #[cfg_attr(test, ts(type = "ScenarioInfo"))]
+    pub scenario: ScenarioInfo,
+    #[cfg_attr(test, ts(type = "Array<Features>"))]
+    pub features: Vec<Features>,
+    pub rules: String,
+    /// Who plays the enemies.
+    pub opponent: String,
+    pub seed: String,
+    /// Whether it can be played on; a battle in which actions play the enemies too is only shown.
+    pub is_playable: bool,
+    pub played: PlayedSteps,
+}
+
+/// Steps of the battle; `track.js` decodes moments and decisions.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct PlayedSteps {
+    /// The first of them, and how many there are.
+    pub step: usize,
+    pub steps: usize,
+    pub n_moments: usize,
+    /// In base64.
+    pub moments: String,
+    /// In base64.
+    pub decisions: String,
+    /// Return of the episode after them.
+    #[serde(rename = "return")]
+    pub episode_return: f64,
+    /// How the episode ended, if it did.
+    pub result: Option<EpisodeResult>,
+    /// The orders that hold after them, by agent.
+    #[cfg_attr(test, ts(type = "Array<Order>"))]
+    pub orders: Vec<Order>,
+}
+
+/// How an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub(crate) enum EpisodeResult {
+    Won,
+    Lost,
+    Truncated,
+}
+
+/// A replay that this engine reproduces.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct OpenedReplay {
+    /// The program that recorded it.
+    pub program: String,
+    pub episodes: Vec<EpisodeInfo>,
+}
+
+/// A recorded episode.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct EpisodeInfo {
+    pub seed: String,
+    pub steps: usize,
+    #[serde(rename = "return")]
+    pub episode_return: f64,
+    pub result: Option<EpisodeResult>,
+    /// XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
+    pub checksum: String,
+    /// The joint actions of all steps.
+    pub actions: Vec<u16>,
+}
+
+/// A replay file.
+#[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct ReplayFile {
+    pub name: String,
+    /// The file's text; the page compresses it by gzip.
+    pub replay: String,
+    /// As in [`EpisodeInfo`].
+    pub checksum: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ts_rs::Config;
+
+    #[test]
+    fn the_scripts_know_these_messages() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/protocol.d.ts");
+        let config = Config::default();
+        macro_rules! declarations {
+            ($($name:ident),+ $(,)?) => { [$(format!("export {}\n", $name::decl(&config))),+].concat() };
+        }
+        let declarations = declarations![
+            Request,
+            Response,
+            Outcome,
+            Choices,
+            TeamInfo,
+            TeamFiles,
+            BeginBattle,
+            Source,
+            BegunBattle,
+            PlayedSteps,
+            EpisodeResult,
+            OpenedReplay,
+            EpisodeInfo,
+            ReplayFile,
+        ];
+        let text = format!(
+            "// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground\n\
+             import type {{ AgentOrder, Features, Order, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
+             {declarations}"
+        );
+        if std::env::var_os("SMACLITE_WRITE").is_some() {
+            std::fs::write(file, &text).unwrap();
+        }
+        let written = std::fs::read_to_string(file).unwrap_or_default();
+        assert!(written == text, "they have changed: SMACLITE_WRITE=1 cargo test -p smaclite-playground");
+    }
+}

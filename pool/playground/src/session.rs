@@ -1,0 +1,162 @@
+//! What answers a page: the teams and the replay that it has added, and its battle.
+
+use crate::battle::{BattleError, PlayedBattle, Player};
+use crate::game::Game;
+use crate::protocol::{
+    BeginBattle, BegunBattle, Choices, EpisodeInfo, EpisodeResult, OpenedReplay, Outcome, Request, Response,
+    Source, TeamFiles, TeamInfo,
+};
+use crate::team::{Team, TeamError};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use smaclite_engine::Opponent;
+use smaclite_engine::policy::{Scripted, UnknownPolicy};
+use smaclite_scenarios::Scenario;
+use smaclite_view::page::{features_info, scenario_info};
+use smaclite_view::{Episode, Outcome as EpisodeOutcome, Replay, ReplayError};
+use std::rc::Rc;
+
+/// The battle of one page, and what it can be played with.
+#[derive(Default)]
+pub struct Session {
+    teams: Vec<Rc<Team>>,
+    replay: Option<Replay>,
+    battle: Option<PlayedBattle>,
+}
+
+/// Why a request is refused.
+#[derive(Debug, thiserror::Error)]
+enum SessionError {
+    #[error(transparent)]
+    Battle(#[from] BattleError),
+    #[error(transparent)]
+    Team(#[from] TeamError),
+    #[error("no team is called so, and {0}")]
+    Policy(#[from] UnknownPolicy),
+    #[error("`weights` must be base64: {0}")]
+    Base64(base64::DecodeError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error("begin a battle first")]
+    NoBattle,
+    #[error("the request is not valid: {0}")]
+    Request(#[from] serde_json::Error),
+}
+
+impl Session {
+    /// The response to a request; both are JSON. An error is a response too, and changes nothing.
+    pub fn respond_json(&mut self, request: &[u8]) -> String {
+        let request = serde_json::from_slice(request).map_err(SessionError::from);
+        let outcome = match request.and_then(|request| self.respond(request)) {
+            Ok(response) => Outcome::Response(response),
+            Err(error) => Outcome::Error(error.to_string()),
+        };
+        serde_json::to_string(&outcome).unwrap_or_default() // every value of it is valid JSON
+    }
+
+    fn respond(&mut self, request: Request) -> Result<Response, SessionError> {
+        let battle = self.battle.as_mut().ok_or(SessionError::NoBattle);
+        Ok(match request {
+            Request::GetChoices {} => Response::GetChoices(self.choices()),
+            Request::AddTeam(files) => self.add_team(&files)?,
+            Request::OpenReplay { name, replay } => Response::OpenReplay(self.open(&name, &replay)?),
+            Request::BeginBattle(begin) => Response::BeginBattle(Box::new(self.begin(&begin)?)),
+            Request::PlaySteps { steps } => Response::PlaySteps(battle?.play(steps)?),
+            Request::GiveOrders { orders } => Response::GiveOrders { orders: battle?.give(&orders)? },
+            Request::TakeAgents { agents } => {
+                battle?.take(&agents)?;
+                Response::TakeAgents {}
+            }
+            Request::GetObservation { step, agent } => {
+                Response::GetObservation { obs: battle?.observation(step, agent)? }
+            }
+            Request::GetReplay {} => Response::GetReplay(battle?.replay()?),
+            Request::MoveUnit { unit, x, y } => {
+                Response::MoveUnit { scenario: battle?.with_moved_unit(unit, x, y)? }
+            }
+        })
+    }
+
+    fn choices(&self) -> Choices {
+        Choices {
+            scenarios: Scenario::standard_names().collect(),
+            generated: Scenario::generated_names().collect(),
+            opponents: Opponent::scripts().map(Opponent::name).collect(),
+            policies: Scripted::NAMES.to_vec(),
+            teams: self.team_infos(),
+        }
+    }
+
+    fn team_infos(&self) -> Vec<TeamInfo> {
+        let info = |team: &Rc<Team>| TeamInfo { name: team.name().into(), scenario: team.scenario().into() };
+        self.teams.iter().map(info).collect()
+    }
+
+    /// Adds a team, in the place of one of the same name.
+    fn add_team(&mut self, files: &TeamFiles) -> Result<Response, SessionError> {
+        let weights = STANDARD.decode(&files.weights).map_err(SessionError::Base64)?;
+        let team = Team::read(&files.name, &files.run, &weights)?;
+        self.teams.retain(|other| other.name() != team.name());
+        self.teams.push(Rc::new(team));
+        Ok(Response::AddTeam { teams: self.team_infos() })
+    }
+
+    fn open(&mut self, name: &str, replay: &str) -> Result<OpenedReplay, SessionError> {
+        let replay = Replay::from_json(replay.as_bytes(), name)?;
+        replay.verify()?;
+        let episodes = replay.episodes().iter().map(episode_info).collect();
+        let program = replay.program().to_owned();
+        self.replay = Some(replay);
+        Ok(OpenedReplay { program, episodes })
+    }
+
+    fn begin(&mut self, begin: &BeginBattle) -> Result<BegunBattle, SessionError> {
+        let game = Game::new(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
+        let player = self.player(&begin.team, &game)?;
+        let game = Rc::new(game);
+        let mut battle = PlayedBattle::new(game.clone(), player)?;
+        let played = battle.play_actions(&begin.actions)?;
+        battle.take(&begin.taken)?;
+        self.battle = Some(battle);
+        let opponent = match (&begin.of, &self.replay) {
+            (Source::Episode { episode }, Some(replay)) => replay.episodes()[*episode].opponent.name().into(),
+            _ => game.setup.opponents.to_string(),
+        };
+        Ok(BegunBattle {
+            scenario: scenario_info(&game.scenario, &game.arena),
+            features: features_info(&game.scenario),
+            rules: game.setup.rules.to_string(),
+            opponent,
+            seed: game.seed().to_string(),
+            is_playable: game.is_playable(),
+            played,
+        })
+    }
+
+    fn player(&self, name: &str, game: &Game) -> Result<Player, SessionError> {
+        if let Some(team) = self.teams.iter().find(|team| team.name() == name) {
+            team.check(&game.arena)?;
+            return Ok(Player::Team(team.clone()));
+        }
+        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed())?)))
+    }
+}
+
+fn episode_info(episode: &Episode) -> EpisodeInfo {
+    EpisodeInfo {
+        seed: episode.start.seed.to_string(),
+        steps: episode.n_steps(),
+        episode_return: episode.outcome.episode_return,
+        result: match episode.outcome {
+            EpisodeOutcome { battle_won: true, .. } => Some(EpisodeResult::Won),
+            EpisodeOutcome { terminated: true, .. } => Some(EpisodeResult::Lost),
+            EpisodeOutcome { truncated: true, .. } => Some(EpisodeResult::Truncated),
+            _ => None,
+        },
+        checksum: format!("{:016x}", episode.checksum),
+        actions: episode.actions.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

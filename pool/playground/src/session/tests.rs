@@ -1,0 +1,151 @@
+//! A session as its page uses it.
+
+use super::*;
+use serde_json::{Value, json};
+use smaclite_scenarios::{Placement, ScenarioFiles};
+
+/// The response to a request, or the error.
+fn ask(session: &mut Session, request: Value) -> Value {
+    let outcome: Value = serde_json::from_str(&session.respond_json(request.to_string().as_bytes())).unwrap();
+    outcome.get("response").or(outcome.get("error")).unwrap().clone()
+}
+
+fn begin(scenario: &str, team: &str, actions: &[Value], taken: &[usize]) -> Value {
+    let of = json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": ""});
+    json!({"type": "begin_battle", "of": of, "team": team, "actions": actions, "taken": taken})
+}
+
+/// The actions of an episode, from its replay.
+fn actions(session: &mut Session) -> Vec<Value> {
+    let file = ask(session, json!({"type": "get_replay"}));
+    let opened = ask(session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
+    opened["episodes"][0]["actions"].as_array().unwrap().clone()
+}
+
+/// The test of `engine.js` plays the battles of the file that this one writes, in WebAssembly.
+#[test]
+fn the_test_of_the_engine_has_battles_of_this_processor() {
+    let battles = Scripted::NAMES.iter().zip(["2s3z", "MMM", "3s_vs_5z", "terran_5_vs_5"].iter().cycle());
+    let opponents = Opponent::scripts().map(Opponent::name);
+    let mut session = Session::default();
+    let played = battles.zip(opponents).map(|((team, scenario), opponent)| {
+        let of = json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": opponent});
+        let begin = json!({"type": "begin_battle", "of": of, "team": team, "actions": [], "taken": []});
+        assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
+        let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let file = ask(&mut session, json!({"type": "get_replay"}));
+        let obs = ask(&mut session, json!({"type": "get_observation", "step": 3, "agent": 1}));
+        let obs = obs["obs"].as_array().unwrap().iter().map(|number| number.as_f64().unwrap() as f32);
+        let hash = obs.fold(0u32, |sum, number| sum.wrapping_mul(31).wrapping_add(number.to_bits()));
+        json!({"scenario": scenario, "team": team, "opponent": opponent, "steps": steps["steps"],
+            "result": steps["result"], "checksum": file["checksum"], "obs": format!("{hash:x}")})
+    });
+    let played: Vec<String> = played.map(|battle| battle.to_string()).collect();
+    let text = format!("[\n{}\n]\n", played.join(",\n"));
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/engine.test.json");
+    if std::env::var_os("SMACLITE_WRITE").is_some() {
+        std::fs::write(file, &text).unwrap();
+    }
+    let written = std::fs::read_to_string(file).unwrap_or_default();
+    assert!(written == text, "it has changed: SMACLITE_WRITE=1 cargo test -p smaclite-playground");
+}
+
+#[test]
+fn who_takes_an_agent_over_changes_its_actions_alone() {
+    let mut session = Session::default();
+    ask(&mut session, begin("2s3z", "nearest", &[], &[]));
+    ask(&mut session, json!({"type": "play_steps", "steps": 10}));
+    let team = actions(&mut session);
+    let mut session = Session::default();
+    ask(&mut session, begin("2s3z", "nearest", &team[..2 * 5], &[1]));
+    let stop = json!({"type": "give_orders", "orders": [{"agent": 1, "order": {"type": "stop"}}]});
+    assert_eq!(ask(&mut session, stop)["orders"][1]["type"], "stop");
+    ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+    let both = actions(&mut session);
+    assert_eq!(both.len(), 3 * 5);
+    assert_eq!(both[..2 * 5], team[..2 * 5], "the steps before are those that were given");
+    for agent in [0, 2, 3, 4] {
+        assert_eq!(both[2 * 5 + agent], team[2 * 5 + agent], "agent {agent} is the team's");
+    }
+    assert_eq!(both[2 * 5 + 1], 1, "stop");
+    assert_ne!(team[2 * 5 + 1], 1);
+    // An agent that is given back has no order.
+    ask(&mut session, json!({"type": "take_agents", "agents": []}));
+    let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+    assert_eq!(steps["orders"][1]["type"], "none");
+}
+
+#[test]
+fn an_episode_of_a_replay_is_played_and_played_on() {
+    let mut session = Session::default();
+    ask(&mut session, begin("3m", "kite", &[], &[]));
+    ask(&mut session, json!({"type": "play_steps", "steps": 4}));
+    let recorded = actions(&mut session);
+    let of = json!({"kind": "episode", "episode": 0});
+    let begin =
+        json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": recorded, "taken": []});
+    let begun = ask(&mut session, begin.clone());
+    assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(4)));
+    assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 1}))["step"], 4);
+    let mut other = begin;
+    other["of"]["episode"] = json!(1);
+    assert_eq!(ask(&mut session, other), "episode must be below 1, got 1");
+}
+
+#[test]
+fn what_cannot_be_played_is_refused() {
+    let mut session = Session::default();
+    let refused = [
+        (json!({"type": "play_steps", "steps": 1}), "begin a battle first"),
+        (json!({"type": "fly"}), "unknown variant `fly`"),
+        (begin("3m", "nobody", &[], &[]), "no team is called so, and unknown policy `nobody`"),
+        (begin("3m", "nearest", &[json!(1)], &[]), "actions must be 3 per step, got 1 in all"),
+        (
+            begin("3m", "nearest", &[json!(0), json!(0), json!(0)], &[]),
+            "step 0 cannot be played: agent 0: action 0 is not available",
+        ),
+        (begin("3m", "nearest", &[], &[3]), "agent must be below 3, got 3"),
+        (begin("{}", "nearest", &[], &[]), "the scenario is not valid"),
+        (json!({"type": "add_team", "name": "a", "run": "{", "weights": ""}), "run.json of the team `a`"),
+        (json!({"type": "add_team", "name": "a", "run": "{", "weights": "?"}), "must be base64"),
+    ];
+    for (request, expected) in refused {
+        let answer = ask(&mut session, request);
+        assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
+    }
+    assert!(session.battle.is_none(), "a refused battle begins nothing");
+}
+
+#[test]
+fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
+    let mut session = Session::default();
+    let places = |text: &str| -> Vec<_> {
+        let files = ScenarioFiles { source: "a".into(), text: text.into(), unit_files: Vec::new() };
+        let scenario = files.scenario().unwrap();
+        let name = |unit: &Placement| scenario.unit_types[unit.unit_type].name.clone();
+        scenario
+            .units
+            .iter()
+            .map(|unit| (name(unit), unit.faction, unit.position.map(|x| x as f32)))
+            .collect()
+    };
+    for scenario in ["2s3z", "MMM2", "corridor"] {
+        ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        let before = places(&ScenarioFiles::resolve(scenario).unwrap().1.text);
+        let moved = ask(&mut session, json!({"type": "move_unit", "unit": 1, "x": 3.25, "y": 20.5}));
+        let text = moved["scenario"].as_str().unwrap();
+        let mut expected = before.clone();
+        expected[1].2 = [3.25, 20.5];
+        assert_eq!(places(text), expected);
+        assert_eq!(ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"]["name"], scenario);
+    }
+    let refused = [
+        ("2s3z", json!({"type": "move_unit", "unit": 10, "x": 3, "y": 3}), "unit must be below 10, got 10"),
+        ("terran_5_vs_5", json!({"type": "move_unit", "unit": 0, "x": 3, "y": 3}), "draws where units start"),
+    ];
+    for (scenario, request, reason) in refused {
+        ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        let error = ask(&mut session, request);
+        assert!(error.as_str().unwrap().contains(reason), "{error}");
+    }
+}

@@ -1,0 +1,173 @@
+//! Trained teams, from the files that `smaclite-pool train` leaves in a folder.
+
+use crate::network::{Activation, Network, WeightsError};
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use serde::Deserialize;
+use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, action};
+use smaclite_scenarios::Problems;
+
+/// A trained team.
+#[derive(Debug)]
+pub struct Team {
+    /// What the page calls it.
+    name: String,
+    /// The scenario that it was trained in.
+    scenario: String,
+    /// The sizes of its side; `obs_size` includes the last actions.
+    sizes: Sizes,
+    last_actions: usize,
+    network: Network,
+}
+
+/// Why files are no team, or the team cannot play.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum TeamError {
+    #[error("run.json of the team `{name}` is not valid: {error}")]
+    Run { name: String, error: serde_json::Error },
+    #[error("the scenario in run.json of the team `{name}` is not valid: {error}")]
+    Scenario { name: String, error: Problems },
+    #[error("the weights of the team `{name}` cannot be used: {why}")]
+    Weights { name: String, why: String },
+    #[error(
+        "the team `{name}` was trained in {trained_in}: {expected}; the agents of this scenario are {given}"
+    )]
+    Unfit { name: String, trained_in: String, expected: String, given: String },
+}
+
+/// What matters here of `run.json`.
+#[derive(Deserialize)]
+struct RunFile {
+    config: RunConfig,
+    #[serde(flatten)]
+    setup: BattleSetup,
+}
+
+#[derive(Deserialize)]
+struct RunConfig {
+    hidden: Vec<usize>,
+    #[serde(default)]
+    activation: Activation,
+    #[serde(default)]
+    last_actions: usize,
+}
+
+impl Team {
+    /// Reads a team from the text of its `run.json` and the bytes of its weights.
+    ///
+    /// # Errors
+    /// If one of them is damaged, or they do not belong together.
+    pub fn read(name: &str, run: &str, weights: &[u8]) -> Result<Team, TeamError> {
+        let name = name.to_owned();
+        let run: RunFile = match serde_json::from_str(run) {
+            Ok(run) => run,
+            Err(error) => return Err(TeamError::Run { name, error }),
+        };
+        let RunConfig { hidden, activation, last_actions } = run.config;
+        let (scenario, arena) = match run.setup.arena() {
+            Ok(pair) => pair,
+            Err(error) => return Err(TeamError::Scenario { name, error }),
+        };
+        let sizes = with_history(arena.sizes(), last_actions);
+        let mut widths = vec![sizes.obs_size];
+        widths.extend(hidden);
+        widths.push(sizes.n_actions);
+        let network = Network::read(weights, &widths, sizes.n_agents, activation);
+        let network = network.map_err(|why: WeightsError| {
+            let why = why.to_string();
+            TeamError::Weights { name: name.clone(), why }
+        })?;
+        Ok(Team { name, scenario: scenario.name, sizes, last_actions, network })
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The scenario that it was trained in.
+    pub fn scenario(&self) -> &str {
+        &self.scenario
+    }
+
+    /// The sizes of its side; `obs_size` includes the last actions.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Whether the team can play the agents of an arena.
+    ///
+    /// # Errors
+    /// If it was trained for other units.
+    pub fn check(&self, arena: &Arena) -> Result<(), TeamError> {
+        let given = with_history(arena.sizes(), self.last_actions);
+        let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
+        if shape(self.sizes) == shape(given) {
+            return Ok(());
+        }
+        let in_words = |Sizes { n_agents, n_actions, obs_size, .. }: Sizes| {
+            format!("{n_agents} with {n_actions} actions and observations of {obs_size} numbers")
+        };
+        let (name, trained_in) = (self.name.clone(), self.scenario.clone());
+        Err(TeamError::Unfit { name, trained_in, expected: in_words(self.sizes), given: in_words(given) })
+    }
+
+    /// The network's outputs, f32 `[n_agents, n_actions]`, for observations `[n_agents, obs_size]`, which
+    /// include the last actions.
+    pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
+        let rows = obs.chunks_exact(self.sizes.obs_size).enumerate();
+        rows.flat_map(|(agent, row)| self.network.forward(agent, row)).collect()
+    }
+
+    /// The actions of the agents, drawn by their probability. `actions` are those of all steps so far, agent
+    /// by agent. The same seed and battle give the same actions.
+    pub(crate) fn act(&self, battle: &Battle, actions: &[u16], seed: u64) -> Vec<i32> {
+        let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
+        let mut available = vec![0; n_agents * n_actions];
+        battle.write_avail_actions(&mut available);
+        let mut obs = vec![0.0; n_agents * obs_size];
+        battle.write_obs(&mut obs, &mut Scratch::new()); // leaves zeros behind its own features
+        self.append_past(&mut obs, &available, actions);
+        let mut generator = Pcg64Mcg::seed_from_u64(seed ^ (battle.episode_length() as u64) << 32);
+        let logits = self.logits(&obs);
+        let rows = logits.chunks_exact(n_actions).zip(available.chunks_exact(n_actions));
+        rows.map(|(logits, available)| draw(logits, available, &mut generator) as i32).collect()
+    }
+
+    /// Writes the last actions of every living agent behind the other features of its row, the newest first.
+    fn append_past(&self, obs: &mut [f32], available: &[u8], actions: &[u16]) {
+        let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
+        let own = obs_size - self.last_actions * n_actions;
+        let rows = obs.chunks_exact_mut(obs_size).zip(available.chunks_exact(n_actions));
+        for (agent, (row, available)) in rows.enumerate() {
+            let past = actions.chunks_exact(n_agents).rev();
+            for (one_hot, joint) in row[own..].chunks_exact_mut(n_actions).zip(past) {
+                let is_dead = available[action::NO_OP] != 0;
+                one_hot[usize::from(joint[agent])] = if is_dead { 0.0 } else { 1.0 };
+            }
+        }
+    }
+}
+
+fn with_history(sizes: Sizes, last_actions: usize) -> Sizes {
+    Sizes { obs_size: sizes.obs_size + last_actions * sizes.n_actions, ..sizes }
+}
+
+/// Draws an available action by the softmax of the outputs.
+fn draw(logits: &[f32], available: &[u8], generator: &mut Pcg64Mcg) -> usize {
+    let choices = || logits.iter().zip(available).enumerate().filter(|(_, (_, available))| **available != 0);
+    let largest = choices().map(|(_, (logit, _))| *logit).fold(f32::NEG_INFINITY, f32::max);
+    let power = |logit: f32| f64::from(logit - largest).exp();
+    let total: f64 = choices().map(|(_, (logit, _))| power(*logit)).sum();
+    let mut left = total * (generator.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let mut chosen = action::NO_OP;
+    for (number, (logit, _)) in choices() {
+        chosen = number;
+        left -= power(*logit);
+        if left < 0.0 {
+            break;
+        }
+    }
+    chosen
+}

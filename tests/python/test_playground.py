@@ -1,0 +1,250 @@
+"""The playground in a real browser, from a folder and without a network: watched, played, shared, opened."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from test_page import REPOSITORY, browser, pytestmark
+
+__all__ = ["browser"]  # a fixture that pytest finds here
+
+PAGE = REPOSITORY / "target/playground/battle.html"
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+TICKS_PER_STEP = 8
+
+pytestmark = [*pytestmark, pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")]
+
+
+class Playground:
+    """The page, with the whole map; it must report no error and load nothing else."""
+
+    def __init__(self, browser: Any, link: str = "", **options: Any) -> None:
+        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
+        self.context = browser.new_context(**options, offline=True, accept_downloads=True)
+        self.page = self.context.new_page()
+        self.problems: list[str] = []
+        self.requests: list[str] = []
+        self.page.on("console", lambda message: self.problems.append(message.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(f"{PAGE.as_uri()}#{link}")
+        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        self.wait(lambda: self.text("#name") != "")
+
+    def __enter__(self) -> Playground:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.context.close()
+        assert self.problems == []
+        assert len([url for url in self.requests if not url.startswith(("data:", "blob:"))]) == 1
+
+    def text(self, selector: str) -> str:
+        return str(self.page.inner_text(selector))
+
+    def press(self, key: str) -> None:
+        self.page.keyboard.press(key)
+
+    def wait(self, condition: Callable[[], object]) -> None:
+        for _ in range(400):
+            if condition():
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError("it did not happen within 20 seconds")
+
+    @property
+    def step(self) -> int:
+        return int(self.page.inner_text("#time b >> nth=0"))
+
+    @property
+    def last(self) -> int:
+        return int(self.page.get_attribute("#scrub", "max")) // TICKS_PER_STEP
+
+    def wait_until_played(self) -> None:
+        """Until the team has played the battle to its end."""
+        self.press("End")
+        self.wait(lambda: self.press("End") or self.text("#result").split(",")[0] in {"Won", "Lost"})
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a point of a map of 32 x 32 squares is in the window, if all of it is shown."""
+        box = self.page.locator("#battle").bounding_box()
+        scale = (min(box["width"], box["height"]) - 16) / 32
+        across, up = (x - 16) * scale, (y - 16) * scale
+        return box["x"] + box["width"] / 2 + across, box["y"] + box["height"] / 2 - up
+
+
+def test_a_battle_is_played_to_its_end_and_scrubbed(browser: Any) -> None:
+    with Playground(browser) as page:
+        page.wait_until_played()
+        assert page.text("#name") == "2s3z"
+        last = page.step
+        assert last == page.last > 20
+        page.press("Home")
+        page.wait(lambda: page.step == 0)
+        for speed in ("2×", "4×", "8×", "16×"):
+            page.press("+")
+            page.wait(lambda speed=speed: page.text("#speed") == speed)
+        page.press(" ")
+        page.wait(lambda: page.step == last)
+        page.press("Home")
+        page.wait(lambda: page.step == 0)
+        page.press("]")
+        page.wait(lambda: page.page.is_visible("#obs table >> nth=0"))
+        assert "agent 0" in page.text("#unit")
+        assert page.text("#obs").startswith("Observation before step 0")
+
+
+def test_every_map_and_team_begins(browser: Any) -> None:
+    with Playground(browser) as page:
+        for choice in ("#scenario", "#team"):
+            values = page.page.eval_on_selector_all(f"{choice} option", "all => all.map((one) => one.value)")
+            assert len(values) >= 9
+            for value in values:
+                page.page.select_option(choice, value)
+                assert page.page.input_value(choice) == value
+                assert not page.page.is_visible("#message"), page.text("#message")
+        assert page.page.input_value("#seed") == "1"
+        page.press("n")
+        page.wait(lambda: page.page.input_value("#seed") == "2")
+        page.page.fill("#seed", "-3")
+        page.page.press("#seed", "Tab")
+        page.wait(lambda: page.page.is_visible("#message"))
+        assert "seed must be a whole number" in page.text("#message")
+        assert page.page.input_value("#seed") == "2"
+
+
+def test_a_chosen_map_is_played_by_its_team(browser: Any) -> None:
+    with Playground(browser) as page:
+        assert page.page.input_value("#team") == "2s3z"
+        page.page.select_option("#scenario", "3m")
+        assert page.page.input_value("#team") == "3m"
+        page.wait(lambda: page.step >= 2)
+        page.page.select_option("#scenario", "25m")
+        assert page.page.input_value("#team") == "nearest", "no team of this map is in the page"
+        page.page.select_option("#scenario", "8m")
+        assert page.page.input_value("#team") == "8m"
+        page.page.select_option("#team", "kite")
+        page.page.select_option("#scenario", "2s3z")
+        assert page.page.input_value("#team") == "kite", "a chosen script stays"
+
+
+def test_a_unit_is_taken_over_by_mouse_and_given_back(browser: Any, tmp_path: Path) -> None:
+    with Playground(browser) as page:
+        page.wait_until_played()
+        page.press("Home")
+        page.press("m")
+        for _ in range(3):
+            page.press("Shift+ArrowRight")
+        page.wait(lambda: page.step == 3)
+        page.press("0")
+        page.page.mouse.click(*page.at(3, 28), button="right")
+        page.wait(lambda: "you play 1 of 5" in page.text("#result"))
+        assert page.last == 3, "what followed is another battle"
+        page.press(" ")
+        page.wait(lambda: page.step >= 6)
+        page.press(" ")
+        with page.page.expect_download() as download:
+            page.page.click("#save")
+        download.value.save_as(tmp_path / "battle.smreplay")
+        replay = json.loads(gzip.decompress((tmp_path / "battle.smreplay").read_bytes()))
+        assert set(replay["episodes"][0]["actions"][3 * 5 : 5 * 5 : 5]) <= {2, 5}, "north or west"
+        page.press("Escape")
+        page.page.click("#release")
+        page.wait_until_played()
+        assert "you play" not in page.text("#result")
+
+
+def test_a_team_is_taken_over_by_touch_on_a_phone(browser: Any) -> None:
+    with Playground(browser, color_scheme="light", **PHONE) as page:
+        width = page.page.evaluate("document.documentElement.scrollWidth")
+        assert width <= 390, "nothing is wider than the screen"
+        page.page.tap("#fit")
+        page.page.tap("#all")
+        page.page.touchscreen.tap(*page.at(28, 3))
+        page.wait(lambda: "you play 5 of 5" in page.text("#result"))
+        page.page.tap("#play")
+        page.wait(lambda: page.step >= 3)
+        page.page.tap("#release")  # the selected ones: all
+        page.wait(lambda: "you play" not in page.text("#result"))
+
+
+def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.wait_until_played()
+        before = page.last
+        page.press("Home")
+        page.press("m")
+        page.wait(lambda: page.step == 0)
+        page.press("0")
+        page.wait(lambda: "Position" in page.text("#unit"))
+        x, y = map(float, page.text("#unit").split("Position\n")[1].split("\n")[0].split(", "))
+        mouse = page.page.mouse
+        mouse.move(*page.at(x, y))
+        mouse.down()
+        mouse.move(*page.at(12, 18), steps=4)
+        mouse.up()
+        page.press("0")
+        page.wait(lambda: re.search(r"Position\n1[12]\.[019]\d, 1[78]\.[019]", page.text("#unit")))
+        page.wait_until_played()
+        assert page.last != before
+        assert page.page.input_value("#team") == "3m", "its team plays on"
+        page.page.click("#share")
+        page.wait(lambda: "file=" in page.page.url)
+        link = page.page.url.split("#")[1]
+        last = page.last
+    with Playground(browser, link) as page:
+        assert page.last == last
+
+
+def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4&team=hold") as page:
+        page.press("0")
+        page.press("ArrowUp")
+        page.wait(lambda: "you play 1 of 3" in page.text("#result"))
+        for step in range(1, 5):
+            page.press(".")
+            page.wait(lambda step=step: page.last >= step)
+        page.page.click("#share")
+        page.wait(lambda: "actions=" in page.page.url)
+        link, last = page.page.url.split("#")[1], page.last
+    with Playground(browser, link) as page:
+        assert (page.text("#name"), page.page.input_value("#seed"), page.last) == ("3m", "4", last)
+        assert "you play 1 of 3" in page.text("#result")
+    with Playground(browser, "scenario=3m&seed=4&team=nobody") as page:
+        assert "no team is called so" in page.text("#message")
+        assert page.text("#name") == "2s3z"
+
+
+def test_files_are_opened(browser: Any, tmp_path: Path) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.wait_until_played()
+        with page.page.expect_download() as download:
+            page.press("Control+s")
+        file = tmp_path / "3m.smreplay"
+        download.value.save_as(file)
+        steps = page.last
+    replay = json.loads(gzip.decompress(file.read_bytes()))
+    replay["episodes"][0]["checksum"] = "0" * 16
+    (tmp_path / "other.smreplay").write_bytes(gzip.compress(json.dumps(replay).encode()))
+    scenario = json.loads((REPOSITORY / "scenarios/data/2s3z.json").read_text())
+    (tmp_path / "mine.json").write_text(json.dumps({**scenario, "name": "mine"}))
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", file)
+        page.wait(lambda: "verified" in page.text("#note"))
+        assert (page.text("#name"), page.last) == ("3m", steps)
+        page.page.set_input_files("#files", tmp_path / "other.smreplay")
+        page.wait(lambda: page.page.is_visible("#message"))
+        assert "otherwise" in page.text("#message") or "checksum" in page.text("#message")
+        page.page.set_input_files("#files", tmp_path / "mine.json")
+        page.wait(lambda: page.text("#name") == "mine")
+        zoo = REPOSITORY / "bindings/learn/zoo/3m"
+        page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
+        page.wait(lambda: page.text("#name") == "3m" and not page.page.is_visible("#message"))
+        page.wait_until_played()
