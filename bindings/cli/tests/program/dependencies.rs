@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// Every crate depends only on those before it.
-const CHAIN: [&str; 10] = [
+const CHAIN: [&str; 11] = [
     "smaclite-units",
     "smaclite-scenarios",
     "smaclite-engine",
     "smaclite-view",
+    "smaclite-playground",
     "smaclite-pool",
     "smaclite-ipc",
     "smaclite-recorder",
