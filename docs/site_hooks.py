@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import smaclite_pool
-from mkdocs.structure.files import File
 
 PLAYGROUND = Path(__file__).resolve().parents[1] / "target/playground/battle.html"
 """The page of `just playground`; beside docs/playground.md on the site."""
@@ -36,6 +35,8 @@ def on_config(config: Any) -> Any:
 
 def on_files(files: Any, config: Any) -> Any:
     """Called by MkDocs with all files of the site."""
+    from mkdocs.structure.files import File  # the tests of this file do without MkDocs
+
     if PLAYGROUND.exists():
         files.append(File.generated(config, "playground/battle.html", abs_src_path=str(PLAYGROUND)))
     return files

@@ -16,7 +16,7 @@ from test_page import REPOSITORY, browser, pytestmark
 __all__ = ["browser"]  # a fixture that pytest finds here
 
 PAGE = REPOSITORY / "target/playground/battle.html"
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 TICKS_PER_STEP = 8
 
 pytestmark = [*pytestmark, pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")]
@@ -67,10 +67,21 @@ class Playground:
     def last(self) -> int:
         return int(self.page.get_attribute("#scrub", "max")) // TICKS_PER_STEP
 
+    def wait_for_text(self, selector: str, text: str) -> None:
+        self.wait(lambda: self.text(selector) == text)
+
+    def wait_for_step(self, step: int) -> None:
+        """Until the battle has been played to this step, whichever is shown."""
+        self.wait(lambda: self.last >= step)
+
     def wait_until_played(self) -> None:
         """Until the team has played the battle to its end."""
-        self.press("End")
-        self.wait(lambda: self.press("End") or self.text("#result").split(",")[0] in {"Won", "Lost"})
+
+        def is_over() -> bool:
+            self.press("End")
+            return self.text("#result").split(",")[0] in {"Won", "Lost"}
+
+        self.wait(is_over)
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a point of a map of 32 x 32 squares is in the window, if all of it is shown."""
@@ -90,7 +101,7 @@ def test_a_battle_is_played_to_its_end_and_scrubbed(browser: Any) -> None:
         page.wait(lambda: page.step == 0)
         for speed in ("2×", "4×", "8×", "16×"):
             page.press("+")
-            page.wait(lambda speed=speed: page.text("#speed") == speed)
+            page.wait_for_text("#speed", speed)
         page.press(" ")
         page.wait(lambda: page.step == last)
         page.press("Home")
@@ -210,7 +221,7 @@ def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
         page.wait(lambda: "you play 1 of 3" in page.text("#result"))
         for step in range(1, 5):
             page.press(".")
-            page.wait(lambda step=step: page.last >= step)
+            page.wait_for_step(step)
         page.page.click("#share")
         page.wait(lambda: "actions=" in page.page.url)
         link, last = page.page.url.split("#")[1], page.last
