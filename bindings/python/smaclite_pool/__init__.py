@@ -16,8 +16,8 @@ Other interfaces are modules of this package:
 - `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
   `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
   `vault` and `minari` write datasets for other libraries.
-- `marl`: `smac` (SMAC's interface), `epymarl` and `on_policy`.
-- `compat`: drop-in replacements for the packages `smaclite` and `smac`.
+- `marl`: `smac` (SMAC's interface), `smacv2`, `epymarl` and `on_policy`.
+- `compat`: drop-in replacements for the packages `smaclite`, `smac` and `smacv2`.
 
 None of them is imported with this package, and each docstring begins with an example:
 `help("smaclite_pool.marl.smac")`.
