@@ -64,6 +64,24 @@ fn units_are_where_and_as_healthy_as_the_level_says() {
     assert_eq!(battle.available(1), [1], "and has no-op alone");
 }
 
+/// The arena's start positions were overwritten by the level's, so later episodes began there too.
+#[test]
+fn a_level_changes_no_later_episode() {
+    let arena = arena("2s3z");
+    let mut battle = Battle::new(Arc::clone(&arena), 1);
+    let own = level(&battle);
+    let mut edited = own.clone();
+    edited[1..3].copy_from_slice(&[5.5, 20.25]);
+    battle.reset_to(&edited).expect("a level");
+    let mut fork = Battle::new(arena, 8);
+    fork.restore(&battle.save()).expect("a state of the same arena");
+    for battle in [&mut battle, &mut fork] {
+        battle.reset();
+        assert_eq!(level(battle), own, "the scenario's units are where the scenario says");
+    }
+    assert_eq!(play(&mut battle, 20), play(&mut fork, 20));
+}
+
 #[test]
 fn a_level_that_cannot_be_is_an_error_that_names_the_unit() {
     let mut battle = Battle::new(arena("2s3z"), 1);

@@ -161,23 +161,22 @@ impl Arena {
 }
 
 impl Arena {
-    /// Lets the units have the types and the start positions of a level.
-    pub(crate) fn set_level(&mut self, level: &[f32], types: &mut Vec<u32>) {
+    /// The types of a level's units, by battle-wide id.
+    pub(crate) fn level_types(&self, level: &[f32], types: &mut Vec<u32>) {
         refill(types, self.type_indices());
         for (place, row) in rows(level).enumerate() {
-            let id = self.id_at(place) as usize;
-            types[id] = row.unit_type as u32;
-            self.starts[id] = row.position;
+            types[self.id_at(place) as usize] = row.unit_type as u32;
         }
-        self.set_types(types.iter().copied());
     }
 }
 
 impl Units {
-    /// Sets health and life as a level has them; after a reset of the units.
+    /// Sets positions, health and life as a level has them; after a reset of the units. The arena's start
+    /// positions remain those of the scenario, with which the next episode begins.
     pub(crate) fn set_level(&mut self, arena: &Arena, level: &[f32]) {
         for (place, row) in rows(level).enumerate() {
             let id = arena.id_at(place) as usize;
+            self.pos[id] = row.position;
             self.alive[id] = row.alive == 1.0;
             // A unit of full health has exactly its maximum.
             self.hp[id] *= if self.alive[id] { f64::from(row.health) } else { 0.0 };
