@@ -168,6 +168,12 @@ impl Arena {
             types[self.id_at(place) as usize] = row.unit_type as u32;
         }
     }
+
+    /// The point of the map that is nearest to a position; 0 in place of what is no number.
+    fn on_map(&self, position: Vec2) -> Vec2 {
+        let on_side = |x: f32, side: u32| if x.is_nan() { 0.0 } else { x.clamp(0.0, side as f32) };
+        Vec2::new(on_side(position.x, self.terrain.width()), on_side(position.y, self.terrain.height()))
+    }
 }
 
 impl Units {
@@ -176,8 +182,10 @@ impl Units {
     pub(crate) fn set_level(&mut self, arena: &Arena, level: &[f32]) {
         for (place, row) in rows(level).enumerate() {
             let id = arena.id_at(place) as usize;
-            self.pos[id] = row.position;
             self.alive[id] = row.alive == 1.0;
+            // The position of a unit that is not in the battle may be any number, also NaN; but all states
+            // of battles are finite, or no snapshot of them would be valid.
+            self.pos[id] = if self.alive[id] { row.position } else { arena.on_map(row.position) };
             // A unit of full health has exactly its maximum.
             self.hp[id] *= if self.alive[id] { f64::from(row.health) } else { 0.0 };
         }
