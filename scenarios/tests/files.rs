@@ -557,6 +557,11 @@ fn bad_distributions_are_named_with_line_and_column() {
             ":8:27: `teams.weights[1]` is 0, but must be a number above 0",
         ),
         (
+            "[0.45, 0.45, 0.1]",
+            "[1e-300, 0.001, 1e6]",
+            ":8:20: `teams.weights` must give the types that are not in `exception_unit_types` at least",
+        ),
+        (
             "[\"MEDIVAC\"]",
             "[\"ZEALOT\"]",
             ":9:34: `teams.exception_unit_types[0]` is \"ZEALOT\", but must be one of `unit_types`",
@@ -608,6 +613,33 @@ fn teams_take_the_place_of_groups() {
     assert!(problems.contains("`groups` must be left out"), "{problems}");
     let without = "\"start\": {";
     let problems = generated_problems("\"start_positions\": {", without);
+/// Only scaling needs a greatest return above 0, and the published code scales by any.
+#[test]
+fn smacv2_has_negative_points_where_they_are_not_scaled_by() {
+    for options in
+        ["\"reward_win\": -1000, \"reward_scale\": false", "\"reward_win\": -1000, \"published\": true"]
+    {
+        assert_eq!(generated_problems("\"use_unit_ranges\": true", options), "");
+    }
+}
+
+/// Such weights once kept every reader drawing teams of medivacs alone for ever.
+#[test]
+fn rare_types_are_drawn_beside_exceptions_and_without_any() {
+    for (weights, exceptions, expected) in [
+        ("[0.0011, 1e-300, 1]", "[\"MEDIVAC\"]", ""),
+        ("[1e-300, 1e-300, 1e6]", "[]", ""),
+        ("[1e-300, 1e-300, 1e6]", "[\"MEDIVAC\"]", "`teams.weights` must give"),
+    ] {
+        let (_, files) = ScenarioFiles::resolve("terran_10_vs_11").unwrap();
+        let text = files.text.replace("[0.45, 0.45, 0.1]", weights).replace("[\"MEDIVAC\"]", exceptions);
+        let problems = ScenarioFiles { text, ..files }
+            .scenario()
+            .map_or_else(|found| found.to_string(), |_| String::new());
+        assert!(problems.contains(expected) && problems.is_empty() == expected.is_empty(), "{problems}");
+    }
+}
+
     assert!(problems.contains("`start_positions` is missing"), "{problems}");
 }
 

@@ -83,7 +83,7 @@ fn read_teams<'a>(
     match kind {
         TeamsKind::Weighted => {
             let (types, exceptions) = read_types(&object, files, roster)?;
-            let weights = read_weights(&object, types.len())?;
+            let weights = read_weights(&object, &types, &exceptions)?;
             Ok(Teams::Weighted { types, weights, exceptions })
         }
         TeamsKind::All => {
@@ -153,16 +153,26 @@ fn read_names<'a>(
     node.items()?.iter().map(read).collect()
 }
 
-/// The weights, divided by their sum.
-fn read_weights(object: &Object, n_types: usize) -> Result<Vec<f64>, Reported> {
+/// The weights, divided by their sum. Those of types that are no exceptions must count, or a team that is not
+/// of exceptions alone would be drawn after too many attempts.
+fn read_weights(object: &Object, types: &[usize], exceptions: &[usize]) -> Result<Vec<f64>, Reported> {
     let node = object.require(&keys::WEIGHTS)?;
-    let items = node.items()?;
+    let (items, n_types) = (node.items()?, types.len());
     if items.len() != n_types {
         return Err(node.invalid(&format!("a list of {n_types} numbers, one for each of `unit_types`")));
     }
     let weights = items.iter().map(|item| item.number(keys::WEIGHT)).collect::<Result<Vec<_>, _>>()?;
     let sum: f64 = weights.iter().sum();
-    Ok(weights.into_iter().map(|weight| weight / sum).collect())
+    let weights: Vec<f64> = weights.into_iter().map(|weight| weight / sum).collect();
+    let of_types = types.iter().zip(&weights);
+    let others = of_types.filter(|(unit_type, _)| !exceptions.contains(unit_type)).map(|(_, weight)| weight);
+    if others.sum::<f64>() < keys::LEAST_SHARE {
+        return Err(node.conflict(&format!(
+            "must give the types that are not in `exception_unit_types` at least {} of the sum",
+            keys::LEAST_SHARE
+        )));
+    }
+    Ok(weights)
 }
 
 fn read_starts(node: &Node, map: Option<&Terrain>) -> Result<Starts, Reported> {
