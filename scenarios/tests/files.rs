@@ -591,6 +591,7 @@ fn bad_distributions_are_named_with_line_and_column() {
         ),
         ("\"use_unit_ranges\": true", "\"use_ranges\": true", "unknown key `smacv2.use_ranges`"),
         ("\"use_unit_ranges\": true", "\"obs_starcraft\": false", "leaves nothing to observe"),
+        ("\"use_unit_ranges\": true", "\"reward_win\": -1000", "`reward_win` must be at least 0"),
         (
             "\"use_unit_ranges\": true",
             "\"health\": {\"lower_bound\": 1, \"upper_bound\": 0}",
@@ -607,12 +608,6 @@ fn bad_distributions_are_named_with_line_and_column() {
     assert!(problems.contains("`num_allied_units` is 10 and `num_enemy_units` 11"), "{problems}");
 }
 
-#[test]
-fn teams_take_the_place_of_groups() {
-    let problems = generated_problems("\"start_positions\": {", "\"groups\": [], \"start_positions\": {");
-    assert!(problems.contains("`groups` must be left out"), "{problems}");
-    let without = "\"start\": {";
-    let problems = generated_problems("\"start_positions\": {", without);
 /// Only scaling needs a greatest return above 0, and the published code scales by any.
 #[test]
 fn smacv2_has_negative_points_where_they_are_not_scaled_by() {
@@ -640,6 +635,12 @@ fn rare_types_are_drawn_beside_exceptions_and_without_any() {
     }
 }
 
+#[test]
+fn teams_take_the_place_of_groups() {
+    let problems = generated_problems("\"start_positions\": {", "\"groups\": [], \"start_positions\": {");
+    assert!(problems.contains("`groups` must be left out"), "{problems}");
+    let without = "\"start\": {";
+    let problems = generated_problems("\"start_positions\": {", without);
     assert!(problems.contains("`start_positions` is missing"), "{problems}");
 }
 

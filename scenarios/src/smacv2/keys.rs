@@ -204,7 +204,8 @@ fn check(node: &Node, options: &Smacv2) -> Result<(), Reported> {
     if options.health.is_some() && !options.rewards.only_positive {
         return Err(node.conflict("has `health`, so `reward_only_positive` must be true"));
     }
-    Ok(())
+    // The published code scales by any number.
+    if options.published { Ok(()) } else { rewards::check(node, &options.rewards) }
 }
 
 fn mask(node: &Node) -> Result<EnemyMask, Reported> {

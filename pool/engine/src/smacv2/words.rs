@@ -47,7 +47,8 @@ impl Interface {
         let (first_seer, first_command) = (2 + attack + health + looks, 2 + attack + health + looks + seers);
         let n_units = (self.n_agents + self.n_enemies) as u64;
         let is_valid = |i: usize, word: u64| match i {
-            0 => is_number(word) && f64::from_bits(word) > 0.0,
+            // The greatest return, which may be negative; rewards are divided by it if they are scaled.
+            0 => is_number(word) && (!self.options.rewards.scale || f64::from_bits(word) != 0.0),
             1 => word >> 33 == 0,
             i if i < first_seer => is_number(word),
             i if i < first_command => word == NO_SEER || word < self.n_agents as u64,
