@@ -597,6 +597,11 @@ fn bad_distributions_are_named_with_line_and_column() {
             "\"health\": {\"lower_bound\": 1, \"upper_bound\": 0}",
             "`lower_bound` that is at most `upper_bound`",
         ),
+        (
+            "\"use_unit_ranges\": true",
+            "\"health\": {\"lower_bound\": 1, \"upper_bound\": 1}",
+            "`smacv2.health` must have a `lower_bound` below 1",
+        ),
         ("\"MEDIVAC\": 2", "\"MARINES\": 2", "did you mean `MARINE`?"),
     ] {
         let problems = generated_problems(from, to);
