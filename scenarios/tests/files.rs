@@ -613,6 +613,39 @@ fn bad_distributions_are_named_with_line_and_column() {
     assert!(problems.contains("`num_allied_units` is 10 and `num_enemy_units` 11"), "{problems}");
 }
 
+/// Units that found no place once began at one point, also off the map.
+#[test]
+fn units_that_do_not_fit_on_the_map_are_refused() {
+    let with = |side: usize, starts: &str| {
+        let rows = vec![format!("\"{}\"", "_".repeat(side)); side].join(", ");
+        let map = format!("\"width\": {side}, \"height\": {side}, \"terrain\": [{rows}], \"name\"");
+        let (_, files) = ScenarioFiles::resolve("terran_10_vs_11").unwrap();
+        let begin = files.text.find("\"start_positions\"").unwrap();
+        let end = begin + files.text[begin..].find('}').unwrap() + 1;
+        let mut text = files.text.clone();
+        text.replace_range(begin..end, &format!("\"start_positions\": {starts}"));
+        let text = text.replace("\"terrain_preset\": \"FLAT\",", "").replace("\"name\"", &map);
+        ScenarioFiles { text, ..files }.scenario()
+    };
+    let expected = "`start_positions` must leave room for 21 units on the map, of which none overlap";
+    for starts in ["surrounded", "reflect_position", "surrounded_and_reflect"] {
+        let starts = format!("{{\"distribution\": \"{starts}\"}}");
+        for side in [1, 2, 3] {
+            let problems = with(side, &starts).map_or_else(|found| found.to_string(), |_| String::new());
+            assert!(problems.contains(expected), "{side}, {starts}: {problems:?}");
+        }
+        for side in [10, 16] {
+            let scenario = with(side, &starts).unwrap_or_else(|problems| panic!("{side}: {problems}"));
+            let plane_and_place = |i: usize| {
+                let unit = &scenario.units[i];
+                (scenario.unit_types[unit.unit_type].plane, unit.position)
+            };
+            let is_apart = |i: usize| (0..i).all(|other| plane_and_place(i) != plane_and_place(other));
+            assert!((0..21).all(is_apart), "{side}, {starts}");
+        }
+    }
+}
+
 /// Only scaling needs a greatest return above 0, and the published code scales by any.
 #[test]
 fn smacv2_has_negative_points_where_they_are_not_scaled_by() {
