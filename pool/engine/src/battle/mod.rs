@@ -53,7 +53,7 @@ pub struct Battle {
     drawn: DrawnTeams,
     /// What agents perceive, where the scenario has SMACv2's interface.
     perceiver: Option<Box<Perceiver>>,
-    /// How the episode began.
+    /// How the episode began, or the state that was restored since.
     level: Vec<f32>,
     /// Working memory: the types of a level's units.
     types: Vec<u32>,
