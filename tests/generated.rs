@@ -208,6 +208,42 @@ fn agents_die_below_their_level_of_health() {
     assert_eq!(battle.dead_allies(), 4, "who was shot once has died, the other lives");
 }
 
+/// The greatest return of such battles is negative, and every snapshot of them was once refused.
+#[test]
+fn battles_with_negative_points_for_a_win_continue_from_their_snapshots() {
+    for (scale, published) in [(false, false), (false, true), (true, true)] {
+        let arena = arena("terran_5_vs_5", |options| {
+            (options.rewards.win, options.rewards.scale, options.published) = (-1000.0, scale, published);
+        });
+        let mut battle = Battle::new(Arc::clone(&arena), 1);
+        let mut other = Battle::new(arena, 2);
+        play(&mut battle, 5);
+        other.restore(&battle.save()).expect("a state of its own");
+        assert_eq!(play(&mut battle, 5), play(&mut other, 5));
+    }
+}
+
+/// At a level of 1 an agent saw its own health as NaN. No bounds below 1 give one, also not by rounding.
+#[test]
+fn observations_are_numbers_at_every_level_of_health() {
+    for bounds in [[0.0, 1.0], [1.0 - f64::EPSILON / 2.0, 1.0]] {
+        let arena = arena("terran_5_vs_5", |options| {
+            let [lower_bound, upper_bound] = bounds;
+            options.health = Some(Capability { lower_bound, upper_bound, observe: true });
+        });
+        let mut battle = Battle::new(Arc::clone(&arena), 1);
+        for _ in 0..20 {
+            battle.reset();
+            let (obs, ..) = shown(&battle);
+            assert!(obs.iter().all(|bits| f32::from_bits(*bits).is_finite()), "{bounds:?}");
+        }
+        let mut snapshot = battle.save();
+        assert_eq!(snapshot.check(&arena), Ok(()));
+        snapshot.perception[2] = 1f64.to_bits();
+        assert!(snapshot.check(&arena).is_err(), "a level of 1");
+    }
+}
+
 /// In the published code the time limit ends the battle; otherwise it only cuts the episode off.
 #[test]
 fn the_time_limit_truncates_unless_the_faults_are_asked_for() {

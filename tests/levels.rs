@@ -64,6 +64,42 @@ fn units_are_where_and_as_healthy_as_the_level_says() {
     assert_eq!(battle.available(1), [1], "and has no-op alone");
 }
 
+/// What a row says of a unit that is not in the battle went unchecked into its state, and no snapshot of that
+/// battle was valid.
+#[test]
+fn any_numbers_of_a_unit_that_is_not_in_the_battle_give_a_valid_state() {
+    for name in ["2s3z", "protoss_5_vs_5"] {
+        for number in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            let mut battle = Battle::new(arena(name), 1);
+            let mut edited = level(&battle);
+            edited[6..9].fill(number);
+            edited[9] = 0.0;
+            battle.reset_to(&edited).expect("a level");
+            assert_eq!(battle.save().check(battle.arena()), Ok(()), "{name}, {number}");
+            assert!(play(&mut battle, 5).iter().all(|value| value.is_finite()), "{name}, {number}");
+            assert_eq!(battle.save().check(battle.arena()), Ok(()), "{name}, {number}");
+        }
+    }
+}
+
+/// The arena's start positions were overwritten by the level's, so later episodes began there too.
+#[test]
+fn a_level_changes_no_later_episode() {
+    let arena = arena("2s3z");
+    let mut battle = Battle::new(Arc::clone(&arena), 1);
+    let own = level(&battle);
+    let mut edited = own.clone();
+    edited[1..3].copy_from_slice(&[5.5, 20.25]);
+    battle.reset_to(&edited).expect("a level");
+    let mut fork = Battle::new(arena, 8);
+    fork.restore(&battle.save()).expect("a state of the same arena");
+    for battle in [&mut battle, &mut fork] {
+        battle.reset();
+        assert_eq!(level(battle), own, "the scenario's units are where the scenario says");
+    }
+    assert_eq!(play(&mut battle, 20), play(&mut fork, 20));
+}
+
 #[test]
 fn a_level_that_cannot_be_is_an_error_that_names_the_unit() {
     let mut battle = Battle::new(arena("2s3z"), 1);

@@ -1,5 +1,6 @@
 //! Conversion of Python arguments: arrays, integers, timeouts and names. Arrays of the right type are not
-//! copied before they are used. Every error names the argument, what was expected and what was passed.
+//! copied before they are used, but for those that are sent while other Python code runs. Every error names
+//! the argument, what was expected and what was passed.
 
 use crate::errors::invalid_request;
 use numpy::{
@@ -193,14 +194,10 @@ impl smaclite_ipc::Actions for Actions<'_> {
     }
 }
 
-/// Converts the argument `levels` of `reset`: floats `[k, n_units, 5]`, whose number the client checks.
-pub fn levels<'py>(arg: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
-    let array = to_array("levels", arg)?;
-    if array.dtype().kind() != b'f' {
-        return Err(PyTypeError::new_err(format!("levels must be a float32 array, got {}", array.dtype())));
-    }
-    let array = array.call_method1("astype", ("float32", "C", "same_kind", true, false))?;
-    Ok(array.cast::<PyArrayDyn<f32>>()?.try_readonly()?)
+/// Converts the argument `levels` of `reset`: floats of this shape. They are copied, because other Python
+/// code may run before they are sent.
+pub fn levels(arg: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<f32>> {
+    float32_array("levels", arg, shape)?.to_vec()
 }
 
 /// Rows of bytes, as `restore` takes them.
@@ -217,6 +214,17 @@ pub fn snapshots<'py>(arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
         )));
     };
     Ok(array.try_readonly()?)
+}
+
+/// As [`snapshots`], those of `num_envs` environments whose own have `size` bytes; copied as
+/// [`levels`] are. How many bytes there must be is checked by the client, which knows why.
+pub fn snapshot_rows(arg: &Bound<'_, PyAny>, num_envs: usize, size: usize) -> PyResult<Vec<u8>> {
+    let array = snapshots(arg)?;
+    let is_one = array.shape() == [size] && num_envs == 1;
+    if array.len() == num_envs * size && !is_one {
+        check_shape("snapshots", "a uint8", arg, array.as_untyped(), &[Some(num_envs), Some(size)])?;
+    }
+    Ok(array.as_slice()?.to_vec())
 }
 
 /// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is

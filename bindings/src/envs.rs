@@ -18,6 +18,7 @@ use smaclite_engine::Faction;
 use smaclite_ipc::{
     Actions as _, Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario,
 };
+use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::collections::BTreeMap;
@@ -163,6 +164,16 @@ impl Envs {
         ids.map_or(self.description.settings.num_envs, Int32Array::len)
     }
 
+    /// The shape of the levels of these environments; any where the lane has none, which the client reports.
+    fn levels_shape(&self, ids: Option<&[i32]>) -> [Option<usize>; 3] {
+        if self.layout.level_len() == 0 {
+            return [None; 3];
+        }
+        let num_envs = ids.map_or(self.description.settings.num_envs, <[i32]>::len);
+        let [n_units, n_columns] = [1, 2].map(|axis| self.layout.shape(Field::Level)[axis]);
+        [num_envs, n_units, n_columns].map(Some)
+    }
+
     /// Converts the arguments of `step` and `send`.
     fn step_arguments<'py>(
         &self,
@@ -190,10 +201,11 @@ fn begin_step(
     let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
     match client.begin_step(&mut actions, ids, no_wait) {
         Err(ClientError::NotAccepted { .. }) => {
-            // The array must not be read while other Python code runs.
+            // The arrays must not be read while other Python code runs.
             let mut copy = vec![0; actions.count()];
             actions.write_to(&mut copy);
-            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids, wait))
+            let ids = ids.map(<[i32]>::to_vec);
+            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids.as_deref(), wait))
         }
         sent => sent.map_err(client_error),
     }
@@ -258,9 +270,8 @@ impl Envs {
         let batch = match levels {
             None => wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?,
             Some(levels) => {
-                let levels = convert::levels(levels)?;
-                let levels = levels.as_slice()?;
-                wait_detached(py, timeout, |wait| client.reset_to(levels, seed, ids.as_deref(), wait))?
+                let levels = convert::levels(levels, &self.levels_shape(ids.as_deref()))?;
+                wait_detached(py, timeout, |wait| client.reset_to(&levels, seed, ids.as_deref(), wait))?
             }
         };
         Ok(Batch::new(batch))
@@ -437,11 +448,13 @@ impl Envs {
         seed: Option<IntArg>,
     ) -> PyResult<()> {
         let seed = reseeding(rng, seed)?;
-        let (snapshots, ids) = (convert::snapshots(snapshots)?, env_ids(env_id)?);
-        let (snapshots, ids) = (snapshots.as_slice()?, ids.as_ref().map(Int32Array::as_slice).transpose()?);
+        let ids = env_ids(env_id)?;
+        let size = self.layout.snapshot_size();
+        let snapshots = convert::snapshot_rows(snapshots, self.request_size(ids.as_ref()), size)?;
+        let ids = ids.map(|ids| ids.as_slice().map(<[i32]>::to_vec)).transpose()?;
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        wait_detached(py, None, |wait| client.send_restore(snapshots, ids, seed, wait))
+        wait_detached(py, None, |wait| client.send_restore(&snapshots, ids.as_deref(), seed, wait))
     }
 
     /// Copy the states of environments to others, inside the pool, and return the batch with the
@@ -500,10 +513,10 @@ impl Envs {
         let seed = reseeding(rng, seed)?;
         let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
         let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
-        let (from, to) = (from.as_slice()?, to.as_slice()?);
+        let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        wait_detached(py, None, |wait| client.send_fork(from, to, seed, wait))
+        wait_detached(py, None, |wait| client.send_fork(&from, &to, seed, wait))
     }
 
     /// Draw uniformly random available actions, according to `avail_actions` of the newest batch.

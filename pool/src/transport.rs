@@ -135,7 +135,8 @@ pub enum FrameContent {
     Batch,
     /// The first bytes are a JSON [`Rejection`].
     Rejection {
-        /// The refused request; `None` reports that the lane failed.
+        /// The refused request; `None` reports that the lane failed, or that the session ended because the
+        /// learner of the other side left.
         request: Option<RequestNumber>,
         /// Bytes of the text.
         len: usize,

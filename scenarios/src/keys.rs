@@ -69,13 +69,13 @@ pub(crate) const NUM_ALLIED_UNITS: Key<Whole> = Key::required_as(
     "num_allied_units",
     COUNT,
     "the number of units of that faction",
-    "Number of agents: the units of faction ALLY in `groups`.",
+    "Number of agents. With `groups`, it is that of their units of faction ALLY.",
 );
 pub(crate) const NUM_ENEMY_UNITS: Key<Whole> = Key::required_as(
     "num_enemy_units",
     COUNT,
     "the number of units of that faction",
-    "Number of units of faction ENEMY in `groups`.",
+    "Number of enemies. With `groups`, it is that of their units of faction ENEMY.",
 );
 pub(crate) const GROUPS: Key<Shape> = Key::optional(
     "groups",

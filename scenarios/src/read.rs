@@ -79,8 +79,12 @@ impl Scenario {
             rewards: rewards?,
             heights: heights?,
         };
-        if scenario.generation.is_some() && scenario.units.is_empty() {
-            scenario.units = sample(&scenario, counts);
+        if scenario.generation.is_some() {
+            let units = sample(&file, &scenario, counts)?;
+            // The units of groups stay as they are, whatever positions are drawn for them.
+            if scenario.units.is_empty() {
+                scenario.units = units;
+            }
         }
         Ok((scenario, files.into_found()))
     }

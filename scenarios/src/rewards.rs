@@ -103,6 +103,12 @@ pub(crate) const REWARD_KEYS: [&dyn AnyKey; 8] =
 /// Reads the value of the key `rewards`.
 pub(crate) fn read(node: &Node) -> Result<Rewards, Reported> {
     let rewards = read_keys(&node.object(&REWARD_KEYS)?)?;
+    check(node, &rewards)?;
+    Ok(rewards)
+}
+
+/// What rewards are divided by must be above 0: otherwise scaling would change their sign.
+pub(crate) fn check(node: &Node, rewards: &Rewards) -> Result<(), Reported> {
     let least = rewards.death_value.min(rewards.win);
     if rewards.scale && least < 0.0 {
         return Err(node.conflict(
@@ -110,10 +116,10 @@ pub(crate) fn read(node: &Node) -> Result<Rewards, Reported> {
              `reward_scale` must be false",
         ));
     }
-    Ok(rewards)
+    Ok(())
 }
 
-/// Reads the options from an object that has them among its keys.
+/// Reads the options from an object that has them among its keys; the caller [checks](check) them.
 pub(crate) fn read_keys(object: &Object) -> Result<Rewards, Reported> {
     Ok(Rewards {
         sparse: object.read(&SPARSE)?,

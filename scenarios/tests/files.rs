@@ -557,6 +557,11 @@ fn bad_distributions_are_named_with_line_and_column() {
             ":8:27: `teams.weights[1]` is 0, but must be a number above 0",
         ),
         (
+            "[0.45, 0.45, 0.1]",
+            "[1e-300, 0.001, 1e6]",
+            ":8:20: `teams.weights` must give the types that are not in `exception_unit_types` at least",
+        ),
+        (
             "[\"MEDIVAC\"]",
             "[\"ZEALOT\"]",
             ":9:34: `teams.exception_unit_types[0]` is \"ZEALOT\", but must be one of `unit_types`",
@@ -586,10 +591,16 @@ fn bad_distributions_are_named_with_line_and_column() {
         ),
         ("\"use_unit_ranges\": true", "\"use_ranges\": true", "unknown key `smacv2.use_ranges`"),
         ("\"use_unit_ranges\": true", "\"obs_starcraft\": false", "leaves nothing to observe"),
+        ("\"use_unit_ranges\": true", "\"reward_win\": -1000", "`reward_win` must be at least 0"),
         (
             "\"use_unit_ranges\": true",
             "\"health\": {\"lower_bound\": 1, \"upper_bound\": 0}",
             "`lower_bound` that is at most `upper_bound`",
+        ),
+        (
+            "\"use_unit_ranges\": true",
+            "\"health\": {\"lower_bound\": 1, \"upper_bound\": 1}",
+            "`smacv2.health` must have a `lower_bound` below 1",
         ),
         ("\"MEDIVAC\": 2", "\"MARINES\": 2", "did you mean `MARINE`?"),
     ] {
@@ -600,6 +611,66 @@ fn bad_distributions_are_named_with_line_and_column() {
     let all = &*format!("\"distribution\": \"all_teams\", {types} }}, \"x\": {{");
     let problems = generated_problems("\"distribution\": \"weighted_teams\",", all);
     assert!(problems.contains("`num_allied_units` is 10 and `num_enemy_units` 11"), "{problems}");
+}
+
+/// Units that found no place once began at one point, also off the map.
+#[test]
+fn units_that_do_not_fit_on_the_map_are_refused() {
+    let with = |side: usize, starts: &str| {
+        let rows = vec![format!("\"{}\"", "_".repeat(side)); side].join(", ");
+        let map = format!("\"width\": {side}, \"height\": {side}, \"terrain\": [{rows}], \"name\"");
+        let (_, files) = ScenarioFiles::resolve("terran_10_vs_11").unwrap();
+        let begin = files.text.find("\"start_positions\"").unwrap();
+        let end = begin + files.text[begin..].find('}').unwrap() + 1;
+        let mut text = files.text.clone();
+        text.replace_range(begin..end, &format!("\"start_positions\": {starts}"));
+        let text = text.replace("\"terrain_preset\": \"FLAT\",", "").replace("\"name\"", &map);
+        ScenarioFiles { text, ..files }.scenario()
+    };
+    let expected = "`start_positions` must leave room for 21 units on the map, of which none overlap";
+    for starts in ["surrounded", "reflect_position", "surrounded_and_reflect"] {
+        let starts = format!("{{\"distribution\": \"{starts}\"}}");
+        for side in [1, 2, 3] {
+            let problems = with(side, &starts).map_or_else(|found| found.to_string(), |_| String::new());
+            assert!(problems.contains(expected), "{side}, {starts}: {problems:?}");
+        }
+        for side in [10, 16] {
+            let scenario = with(side, &starts).unwrap_or_else(|problems| panic!("{side}: {problems}"));
+            let plane_and_place = |i: usize| {
+                let unit = &scenario.units[i];
+                (scenario.unit_types[unit.unit_type].plane, unit.position)
+            };
+            let is_apart = |i: usize| (0..i).all(|other| plane_and_place(i) != plane_and_place(other));
+            assert!((0..21).all(is_apart), "{side}, {starts}");
+        }
+    }
+}
+
+/// Only scaling needs a greatest return above 0, and the published code scales by any.
+#[test]
+fn smacv2_has_negative_points_where_they_are_not_scaled_by() {
+    for options in
+        ["\"reward_win\": -1000, \"reward_scale\": false", "\"reward_win\": -1000, \"published\": true"]
+    {
+        assert_eq!(generated_problems("\"use_unit_ranges\": true", options), "");
+    }
+}
+
+/// Such weights once kept every reader drawing teams of medivacs alone for ever.
+#[test]
+fn rare_types_are_drawn_beside_exceptions_and_without_any() {
+    for (weights, exceptions, expected) in [
+        ("[0.0011, 1e-300, 1]", "[\"MEDIVAC\"]", ""),
+        ("[1e-300, 1e-300, 1e6]", "[]", ""),
+        ("[1e-300, 1e-300, 1e6]", "[\"MEDIVAC\"]", "`teams.weights` must give"),
+    ] {
+        let (_, files) = ScenarioFiles::resolve("terran_10_vs_11").unwrap();
+        let text = files.text.replace("[0.45, 0.45, 0.1]", weights).replace("[\"MEDIVAC\"]", exceptions);
+        let problems = ScenarioFiles { text, ..files }
+            .scenario()
+            .map_or_else(|found| found.to_string(), |_| String::new());
+        assert!(problems.contains(expected) && problems.is_empty() == expected.is_empty(), "{problems}");
+    }
 }
 
 #[test]

@@ -171,6 +171,8 @@ fn is_inexpressible(problem: &Problem) -> bool {
         "because `groups` contains the type",
         "rows, the value of `height`",
         "squares, the value of `width`",
+        "must give the types that are not in",
+        "must leave room for",
     ]) || path.starts_with("attack_point[")
         || path.starts_with("unit_type_ids.")
 }

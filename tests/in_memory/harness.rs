@@ -1,5 +1,6 @@
 //! Pools in this process, and learners without the checks of the real client.
 
+use smaclite_engine::Faction;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Doorbell, Epoch, RequestKind, RequestNumber, SessionId};
 use smaclite_pool::{Pool, PoolOptions, Rejection, WaitStrategy};
@@ -80,8 +81,14 @@ impl Learner {
 
     fn send(&mut self, kind: RequestKind, env_ids: &[i32], actions: &[i32]) {
         self.number += 1;
+        self.send_half(None, kind, env_ids, actions);
+    }
+
+    /// Sends what the learner of a side sends as the present request, or the only learner.
+    pub fn send_half(&self, side: Option<Faction>, kind: RequestKind, env_ids: &[i32], actions: &[i32]) {
         self.send_raw(SentMessage {
             session: self.session,
+            side,
             number: self.number,
             kind: Some(kind),
             env_ids: env_ids.to_vec(),

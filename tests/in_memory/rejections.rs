@@ -140,6 +140,7 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
     let (pool, mut learner, rows) = reset_lane(&LanePlan::toy(N));
     let message = |session, number, kind| SentMessage {
         session,
+        side: None,
         number,
         kind,
         env_ids: all(N),

@@ -137,6 +137,13 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
             (sp.InvalidRequest, "name the field `snapshot`", lambda: plain.restore(snapshots)),
             (sp.InvalidRequest, "environment 0 cannot be restored", lambda: envs.restore(snapshots * 0)),
             (sp.InvalidRequest, "take 2 snapshots of", lambda: envs.restore(snapshots[:1])),
+            # As many bytes, which were once read as rows of other bytes.
+            (
+                sp.InvalidRequest,
+                r"uint8 array of shape \(2, \d+\), got \(\d+, 2\)",
+                lambda: envs.restore(snapshots.T),
+            ),
+            (sp.InvalidRequest, "uint8 array of shape", lambda: envs.restore(snapshots.reshape(-1))),
             (TypeError, "must be a uint8 array", lambda: envs.restore(np.zeros((2, 4)))),
             (sp.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
             (sp.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),

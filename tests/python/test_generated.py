@@ -77,6 +77,31 @@ def test_distributions_on_a_map_of_fixed_teams() -> None:
         assert len(set(n_stalkers.tolist())) > 3
 
 
+def test_a_level_is_where_one_episode_begins() -> None:
+    """Later episodes of fixed scenarios once began where a level had put the units, also in a new session."""
+    with sp.make("2s3z", 2, fields=FIELDS) as envs:
+        own = envs.reset(seed=1).level.copy()
+        levels = own.copy()
+        levels[:, 0, 1:3] = [5.5, 20.25]
+        np.testing.assert_array_equal(envs.reset(levels=levels).level, levels)
+        np.testing.assert_array_equal(envs.reset().level, own)
+
+
+def test_levels_have_the_shape_of_their_field() -> None:
+    """As many numbers in another order were once mixed up silently."""
+    with sp.make("2s3z", 3, fields=FIELDS) as envs, sp.make("2s3z", 3) as plain:
+        levels = envs.reset(seed=1).level.copy()
+        shape = r"levels must be a float32 array of shape \(3, 10, 5\), got "
+        for wrong in (levels.transpose(1, 0, 2), levels.reshape(3, 50), levels[:2]):
+            with pytest.raises(sp.InvalidRequest, match=shape):
+                envs.reset(levels=wrong)
+        envs.reset(levels=levels[1:2], env_id=[1])
+        mask = np.array([True, False, True])
+        envs.reset(levels=levels[mask], mask=mask)
+        with pytest.raises(sp.InvalidRequest, match="name the field `level`"):
+            plain.reset(levels=levels)
+
+
 @pytest.mark.parametrize(
     ("options", "expected"),
     [

@@ -159,7 +159,7 @@ class Batch:
         """int32 [M]: what plays the enemies, an index in `OPPONENTS`; lanes must name this field."""
     @property
     def level(self) -> NDArray[np.float32]:
-        """float32 [M, n_units, 5]: how the episode began; lanes must name this field."""
+        """float32 [M, n_units, 5]: how the episode began, or was restored; lanes must name this field."""
     @property
     def reward_agents(self) -> NDArray[np.float32]:
         """float32 [M, n_agents]: share of each agent in `reward`; lanes must name this field."""

@@ -3,50 +3,20 @@
 
 #![forbid(unsafe_code)]
 
-use smaclite_engine::{Battle, Opponent, Snapshot, SnapshotError, StreamPosition, Units};
-use smaclite_ipc::{ClientError, ConnectError, EpisodePart, FollowedPart, Follower, RuntimeDir, WaitOptions};
-use smaclite_view::{Recorder, Replay, ReplayError};
-use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
+mod kept;
 
-/// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be
-/// saved.
-const MAX_TEXT: usize = 48 << 20;
+use kept::{Kept, MAX_TEXT, Start};
+use smaclite_engine::{Battle, Snapshot, SnapshotError, Units};
+use smaclite_ipc::{ClientError, ConnectError, FollowedPart, Follower, RuntimeDir, WaitOptions};
+use smaclite_view::{Replay, ReplayError};
+use std::sync::Arc;
 
 /// Follows environments and keeps what they did: per environment the newest complete episodes, and the
 /// present one. An episode that began before the recorder is left out.
 pub struct PoolRecorder {
     follower: Follower,
-    max_episodes: usize,
-    envs: BTreeMap<usize, RecordedEnv>,
-    n_complete: u64,
-    /// Actions of single agents that are kept, and how many may be.
-    n_actions: usize,
-    max_actions: usize,
+    kept: Kept,
     fresh: Fresh,
-}
-
-#[derive(Default)]
-struct RecordedEnv {
-    /// Only the last one may continue.
-    episodes: VecDeque<RecordedEpisode>,
-    n_lost: u64,
-}
-
-struct RecordedEpisode {
-    number: u64,
-    /// `None` if its beginning was not seen.
-    start: Option<Start>,
-    actions: Vec<u16>,
-    is_complete: bool,
-}
-
-/// How an episode begins.
-enum Start {
-    /// As after a reset, with the generator at this position, against this opponent.
-    Reset(StreamPosition, Opponent),
-    /// In the state of a restore or fork.
-    Restored(Box<Snapshot>),
 }
 
 /// Why a pool could not be recorded.
@@ -84,10 +54,8 @@ impl PoolRecorder {
             Some((scenario, _)) if scenario.generation.is_some() || scenario.smacv2.is_some() => Fresh::None,
             Some((_, arena)) => Fresh::Units(Box::new(Battle::new(Arc::new(arena), 0).units().clone())),
         };
-        let n_actors = follower.description().sizes.n_actors();
-        let (envs, n_complete, n_actions) = (BTreeMap::new(), 0, 0);
-        let max_actions = MAX_TEXT / text_bytes_per_step(&follower) * n_actors;
-        Ok(PoolRecorder { follower, max_episodes, envs, n_complete, n_actions, max_actions, fresh })
+        let kept = Kept::new(max_episodes, &follower.description().sizes, MAX_TEXT);
+        Ok(PoolRecorder { follower, kept, fresh })
     }
 
     /// Receives what happened since the last call. The logs of a lane keep
@@ -98,7 +66,9 @@ impl PoolRecorder {
     pub fn read(&mut self, mut wait: WaitOptions<'_>) -> Result<(), ClientError> {
         loop {
             let piece = self.follower.read_piece(wait.reborrow())?;
-            piece.parts.into_iter().for_each(|FollowedPart { env_id, part }| self.add(env_id, part));
+            for FollowedPart { env_id, part } in piece.parts {
+                self.kept.add(env_id, part, |start, is_first| self.fresh.start_of(start, is_first));
+            }
             if !piece.more {
                 return Ok(());
             }
@@ -107,63 +77,19 @@ impl PoolRecorder {
 
     /// Number of episodes of which the end was received since the recorder began; it keeps the newest.
     pub fn n_complete(&self) -> u64 {
-        self.n_complete
+        self.kept.n_complete()
     }
 
     /// Number of episodes that were lost since the recorder began: the pool dropped them before they were
     /// read, or this recorder to limit its memory.
     pub fn n_lost(&self) -> u64 {
-        self.envs.values().map(|env| env.n_lost).sum()
+        self.kept.n_lost()
     }
 
     /// Number of episodes that a replay would have if none had been lost: of an environment of which enough
     /// complete ones are kept, none is missing.
     pub fn n_missing(&self) -> u64 {
-        let kept = |env: &RecordedEnv| env.episodes.iter().filter(|episode| episode.is_complete).count();
-        let missing = |env: &RecordedEnv| env.n_lost.min(self.max_episodes.saturating_sub(kept(env)) as u64);
-        self.envs.values().map(missing).sum()
-    }
-
-    fn add(&mut self, env_id: usize, part: EpisodePart) {
-        let env = self.envs.entry(env_id).or_default();
-        env.n_lost += part.lost;
-        if let Some(start) = &part.start {
-            let is_first = env.episodes.is_empty() && env.n_lost == 0;
-            let start = self.fresh.start_of(start, is_first);
-            let (number, actions) = (part.number, Vec::new());
-            env.episodes.push_back(RecordedEpisode { number, start, actions, is_complete: false });
-        }
-        let Some(episode) = env.episodes.back_mut().filter(|episode| episode.number == part.number) else {
-            return;
-        };
-        if episode.start.is_some() {
-            self.n_actions += part.actions.len();
-            episode.actions.extend(part.actions);
-            episode.is_complete = part.is_over;
-            self.n_complete += u64::from(part.is_over);
-        }
-        // One more than the complete ones: the present episode.
-        while env.episodes.len() > self.max_episodes + 1 {
-            self.n_actions -= env.episodes.pop_front().map_or(0, |episode| episode.actions.len());
-        }
-        while self.n_actions > self.max_actions {
-            self.forget();
-        }
-    }
-
-    /// Forgets the oldest episode of the environment that has the most actions.
-    fn forget(&mut self) {
-        let size =
-            |env: &RecordedEnv| env.episodes.iter().map(|episode| episode.actions.len()).sum::<usize>();
-        let Some(env) = self.envs.values_mut().max_by_key(|env| size(env)) else { return };
-        env.n_lost += 1;
-        if env.episodes.len() > 1 {
-            self.n_actions -= env.episodes.pop_front().map_or(0, |episode| episode.actions.len());
-        } else if let Some(only) = env.episodes.back_mut() {
-            // It may continue: its number stays.
-            self.n_actions -= std::mem::take(&mut only.actions).len();
-            only.start = None;
-        }
+        self.kept.n_missing()
     }
 
     /// Plays the episodes again: a replay with their checksums, by environment; with those that did not end,
@@ -172,20 +98,7 @@ impl PoolRecorder {
     /// # Errors
     /// If this release plays other battles than the pool.
     pub fn replay(&self, with_incomplete: bool) -> Result<Replay, PoolRecorderError> {
-        let n_actors = self.follower.description().sizes.n_actors();
-        let mut recorder = Recorder::new(self.follower.setup().clone(), 0)?;
-        for episode in self.envs.values().flat_map(|env| &env.episodes) {
-            match episode.start.as_ref().filter(|_| episode.is_complete || with_incomplete) {
-                None => continue,
-                Some(Start::Reset(position, opponent)) => recorder.begin(*position, *opponent),
-                Some(Start::Restored(snapshot)) => recorder.begin_at(snapshot)?,
-            }
-            for actions in episode.actions.chunks(n_actors) {
-                let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
-                recorder.step(&actions)?;
-            }
-        }
-        Ok(recorder.finish())
+        self.kept.replay(self.follower.setup(), with_incomplete)
     }
 }
 
@@ -214,11 +127,4 @@ impl Fresh {
             Some(Start::Restored(Box::new(start.clone())))
         }
     }
-}
-
-/// Bytes of a step in the text of a replay, at most: the actions, and a checksum of five digits.
-fn text_bytes_per_step(follower: &Follower) -> usize {
-    let sizes = follower.description().sizes;
-    let n_actions = sizes.n_actions.max(sizes.enemies.map_or(0, |enemies| enemies.n_actions));
-    sizes.n_actors() * (n_actions.to_string().len() + 1) + 6
 }

@@ -161,24 +161,31 @@ impl Arena {
 }
 
 impl Arena {
-    /// Lets the units have the types and the start positions of a level.
-    pub(crate) fn set_level(&mut self, level: &[f32], types: &mut Vec<u32>) {
+    /// The types of a level's units, by battle-wide id.
+    pub(crate) fn level_types(&self, level: &[f32], types: &mut Vec<u32>) {
         refill(types, self.type_indices());
         for (place, row) in rows(level).enumerate() {
-            let id = self.id_at(place) as usize;
-            types[id] = row.unit_type as u32;
-            self.starts[id] = row.position;
+            types[self.id_at(place) as usize] = row.unit_type as u32;
         }
-        self.set_types(types.iter().copied());
+    }
+
+    /// The point of the map that is nearest to a position; 0 in place of what is no number.
+    fn on_map(&self, position: Vec2) -> Vec2 {
+        let on_side = |x: f32, side: u32| if x.is_nan() { 0.0 } else { x.clamp(0.0, side as f32) };
+        Vec2::new(on_side(position.x, self.terrain.width()), on_side(position.y, self.terrain.height()))
     }
 }
 
 impl Units {
-    /// Sets health and life as a level has them; after a reset of the units.
+    /// Sets positions, health and life as a level has them; after a reset of the units. The arena's start
+    /// positions remain those of the scenario, with which the next episode begins.
     pub(crate) fn set_level(&mut self, arena: &Arena, level: &[f32]) {
         for (place, row) in rows(level).enumerate() {
             let id = arena.id_at(place) as usize;
             self.alive[id] = row.alive == 1.0;
+            // The position of a unit that is not in the battle may be any number, also NaN; but all states
+            // of battles are finite, or no snapshot of them would be valid.
+            self.pos[id] = if self.alive[id] { row.position } else { arena.on_map(row.position) };
             // A unit of full health has exactly its maximum.
             self.hp[id] *= if self.alive[id] { f64::from(row.health) } else { 0.0 };
         }

@@ -63,7 +63,7 @@ impl<I: Inlet> Intake<I> {
         self.epoch = session.map(|session| Epoch { session, reset: None });
     }
 
-    /// From now on the learner of the other side sends whole requests.
+    /// From now on the learner of the other side sends whole requests; those of `side` are dropped.
     pub(super) fn set_left(&mut self, side: Faction) {
         self.halves.drop_side(side);
         self.left = Some(side);
@@ -175,10 +175,15 @@ impl<T: Transport> Lane<T> {
             let message = received?;
             // What is malformed is reported by the caller.
             let (session, side) = message.request().map_or((None, None), |r| (Some(r.session), r.side));
-            let is_half = session == intake.session() && intake.left.is_none();
-            let Some(side) = side.filter(|_| is_half) else {
+            let Some(side) = side.filter(|_| session == intake.session()) else {
                 return Some(Incoming::Whole(message));
             };
+            if intake.left == Some(side) {
+                continue; // sent before that learner left; now a script acts in its place
+            }
+            if intake.left.is_some() {
+                return Some(Incoming::Whole(message));
+            }
             if let Some(pair) = intake.halves.pair(side, message) {
                 return Some(pair);
             }

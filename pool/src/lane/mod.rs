@@ -1,6 +1,6 @@
-//! A lane: N environments of one scenario with one learner. One thread at a time accepts its requests
-//! (`accept`); any thread takes chunks of environments, steps them and writes their slots of a frame.
-//! `scheduler` decides which thread does what.
+//! A lane: N environments of one scenario with one learner, or one per side. One thread at a time accepts its
+//! requests (`accept`); any thread takes chunks of environments, steps them and writes their slots of a
+//! frame. `scheduler` decides which thread does what.
 
 mod accept;
 mod branching;
@@ -38,7 +38,7 @@ use std::time::{Duration, Instant};
 /// ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Environments of one scenario with one learner.
+/// Environments of one scenario with one learner, or one per side.
 pub struct Lane<T: Transport> {
     name: String,
     num_envs: usize,

@@ -43,8 +43,9 @@ impl<M: Message> Incoming<M> {
 }
 
 impl Joint<'_> {
-    /// Whether both learners want the same.
+    /// Whether a learner of one side may ask for this, and both want the same.
     pub(super) fn check(&self) -> Result<(), Rejection> {
+        std::iter::once(&self.first).chain(&self.enemies).try_for_each(check_side)?;
         let Some(enemies) = &self.enemies else { return Ok(()) };
         let Request { number, kind, env_ids, .. } = self.first;
         let is_same_kind = matches!(
@@ -64,8 +65,22 @@ impl Joint<'_> {
     /// The kind; of a reset the first seed that is given.
     pub(super) fn kind(&self) -> RequestKind {
         match (self.first.kind, self.enemies.map(|enemies| enemies.kind)) {
-            (RequestKind::Reset { seed: None, .. }, Some(kind @ RequestKind::Reset { .. })) => kind,
+            (RequestKind::Reset { seed, levels }, Some(RequestKind::Reset { seed: of_enemies, .. })) => {
+                RequestKind::Reset { seed: seed.or(of_enemies), levels }
+            }
             (kind, _) => kind,
+        }
+    }
+}
+
+/// What only the learner of both sides may ask for. Our own client refuses it, too.
+fn check_side(request: &Request<'_>) -> Result<(), Rejection> {
+    match request.kind {
+        RequestKind::Step | RequestKind::Reset { levels: false, .. } => Ok(()),
+        _ if request.side.is_none() => Ok(()),
+        _ => {
+            let what = "a learner of one side cannot restore or fork battles or choose levels".to_owned();
+            Err(Rejection::Malformed { what })
         }
     }
 }

@@ -9,7 +9,8 @@
 //!   at (32 - x, y). Further enemies are uniform in the east half.
 //! - **Surrounded**: all allies in the centre. The enemies are divided among 1 to 4 groups, each number
 //!   equally probable, by a multinomial with equal chances, in the order of the list; each group has another
-//!   corner, and stands on the way from it to the centre: u of the way up to 2 squares before the centre.
+//!   corner, and stands on the way from it to the centre: u of the way up to 2 squares before the centre (the
+//!   corner itself on maps narrower than 4 squares).
 
 use super::place::{Placer, exact};
 use crate::{Drawn, DrawnTeams, Faction, Generation, Scenario, Starts, Teams};
@@ -67,6 +68,11 @@ impl Drawer {
     /// name of their type, then from west to east, then from south to north. The enemies keep their order.
     pub fn place(&self, teams: &mut DrawnTeams) {
         self.placer.place(teams);
+    }
+
+    /// As [`place`](Self::place), up to the first unit without room. Whether all have room.
+    pub(crate) fn has_room(&self, teams: &mut DrawnTeams) -> bool {
+        self.placer.has_room(teams)
     }
 
     /// Gives allies their numbers.
@@ -155,7 +161,8 @@ impl Drawer {
             let way = share();
             let position = [0, 1].map(|axis| {
                 let (centre, side) = (centre[axis], 2.0 * centre[axis] * corner[axis]);
-                let inner = centre + if corner[axis] == 0.0 { -2.0 } else { 2.0 };
+                let before = centre.min(2.0); // a smaller map ends there
+                let inner = centre + if corner[axis] == 0.0 { -before } else { before };
                 exact(way * inner + (1.0 - way) * side)
             });
             rest.by_ref().take(size).for_each(|unit| unit.position = position);

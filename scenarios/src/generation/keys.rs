@@ -62,8 +62,12 @@ pub(crate) const WEIGHT: Range = Range::left_open(0.0, 1e6);
 pub(crate) const WEIGHTS: Key<Shape> = Key::optional(
     "weights",
     Shape { schema: weights_schema, expected: "a list with a number above 0 for each of `unit_types`" },
-    "The weight of each of `unit_types` in weighted_teams; they are divided by their sum.",
+    "The weight of each of `unit_types` in weighted_teams; they are divided by their sum. Types that are no \
+     exceptions must have at least 0.001 of it.",
 );
+/// The least share of the weights that types without exceptions have. It bounds how often a team is drawn
+/// again: a single unit 1000 times on average.
+pub(crate) const LEAST_SHARE: f64 = 0.001;
 pub(crate) const EXCEPTION_UNIT_TYPES: Key<Shape> = Key::optional(
     "exception_unit_types",
     Shape { schema: names_schema, expected: "a list of unit types" },

@@ -54,18 +54,38 @@ impl Placer {
         }
     }
 
+    /// Places all units. A scenario in whose samples one has no room is refused; in a rarer draw it stays
+    /// where it was drawn.
     pub(crate) fn place(&self, teams: &mut DrawnTeams) {
+        self.spread(teams, true);
+        self.number(&mut teams.allies);
+    }
+
+    /// Places the units, up to the first one without room. Whether all have room.
+    pub(crate) fn has_room(&self, teams: &mut DrawnTeams) -> bool {
+        self.spread(teams, false)
+    }
+
+    /// Gives the units places in their order: all that have room, or those before the first one without.
+    fn spread(&self, teams: &mut DrawnTeams, all: bool) -> bool {
         let DrawnTeams { allies, enemies } = teams;
-        let mut search = Search::default();
-        for unit in 0..allies.len() {
-            let (before, rest) = allies.split_at_mut(unit);
-            rest[0].position = self.find(rest[0], 1.0, before, &[], &mut search);
+        let (mut search, mut has_room) = (Search::default(), true);
+        let n_allies = allies.len();
+        for unit in 0..n_allies + enemies.len() {
+            let (side, others, unit, east) = match unit.checked_sub(n_allies) {
+                None => (&mut *allies, &[][..], unit, 1.0),
+                Some(unit) => (&mut *enemies, &allies[..], unit, -1.0),
+            };
+            let (before, rest) = side.split_at_mut(unit);
+            match self.find(rest[0], east, before, others, &mut search) {
+                Some(place) => rest[0].position = place,
+                None => has_room = false,
+            }
+            if !has_room && !all {
+                break;
+            }
         }
-        for unit in 0..enemies.len() {
-            let (before, rest) = enemies.split_at_mut(unit);
-            rest[0].position = self.find(rest[0], -1.0, before, allies, &mut search);
-        }
-        self.number(allies);
+        has_room
     }
 
     /// Orders allies by the name of their type, then from west to east, then from south to north.
@@ -75,13 +95,20 @@ impl Placer {
             let [(ax, ay), (bx, by)] = [a, b].map(|unit| (unit.position[0], unit.position[1]));
             rank(a).cmp(&rank(b)).then(ax.total_cmp(&bx)).then(ay.total_cmp(&by))
         };
-        // Two units of a type never have one place, so the order is total. A stable sort would take memory.
+        // Units that compare equal, of one type at one point, are equal: any order of them is the same. A
+        // stable sort would take memory.
         allies.sort_unstable_by(by_place);
     }
 
-    /// The nearest place with room. Where no place is wide enough, one whose middle is on a walkable square;
-    /// the drawn one if there is none, either.
-    fn find(&self, unit: Drawn, east: f64, own: &[Drawn], others: &[Drawn], search: &mut Search) -> [f64; 2] {
+    /// The nearest place with room. Where no place is wide enough, one whose middle is on a walkable square.
+    fn find(
+        &self,
+        unit: Drawn,
+        east: f64,
+        own: &[Drawn],
+        others: &[Drawn],
+        search: &mut Search,
+    ) -> Option<[f64; 2]> {
         let body = self.bodies[unit.unit_type];
         let [x, y] = unit.position;
         let is_apart =
@@ -91,7 +118,7 @@ impl Placer {
             && self.is_walkable(body, body.radius, unit.position)
             && is_apart(unit.position)
         {
-            return unit.position;
+            return Some(unit.position);
         }
         let place =
             |[dx, dy]: &[i16; 2]| [exact(x + east * GRID * f64::from(*dx)), exact(y + GRID * f64::from(*dy))];
@@ -102,9 +129,9 @@ impl Placer {
         let wide = (first..self.pattern.len()).find(|i| is_free(place(&self.pattern[*i]), body.radius));
         if let Some(found) = wide {
             search.last = found;
-            return place(&self.pattern[found]);
+            return Some(place(&self.pattern[found]));
         }
-        self.pattern.iter().map(place).find(|place| is_free(*place, 0.0)).unwrap_or(unit.position)
+        self.pattern.iter().map(place).find(|place| is_free(*place, 0.0))
     }
 
     fn is_on_map(&self, margin: f64, [x, y]: [f64; 2]) -> bool {

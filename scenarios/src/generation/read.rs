@@ -34,17 +34,37 @@ pub(crate) fn read_generated<'a>(
     Ok((roster, Some(Generation { teams, starts: starts? })))
 }
 
+/// Draws that are tried before a scenario is accepted.
+const SAMPLES: usize = 8;
+
 /// One sample of the units, so that the scenario can be shown; the same for equal files.
-pub(crate) fn sample(scenario: &Scenario, counts: [usize; 2]) -> Vec<Placement> {
+///
+/// # Errors
+/// If units of this or of one of the next samples have no room: battles would begin with units at one point.
+pub(crate) fn sample(
+    file: &Object,
+    scenario: &Scenario,
+    counts: [usize; 2],
+) -> Result<Vec<Placement>, Reported> {
     // Numbers of a Weyl sequence, which are spread evenly; nothing depends on their quality.
     let mut state = 0.0;
     let mut share = move || {
         state = (state + 0.618_033_988_749_894_9_f64).fract();
         state
     };
-    let mut drawn = DrawnTeams::default();
+    let (mut drawn, mut other) = (DrawnTeams::default(), DrawnTeams::default());
     if let Some(drawer) = Drawer::of_counts(scenario, counts) {
         drawer.draw(&mut share, &mut drawn);
+        other.clone_from(&drawn);
+        for _ in 0..SAMPLES {
+            if !drawer.has_room(&mut other) {
+                let n_units = counts[0] + counts[1];
+                let conflict =
+                    format!("must leave room for {n_units} units on the map, of which none overlap");
+                return Err(file.require(&crate::keys::START_POSITIONS)?.conflict(&conflict));
+            }
+            drawer.draw(&mut share, &mut other);
+        }
         drawer.place(&mut drawn);
     }
     let sides = [(Faction::Ally, &drawn.allies), (Faction::Enemy, &drawn.enemies)];
@@ -55,7 +75,7 @@ pub(crate) fn sample(scenario: &Scenario, counts: [usize; 2]) -> Vec<Placement> 
         };
         units.iter().enumerate().map(placement).collect::<Vec<_>>()
     };
-    sides.into_iter().flat_map(of_side).collect()
+    Ok(sides.into_iter().flat_map(of_side).collect())
 }
 
 fn read_teams<'a>(
@@ -83,7 +103,7 @@ fn read_teams<'a>(
     match kind {
         TeamsKind::Weighted => {
             let (types, exceptions) = read_types(&object, files, roster)?;
-            let weights = read_weights(&object, types.len())?;
+            let weights = read_weights(&object, &types, &exceptions)?;
             Ok(Teams::Weighted { types, weights, exceptions })
         }
         TeamsKind::All => {
@@ -153,16 +173,26 @@ fn read_names<'a>(
     node.items()?.iter().map(read).collect()
 }
 
-/// The weights, divided by their sum.
-fn read_weights(object: &Object, n_types: usize) -> Result<Vec<f64>, Reported> {
+/// The weights, divided by their sum. Those of types that are no exceptions must count, or a team that is not
+/// of exceptions alone would be drawn after too many attempts.
+fn read_weights(object: &Object, types: &[usize], exceptions: &[usize]) -> Result<Vec<f64>, Reported> {
     let node = object.require(&keys::WEIGHTS)?;
-    let items = node.items()?;
+    let (items, n_types) = (node.items()?, types.len());
     if items.len() != n_types {
         return Err(node.invalid(&format!("a list of {n_types} numbers, one for each of `unit_types`")));
     }
     let weights = items.iter().map(|item| item.number(keys::WEIGHT)).collect::<Result<Vec<_>, _>>()?;
     let sum: f64 = weights.iter().sum();
-    Ok(weights.into_iter().map(|weight| weight / sum).collect())
+    let weights: Vec<f64> = weights.into_iter().map(|weight| weight / sum).collect();
+    let of_types = types.iter().zip(&weights);
+    let others = of_types.filter(|(unit_type, _)| !exceptions.contains(unit_type)).map(|(_, weight)| weight);
+    if others.sum::<f64>() < keys::LEAST_SHARE {
+        return Err(node.conflict(&format!(
+            "must give the types that are not in `exception_unit_types` at least {} of the sum",
+            keys::LEAST_SHARE
+        )));
+    }
+    Ok(weights)
 }
 
 fn read_starts(node: &Node, map: Option<&Terrain>) -> Result<Starts, Reported> {

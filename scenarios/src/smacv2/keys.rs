@@ -101,7 +101,8 @@ const ATTACK: Key<Shape> = Key::optional(
 const HEALTH: Key<Shape> = Key::optional(
     "health",
     Shape { schema: capability_schema, expected: "an object with `lower_bound` and `upper_bound`" },
-    "Lets each agent die below a share of its health that is drawn for each episode.",
+    "Lets each agent die below a share of its health that is drawn for each episode. `lower_bound` must be \
+     below 1.",
 );
 const PUBLISHED: Key<Flag> =
     flag("published", false, "Whether the faults of SMACv2's published code are reproduced.");
@@ -188,7 +189,7 @@ pub(crate) fn read(node: &Node) -> Result<Smacv2, Reported> {
         rewards: rewards::read_keys(&file)?,
         enemy_mask: file.get(&ENEMY_MASK).map(|node| mask(&node)).transpose()?,
         attack: capability(&file, &ATTACK)?,
-        health: capability(&file, &HEALTH)?,
+        health: health(&file)?,
         published: flag(&PUBLISHED)?,
     };
     check(node, &options)?;
@@ -204,7 +205,8 @@ fn check(node: &Node, options: &Smacv2) -> Result<(), Reported> {
     if options.health.is_some() && !options.rewards.only_positive {
         return Err(node.conflict("has `health`, so `reward_only_positive` must be true"));
     }
-    Ok(())
+    // The published code scales by any number.
+    if options.published { Ok(()) } else { rewards::check(node, &options.rewards) }
 }
 
 fn mask(node: &Node) -> Result<EnemyMask, Reported> {
@@ -219,4 +221,16 @@ fn capability(file: &Object, key: &Key<Shape>) -> Result<Option<Capability>, Rep
         return Err(node.conflict("must have a `lower_bound` that is at most `upper_bound`"));
     }
     Ok(Some(Capability { lower_bound, upper_bound, observe: object.read(&OBSERVE)? }))
+}
+
+/// The bounds of health levels. Observations have the health above the level as a share of the greatest one,
+/// and above a level of 1 there is none.
+fn health(file: &Object) -> Result<Option<Capability>, Reported> {
+    let levels = capability(file, &HEALTH)?;
+    match file.get(&HEALTH).filter(|_| levels.is_some_and(|levels| levels.lower_bound >= 1.0)) {
+        Some(node) => {
+            Err(node.conflict("must have a `lower_bound` below 1: no agent has more health than all"))
+        }
+        None => Ok(levels),
+    }
 }

@@ -53,7 +53,7 @@ pub struct Battle {
     drawn: DrawnTeams,
     /// What agents perceive, where the scenario has SMACv2's interface.
     perceiver: Option<Box<Perceiver>>,
-    /// How the episode began.
+    /// How the episode began, or the state that was restored since.
     level: Vec<f32>,
     /// Working memory: the types of a level's units.
     types: Vec<u32>,
@@ -141,9 +141,10 @@ impl Battle {
     pub fn reset_to_checked(&mut self, level: &[f32]) {
         debug_assert_eq!(self.arena.check_level(level), Ok(()));
         let opponent = self.arena.opponents().draw(&mut self.generator);
-        let arena = Arc::make_mut(&mut self.arena);
-        arena.set_level(level, &mut self.types);
-        self.tables.set_types(arena);
+        let mut types = std::mem::take(&mut self.types);
+        self.arena.level_types(level, &mut types);
+        self.set_types(&types);
+        self.types = types;
         self.units.reset(&self.arena);
         self.units.set_level(&self.arena, level);
         refill(&mut self.level, level.iter().copied());
@@ -189,7 +190,7 @@ impl Battle {
         self.tables.set_types(arena);
     }
 
-    /// Lets the units have the types of a snapshot.
+    /// Lets the units have the types of a snapshot or of a level.
     fn set_types(&mut self, types: &[u32]) {
         if !self.arena.type_indices().eq(types.iter().copied()) {
             let arena = Arc::make_mut(&mut self.arena);

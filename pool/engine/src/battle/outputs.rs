@@ -218,8 +218,8 @@ impl Battle {
         self.episode_length
     }
 
-    /// Writes the level that the episode began with, f32 `[n_units, 5]`, see
-    /// [`LEVEL_COLUMNS`](crate::LEVEL_COLUMNS); after a restore the one that it would be now.
+    /// Writes the level that the episode began with, or that of the state that was restored since, f32
+    /// `[n_units, 5]`, see [`LEVEL_COLUMNS`](crate::LEVEL_COLUMNS).
     ///
     /// # Panics
     /// If `out` has another size.

@@ -86,6 +86,10 @@ pub struct Perception {
     pub steps: u32,
 }
 
+/// The greatest number below 1. Agents are shown their health as a share of what is above their level, and
+/// above a level of 1 there is nothing; a sum of bounds near 1 can round to it.
+const GREATEST_LEVEL: f64 = 1.0 - f64::EPSILON / 2.0;
+
 /// What is random.
 pub trait Chance {
     /// A uniform number from 0 to less than 1: a capability or a bit of a mask.
@@ -143,9 +147,8 @@ impl Interface {
             );
         }
         if let Some(bounds) = self.options.health {
-            health.extend(
-                (0..n_agents).map(|_| within(bounds.lower_bound, bounds.upper_bound, chance.share())),
-            );
+            let level = |_| within(bounds.lower_bound, bounds.upper_bound, chance.share());
+            health.extend((0..n_agents).map(level).map(|level| level.min(GREATEST_LEVEL)));
         }
         if let Some(options) = self.options.enemy_mask {
             mask.extend((0..n_agents * n_enemies).map(|_| chance.share() >= options.mask_probability));

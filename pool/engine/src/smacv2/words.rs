@@ -44,11 +44,15 @@ impl Interface {
     pub(crate) fn invalid_word(&self, words: &[u64]) -> Option<usize> {
         let WordCounts { attack, health, looks, seers, commands, .. } = self.word_counts();
         let is_number = |word: u64| f64::from_bits(word).is_finite();
-        let (first_seer, first_command) = (2 + attack + health + looks, 2 + attack + health + looks + seers);
+        let first_level = 2 + attack;
+        let first_seer = first_level + health + looks;
+        let first_command = first_seer + seers;
         let n_units = (self.n_agents + self.n_enemies) as u64;
         let is_valid = |i: usize, word: u64| match i {
-            0 => is_number(word) && f64::from_bits(word) > 0.0,
+            // The greatest return, which may be negative; rewards are divided by it if they are scaled.
+            0 => is_number(word) && (!self.options.rewards.scale || f64::from_bits(word) != 0.0),
             1 => word >> 33 == 0,
+            i if first_level <= i && i < first_level + health => (0.0..1.0).contains(&f64::from_bits(word)),
             i if i < first_seer => is_number(word),
             i if i < first_command => word == NO_SEER || word < self.n_agents as u64,
             i if i < first_command + commands => match (i - first_command) % 3 {

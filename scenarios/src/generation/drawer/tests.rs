@@ -250,3 +250,30 @@ fn ground_units_start_on_walkable_squares() {
         }
     }
 }
+
+/// The ways from the corners were as long as on a wide map, so groups began off a narrow one.
+#[test]
+fn groups_are_on_maps_of_any_size() {
+    for [width, height] in [[1, 1], [3, 2], [2, 40]] {
+        let rows = vec![format!("\"{}\"", "_".repeat(width)); height].join(", ");
+        let text = format!(
+            r#"{{"name": "x", "num_allied_units": 1, "num_enemy_units": 1,
+                "width": {width}, "height": {height}, "terrain": [{rows}],
+                "start_positions": {{"distribution": "surrounded"}},
+                "groups": [{{"x": 0.5, "y": 0.5, "faction": "ALLY", "units": {{"MEDIVAC": 1}}}},
+                           {{"x": 0.5, "y": 0.5, "faction": "ENEMY", "units": {{"MARINE": 1}}}}],
+                "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false}}"#
+        );
+        let files = ScenarioFiles { source: "x.json".into(), text, unit_files: Vec::new() };
+        let scenario = files.scenario().unwrap_or_else(|problems| panic!("{problems}"));
+        let drawer = Drawer::new(&scenario).unwrap();
+        let (mut share, mut drawn) = (shares(9), DrawnTeams::default());
+        for _ in 0..300 {
+            drawer.draw(&mut share, &mut drawn);
+            for unit in &drawn.enemies {
+                let [x, y] = unit.position;
+                assert!((0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y), "{unit:?}");
+            }
+        }
+    }
+}

@@ -107,7 +107,7 @@ impl Game {
             team.act(battle, Faction::Enemy, past, seed, step as u64)
         });
         log.extend(agents);
-        // Legal actions are below the 6 + 1000 actions of the largest scenario.
+        // Legal actions are below the 6 + 1000 actions of the largest scenario and its 360 looks.
         log.extend(enemies.into_iter().flatten().map(|action| action as u16));
     }
 

@@ -1,0 +1,220 @@
+//! What is kept of followed environments: per environment the newest complete episodes and the present one,
+//! as much as a replay has room for.
+
+use smaclite_engine::{BattleSetup, Opponent, RecordLayout, RecordSizes, Sizes, Snapshot, StreamPosition};
+use smaclite_ipc::EpisodePart;
+use smaclite_view::{Recorder, Replay};
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::PoolRecorderError;
+
+/// Bytes of the text of all kept episodes, about: less than the largest replay has, so that they can be
+/// saved.
+pub(crate) const MAX_TEXT: usize = 48 << 20;
+
+/// The episodes of all environments.
+pub(crate) struct Kept {
+    max_episodes: usize,
+    envs: BTreeMap<usize, RecordedEnv>,
+    n_complete: u64,
+    costs: Costs,
+    /// Bytes of their text, and how many they may be.
+    text: usize,
+    max_text: usize,
+}
+
+#[derive(Default)]
+struct RecordedEnv {
+    /// Only the last one may continue.
+    episodes: VecDeque<RecordedEpisode>,
+    n_lost: u64,
+}
+
+struct RecordedEpisode {
+    number: u64,
+    /// `None` if its beginning was not seen.
+    start: Option<Start>,
+    actions: Vec<u16>,
+    is_complete: bool,
+}
+
+/// How an episode begins.
+pub(crate) enum Start {
+    /// As after a reset, with the generator at this position, against this opponent.
+    Reset(StreamPosition, Opponent),
+    /// In the state of a restore or fork, or with units that were drawn or are those of a level.
+    Restored(Box<Snapshot>),
+}
+
+impl Kept {
+    /// Nothing yet, of battles of these sizes; at most so many complete episodes per environment, and so many
+    /// bytes of text.
+    pub(crate) fn new(max_episodes: usize, sizes: &Sizes, max_text: usize) -> Kept {
+        let costs = Costs::new(sizes);
+        Kept { max_episodes, envs: BTreeMap::new(), n_complete: 0, costs, text: 0, max_text }
+    }
+
+    pub(crate) fn n_complete(&self) -> u64 {
+        self.n_complete
+    }
+
+    pub(crate) fn n_lost(&self) -> u64 {
+        self.envs.values().map(|env| env.n_lost).sum()
+    }
+
+    pub(crate) fn n_missing(&self) -> u64 {
+        let kept = |env: &RecordedEnv| env.episodes.iter().filter(|episode| episode.is_complete).count();
+        let missing = |env: &RecordedEnv| env.n_lost.min(self.max_episodes.saturating_sub(kept(env)) as u64);
+        self.envs.values().map(missing).sum()
+    }
+
+    /// Adds what an environment did. `start_of` says how an episode begins, and is told whether it is the
+    /// first one that is seen of its environment.
+    pub(crate) fn add(
+        &mut self,
+        env_id: usize,
+        part: EpisodePart,
+        start_of: impl Fn(&Snapshot, bool) -> Option<Start>,
+    ) {
+        let env = self.envs.entry(env_id).or_default();
+        env.n_lost += part.lost;
+        if let Some(start) = &part.start {
+            let is_first = env.episodes.is_empty() && env.n_lost == 0;
+            let (number, start, actions) = (part.number, start_of(start, is_first), Vec::new());
+            let episode = RecordedEpisode { number, start, actions, is_complete: false };
+            self.text += self.costs.of(&episode);
+            env.episodes.push_back(episode);
+        }
+        let Some(episode) = env.episodes.back_mut().filter(|episode| episode.number == part.number) else {
+            return;
+        };
+        if episode.start.is_some() {
+            self.text -= self.costs.of(episode);
+            episode.actions.extend(part.actions);
+            self.text += self.costs.of(episode);
+            episode.is_complete = part.is_over;
+            self.n_complete += u64::from(part.is_over);
+        }
+        // One more than the complete ones: the present episode.
+        while env.episodes.len() > self.max_episodes + 1 {
+            self.text -= env.episodes.pop_front().map_or(0, |episode| self.costs.of(&episode));
+        }
+        while self.text > self.max_text {
+            self.forget();
+        }
+    }
+
+    /// Forgets the oldest episode of the environment that has the most text.
+    fn forget(&mut self) {
+        let costs = &self.costs;
+        let size = |env: &RecordedEnv| env.episodes.iter().map(|episode| costs.of(episode)).sum::<usize>();
+        let Some(env) = self.envs.values_mut().max_by_key(|env| size(env)) else { return };
+        env.n_lost += 1;
+        if env.episodes.len() > 1 {
+            self.text -= env.episodes.pop_front().map_or(0, |episode| costs.of(&episode));
+        } else if let Some(only) = env.episodes.back_mut() {
+            self.text -= costs.of(only);
+            // It may continue: its number stays.
+            only.actions = Vec::new();
+            only.start = None;
+        }
+    }
+
+    /// Plays the episodes again.
+    pub(crate) fn replay(
+        &self,
+        setup: &BattleSetup,
+        with_incomplete: bool,
+    ) -> Result<Replay, PoolRecorderError> {
+        let mut recorder = Recorder::new(setup.clone(), 0)?;
+        for episode in self.envs.values().flat_map(|env| &env.episodes) {
+            match episode.start.as_ref().filter(|_| episode.is_complete || with_incomplete) {
+                None => continue,
+                Some(Start::Reset(position, opponent)) => recorder.begin(*position, *opponent),
+                Some(Start::Restored(snapshot)) => recorder.begin_at(snapshot)?,
+            }
+            for actions in episode.actions.chunks(self.costs.n_actors) {
+                let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
+                recorder.step(&actions)?;
+            }
+        }
+        Ok(recorder.finish())
+    }
+}
+
+/// Bytes in the text of a replay, at most.
+struct Costs {
+    n_actors: usize,
+    /// Of a step: the actions, and a checksum of five digits.
+    step: usize,
+    /// Of an episode without steps: keys, seed, outcome and checksum.
+    episode: usize,
+    /// Of a state in which an episode begins, in base64.
+    snapshot: usize,
+}
+
+impl Costs {
+    fn new(sizes: &Sizes) -> Costs {
+        let n_actions = sizes.n_actions.max(sizes.enemies.map_or(0, |enemies| enemies.n_actions));
+        let n_actors = sizes.n_actors();
+        Costs {
+            n_actors,
+            step: n_actors * (n_actions.to_string().len() + 1) + 6,
+            episode: 350,
+            snapshot: RecordLayout::new(RecordSizes::new(sizes, 0)).size().div_ceil(3) * 4,
+        }
+    }
+
+    fn of(&self, episode: &RecordedEpisode) -> usize {
+        let steps = episode.actions.len() / self.n_actors * self.step;
+        match &episode.start {
+            None => 0,
+            Some(Start::Reset(..)) => self.episode + steps,
+            Some(Start::Restored(_)) => self.episode + self.snapshot + steps,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::{Battle, Scratch, action};
+    use smaclite_view::ReplayError;
+
+    /// Plays episodes of one step; those of drawn units begin with a snapshot.
+    fn record(scenario: &str, n_episodes: u64, max_text: usize) -> (Kept, Replay) {
+        let (_, files) = smaclite_scenarios::ScenarioFiles::resolve(scenario).expect("a scenario");
+        let setup = BattleSetup::new(files);
+        let (_, arena) = setup.arena().expect("a valid scenario");
+        let sizes = arena.sizes();
+        let mut kept = Kept::new(usize::MAX - 1, &sizes, max_text);
+        let mut battle = Battle::new(std::sync::Arc::new(arena), 1);
+        let actions = vec![action::STOP as i32; sizes.n_agents];
+        for number in 0..n_episodes {
+            battle.reset();
+            let start = Some(battle.save());
+            battle.step(&actions, &mut Scratch::new()).expect("all may stop");
+            let actions = actions.iter().map(|action| *action as u16).collect();
+            let part = EpisodePart { number, start, actions, is_over: true, lost: 0 };
+            kept.add(0, part, |start, _| match scenario {
+                "3m" => Some(Start::Reset(start.generator.position(), start.opponent)),
+                _ => Some(Start::Restored(Box::new(start.clone()))),
+            });
+        }
+        let replay = kept.replay(&setup, true).expect("the same battles");
+        (kept, replay)
+    }
+
+    /// Only actions were counted, so a long recording of generated battles was too large for a file.
+    #[test]
+    fn what_is_kept_fits_into_a_replay_whatever_its_episodes_are() -> Result<(), ReplayError> {
+        for (scenario, max_text) in [("terran_5_vs_5", 100_000), ("3m", 20_000)] {
+            let (_, empty) = record(scenario, 0, max_text);
+            let (kept, replay) = record(scenario, 100, max_text);
+            let text = replay.to_json()?.len() - empty.to_json()?.len();
+            assert!(text <= max_text && text > max_text / 2, "{scenario}: {text} bytes");
+            assert_eq!(kept.n_lost() + replay.episodes().len() as u64, 100, "{scenario}");
+        }
+        Ok(())
+    }
+}
