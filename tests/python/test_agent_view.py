@@ -80,12 +80,41 @@ def test_rows_of_states_are_the_units_of_the_battle() -> None:
         assert rows[:, : envs.n_agents, cooldown].any() and not rows[:, envs.n_agents :, cooldown].any()
 
 
+class AppendsOne(sp.Wrapper):
+    """Changes observations, which rows of units do not allow."""
+
+    def change_batch(self, batch: sp.Batch) -> sp.Batch:
+        return batch.replace(obs=np.pad(batch.obs, [(0, 0), (0, 0), (0, 1)]))
+
+
+def test_rows_of_another_scenario_are_refused() -> None:
+    """A batch of 8m was cut into rows as if it were one of 3m, without a word."""
+    with sp.make("8m", 2) as other, sp.make("3m", 2, obs_last_actions=1) as envs:
+        batch = other.reset(seed=1)
+        for entities in (sp.Entities("3m"), sp.Entities(envs)):
+            with pytest.raises(sp.InvalidRequest, match=r"of 3m .*, \[M, 3, \d+\], got \[2, 8, 80\]"):
+                entities(batch)
+            with pytest.raises(sp.InvalidRequest, match=r"states must be those of 3m .*\[M, 48\], got \[2, "):
+                entities.state(batch)
+        assert sp.Entities(envs)(envs.reset(seed=1)).own.shape[-1] == 1 + 9, "the last actions belong to it"
+        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 30\], got \[2, 3, 39\]"):
+            sp.Entities("3m")(envs.reset(seed=1))
+        appended = AppendsOne(envs)
+        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 39\], got \[2, 3, 40\]"):
+            sp.Entities(appended)(appended.reset(seed=1))
+
+
 def test_scenarios_without_units_in_observations_are_refused() -> None:
     options = {"obs_starcraft": False, "obs_timestep_number": True}
     with sp.make("3m", 1, smacv2=options) as envs:
         for of_units in (sp.Entities, sp.AgentViews):
             with pytest.raises(sp.InvalidRequest, match="obs_starcraft"):
                 of_units(envs)
+    with sp.make("3m", 1, smacv2={"obs_instead_of_state": True}) as envs:
+        entities, batch = sp.Entities(envs), envs.reset(seed=1)
+        assert entities(batch).features.shape == (1, 3, 5, 5)
+        with pytest.raises(sp.InvalidRequest, match="obs_instead_of_state"):
+            entities.state(batch)
 
 
 def test_a_view_says_what_the_observation_has() -> None:
