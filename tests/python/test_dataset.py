@@ -199,7 +199,10 @@ def test_minari_reads_the_episodes(
         done = export(source, tmp_path, "minari", uid)
         assert done.returncode == 1 and "exists; choose another id" in done.stderr
 
-    env = minari.load_dataset("smaclite/2s3z/poor-v0").recover_environment()
+    written = minari.load_dataset("smaclite/2s3z/poor-v0")
+    env = written.recover_environment()
+    assert written.observation_space == env.observation_space
+    assert written.action_space == env.action_space
     observation, _ = env.reset(seed=int(sp.Dataset(file).episodes["seed"][0]))
     np.testing.assert_array_equal(observation["obs"], sp.Dataset(file).expand(fields=["obs"])["obs"][0])
     env.close()
