@@ -5,6 +5,7 @@ use crate::description::RunDescription;
 use crate::lanes::{Lanes, resolve_scenario};
 use crate::run::Run;
 use crate::team::Team;
+use serde_json::{Value, json};
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
 use std::io::Write;
@@ -157,10 +158,12 @@ fn as_many_steps_are_recorded_as_are_asked_for() {
     assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
 }
 
-/// Teams and start positions that are drawn for each episode are drawn again.
+/// Teams, start positions and opponents that are drawn for each episode are drawn again.
 #[test]
 fn generated_battles_are_played_again() {
-    let source = script("terran_5_vs_5", 60);
+    let Source::Script { setup, tactic } = script("terran_5_vs_5", 60) else { unreachable!() };
+    let opponents = "attack_move=1,focus_fire=3,kite=0.7".parse().unwrap();
+    let source = Source::Script { setup: BattleSetup { opponents, ..setup }, tactic };
     let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
     let dataset = Dataset::record(&recording, &mut || false).unwrap();
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
@@ -204,7 +207,11 @@ fn damaged_files_are_errors_that_say_what_is_wrong() {
         (compressed(b"{}"), "begin with a line"),
         (with_head("smaclite-dataset", "smaclite-replay"), "`format` must be \"smaclite-dataset\""),
         (with_head("\"version\":1", "\"version\":2"), "`version` must be 1, got 2"),
-        (with_head("\"episodes\":40", "\"episodes\":41"), "`card` must be"),
+        (
+            with_head("\"episodes\":40", "\"episodes\":41"),
+            "end` must be 1 (lost), 2 (truncated) or 5 (won), got",
+        ),
+        (with_head("\"hashes\":{", "\"hashes\":{\"x\":\"\","), "`hashes` must be of the 12 arrays, got 13"),
         (with_head("\"episodes\":40", "\"episodes\":0"), "`episodes` must be 1 to"),
         (with_head("\"steps\":", "\"steps\":99999999"), "`steps` must be 1 to 1073741824"),
         (with_head("\"hash\":\"", "\"hash\":\"0"), "`hash` must be"),
@@ -216,6 +223,68 @@ fn damaged_files_are_errors_that_say_what_is_wrong() {
     for (bytes, expected) in cases {
         let error = read(&bytes).map(|_| ()).unwrap_err();
         assert!(error.starts_with("3m.smdata: ") && error.contains(expected), "{expected}: {error}");
+    }
+}
+
+/// The bytes of a dataset whose card has other values at these pointers.
+fn with_card(dataset: &Dataset, changes: &[(&str, Value)]) -> Vec<u8> {
+    let text = inflated(&bytes_of(dataset));
+    let head_len = text.iter().position(|byte| *byte == b'\n').unwrap();
+    let mut head: Value = serde_json::from_slice(&text[..head_len]).unwrap();
+    for (pointer, value) in changes {
+        *head["card"].pointer_mut(pointer).unwrap() = value.clone();
+    }
+    compressed(&[head.to_string().as_bytes(), &text[head_len..]].concat())
+}
+
+/// The card was believed, all but three of its numbers: a file of 3m whose card said 8m let environments be
+/// made of other battles.
+#[test]
+fn a_card_that_contradicts_its_file_is_refused() {
+    let dataset = recorded(2);
+    let (first, steps) = (json!([dataset.card().policies[0]]), dataset.n_steps());
+    assert!(read(&with_card(&dataset, &[("/policies", first)])).is_ok(), "nothing was changed");
+    for (pointer, value, expected) in [
+        ("/scenario", json!("8m"), "`card.scenario` must be \"2s3z\", got \"8m\""),
+        ("/rules", json!("paper"), "`card.rules` must be \"smaclite\", got \"paper\""),
+        ("/opponents", json!("kite"), "`card.opponents` must be \"attack_move\", got \"kite\""),
+        ("/sizes/n_agents", json!(8), "`card.sizes.n_agents` must be 5, got 8"),
+        ("/episodes", json!(41), "`card.episodes` must be 40, got 41"),
+        ("/steps", json!(1), "`card.steps` must be"),
+        ("/win_rate", json!(0.99), "`card.win_rate` must be"),
+        ("/truncated_rate", json!(0.99), "`card.truncated_rate` must be"),
+        ("/lengths/median", json!(46.0), "`card.lengths.median` must be"),
+        ("/coverage", json!(1e-9), "`card.coverage` must be"),
+        ("/policies", json!([]), "`card.policies` must be a list of 1, got 0"),
+        ("/policies/0/name", json!("kite"), "`card.policies[0].name` must be \"random\", got \"kite\""),
+        ("/policies/0/steps", json!(1), "`card.policies[0].steps` must be"),
+        ("/policies/0/win_rate", json!(0.99), "`card.policies[0].win_rate` must be"),
+    ] {
+        let error = read(&with_card(&dataset, &[(pointer, value)])).map(|_| ()).unwrap_err();
+        assert!(error.starts_with("3m.smdata: ") && error.contains(expected), "{expected}: {error}");
+    }
+    for (changes, arrays, expected) in [
+        (vec![("/returns/max", json!(21.0))], vec![ArrayName::Reward], "`card.returns.max` must be"),
+        (
+            vec![("/policies/0/mean_return", json!(21.0))],
+            vec![ArrayName::Reward],
+            "`card.policies[0].mean_return` must be",
+        ),
+        (
+            vec![("/unique_pairs", json!(1)), ("/coverage", json!(1.0 / steps as f64))],
+            vec![ArrayName::State, ArrayName::Actions],
+            "`card.coverage` must be",
+        ),
+    ] {
+        let other = read(&with_card(&dataset, &changes)).unwrap();
+        let expand = |arrays: &[ArrayName]| other.expand(arrays, 2, &mut || false);
+        assert!(expand(&[ArrayName::Obs]).is_ok(), "observations do not tell");
+        let error = expand(&arrays).unwrap_err().to_string();
+        assert!(error.contains(expected), "{expected}: {error}");
+        let folder = tempfile::tempdir().unwrap();
+        let written = other.expand_to(&folder.path().join("out"), &arrays, 2, &mut || false);
+        assert_eq!(written.unwrap_err().to_string(), error);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left");
     }
 }
 
