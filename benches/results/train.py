@@ -19,8 +19,6 @@ import smaclite_pool as sp
 
 from . import data
 
-PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
-
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
     "paper-rules": {"MMM": ["--rules", "paper"]},
@@ -75,7 +73,7 @@ def report(runs: Path, out: Path) -> None:
 
 
 def run(*arguments: str) -> None:
-    subprocess.run([PROGRAM, *arguments], check=True)
+    subprocess.run([data.PROGRAM, *arguments], check=True)
 
 
 def machine() -> str:

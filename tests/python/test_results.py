@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
+import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from results import benchmarks, data, page, tables, values
+from results import benchmarks, data, page, tables, values, zoo
 from results.data import Row
 
 PAGE = data.REPOSITORY / "docs" / "results.md"
@@ -174,3 +177,52 @@ def test_charts_of_benchmarks_are_those_of_the_files(tmp_path: Path) -> None:
             bars = [row for row in rows if not benchmark.bars or row[0] in benchmark.bars]
             numbers = [cell for row in bars for cell in benchmarks.cells(row)[1:]]
             assert all(f">{word}<" in chart for word in numbers + header[1:] if word), benchmark.name
+
+
+@pytest.fixture
+def program(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The program of the installed package, in place of the one that was built beside it."""
+    path = Path(sys.executable).with_name("smaclite-pool")
+    monkeypatch.setattr(data, "PROGRAM", path)
+    return path
+
+
+def won(program: Path, run: Path, *options: str) -> None:
+    """A run of one update that is said to have won everything."""
+    argv = [str(program), "train", "3m", "--seed", "3", "--steps", "64", *options, "--out", str(run)]
+    subprocess.run(argv, check=True, capture_output=True)
+    summary = {"win_rate": 1.0, "mean_return": 20.0, "mean_length": 20.0}
+    final = {"steps": 0, "run_steps": 64, "cpu_seconds": 1.0, "greedy": summary, "sampled": summary}
+    (run / "final.json").write_text(json.dumps({**final, "greedy_episodes": [1, 1]}))
+    (run / "evaluations").mkdir()
+    shutil.copy(run / "weights.safetensors", run / "evaluations/000000000000.safetensors")
+
+
+def test_a_team_of_other_options_does_not_get_into_the_zoo(program: Path, tmp_path: Path) -> None:
+    """A team of the rules `paper` competed with those of `smaclite`, as scenarios have the same names."""
+    others = {
+        "paper": ["--rules", "paper"],
+        "last": ["--last-actions", "0"],
+        "mixture": ["--opponent", "kite"],
+        "self": ["--opponent", "self"],
+    }
+    won(program, tmp_path / "runs/default/3m/seed-3")
+    for name, options in others.items():
+        won(program, tmp_path / "runs/others" / name, *options)
+    out = tmp_path / "zoo"
+    with pytest.raises(SystemExit) as raised:
+        zoo.main([str(tmp_path / "runs"), "--out", str(out)])
+    lines = str(raised.value).splitlines()
+    assert "default configuration" in lines[0] and not out.exists()
+    expected = {
+        "last": "config.last_actions is 0, not 4",
+        "mixture": 'opponents is {"kite": 1.0}, not null',
+        "paper": 'rules is "paper", not "smaclite"',
+        "self": "config.enemies is ",
+    }
+    for line, (name, difference) in zip(lines[1:], expected.items(), strict=True):
+        assert line.startswith(f"{tmp_path}/runs/others/{name}: ") and difference in line, line
+    assert zoo.main([str(tmp_path / "runs/default"), "--out", str(out)]) == 0
+    assert json.loads((out / "3m/card.json").read_text())["seed"] == 3
+    with pytest.raises(SystemExit, match="no complete run"):
+        zoo.main([str(tmp_path / "nowhere"), "--out", str(out)])
