@@ -88,7 +88,7 @@ impl Dataset {
         })?;
         self.verify(wanted, &hashes)?;
         self.check_counted(&counter.finish())?;
-        files.finish(folder)
+        files.finish()
     }
 
     /// Plays all episodes into `rows`, or else into memory of the threads; `take` gets what was played. The

@@ -20,7 +20,7 @@ fn script(scenario: &str, limit: u32) -> Source {
 }
 
 /// Some episodes of 2s3z, of which the short limit truncates some.
-fn recorded(threads: usize) -> Dataset {
+pub(super) fn recorded(threads: usize) -> Dataset {
     let (source, amount) = (script("2s3z", LIMIT), Amount::Episodes(40));
     let recording = Recording { source, amount, seed: 7, greedy: false, threads };
     Dataset::record(&recording, &mut || false).unwrap()
