@@ -2,6 +2,7 @@ use super::*;
 use crate::checkpoint::write_actor;
 use crate::config::Config;
 use crate::description::RunDescription;
+use crate::evaluations::{EvaluationRow, Summary};
 use crate::lanes::{Lanes, resolve_scenario};
 use crate::run::Run;
 use crate::team::Team;
@@ -372,6 +373,18 @@ fn run_with_evaluations(folder: &std::path::Path) {
     }
 }
 
+/// The table of evaluations of that run, with steps and sampled win rates.
+fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
+    let line = |&(steps, win_rate): &(u64, f64)| {
+        let (sampled, greedy) = (Summary { win_rate, ..Summary::default() }, Summary::default());
+        let (trained_steps, updates, seconds, cpu_seconds) = (steps, 1, 1.0, 1.0);
+        EvaluationRow { steps, trained_steps, updates, greedy, sampled, seconds, cpu_seconds }.line()
+    };
+    let lines: String = evaluations.iter().map(line).collect();
+    let table = EvaluationRow::COLUMNS.join(",") + "\n" + &lines;
+    std::fs::write(folder.join("run/evaluations.csv"), table).unwrap();
+}
+
 #[test]
 fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let folder = tempfile::tempdir().unwrap();
@@ -387,10 +400,9 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     };
     assert_eq!(names(&record(None).unwrap()), ["weights.safetensors"]);
     let error = record(Some(Quality::Good)).unwrap_err().to_string();
-    assert!(error.contains("no evaluations.csv") && error.contains("leave --quality out"), "{error}");
+    assert!(error.contains("the run has no evaluations") && error.contains("leave --quality out"), "{error}");
 
-    let table = "steps,sampled_win_rate,greedy_win_rate\n100,0.25,0.5\n200,0.5,0.75\n";
-    std::fs::write(folder.path().join("run/evaluations.csv"), table).unwrap();
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
     let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());
     assert_eq!(names(&good), ["evaluations/000000000200.safetensors"]);
     assert_eq!(names(&medium), ["evaluations/000000000100.safetensors"]);
