@@ -385,6 +385,36 @@ fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
     std::fs::write(folder.join("run/evaluations.csv"), table).unwrap();
 }
 
+/// A team chooses the actions of some episodes at once, and the rows of a matrix decide the last bits of what it
+/// computes: which episodes these are must not depend on the threads, nor on how many episodes are wanted.
+#[test]
+fn threads_and_amounts_change_no_action_of_a_team() {
+    let folder = tempfile::tempdir().unwrap();
+    run_with_evaluations(folder.path());
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
+    let record = |quality, amount, threads| {
+        let source =
+            Source::Run { folder: folder.path().join("run"), quality: Some(quality), opponents: None };
+        let recording = Recording { source, amount, seed: 3, greedy: false, threads };
+        Dataset::record(&recording, &mut || false).unwrap()
+    };
+    for amount in [Amount::Episodes(150), Amount::Steps(9000)] {
+        let one = bytes_of(&record(Quality::Replay, amount, 1));
+        for threads in [2, 3, 8] {
+            assert!(
+                bytes_of(&record(Quality::Replay, amount, threads)) == one,
+                "{amount:?}, {threads} threads"
+            );
+        }
+    }
+    let all = record(Quality::Good, Amount::Episodes(70), 2);
+    for episodes in [1, 33, 69] {
+        let some = record(Quality::Good, Amount::Episodes(episodes), 2);
+        assert_eq!(some.episodes, all.episodes[..episodes]);
+        assert!(some.actions == all.actions[..some.actions.len()], "{episodes} of 70 episodes");
+    }
+}
+
 #[test]
 fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let folder = tempfile::tempdir().unwrap();
