@@ -135,7 +135,7 @@ results-elo *args: install build
     {{ results }} {{ python }} -m results.elo {{ args }}
 
 # Make the zoo anew from runs of the default configuration (RUNS: folders)
-results-zoo +runs: _venv
+results-zoo +runs: _venv build
     {{ results }} {{ python }} -m results.zoo {{ runs }}
 
 # Draw charts and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote

@@ -1,4 +1,4 @@
-"""The CSV files in docs/results."""
+"""The CSV files in docs/results, and where the program is."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 FOLDER = REPOSITORY / "docs" / "results"
+PROGRAM = REPOSITORY / "target" / "release" / "smaclite-pool"
 
 Row = dict[str, str]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import smaclite_pool as sp
 
 from . import data
-from .opponents import MIXTURE, OPTIONS, PROGRAM
+from .opponents import MIXTURE, OPTIONS
 
 SCENARIOS = ("3m", "8m", "2s3z")
 STEPS, SEEDS, EPISODES = (100_000, 200_000, 300_000, 400_000, 500_000), (1, 2, 3, 4, 5), 30
@@ -76,7 +76,7 @@ def rate(scenario: str, teams: dict[str, tuple[str, int, int]]) -> list[data.Row
 
 
 def program(*arguments: str) -> str:
-    return subprocess.run([PROGRAM, *arguments], check=True, capture_output=True, text=True).stdout
+    return subprocess.run([data.PROGRAM, *arguments], check=True, capture_output=True, text=True).stdout
 
 
 if __name__ == "__main__":

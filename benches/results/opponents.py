@@ -15,7 +15,6 @@ import smaclite_pool as sp
 
 from . import data
 
-PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
 SCENARIOS = ("3m", "8m", "2s3z", "3s5z", "MMM", "1c3s5z", "3s_vs_3z", "10m_vs_11m", "8m_vs_9m", "25m")
 STEPS, EPISODES, SEEDS = 500_000, 200, (1, 2, 3)
 MIXTURE = ",".join(f"{name}=1" for name in ("attack_move", "nearest", "focus_fire", "kite", "hold", "line"))
@@ -68,7 +67,7 @@ def play(scenario: str, trained: str, seed: int) -> list[data.Row]:
 
 
 def run(*arguments: str) -> str:
-    return subprocess.run([PROGRAM, *arguments], check=True, capture_output=True, text=True).stdout
+    return subprocess.run([data.PROGRAM, *arguments], check=True, capture_output=True, text=True).stdout
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from pathlib import Path
 from . import data
 from .data import Row
 from .tables import PAPER
-from .train import PROGRAM, machine
+from .train import machine
 
 STEPS = 200_000
 
@@ -50,7 +50,7 @@ def measure(scenario: str, steps: int) -> Row:
         environment = {**os.environ, "SMACLITE_POOL_ROOT": folder}
         lanes = [f"{lane}={scenario}:32" for lane in ("first", "second")]
         serve = ["serve", *lanes, "--name", "train", "--threads", "1", "--wait", "block"]
-        pool = subprocess.Popen([PROGRAM, *serve], stdout=subprocess.PIPE, text=True, env=environment)
+        pool = subprocess.Popen([data.PROGRAM, *serve], stdout=subprocess.PIPE, text=True, env=environment)
         assert pool.stdout is not None
         for line in pool.stdout:
             if line.startswith("connect with"):
@@ -58,7 +58,7 @@ def measure(scenario: str, steps: int) -> Row:
         attach = ["--pool", "train", "--lane", "first", "--lane", "second", "--threads", "1"]
         train = ["train", scenario, *attach, "--steps", str(steps), "--seed", "1", "--out", f"{folder}/run"]
         try:
-            learner = subprocess.Popen([PROGRAM, *train], stdout=subprocess.DEVNULL, env=environment)
+            learner = subprocess.Popen([data.PROGRAM, *train], stdout=subprocess.DEVNULL, env=environment)
             had_core = core_share(learner)
             if learner.returncode:
                 raise RuntimeError(f"smaclite-pool {shlex.join(train)} failed")

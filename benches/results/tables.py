@@ -35,6 +35,7 @@ def tables(
     trip of 64 environments that do nothing is in microseconds; `scripts` is the page with the returns of the
     scripted policies; `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
     return {
+        "commands": commands(runs),
         "maps": maps(runs),
         "paper": paper(runs),
         "rules": rules(runs, paper_rules),
@@ -90,6 +91,20 @@ def two_digits(value: float) -> str:
 
 def whole(value: float) -> str:
     return f"{value:,.0f}"
+
+
+def commands(runs: list[Row]) -> str:
+    """How the page was made: with as many seeds as it has."""
+    lines = {
+        f"just results-train --seeds {len({row['seed'] for row in runs})}": (
+            "trains and reports all teams; continues after Ctrl-C"
+        ),
+        "just results-shares": "measures where the time goes",
+        "just results": "draws this page from the CSV files in docs/results",
+    }
+    width = max(map(len, lines))
+    code = "".join(f"{command:{width}}  # {purpose}\n" for command, purpose in lines.items())
+    return f"\n```sh\n{code}```\n\n"
 
 
 def maps(runs: list[Row]) -> str:

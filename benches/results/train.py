@@ -1,6 +1,7 @@
 """Trains the teams of docs/results.md by the protocol of docs/how-to/benchmark.md, and reports them there.
 
-What is complete is skipped, and what was interrupted is resumed, so Ctrl-C loses nothing.
+What is complete is skipped, what was interrupted is resumed, and what is missing is trained, so Ctrl-C loses
+nothing. Runs that are there with other options are an error.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from pathlib import Path
 
 import smaclite_pool as sp
 
-from . import data
+from . import data, runs
 
-PROGRAM = data.REPOSITORY / "target" / "release" / "smaclite-pool"
+EVALUATE_EVERY = 100_000
 
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
@@ -57,9 +58,29 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def train(folder: Path, scenario: str, options: argparse.Namespace, others: list[str]) -> None:
-    protocol = ["--seeds", str(options.seeds), "--seed", "1", "--evaluate-every", "100k"]
-    new = [scenario, *protocol, "--steps", options.steps, *others, "--out", str(folder)]
-    run("train", *(["--resume", str(folder)] if folder.exists() else new))
+    """Trains the runs of a scenario, or completes those that are there."""
+    wanted = ["--seeds", str(options.seeds), "--steps", options.steps]
+    there = sorted(file.parent for file in folder.glob("*/run.json"))
+    if there:
+        check(there, runs.trained_with(scenario, others), options.seeds)
+        run("train", "--resume", str(folder), *wanted)
+    else:
+        protocol = ["--seed", "1", "--evaluate-every", str(EVALUATE_EVERY)]
+        run("train", scenario, *wanted, *protocol, *others, "--out", str(folder))
+
+
+def check(there: list[Path], expected: runs.Description, seeds: int) -> None:
+    """Exits if runs are not those that would be trained anew, but for how far they are."""
+    expected = {**expected, "config.evaluate_every": EVALUATE_EVERY}
+    for folder in there:
+        wrong = runs.differences(folder, expected, {"config.seed", "config.steps"})
+        seed = runs.description(folder)["config.seed"]
+        if not wrong and not 1 <= seed <= seeds:
+            wrong = f"its seed is {seed}, not between 1 and {seeds}, the number of seeds"
+        if wrong:
+            raise SystemExit(
+                f"results.train: {folder}: {wrong}; remove it, or name another folder with --runs"
+            )
 
 
 def report(runs: Path, out: Path) -> None:
@@ -75,7 +96,7 @@ def report(runs: Path, out: Path) -> None:
 
 
 def run(*arguments: str) -> None:
-    subprocess.run([PROGRAM, *arguments], check=True)
+    subprocess.run([data.PROGRAM, *arguments], check=True)
 
 
 def machine() -> str:

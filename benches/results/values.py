@@ -5,8 +5,9 @@ A number stands in its page behind a mark, so that it can be read where marks ar
     <!-- value: FILE; ROW; COLUMN; FORMAT -->7<!-- end -->
 
 FILE is a CSV file below docs and ROW what its first column has there; a ROW that ends in `*` stands for all
-rows that begin so, and the number for their median. COLUMN is a column of its header or, for a ratio, two
-of them (`COLUMN / COLUMN`). FORMAT, which may be omitted, is a format of Python, or -3 for thousands.
+rows that begin so, and the number for their median. COLUMN is a column of its header; or, for a ratio, two of
+them (`COLUMN / COLUMN`); or `different COLUMN`, for how many different values these rows have in it. FORMAT,
+which may be omitted, is a format of Python, or -3 for thousands.
 """
 
 from __future__ import annotations
@@ -75,12 +76,14 @@ def value(key: str, folder: Path) -> str:
     if not chosen:
         raise ValueError(f"docs/{name} has no row {row!r}")
     terms = []
-    for column in columns.split(" / "):
+    for term in columns.split(" / "):
+        column = term.removeprefix("different ")
         if column not in rows[0]:
             raise ValueError(f"docs/{name} has no column {column!r}, but {', '.join(rows[0])}")
         if not all(each[column] for each in chosen):
             raise ValueError(f"docs/{name} has no number in column {column!r} of row {row!r}")
-        terms.append(median(float(each[column]) for each in chosen))
+        cells = [each[column] for each in chosen]
+        terms.append(float(len(set(cells))) if column != term else median(map(float, cells)))
     return formatted(terms[0] / math.prod(terms[1:]), *form)
 
 

@@ -1,7 +1,8 @@
 """Makes the zoo: copies the best team of every scenario from runs of `smaclite-pool train --evaluate-every`.
 
 A team is in the zoo if its best weights win at least 90 % of the 320 greedy episodes of its final evaluation.
-Of several seeds, the one is taken whose worse win rate, of greedy and of sampled actions, is highest.
+Of several seeds, the one is taken whose worse win rate, of greedy and of sampled actions, is highest. Runs
+with another configuration, rules or opponent than the default are an error, as teams have scenarios' names.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from . import data
+from . import data, runs
 
 FOLDER = data.REPOSITORY / "bindings" / "learn" / "zoo"
 
 WINS = 0.9
 """What a team must win, with its most probable actions."""
+
+FREE = {"config.seed", "config.steps", "config.evaluate_every"}
+"""In which its run may differ from one that names nothing but its scenario."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -26,6 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("runs", help="folders with runs, at any depth", type=Path, nargs="+")
     parser.add_argument("--out", help=f"folder of the zoo ({FOLDER})", type=Path, default=FOLDER)
     options = parser.parse_args(argv)
+    check(list(found(options.runs)))
     best: dict[str, tuple[float, Path]] = {}
     for run in found(options.runs):
         final = json.loads((run / "final.json").read_text())
@@ -43,6 +48,26 @@ def found(folders: list[Path]) -> Iterator[Path]:
     for folder in folders:
         for final in sorted(folder.rglob("final.json")):
             yield final.parent
+
+
+def check(trained: list[Path]) -> None:
+    """Exits if a run was not trained with the defaults: its team would have the name of one that was."""
+    if not trained:
+        raise SystemExit("results.zoo: the folders have no complete run with evaluations")
+    defaults: dict[str, runs.Description] = {}
+    wrong = []
+    for run in trained:
+        name = scenario(run)
+        if name not in defaults:
+            defaults[name] = runs.trained_with(name, [])
+        differences = runs.differences(run, defaults[name], FREE)
+        if differences:
+            wrong.append(f"{run}: {differences}")
+    if wrong:
+        raise SystemExit(
+            "results.zoo: runs must be those of the default configuration, rules and opponent; name folders "
+            "without these:\n" + "\n".join(wrong)
+        )
 
 
 def scenario(run: Path) -> str:

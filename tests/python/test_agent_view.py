@@ -80,12 +80,41 @@ def test_rows_of_states_are_the_units_of_the_battle() -> None:
         assert rows[:, : envs.n_agents, cooldown].any() and not rows[:, envs.n_agents :, cooldown].any()
 
 
+class AppendsOne(sp.Wrapper):
+    """Changes observations, which rows of units do not allow."""
+
+    def change_batch(self, batch: Any) -> Any:
+        return batch.replace(obs=np.pad(batch.obs, [(0, 0), (0, 0), (0, 1)]))
+
+
+def test_rows_of_another_scenario_are_refused() -> None:
+    """A batch of 8m was cut into rows as if it were one of 3m, without a word."""
+    with sp.make("8m", 2) as other, sp.make("3m", 2, obs_last_actions=1) as envs:
+        batch = other.reset(seed=1)
+        for entities in (sp.Entities("3m"), sp.Entities(envs)):
+            with pytest.raises(sp.InvalidRequest, match=r"of 3m .*, \[M, 3, \d+\], got \[2, 8, 80\]"):
+                entities(batch)
+            with pytest.raises(sp.InvalidRequest, match=r"states must be those of 3m .*\[M, 48\], got \[2, "):
+                entities.state(batch)
+        assert sp.Entities(envs)(envs.reset(seed=1)).own.shape[-1] == 1 + 9, "the last actions belong to it"
+        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 30\], got \[2, 3, 39\]"):
+            sp.Entities("3m")(envs.reset(seed=1))
+        appended = AppendsOne(envs)
+        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 39\], got \[2, 3, 40\]"):
+            sp.Entities(appended)(appended.reset(seed=1))
+
+
 def test_scenarios_without_units_in_observations_are_refused() -> None:
     options = {"obs_starcraft": False, "obs_timestep_number": True}
     with sp.make("3m", 1, smacv2=options) as envs:
         for of_units in (sp.Entities, sp.AgentViews):
             with pytest.raises(sp.InvalidRequest, match="obs_starcraft"):
                 of_units(envs)
+    with sp.make("3m", 1, smacv2={"obs_instead_of_state": True}) as envs:
+        entities, batch = sp.Entities(envs), envs.reset(seed=1)
+        assert entities(batch).features.shape == (1, 3, 5, 5)
+        with pytest.raises(sp.InvalidRequest, match="obs_instead_of_state"):
+            entities.state(batch)
 
 
 def test_a_view_says_what_the_observation_has() -> None:
@@ -185,10 +214,18 @@ def test_a_function_is_evaluated_in_one_call(tmp_path: Path) -> None:
     assert np.array_equal(result.returns, again.returns)
 
 
-def test_a_wrong_action_of_a_function_is_an_error_that_says_what_is_available() -> None:
-    with pytest.raises(
-        sp.InvalidRequest, match="'attack enemy 0' of agent 0 in environment 0 must be one of"
-    ):
-        sp.evaluate_function("3m", lambda view: "attack enemy 0", episodes=1)
+@pytest.mark.parametrize("action", ["attack enemy 0", 6.9, 1.0, None, 2**40, -1, 9, np.float32(1), [1], "1"])
+def test_a_wrong_action_of_a_function_is_an_error_that_says_what_is_available(action: Any) -> None:
+    """6.9 was 6, another legal action; others were errors of Python and NumPy that named no agent."""
+    with pytest.raises(sp.InvalidRequest) as raised:
+        sp.evaluate_function("3m", lambda view: action, episodes=1)
+    expected = f"action {action!r} of agent 0 in environment 0 must be one of its available actions"
+    assert str(raised.value).startswith(expected) and "'stop': 1, 'move north': 2" in str(raised.value)
+
+
+def test_a_number_is_any_integer_and_checked_when_it_is_played() -> None:
+    numbers: list[Any] = [1, np.int64(1), np.uint8(1), np.array(1)]
+    result = sp.evaluate_function("3m", lambda view: numbers[view.step], 1, num_envs=1, episode_limit=4)
+    assert result.mean_length == 4
     with pytest.raises(sp.IllegalAction, match="agent 0"):
         sp.evaluate_function("3m", lambda view: 8, episodes=1)

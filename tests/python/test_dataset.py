@@ -199,12 +199,40 @@ def test_minari_reads_the_episodes(
         done = export(source, tmp_path, "minari", uid)
         assert done.returncode == 1 and "exists; choose another id" in done.stderr
 
-    env = minari.load_dataset("smaclite/2s3z/poor-v0").recover_environment()
+    written = minari.load_dataset("smaclite/2s3z/poor-v0")
+    env = written.recover_environment()
+    assert written.observation_space == env.observation_space
+    assert written.action_space == env.action_space
     observation, _ = env.reset(seed=int(sp.Dataset(file).episodes["seed"][0]))
     np.testing.assert_array_equal(observation["obs"], sp.Dataset(file).expand(fields=["obs"])["obs"][0])
     env.close()
     done = export(file, tmp_path, "minari", "no version")
     assert done.returncode == 1 and "must be like smaclite/3m/good-v0" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("map_file", "message"),
+    [("", "--map-file must name its file"), ("nowhere.json", "nowhere.json")],
+    ids=["missing", "wrong"],
+)
+def test_behaviour_cloning_asks_for_the_map_before_it_learns(
+    map_file: str, message: str, truncated: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It cloned for minutes, and then failed for want of --map-file."""
+    pytest.importorskip("torch")
+    pytest.importorskip("safetensors")
+    example: Any = importlib.import_module("smaclite_pool.examples.behaviour_cloning")
+
+    def learn(*_: Any) -> None:
+        raise AssertionError("it learns")
+
+    monkeypatch.setattr(example, "learn", learn)
+    with pytest.raises(sp.PoolError, match=message):
+        example.clone(example.Options(dataset=str(truncated), map_file=map_file))
+    with pytest.raises(AssertionError, match="it learns"):
+        example.clone(
+            example.Options(dataset=str(truncated), map_file=str(truncated.with_name("short.json")))
+        )
 
 
 def test_behaviour_cloning_learns(tmp_path: Path) -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 import re
 import shutil
+import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from results import benchmarks, data, page, tables, values
+from results import benchmarks, data, page, tables, train, values, zoo
 from results.data import Row
 
 PAGE = data.REPOSITORY / "docs" / "results.md"
@@ -114,6 +118,7 @@ MEASURED = "policy,one,two,none\na,1200,1.5,\nb-1,10,4,\nb-2,30,5,\nb-3,20,0.125
         ("b-3; two; .1%", "12.5 %"),
         ("a; one / two", "800"),
         ("b-*; one / two; .1f", "5.0"),
+        ("b-*; different two", "3"),
     ],
 )
 def test_a_quoted_number_is_replaced(tmp_path: Path, key: str, number: str) -> None:
@@ -174,3 +179,103 @@ def test_charts_of_benchmarks_are_those_of_the_files(tmp_path: Path) -> None:
             bars = [row for row in rows if not benchmark.bars or row[0] in benchmark.bars]
             numbers = [cell for row in bars for cell in benchmarks.cells(row)[1:]]
             assert all(f">{word}<" in chart for word in numbers + header[1:] if word), benchmark.name
+
+
+@pytest.fixture
+def program(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The program of the installed package, in place of the one that was built beside it."""
+    path = Path(sys.executable).with_name("smaclite-pool")
+    monkeypatch.setattr(data, "PROGRAM", path)
+    return path
+
+
+def trained(program: Path, run: Path, seed: int, *options: str) -> None:
+    """A run of one update."""
+    argv = [str(program), "train", "3m", "--seed", str(seed), "--steps", "64", *options, "--out", str(run)]
+    subprocess.run(argv, check=True, capture_output=True)
+
+
+def won(program: Path, run: Path, *options: str) -> None:
+    """A run of one update that is said to have won everything."""
+    trained(program, run, 3, *options)
+    summary = {"win_rate": 1.0, "mean_return": 20.0, "mean_length": 20.0}
+    final = {"steps": 0, "run_steps": 64, "cpu_seconds": 1.0, "greedy": summary, "sampled": summary}
+    (run / "final.json").write_text(json.dumps({**final, "greedy_episodes": [1, 1]}))
+    (run / "evaluations").mkdir()
+    shutil.copy(run / "weights.safetensors", run / "evaluations/000000000000.safetensors")
+
+
+def test_a_team_of_other_options_does_not_get_into_the_zoo(program: Path, tmp_path: Path) -> None:
+    """A team of the rules `paper` competed with those of `smaclite`, as scenarios have the same names."""
+    others = {
+        "paper": ["--rules", "paper"],
+        "last": ["--last-actions", "0"],
+        "mixture": ["--opponent", "kite"],
+        "self": ["--opponent", "self"],
+    }
+    won(program, tmp_path / "runs/default/3m/seed-3")
+    for name, options in others.items():
+        won(program, tmp_path / "runs/others" / name, *options)
+    out = tmp_path / "zoo"
+    with pytest.raises(SystemExit) as raised:
+        zoo.main([str(tmp_path / "runs"), "--out", str(out)])
+    lines = str(raised.value).splitlines()
+    assert "default configuration" in lines[0] and not out.exists()
+    expected = {
+        "last": "config.last_actions is 0, not 4",
+        "mixture": 'opponents is {"kite": 1.0}, not null',
+        "paper": 'rules is "paper", not "smaclite"',
+        "self": "config.enemies is ",
+    }
+    for line, (name, difference) in zip(lines[1:], expected.items(), strict=True):
+        assert line.startswith(f"{tmp_path}/runs/others/{name}: ") and difference in line, line
+    assert zoo.main([str(tmp_path / "runs/default"), "--out", str(out)]) == 0
+    assert json.loads((out / "3m/card.json").read_text())["seed"] == 3
+    with pytest.raises(SystemExit, match="no complete run"):
+        zoo.main([str(tmp_path / "nowhere"), "--out", str(out)])
+
+
+def test_teams_that_are_there_are_completed_up_to_the_number_of_seeds(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`--resume` alone left it at the seeds that were there, however many were asked for."""
+    ran: list[list[str]] = []
+    monkeypatch.setattr(train, "run", lambda *arguments: ran.append([*arguments]))
+    options = argparse.Namespace(seeds=3, steps="2M")
+    folder = tmp_path / "3m"
+    rules = ["--rules", "paper"]
+
+    train.train(folder, "3m", options, rules)
+    new = "train 3m --seeds 3 --steps 2M --seed 1 --evaluate-every 100000 --rules paper --out"
+    assert ran.pop() == [*new.split(), str(folder)]
+
+    for seed in (1, 2):
+        trained(program, folder / f"seed-{seed}", seed, *rules)
+        file = folder / f"seed-{seed}" / "run.json"
+        text = json.loads(file.read_text())
+        text["config"]["evaluate_every"] = 100_000  # without the time for evaluations
+        file.write_text(json.dumps(text))
+    train.train(folder, "3m", options, rules)
+    assert ran.pop() == ["train", "--resume", str(folder), "--seeds", "3", "--steps", "2M"]
+
+    for others, seeds, message in [
+        ([], 3, 'seed-1: rules is "paper", not "smaclite"; remove it'),
+        ([*rules, "--lr-end", "1"], 3, "seed-1: config.lr_end is 0.05, not 1.0"),
+        (rules, 1, "seed-2: its seed is 2, not between 1 and 1"),
+    ]:
+        with pytest.raises(SystemExit, match=message):
+            train.train(folder, "3m", argparse.Namespace(seeds=seeds, steps="2M"), others)
+    trained(program, folder / "seed-3", 3, *rules)
+    with pytest.raises(SystemExit, match="seed-3: config.evaluate_every is null, not 100000"):
+        train.train(folder, "3m", options, rules)
+    assert not ran
+
+
+def test_the_page_says_how_many_seeds_it_has() -> None:
+    """It named the command that trains ten of them, and had three."""
+    seeds = {row["seed"] for row in data.read(data.FOLDER / "default" / "runs.csv")}
+    text = PAGE.read_text()
+    assert (
+        f"\njust results-train --seeds {len(seeds)} " in text and f"-->{len(seeds)}<!-- end --> seeds" in text
+    )
+    assert "--seeds 2 " in tables.commands([run("8m", seed, 1.0) for seed in (1, 2, 2)])

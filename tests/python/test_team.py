@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -64,6 +65,36 @@ def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
         sp.train("3mm", tmp_path / "a", steps=100)
     with pytest.raises(sp.InvalidRequest, match="unexpected argument '--learning-rate'"):
         sp.train("3m", tmp_path / "b", steps=100, learning_rate=0.1)
+
+
+@pytest.mark.parametrize("option", ["seeds", "resume", "json"])
+def test_options_that_do_not_train_one_team_are_refused_before_the_training(
+    option: str, tmp_path: Path
+) -> None:
+    """With `seeds=3`, three teams were trained to the end, and then none of them was found."""
+    with pytest.raises(sp.InvalidRequest, match=f"`{option}` is no option of `train`"):
+        sp.train("3m", tmp_path / "run", steps=100, **{option: 3})  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_as_many_steps_are_trained_as_by_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`train` had a default of its own, half of the program's."""
+    argv = [sys.executable, "-m", "smaclite_pool", "train", "--help"]
+    usage = subprocess.run(argv, capture_output=True, text=True, check=True).stdout
+    found = re.search(r"--steps.*?\[default: (\d+)\]", usage, re.DOTALL)
+    assert found
+
+    class Stop(Exception):
+        pass
+
+    def stop(_: dict[str, Any], steps: int) -> str:
+        raise Stop(steps)
+
+    monkeypatch.setattr("smaclite_pool._team.progress", stop)
+    with pytest.raises(Stop) as stopped:
+        sp.train("3m", tmp_path / "run", **SMALL)  # type: ignore[arg-type]
+    config = json.loads((tmp_path / "run/run.json").read_text())["config"]
+    assert config["steps"] == stopped.value.args[0] == int(found[1])
 
 
 @pytest.mark.parametrize("scenario", sp.ZOO)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -209,6 +210,8 @@ class AgentViews:
         """What distances are divided by, where the type of the agent is not known."""
         self._one_hot = [f"type_{i}" for i in range(info["num_unit_types"])]
         self._actions = info["actions"]
+        self.n_actions = len(self._actions)
+        """How many actions there are."""
 
     def __call__(self, batch: Any, env: int, agent: int) -> AgentView:
         """What an agent of an environment sees in a batch.
@@ -262,8 +265,9 @@ class PerAgent:
         function: the function. What it remembers of single agents it can keep by `view.env` and `view.agent`;
             `view.step` is 0 in a new episode.
 
-    Calling it raises InvalidRequest if the function returns the name of an action that is not available; a
-    number is checked when it is played.
+    Calling it raises InvalidRequest if the function returns anything but the number of an action or the name
+    of an available one. Whether the action of a number is available is checked when it is played, with
+    IllegalAction.
     """
 
     def __init__(self, envs: Envs | Wrapper, function: Function) -> None:
@@ -280,16 +284,21 @@ class PerAgent:
             actions[slot, agent] = self._number(view, self.function(view))
         return actions
 
-    @staticmethod
-    def _number(view: AgentView, action: int | str | np.integer[Any]) -> int:
-        if not isinstance(action, str):
-            return int(action)
-        if action not in view.actions:
-            raise InvalidRequest(
-                f"action {action!r} of agent {view.agent} in environment {view.env} must be one of its "
-                f"available actions: {', '.join(view.actions)}"
-            )
-        return view.actions[action]
+    def _number(self, view: AgentView, action: int | str | np.integer[Any]) -> int:
+        if isinstance(action, str):
+            if action in view.actions:
+                return view.actions[action]
+        else:
+            try:
+                number = operator.index(action)  # not `int`, for which 6.9 is 6
+            except TypeError:
+                number = -1
+            if 0 <= number < self.views.n_actions:
+                return number
+        raise InvalidRequest(
+            f"action {action!r} of agent {view.agent} in environment {view.env} must be one of its "
+            f"available actions, by name or number: {view.actions}"
+        )
 
 
 def evaluate_function(

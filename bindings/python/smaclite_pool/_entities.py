@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -43,8 +44,10 @@ class Entities:
     are zeros: for instance shields, if only one side has them. `is_view` says which of the two it is.
 
     Args:
-        scenario: environments, or a wrapper of them; or a standard scenario or the path of a scenario file,
-            whose observations nothing changes.
+        scenario: environments, or a wrapper of them that leaves observations as they are; or a standard
+            scenario or the path of a scenario file, whose observations nothing changes.
+
+    A batch of other numbers of agents or features is refused with InvalidRequest.
 
     Raises:
         ScenarioError: the scenario is unknown or invalid.
@@ -64,8 +67,13 @@ class Entities:
     """Names of the last axis of the rows of `state`."""
 
     def __init__(self, scenario: str | PathLike[str] | Envs | Wrapper) -> None:
-        info = native_scenario(unwrapped(scenario))
+        envs = unwrapped(scenario)
+        info = native_scenario(envs)
         blocks, state = feature_blocks(info["obs_layout"]), feature_blocks(info["state_layout"])
+        self._name, self._n_agents = info["name"], len(info["allies"])
+        # Environments append features that the layout does not have, such as the last actions.
+        self._obs_size: int = getattr(envs, "obs_size", _size(blocks))
+        self._state_size: int = getattr(envs, "state_size", _size(state))
         if "enemies" not in blocks:
             raise InvalidRequest("observations must have units, but `obs_starcraft` of `smacv2` is false")
         enemies, allies = blocks["enemies"], blocks["allies"]
@@ -82,6 +90,7 @@ class Entities:
     def __call__(self, batch: Any) -> EntityRows:
         """The rows of `batch.obs`, float32 [M, A, obs_size]."""
         obs: Floats = batch.obs
+        self._check("observations", obs, (self._n_agents, self._obs_size))
         if self.is_view:
             start, end = self._blocks[0].start, self._own
             features = obs[..., start:end].reshape(*obs.shape[:-1], -1, len(self.features))
@@ -100,8 +109,23 @@ class Entities:
         if not self._state:
             raise InvalidRequest("states must have units, but `obs_instead_of_state` of `smacv2` is true")
         columns = [[self.state_features.index(name) for name in block.features] for block in self._state]
+        self._check("states", batch.state, (self._state_size,))
         rows = _padded(batch.state, self._state, columns, len(self.state_features))
         return rows, rows[..., self.state_features.index("health")] > 0
+
+    def _check(self, name: str, array: Floats, expected: tuple[int, ...]) -> None:
+        """A batch of another scenario would be cut into rows of nonsense."""
+        if array.shape[-len(expected) :] != expected:
+            axes = ", ".join(map(str, ("M", *expected)))
+            raise InvalidRequest(
+                f"{name} must be those of {self._name} as the environments give them, [{axes}], got "
+                f"{list(array.shape)}"
+            )
+
+
+def _size(blocks: dict[str, FeatureBlock]) -> int:
+    """How many features the blocks have together."""
+    return max((block.start + math.prod(block.shape) for block in blocks.values()), default=0)
 
 
 def _padded(

@@ -147,7 +147,7 @@ def train(
     scenario: str | PathLike[str],
     out: str | PathLike[str],
     *,
-    steps: int = 1_000_000,
+    steps: int | None = None,
     seed: int = 0,
     opponent: str | PathLike[str] | Mapping[str, float] = "attack_move",
     on_update: Callable[[dict[str, Any]], object] | None = None,
@@ -162,19 +162,28 @@ def train(
     Args:
         scenario: a standard scenario or the path of a scenario file.
         out: the folder of the run, which must not hold one.
-        steps: environment steps.
+        steps: environment steps; by default as many as the program makes.
         seed: of weights, environments, actions and minibatches.
         opponent: who plays the enemies, as in `make`; or the folder of another run, `"self"` or `"league"`.
         on_update: called with the record of every update, the columns of `log.csv`; by default a line with
             steps, return and win rate is printed every two seconds.
-        options: other options of the program, such as `num_envs=128` or `actor_lr=5e-4`.
+        options: other options of the program, such as `num_envs=128` or `actor_lr=5e-4`; but not `seeds` or
+            `resume`, which do not train one new team, or `json`, which is always given.
 
     Ctrl-C ends the training; `smaclite-pool train --resume OUT` continues it. Raises InvalidRequest with the
     program's message if it fails.
     """
+    refused = [name for name in options if name in {"seeds", "resume", "json"}]
+    if refused:
+        raise InvalidRequest(
+            f"`{refused[0]}` is no option of `train`, which trains one new team: run "
+            f"`smaclite-pool train --{refused[0]}`"
+        )
     if isinstance(opponent, Mapping):
         opponent = ",".join(f"{name}={weight}" for name, weight in opponent.items())
-    given = {"out": out, "steps": steps, "seed": seed, "opponent": opponent, **options}
+    given = {"out": out, "seed": seed, "opponent": opponent, **options}
+    if steps is not None:
+        given["steps"] = steps
     arguments = [f"--{name.replace('_', '-')}={value}" for name, value in given.items()]
     argv = [sys.executable, "-m", "smaclite_pool", "train", str(scenario), "--json", *arguments]
     printed = -LINE_INTERVAL
@@ -187,7 +196,7 @@ def train(
                     on_update(record)
                 elif (now := time.monotonic()) - printed > LINE_INTERVAL:
                     printed = now
-                    print(progress(record, steps), flush=True)
+                    print(progress(record, total_steps(out)), flush=True)
         except BaseException:
             process.send_signal(signal.SIGINT)  # it writes a checkpoint
             raise
@@ -195,6 +204,12 @@ def train(
     if process.returncode != 0:
         raise InvalidRequest(message.removeprefix("smaclite-pool: ").removeprefix("error: "))
     return load_team(out)
+
+
+def total_steps(out: str | PathLike[str]) -> int:
+    """After how many steps the run in a folder is complete."""
+    steps: int = json.loads(Path(out, "run.json").read_bytes())["config"]["steps"]
+    return steps
 
 
 def progress(record: dict[str, Any], steps: int) -> str:

@@ -77,7 +77,7 @@ fn a_run_is_recorded_by_its_qualities() {
     check_error(folder, &format!("{record} --scenario 3m --out a.smdata"), 1, "has no effect on a run");
     output(folder, &format!("train 3m --steps 256 {small} --out plain"));
     let record = "dataset record plain --episodes 10 --quality good --out a.smdata";
-    check_error(folder, record, 1, "the run has no evaluations.csv");
+    check_error(folder, record, 1, "the run has no evaluations in evaluations.csv");
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! The card of a dataset: what was played, how well, and how much of it is different.
+//!
+//! A file's card is compared with the rest of the file when it is read, and the part that only the arrays
+//! tell when they are expanded. Both compute it as `measure` did, in the same order, so it must be equal to
+//! the bit.
 
-use super::arrays::{ArrayName, N_ARRAYS};
-use super::chunk::Chunk;
-use super::{Dataset, DatasetError, Episode};
+use super::arrays::N_ARRAYS;
+use super::counter::{Counted, Counter};
+use super::{Dataset, DatasetError, Episode, Policy};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use smaclite_engine::Sizes;
-use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
-use xxhash_rust::xxh3::Xxh3;
+use smaclite_units::file::shortened;
 
 /// The card of a dataset. Its file has it, so that reading it takes no battle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -83,14 +86,6 @@ pub struct PolicyCard {
     pub mean_return: f64,
 }
 
-/// What is counted of some episodes.
-struct Counted {
-    first: usize,
-    returns: Vec<f64>,
-    /// Hashes of their pairs of state and joint action.
-    pairs: Vec<u64>,
-}
-
 impl Dataset {
     /// Plays all episodes, and notes the hashes of their arrays and the card.
     pub(super) fn measure(
@@ -98,25 +93,51 @@ impl Dataset {
         threads: usize,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), DatasetError> {
-        let counted = Mutex::new(Vec::new());
-        let count = |chunk: Chunk<'_>| {
-            let counts = Counted::of(self, &chunk);
-            counted.lock().unwrap_or_else(PoisonError::into_inner).push(counts);
+        let counter = Counter::new(self, [true; N_ARRAYS]);
+        let hashes = self.play([true; N_ARRAYS], None, threads, interrupted, |chunk| {
+            counter.add(&chunk);
             Ok(())
-        };
-        let hashes = self.play([true; N_ARRAYS], None, threads, interrupted, count)?;
-        let mut counted = counted.into_inner().unwrap_or_else(PoisonError::into_inner);
-        counted.sort_unstable_by_key(|counted| counted.first);
-        let returns: Vec<f64> = counted.iter().flat_map(|counted| &counted.returns).copied().collect();
-        let mut pairs: Vec<u64> = counted.into_iter().flat_map(|counted| counted.pairs).collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        self.card = self.card_of(&returns, pairs.len() as u64);
+        })?;
+        let counted = counter.finish();
+        let mut card = self.card_of_episodes();
+        self.complete(&mut card, &counted);
+        self.card = card;
         self.hashes = hashes.to_vec();
         Ok(())
     }
 
-    fn card_of(&self, returns: &[f64], unique_pairs: u64) -> Card {
+    /// Compares the card with what setup, policies and episodes say. Returns and different pairs are those of
+    /// [`check_counted`](Self::check_counted).
+    pub(super) fn check_card(&self) -> Result<(), DatasetError> {
+        let mut expected = self.card_of_episodes();
+        expected.returns = self.card.returns;
+        for (expected, given) in expected.policies.iter_mut().zip(&self.card.policies) {
+            expected.mean_return = given.mean_return;
+        }
+        self.complete(&mut expected, &Counted { returns: None, unique_pairs: Some(self.card.unique_pairs) });
+        self.compare_card(&expected)
+    }
+
+    /// Compares the card with what was counted when the episodes were played again.
+    pub(super) fn check_counted(&self, counted: &Counted) -> Result<(), DatasetError> {
+        let mut expected = self.card.clone();
+        self.complete(&mut expected, counted);
+        self.compare_card(&expected)
+    }
+
+    fn compare_card(&self, expected: &Card) -> Result<(), DatasetError> {
+        if *expected == self.card {
+            return Ok(());
+        }
+        let json = |card: &Card| serde_json::to_value(card).unwrap_or_default();
+        let difference = difference("card", &json(expected), &json(&self.card));
+        let (key, expected, given) = difference.unwrap_or_default();
+        let [expected, given] = [expected, given].map(|text| shortened(&text));
+        Err(DatasetError::Invalid { file: self.source.clone(), key, expected, given })
+    }
+
+    /// The card without returns and different pairs.
+    fn card_of_episodes(&self) -> Card {
         let (episodes, steps) = (self.episodes.len(), self.n_steps());
         let share = |has: &dyn Fn(&Episode) -> bool| {
             self.episodes.iter().filter(|episode| has(episode)).count() as f64 / episodes.max(1) as f64
@@ -132,60 +153,64 @@ impl Dataset {
             steps,
             win_rate: share(&|episode| episode.end.battle_won),
             truncated_rate: share(&|episode| episode.end.truncated),
-            returns: Distribution::of(returns),
             lengths: Distribution::of(&lengths),
-            unique_pairs,
-            coverage: unique_pairs as f64 / steps.max(1) as f64,
-            policies: (0..self.policies.len()).map(|policy| self.policy_card(policy, returns)).collect(),
+            policies: self.policy_cards(),
+            ..Card::default()
         }
     }
 
-    fn policy_card(&self, policy: usize, returns: &[f64]) -> PolicyCard {
-        let of_policy = self.episodes.iter().zip(returns);
-        let own: Vec<_> = of_policy.filter(|(episode, _)| usize::from(episode.policy) == policy).collect();
-        let episodes = own.len();
-        let won = own.iter().filter(|(episode, _)| episode.end.battle_won).count();
-        PolicyCard {
-            name: self.policies[policy].name.clone(),
-            episodes,
-            steps: own.iter().map(|(episode, _)| episode.length as usize).sum(),
-            win_rate: won as f64 / episodes.max(1) as f64,
-            mean_return: own.iter().map(|(_, value)| **value).sum::<f64>() / episodes.max(1) as f64,
+    fn policy_cards(&self) -> Vec<PolicyCard> {
+        let named = |policy: &Policy| PolicyCard { name: policy.name.clone(), ..PolicyCard::default() };
+        let mut cards: Vec<PolicyCard> = self.policies.iter().map(named).collect();
+        for episode in &self.episodes {
+            let card = &mut cards[usize::from(episode.policy)];
+            card.episodes += 1;
+            card.steps += episode.length as usize;
+            card.win_rate += f64::from(u8::from(episode.end.battle_won)); // a number until it is divided
         }
+        for card in &mut cards {
+            card.win_rate /= card.episodes.max(1) as f64;
+        }
+        cards
     }
-}
 
-impl Counted {
-    fn of(dataset: &Dataset, chunk: &Chunk<'_>) -> Counted {
-        let first_step = dataset.steps_of_all(&chunk.episodes).start;
-        let rewards: &[f32] = bytemuck::cast_slice(chunk.bytes(dataset, ArrayName::Reward));
-        let rows = |episode| {
-            let Range { start, end } = dataset.steps_of(episode);
-            start - first_step..end - first_step
-        };
-        let returned = |episode| rewards[rows(episode)].iter().map(|reward| f64::from(*reward)).sum();
-        let states: &[f32] = bytemuck::cast_slice(chunk.bytes(dataset, ArrayName::State));
-        let actions: &[i32] = bytemuck::cast_slice(chunk.bytes(dataset, ArrayName::Actions));
-        let Sizes { n_agents, state_size, .. } = dataset.sizes();
-        let rows = states.chunks_exact(state_size).zip(actions.chunks_exact(n_agents));
-        Counted {
-            first: chunk.episodes.start,
-            returns: chunk.episodes.clone().map(returned).collect(),
-            pairs: rows.map(|(state, actions)| pair(state, actions)).collect(),
+    /// Writes what was counted into a card.
+    fn complete(&self, card: &mut Card, counted: &Counted) {
+        if let Some(returns) = &counted.returns {
+            card.returns = Distribution::of(returns);
+            let mut sums = vec![0.0; card.policies.len()];
+            for (episode, value) in self.episodes.iter().zip(returns) {
+                sums[usize::from(episode.policy)] += value;
+            }
+            for (card, sum) in card.policies.iter_mut().zip(sums) {
+                card.mean_return = sum / card.episodes.max(1) as f64;
+            }
+        }
+        if let Some(unique_pairs) = counted.unique_pairs {
+            card.unique_pairs = unique_pairs;
+            card.coverage = unique_pairs as f64 / self.n_steps().max(1) as f64;
         }
     }
 }
 
-/// The hash of a state and a joint action. As in OG-MARL's SACo, states are equal that are so after four
-/// decimals.
-fn pair(state: &[f32], actions: &[i32]) -> u64 {
-    let mut hasher = Xxh3::new();
-    for value in state {
-        let rounded = (f64::from(*value) * 1e4).round_ties_even() as i32;
-        hasher.update(&rounded.to_le_bytes());
+/// The first key whose values differ, and both.
+fn difference(key: &str, expected: &Value, given: &Value) -> Option<(String, String, String)> {
+    match (expected, given) {
+        _ if expected == given => None,
+        (Value::Object(expected), Value::Object(given)) => expected
+            .iter()
+            .find_map(|(name, value)| difference(&format!("{key}.{name}"), value, given.get(name)?)),
+        (Value::Array(expected), Value::Array(given)) if expected.len() == given.len() => {
+            let pairs = expected.iter().zip(given).enumerate();
+            pairs
+                .into_iter()
+                .find_map(|(i, (expected, given))| difference(&format!("{key}[{i}]"), expected, given))
+        }
+        (Value::Array(expected), Value::Array(given)) => {
+            Some((key.to_owned(), format!("a list of {}", expected.len()), given.len().to_string()))
+        }
+        _ => Some((key.to_owned(), expected.to_string(), given.to_string())),
     }
-    hasher.update(bytemuck::cast_slice(actions));
-    hasher.digest()
 }
 
 impl Distribution {

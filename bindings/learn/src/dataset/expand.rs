@@ -5,6 +5,7 @@
 
 use super::arrays::{ARRAYS, ArrayName, N_ARRAYS, PerRow, Rows, Values};
 use super::chunk::{Chunk, Wanted};
+use super::counter::Counter;
 use super::folder::Files;
 use super::{Dataset, DatasetError, End};
 use crate::parallel;
@@ -43,8 +44,8 @@ impl Dataset {
     /// Plays all episodes again, and returns these arrays, in memory.
     ///
     /// # Errors
-    /// If this version plays an episode otherwise than it was recorded; `Interrupted` if `interrupted`
-    /// returned true.
+    /// If this version plays an episode otherwise than it was recorded, or the card has other returns or
+    /// pairs than these arrays; `Interrupted` if `interrupted` returned true.
     pub fn expand(
         &self,
         arrays: &[ArrayName],
@@ -55,8 +56,13 @@ impl Dataset {
         self.check_memory(wanted)?;
         let mut values = self.zeros(wanted, self.n_steps(), self.episodes.len());
         let rows = Rows::new(&mut values, &self.sizes());
-        let hashes = self.play(wanted, Some(rows), threads, interrupted, |_| Ok(()))?;
+        let counter = Counter::new(self, wanted);
+        let hashes = self.play(wanted, Some(rows), threads, interrupted, |chunk| {
+            counter.add(&chunk);
+            Ok(())
+        })?;
         self.verify(wanted, &hashes)?;
+        self.check_counted(&counter.finish())?;
         let values = ArrayName::ALL.into_iter().zip(values);
         Ok(values.filter(|(array, _)| wanted[*array as usize]).collect())
     }
@@ -75,9 +81,14 @@ impl Dataset {
     ) -> Result<(), DatasetError> {
         let wanted = wanted(arrays);
         let files = Files::create(self, folder, wanted)?;
-        let hashes = self.play(wanted, None, threads, interrupted, |chunk| files.write(self, &chunk))?;
+        let counter = Counter::new(self, wanted);
+        let hashes = self.play(wanted, None, threads, interrupted, |chunk| {
+            counter.add(&chunk);
+            files.write(self, &chunk)
+        })?;
         self.verify(wanted, &hashes)?;
-        files.finish(folder)
+        self.check_counted(&counter.finish())?;
+        files.finish()
     }
 
     /// Plays all episodes into `rows`, or else into memory of the threads; `take` gets what was played. The

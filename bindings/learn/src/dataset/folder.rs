@@ -8,11 +8,13 @@ use smaclite_pool::fields::Dtype;
 use std::fs::{File, Permissions};
 use std::io;
 use std::os::unix::fs::{FileExt, PermissionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// The files of a folder, under another name until they are complete.
 pub(super) struct Files {
+    /// The name that the folder gets.
+    folder: PathBuf,
     partial: TempDir,
     arrays: Vec<(ArrayName, File)>,
 }
@@ -30,17 +32,18 @@ impl Files {
         let partial = partial.map_err(failed)?;
         let names = ArrayName::ALL.into_iter().filter(|array| wanted[*array as usize]);
         let create = |array: ArrayName| {
-            let file = File::create(partial.path().join(format!("{}.npy", array.spec().name)))?;
+            let file = File::create(partial.path().join(file_name(array)))?;
             file.write_all_at(&header(array, dataset), 0)?;
             // Its size from the beginning, so that a file without steps is one, too.
             file.set_len((HEADER + n_rows(array, dataset) * row_bytes(array, dataset)) as u64)?;
-            Ok((array, file))
+            Ok(file)
         };
-        let arrays = names.map(create).collect::<io::Result<Vec<_>>>().map_err(failed)?;
+        let create = |array| Ok((array, create(array).map_err(|error| failed_array(folder, array, error))?));
+        let arrays = names.map(create).collect::<Result<Vec<_>, DatasetError>>()?;
         let card = dataset.card_json().and_then(|card| serde_json::to_vec_pretty(&card));
         let card = card.map_err(|error| failed(error.into()))?;
         std::fs::write(partial.path().join("card.json"), card).map_err(failed)?;
-        Ok(Files { partial, arrays })
+        Ok(Files { folder: folder.to_owned(), partial, arrays })
     }
 
     /// Writes the rows of some episodes.
@@ -52,18 +55,27 @@ impl Files {
             };
             let offset = HEADER + rows.start * row_bytes(*array, dataset);
             file.write_all_at(chunk.bytes(dataset, *array), offset as u64)
-                .map_err(|error| DatasetError::Io { file: format!("{}.npy", array.spec().name), error })?;
+                .map_err(|error| failed_array(&self.folder, *array, error))?;
         }
         Ok(())
     }
 
     /// Gives the folder its name.
-    pub fn finish(self, folder: &Path) -> Result<(), DatasetError> {
-        let failed = |error| DatasetError::Io { file: folder.display().to_string(), error };
-        std::fs::rename(self.partial.path(), folder).map_err(failed)?;
+    pub fn finish(self) -> Result<(), DatasetError> {
+        let failed = |error| DatasetError::Io { file: self.folder.display().to_string(), error };
+        std::fs::rename(self.partial.path(), &self.folder).map_err(failed)?;
         let _ = self.partial.keep(); // it has another name now
         Ok(())
     }
+}
+
+fn file_name(array: ArrayName) -> String {
+    format!("{}.npy", array.spec().name)
+}
+
+/// By the name that the file was to have: the one that it has until then is gone when this is read.
+fn failed_array(folder: &Path, array: ArrayName, error: io::Error) -> DatasetError {
+    DatasetError::Io { file: folder.join(file_name(array)).display().to_string(), error }
 }
 
 /// Bytes of a header: enough for four axes.
@@ -95,4 +107,25 @@ fn n_rows(array: ArrayName, dataset: &Dataset) -> usize {
 
 fn row_bytes(array: ArrayName, dataset: &Dataset) -> usize {
     array.row_len(&dataset.sizes()) * array.spec().dtype.size()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::tests::recorded;
+
+    /// On a full disk, the message was "obs.npy: No space left", of whatever folder.
+    #[test]
+    fn a_file_that_cannot_be_written_is_named_with_its_folder() {
+        let dataset = recorded(1);
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("arrays");
+        let wanted = ArrayName::ALL.map(|array| array == ArrayName::Obs);
+        let mut files = Files::create(&dataset, &folder, wanted).unwrap();
+        let path = files.partial.path().join("obs.npy");
+        files.arrays[0].1 = File::open(path).unwrap(); // to be read, so that writing fails
+        let written = dataset.play(wanted, None, 1, &mut || false, |chunk| files.write(&dataset, &chunk));
+        let error = written.map(|_| ()).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{}: ", folder.join("obs.npy").display())), "{error}");
+    }
 }

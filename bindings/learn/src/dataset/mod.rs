@@ -4,11 +4,13 @@
 //!
 //! `record` plays the policies whose actions are kept (`quality` chooses among those of a training run);
 //! `file` is the recipe as bytes; `arrays` declares what it is expanded to, `expand` plays the episodes again
-//! on several threads, into memory or (`folder`) files of NumPy; `card` describes what was played.
+//! on several threads, into memory or (`folder`) files of NumPy; `card` describes what was played, for which
+//! `counter` counts.
 
 mod arrays;
 mod card;
 mod chunk;
+mod counter;
 mod error;
 mod expand;
 mod file;

@@ -2,6 +2,8 @@
 //! the folder has the table `evaluations.csv` and the weights `evaluations/STEPS.safetensors`.
 
 use super::Policy;
+use crate::evaluations::{EvaluationFiles, EvaluationRow};
+use crate::tensors::FileError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -60,14 +62,11 @@ impl fmt::Display for Quality {
 #[allow(missing_docs)] // the messages say it
 pub enum QualityError {
     #[error(
-        "{folder}: the run has no evaluations.csv, so its qualities are unknown; leave --quality out to \
-         record its last weights, or train with --evaluate-every for weights of several qualities"
+        "{folder}: the run has no evaluations in evaluations.csv, so its qualities are unknown; leave \
+         --quality out to record its last weights, or train with --evaluate-every for weights of several \
+         qualities"
     )]
     NoEvaluations { folder: String },
-    #[error("{file}, line {line}: {reason}")]
-    Table { file: String, line: usize, reason: String },
-    #[error("{file}: cannot be read: {error}")]
-    Read { file: String, error: std::io::Error },
     #[error("{folder}: no evaluation won a battle, so no weights are good; train for longer")]
     NoWins { folder: String },
     #[error(
@@ -75,43 +74,42 @@ pub enum QualityError {
          evaluate more often in training"
     )]
     NoneBefore { folder: String, quality: Quality, above: Quality },
-}
-
-/// A row of the table.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Evaluation {
-    steps: u64,
-    win_rate: f64,
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// The policies of a quality, and the files of their weights.
 pub(super) fn policies(folder: &Path, quality: Quality) -> Result<Vec<(Policy, PathBuf)>, QualityError> {
-    let evaluations = read(folder)?;
-    let chosen = choose(&evaluations, quality, &folder.display().to_string())?;
-    let policy = |evaluation: Evaluation| {
-        let name = format!("evaluations/{:012}.safetensors", evaluation.steps);
-        let path = folder.join(&name);
-        let (training_steps, sampled_win_rate) = (Some(evaluation.steps), Some(evaluation.win_rate));
-        (Policy { name, training_steps, sampled_win_rate }, path)
+    let files = EvaluationFiles::of(folder);
+    let evaluations = files.rows()?;
+    let shown = folder.display().to_string();
+    if evaluations.is_empty() {
+        return Err(QualityError::NoEvaluations { folder: shown });
+    }
+    let policy = |evaluation: EvaluationRow| {
+        let path = files.weights(evaluation.steps)?;
+        let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
+        let (training_steps, sampled_win_rate) = (Some(evaluation.steps), Some(evaluation.sampled.win_rate));
+        Ok((Policy { name, training_steps, sampled_win_rate }, path))
     };
-    Ok(chosen.into_iter().map(policy).collect())
+    choose(&evaluations, quality, &shown)?.into_iter().map(policy).collect()
 }
 
 fn choose(
-    evaluations: &[Evaluation],
+    evaluations: &[EvaluationRow],
     quality: Quality,
     folder: &str,
-) -> Result<Vec<Evaluation>, QualityError> {
+) -> Result<Vec<EvaluationRow>, QualityError> {
     if quality == Quality::Replay {
         return Ok(evaluations.to_vec());
     }
     let mut good = 0;
     for (i, evaluation) in evaluations.iter().enumerate() {
-        if evaluation.win_rate > evaluations[good].win_rate {
+        if evaluation.sampled.win_rate > evaluations[good].sampled.win_rate {
             good = i;
         }
     }
-    let best = evaluations[good].win_rate;
+    let best = evaluations[good].sampled.win_rate;
     if best <= 0.0 {
         return Err(QualityError::NoWins { folder: folder.to_owned() });
     }
@@ -133,57 +131,26 @@ fn choose(
 
 /// Of the evaluations before `above` with a lower win rate, the one that is nearest to `target`, the last of
 /// equally near ones: it has learnt the most.
-fn nearest_before(evaluations: &[Evaluation], above: usize, target: f64) -> Option<usize> {
-    let limit = evaluations[above].win_rate;
-    let below = (0..above).rev().filter(|&i| evaluations[i].win_rate < limit);
-    let distance = |i: usize| (evaluations[i].win_rate - target).abs();
+fn nearest_before(evaluations: &[EvaluationRow], above: usize, target: f64) -> Option<usize> {
+    let limit = evaluations[above].sampled.win_rate;
+    let below = (0..above).rev().filter(|&i| evaluations[i].sampled.win_rate < limit);
+    let distance = |i: usize| (evaluations[i].sampled.win_rate - target).abs();
     below.min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
-}
-
-/// The table, in the order of training.
-fn read(folder: &Path) -> Result<Vec<Evaluation>, QualityError> {
-    let path = folder.join("evaluations.csv");
-    let file = path.display().to_string();
-    if !path.exists() {
-        return Err(QualityError::NoEvaluations { folder: folder.display().to_string() });
-    }
-    let text =
-        std::fs::read_to_string(&path).map_err(|error| QualityError::Read { file: file.clone(), error })?;
-    let table = |line: usize, reason: String| QualityError::Table { file: file.clone(), line, reason };
-    let mut lines = text.lines().enumerate();
-    let head: Vec<&str> = lines.next().map_or(Vec::new(), |(_, head)| head.split(',').collect());
-    let column = |name: &str| {
-        let found = head.iter().position(|column| *column == name);
-        found.ok_or_else(|| table(1, format!("expected a column `{name}`, got `{}`", head.join(","))))
-    };
-    let (steps, win_rate) = (column("steps")?, column("sampled_win_rate")?);
-    let row = |(i, line): (usize, &str)| {
-        let cells: Vec<&str> = line.split(',').collect();
-        let cell = |column: usize| cells.get(column).copied().unwrap_or_default();
-        let bad = |name: &str, expected: &str, given: &str| {
-            table(i + 1, format!("`{name}` must be {expected}, got `{given}`"))
-        };
-        let rate = cell(win_rate).parse().ok().filter(|rate| (0.0..=1.0).contains(rate));
-        Ok(Evaluation {
-            steps: cell(steps).parse().map_err(|_| bad("steps", "a whole number", cell(steps)))?,
-            win_rate: rate.ok_or_else(|| bad("sampled_win_rate", "between 0 and 1", cell(win_rate)))?,
-        })
-    };
-    let mut evaluations = lines.map(row).collect::<Result<Vec<_>, QualityError>>()?;
-    if evaluations.is_empty() {
-        return Err(table(2, "expected at least one evaluation".to_owned()));
-    }
-    evaluations.sort_by_key(|evaluation| evaluation.steps);
-    Ok(evaluations)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluations::Summary;
+
+    fn row(steps: u64, win_rate: f64) -> EvaluationRow {
+        let (sampled, greedy) = (Summary { win_rate, ..Summary::default() }, Summary::default());
+        let (seconds, cpu_seconds) = (0.5, 0.25);
+        EvaluationRow { steps, trained_steps: steps, updates: 1, greedy, sampled, seconds, cpu_seconds }
+    }
 
     fn chosen(win_rates: &[f64], quality: Quality) -> Result<u64, String> {
-        let rows = (0..).zip(win_rates).map(|(steps, &win_rate)| Evaluation { steps, win_rate });
-        let rows: Vec<Evaluation> = rows.collect();
+        let rows: Vec<EvaluationRow> = (0..).zip(win_rates).map(|(i, &rate)| row(i, rate)).collect();
         choose(&rows, quality, "run").map(|rows| rows[0].steps).map_err(|error| error.to_string())
     }
 
@@ -208,27 +175,31 @@ mod tests {
         }
     }
 
+    /// A second reader of the table took the part of a line that a killed process had written for a row, and
+    /// 0.8 of 0.84375 for its win rate.
     #[test]
-    fn mistakes_in_the_table_are_named() {
+    fn a_row_that_was_cut_is_no_evaluation() {
         let folder = tempfile::tempdir().unwrap();
         let of = |text: &str| {
             std::fs::write(folder.path().join("evaluations.csv"), text).unwrap();
             policies(folder.path(), Quality::Replay).map_err(|error| error.to_string())
         };
-        let rows = of("steps,greedy_win_rate,sampled_win_rate\n20,1,0.75\n10,0,0.5\n").unwrap();
-        let names: Vec<&str> = rows.iter().map(|(policy, _)| policy.name.as_str()).collect();
-        assert_eq!(names, ["evaluations/000000000010.safetensors", "evaluations/000000000020.safetensors"]);
+        let head = EvaluationRow::COLUMNS.join(",") + "\n";
+        let (first, last) = (row(10, 0.5).line(), row(20, 0.84375).line());
+        let names = |text: &str| -> Vec<String> {
+            of(text).unwrap().into_iter().map(|(policy, _)| policy.name).collect()
+        };
+        let whole = ["evaluations/000000000010.safetensors", "evaluations/000000000020.safetensors"];
+        assert_eq!(names(&format!("{head}{first}{last}")), whole);
+        let cut = &last[..last.find("0.84375").unwrap() + 3];
+        assert_eq!(names(&format!("{head}{first}{cut}")), whole[..1]);
         for (text, expected) in [
-            ("", "line 1: expected a column `steps`"),
-            ("steps,win_rate\n", "line 1: expected a column `sampled_win_rate`"),
-            ("steps,sampled_win_rate\n", "at least one evaluation"),
-            ("steps,sampled_win_rate\n1,0.5\nx,0.5\n", "line 3: `steps` must be a whole number, got `x`"),
-            (
-                "steps,sampled_win_rate\n1,50\n",
-                "line 2: `sampled_win_rate` must be between 0 and 1, got `50`",
-            ),
+            (head.clone(), "the run has no evaluations"),
+            (String::new(), "the run has no evaluations"),
+            ("steps,win_rate\n".to_owned(), "its first line is `steps,win_rate`"),
+            (format!("{head}{first}x,{last}"), "line 3 is `x,20,"),
         ] {
-            let error = of(text).unwrap_err();
+            let error = of(&text).unwrap_err();
             assert!(error.contains(expected), "{error}");
         }
     }

@@ -7,14 +7,12 @@ use crate::checkpoint::read_actor;
 use crate::description::{RunDescription, Weights};
 use crate::parallel;
 use crate::policy::Choice;
-use crate::random::Purpose;
 use crate::team::Team;
-use crate::tournament::battles::{LOCKSTEP, Play, Running, Seat};
+use crate::tournament::battles::{self, LOCKSTEP, Play};
 use crate::tournament::player::Player;
 use crate::trained_team::TrainedTeam;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Arena, Battle, BattleSetup, Opponents, Scratch, Sides};
-use std::ops::Range;
+use smaclite_engine::{Arena, BattleSetup, Opponents, Scratch, Sides};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -81,6 +79,14 @@ impl Amount {
             Amount::Episodes(wanted) => episodes >= wanted,
         }
     }
+
+    /// How many more episodes there can be. Each has a step at least.
+    fn most_needed(self, episodes: usize, steps: usize) -> usize {
+        match self {
+            Amount::Steps(wanted) => wanted.saturating_sub(steps),
+            Amount::Episodes(wanted) => wanted.saturating_sub(episodes),
+        }
+    }
 }
 
 /// An episode that was played.
@@ -94,7 +100,9 @@ struct Played {
 
 /// Episodes that are played in lockstep.
 struct Job {
-    episodes: Range<usize>,
+    first: usize,
+    /// At most [`LOCKSTEP`].
+    count: usize,
     played: Vec<Played>,
 }
 
@@ -209,12 +217,10 @@ impl Recording {
         let mut scratches: Vec<Scratch> = (0..self.threads.max(1)).map(|_| Scratch::new()).collect();
         let (mut all, mut steps) = (Vec::<Played>::new(), 0);
         while !amount.is_reached(all.len(), steps) {
-            let begin = first + all.len();
-            let firsts = (begin..).step_by(LOCKSTEP).take(scratches.len() * JOBS_PER_THREAD);
-            let job = |first| Job { episodes: first..first + LOCKSTEP, played: Vec::new() };
-            let mut jobs: Vec<Job> = firsts.map(job).collect();
+            let needed = amount.most_needed(all.len(), steps);
+            let mut jobs = jobs(first + all.len(), needed, scratches.len() * JOBS_PER_THREAD);
             parallel::run(jobs.iter_mut(), &mut scratches, interrupted, |job, scratch| {
-                job.played = self.play_in_lockstep(arena, player, job.episodes.clone(), scratch);
+                job.played = self.play_in_lockstep(arena, player, job, scratch);
             })
             .map_err(|parallel::Interrupted| DatasetError::Interrupted)?;
             for played in jobs.into_iter().flat_map(|job| job.played) {
@@ -235,30 +241,71 @@ impl Recording {
         &self,
         arena: &Arc<Arena>,
         player: &Player,
-        episodes: Range<usize>,
+        Job { first, count, .. }: &Job,
         scratch: &mut Scratch,
     ) -> Vec<Played> {
         let choice = if self.greedy { Choice::Greedy } else { Choice::Sampled };
         let play = Play { seed: self.seed, choice };
-        let seeds = episodes.clone().map(|episode| play.seed_of(episode));
+        let rows = *first..first + LOCKSTEP;
+        let seeds = rows.clone().take(*count).map(|episode| play.seed_of(episode));
         let mut played: Vec<Played> = seeds.map(|seed| Played { seed, ..Played::default() }).collect();
-        let battle = |played: &Played| Running::new(Battle::new(Arc::clone(arena), played.seed));
-        let mut battles: Vec<Running> = played.iter().map(battle).collect();
-        let mut seat = Seat::new(player, play, arena.sizes(), episodes);
-        for step in 0.. {
-            if battles.iter().all(|running| running.battle.is_over()) {
-                break;
-            }
-            seat.act(&battles, play.draw(Purpose::Evaluation, step), choice, scratch);
-            let running = battles.iter_mut().zip(&mut played).enumerate();
-            for (i, (running, played)) in running.filter(|(_, (running, _))| !running.battle.is_over()) {
-                let actions = seat.actions_of(i);
-                // An available action is below the 6 + 1000 actions of the largest scenario.
-                played.actions.extend(actions.iter().map(|&action| action as u16));
-                played.end = End::of(&running.battle.step_checked(actions.iter().copied(), scratch));
-                played.length += 1;
-            }
-        }
+        let players = battles::Players { agents: player, enemies: None };
+        play.in_lockstep(arena, players, rows, *count, scratch, |battle, actions, step| {
+            let played = &mut played[battle];
+            // An available action is below the 6 + 1000 actions of the largest scenario.
+            played.actions.extend(actions.iter().map(|&action| action as u16));
+            played.end = End::of(step);
+            played.length += 1;
+        });
         played
+    }
+}
+
+/// At most `most` jobs for the episodes from `begin` on, of which no more than `needed` are played.
+///
+/// All but the last of them have [`LOCKSTEP`] episodes, so they begin at the same episodes however many are
+/// played at a time: a team's outputs depend to the last bit on their rows in a matrix.
+fn jobs(begin: usize, needed: usize, most: usize) -> Vec<Job> {
+    let firsts = (0..needed).step_by(LOCKSTEP).take(most);
+    let job = |i: usize| Job { first: begin + i, count: LOCKSTEP.min(needed - i), played: Vec::new() };
+    firsts.map(job).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `--episodes 1` played 128 episodes per thread and policy.
+    #[test]
+    fn no_more_episodes_are_played_than_can_be_needed() {
+        let counts = |amount: Amount, episodes, steps, most| {
+            let jobs = jobs(100 + episodes, amount.most_needed(episodes, steps), most);
+            jobs.iter().map(|job| (job.first, job.count)).collect::<Vec<_>>()
+        };
+        assert_eq!(counts(Amount::Episodes(1), 0, 0, 8), [(100, 1)]);
+        assert_eq!(counts(Amount::Episodes(70), 0, 0, 8), [(100, 32), (132, 32), (164, 6)]);
+        assert_eq!(counts(Amount::Episodes(70), 0, 0, 2), [(100, 32), (132, 32)]);
+        assert_eq!(counts(Amount::Episodes(70), 64, 900, 2), [(164, 6)]);
+        assert_eq!(counts(Amount::Steps(1000), 64, 990, 8), [(164, 10)], "an episode has a step at least");
+    }
+
+    /// Episodes that share the rows of a matrix are the same for any number of threads.
+    #[test]
+    fn jobs_begin_at_the_same_episodes_however_many_there_are_at_a_time() {
+        let all = |most| {
+            let (mut found, mut played) = (Vec::new(), 0);
+            while played < 150 {
+                let needed = Amount::Episodes(150).most_needed(played, 0);
+                for job in jobs(100 + played, needed, most) {
+                    found.push((job.first, job.count));
+                    played += job.count;
+                }
+            }
+            found
+        };
+        assert_eq!(all(1), [(100, 32), (132, 32), (164, 32), (196, 32), (228, 22)]);
+        for most in [2, 3, 4, 100] {
+            assert_eq!(all(most), all(1), "{most} at a time");
+        }
     }
 }

@@ -1,13 +1,15 @@
+mod damage;
+
 use super::*;
 use crate::checkpoint::write_actor;
 use crate::config::Config;
 use crate::description::RunDescription;
+use crate::evaluations::{EvaluationRow, Summary};
 use crate::lanes::{Lanes, resolve_scenario};
 use crate::run::Run;
 use crate::team::Team;
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
-use std::io::Write;
 
 /// Shorter than some of the episodes.
 const LIMIT: u32 = 45;
@@ -19,7 +21,7 @@ fn script(scenario: &str, limit: u32) -> Source {
 }
 
 /// Some episodes of 2s3z, of which the short limit truncates some.
-fn recorded(threads: usize) -> Dataset {
+pub(super) fn recorded(threads: usize) -> Dataset {
     let (source, amount) = (script("2s3z", LIMIT), Amount::Episodes(40));
     let recording = Recording { source, amount, seed: 7, greedy: false, threads };
     Dataset::record(&recording, &mut || false).unwrap()
@@ -157,134 +159,15 @@ fn as_many_steps_are_recorded_as_are_asked_for() {
     assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
 }
 
-/// Teams and start positions that are drawn for each episode are drawn again.
+/// Teams, start positions and opponents that are drawn for each episode are drawn again.
 #[test]
 fn generated_battles_are_played_again() {
-    let source = script("terran_5_vs_5", 60);
+    let Source::Script { setup, tactic } = script("terran_5_vs_5", 60) else { unreachable!() };
+    let opponents = "attack_move=1,focus_fire=3,kite=0.7".parse().unwrap();
+    let source = Source::Script { setup: BattleSetup { opponents, ..setup }, tactic };
     let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
     let dataset = Dataset::record(&recording, &mut || false).unwrap();
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
-}
-
-fn compressed(text: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(text).unwrap();
-    encoder.finish().unwrap()
-}
-
-fn inflated(bytes: &[u8]) -> Vec<u8> {
-    let mut text = Vec::new();
-    std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(bytes), &mut text).unwrap();
-    text
-}
-
-#[test]
-fn damaged_files_are_errors_that_say_what_is_wrong() {
-    let bytes = bytes_of(&recorded(2));
-    let text = inflated(&bytes);
-    let head_len = text.iter().position(|byte| *byte == b'\n').unwrap();
-    let with_head = |from: &str, to: &str| {
-        let head = std::str::from_utf8(&text[..head_len]).unwrap();
-        assert!(head.contains(from), "{from}");
-        compressed(&[head.replacen(from, to, 1).as_bytes(), &text[head_len..]].concat())
-    };
-    let with_byte = |place: usize, byte: u8| {
-        let mut text = text.clone();
-        text[head_len + 1 + place] = byte;
-        compressed(&text)
-    };
-    let flipped = bytes.iter().enumerate().map(|(i, byte)| byte ^ u8::from(i == bytes.len() / 2));
-    let cases = [
-        (b"{}".to_vec(), "expected a dataset"),
-        (bytes[..bytes.len() - 9].to_vec(), "the file ends too early"),
-        (flipped.collect(), "expected a dataset"),
-        ([&bytes[..], b"x"].concat(), "bytes follow"),
-        (compressed(&text[..text.len() - 1]), "the file ends too early"),
-        (compressed(&[&text[..], b"x"].concat()), "more actions follow"),
-        (compressed(b"{}"), "begin with a line"),
-        (with_head("smaclite-dataset", "smaclite-replay"), "`format` must be \"smaclite-dataset\""),
-        (with_head("\"version\":1", "\"version\":2"), "`version` must be 1, got 2"),
-        (with_head("\"episodes\":40", "\"episodes\":41"), "`card` must be"),
-        (with_head("\"episodes\":40", "\"episodes\":0"), "`episodes` must be 1 to"),
-        (with_head("\"steps\":", "\"steps\":99999999"), "`steps` must be 1 to 1073741824"),
-        (with_head("\"hash\":\"", "\"hash\":\"0"), "`hash` must be"),
-        (with_byte(40 * 8, 200), "episode 0: length` must be 1 to 45, got 200"),
-        (with_byte(40 * 12, 9), "episode 0: policy` must be below 1, got 9"),
-        (with_byte(40 * 14, 3), "episode 0: end` must be 1 (lost)"),
-        (with_byte(40 * 15, 99), "episode 0, step 0: action of agent 0` must be below 11, got 99"),
-    ];
-    for (bytes, expected) in cases {
-        let error = read(&bytes).map(|_| ()).unwrap_err();
-        assert!(error.starts_with("3m.smdata: ") && error.contains(expected), "{expected}: {error}");
-    }
-}
-
-/// Whatever is changed, reading and expanding end with an error or with arrays.
-#[test]
-fn no_damage_panics() {
-    let bytes = bytes_of(&recorded(2));
-    for len in (0..bytes.len()).step_by(37) {
-        assert!(read(&bytes[..len]).is_err(), "{len} bytes");
-    }
-    let text = inflated(&bytes);
-    let body = text.iter().position(|byte| *byte == b'\n').unwrap() + 1;
-    let mut state = 1_u64;
-    for i in 0..300 {
-        let mut draw = |n: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as usize % n
-        };
-        let mut damaged = text.clone();
-        // Half of the changes are where JSON says nothing against them.
-        let place = if i % 2 == 0 { draw(text.len()) } else { body + draw(text.len() - body) };
-        damaged[place] ^= 1 << draw(8);
-        if let Ok(dataset) = read(&compressed(&damaged)) {
-            let _ = dataset.expand(&[ArrayName::Reward], 2, &mut || false);
-        }
-    }
-}
-
-/// A few bytes that promise the largest dataset are read without memory for it.
-#[test]
-fn a_promise_of_steps_needs_no_memory() {
-    let dataset = recorded(2);
-    let text = inflated(&bytes_of(&dataset));
-    let head_len = text.iter().position(|byte| *byte == b'\n').unwrap();
-    let head = std::str::from_utf8(&text[..head_len]).unwrap();
-    let (steps, most) = (dataset.n_steps(), 1 << 30);
-    let head = head.replace(&format!("\"steps\":{steps}"), &format!("\"steps\":{most}"));
-    let head = head.replace("\"episodes\":40", &format!("\"episodes\":{most}"));
-    let error = read(&compressed(format!("{head}\n").as_bytes())).unwrap_err();
-    assert!(error.contains("the file ends too early"), "{error}");
-}
-
-#[test]
-fn arrays_beyond_the_memory_are_an_error() {
-    let mut dataset = recorded(2);
-    dataset.starts.push(1 << 50);
-    let error = dataset.expand(&[ArrayName::Obs], 2, &mut || false).unwrap_err().to_string();
-    assert!(error.contains("bytes of memory, more than there is"), "{error}");
-}
-
-/// A file whose content was exchanged, with all of gzip's checksums right, is found by playing it.
-#[test]
-fn what_only_play_can_tell_is_an_error_of_expanding() {
-    let dataset = recorded(2);
-    let expand = |dataset: &Dataset| {
-        dataset.expand(&[ArrayName::Reward], 2, &mut || false).map(|_| ()).unwrap_err().to_string()
-    };
-    let mut other = dataset.clone();
-    other.actions[0] = 0; // the no-op of the dead
-    assert!(expand(&other).contains("episode 0, step 0: "), "{}", expand(&other));
-    let mut other = dataset.clone();
-    other.episodes[3].seed += 1;
-    let error = expand(&other);
-    assert!(error.contains("recorded by smaclite-pool"), "{error}");
-    let mut other = dataset.clone();
-    other.hashes[ArrayName::Reward as usize] ^= 1;
-    assert!(expand(&other).contains("array `reward` has the hash"), "{}", expand(&other));
-    let interrupted = dataset.expand(&ArrayName::ALL, 2, &mut || true).unwrap_err();
-    assert!(matches!(interrupted, DatasetError::Interrupted));
 }
 
 /// The folder of a run with two evaluations.
@@ -303,6 +186,48 @@ fn run_with_evaluations(folder: &std::path::Path) {
     }
 }
 
+/// The table of evaluations of that run, with steps and sampled win rates.
+fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
+    let line = |&(steps, win_rate): &(u64, f64)| {
+        let (sampled, greedy) = (Summary { win_rate, ..Summary::default() }, Summary::default());
+        let (trained_steps, updates, seconds, cpu_seconds) = (steps, 1, 1.0, 1.0);
+        EvaluationRow { steps, trained_steps, updates, greedy, sampled, seconds, cpu_seconds }.line()
+    };
+    let lines: String = evaluations.iter().map(line).collect();
+    let table = EvaluationRow::COLUMNS.join(",") + "\n" + &lines;
+    std::fs::write(folder.join("run/evaluations.csv"), table).unwrap();
+}
+
+/// A team chooses the actions of some episodes at once. Which these are must not depend on the threads, nor on
+/// how many episodes are wanted.
+#[test]
+fn threads_and_amounts_change_no_action_of_a_team() {
+    let folder = tempfile::tempdir().unwrap();
+    run_with_evaluations(folder.path());
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
+    let record = |quality, amount, threads| {
+        let source =
+            Source::Run { folder: folder.path().join("run"), quality: Some(quality), opponents: None };
+        let recording = Recording { source, amount, seed: 3, greedy: false, threads };
+        Dataset::record(&recording, &mut || false).unwrap()
+    };
+    for amount in [Amount::Episodes(150), Amount::Steps(9000)] {
+        let one = bytes_of(&record(Quality::Replay, amount, 1));
+        for threads in [2, 3, 8] {
+            assert!(
+                bytes_of(&record(Quality::Replay, amount, threads)) == one,
+                "{amount:?}, {threads} threads"
+            );
+        }
+    }
+    let all = record(Quality::Good, Amount::Episodes(70), 2);
+    for episodes in [1, 33, 69] {
+        let some = record(Quality::Good, Amount::Episodes(episodes), 2);
+        assert_eq!(some.episodes, all.episodes[..episodes]);
+        assert!(some.actions == all.actions[..some.actions.len()], "{episodes} of 70 episodes");
+    }
+}
+
 #[test]
 fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let folder = tempfile::tempdir().unwrap();
@@ -318,10 +243,9 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     };
     assert_eq!(names(&record(None).unwrap()), ["weights.safetensors"]);
     let error = record(Some(Quality::Good)).unwrap_err().to_string();
-    assert!(error.contains("no evaluations.csv") && error.contains("leave --quality out"), "{error}");
+    assert!(error.contains("the run has no evaluations") && error.contains("leave --quality out"), "{error}");
 
-    let table = "steps,sampled_win_rate,greedy_win_rate\n100,0.25,0.5\n200,0.5,0.75\n";
-    std::fs::write(folder.path().join("run/evaluations.csv"), table).unwrap();
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
     let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());
     assert_eq!(names(&good), ["evaluations/000000000200.safetensors"]);
     assert_eq!(names(&medium), ["evaluations/000000000100.safetensors"]);

@@ -1,5 +1,5 @@
-//! Plays the battles of a pairing, some episodes in lockstep, so that a team chooses the actions of all of
-//! them at once.
+//! Plays battles, some episodes in lockstep, so that a team chooses the actions of all of them at once: those
+//! of a pairing, or, for datasets, of one policy whose steps are recorded.
 
 use super::pairing::Pairing;
 use super::player::Player;
@@ -8,7 +8,7 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::trained_team::{TrainedTeam, append_past};
 use smaclite_engine::policy::{Scripted, Tactic};
-use smaclite_engine::{Battle, Faction, Scratch, Sizes};
+use smaclite_engine::{Arena, Battle, Faction, Scratch, Sizes, Step};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,22 +36,22 @@ impl Ended {
     }
 }
 
-/// How battles are played: what all of a tournament have in common.
+/// How battles are played: what all of a tournament, or of a recording, have in common.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Play {
-    /// Episode `i` of each pairing is seeded with `seed + i`.
+    /// Episode `i` (of each pairing) is seeded with `seed + i`.
     pub seed: u64,
     pub choice: Choice,
 }
 
 impl Play {
     /// The seed of an episode's battle, and of scripts that draw.
-    pub fn seed_of(self, episode: usize) -> u64 {
+    pub(crate) fn seed_of(self, episode: usize) -> u64 {
         self.seed.wrapping_add(episode as u64)
     }
 
     /// What the actions of a step are drawn by.
-    pub fn draw(self, purpose: Purpose, step: u64) -> Draw {
+    fn draw(self, purpose: Purpose, step: u64) -> Draw {
         Draw { seed: self.seed, purpose, step }
     }
 
@@ -64,13 +64,34 @@ impl Play {
         ended: &mut [Ended],
         scratch: &mut Scratch,
     ) {
-        let episodes = first..first + ended.len();
-        let battle = |i| Running::new(Battle::new(Arc::clone(&pairing.arena), self.seed_of(i)));
-        let mut battles: Vec<Running> = episodes.clone().map(battle).collect();
+        let rows = first..first + ended.len();
         let [agents, enemies] = pairing.seats().map(|player| &players[player]);
-        let mut agents = Seat::new(agents, self, pairing.arena.sizes(), episodes.clone());
         // A script plays the enemies inside the engine.
-        let mut enemies = enemies.team().map(|team| TeamSeat::new(team, Faction::Enemy, episodes));
+        let players = Players { agents, enemies: enemies.team() };
+        let battles = self.in_lockstep(&pairing.arena, players, rows, ended.len(), scratch, |_, _, _| {});
+        for (ended, running) in ended.iter_mut().zip(battles) {
+            *ended = if pairing.is_exchanged { running.ended().exchanged() } else { running.ended() };
+        }
+    }
+
+    /// Plays the first `count` of some episodes to their ends, and shows every step of every battle: the
+    /// number of the battle, from 0, its joint action and what came of it.
+    ///
+    /// The number of `rows` decides the last bits of a team's outputs, and `count` no bit: rows without a
+    /// battle are as those whose battle is over.
+    pub(crate) fn in_lockstep(
+        self,
+        arena: &Arc<Arena>,
+        players: Players<'_>,
+        rows: Range<usize>,
+        count: usize,
+        scratch: &mut Scratch,
+        mut observe: impl FnMut(usize, &[i32], &Step),
+    ) -> Vec<Running> {
+        let battle = |i| Running::new(Battle::new(Arc::clone(arena), self.seed_of(i)));
+        let mut battles: Vec<Running> = rows.clone().take(count).map(battle).collect();
+        let mut agents = Seat::new(players.agents, self, arena.sizes(), rows.clone());
+        let mut enemies = players.enemies.map(|team| TeamSeat::new(team, Faction::Enemy, rows));
         let mut joint = Vec::new();
         for step in 0.. {
             if battles.iter().all(|running| running.battle.is_over()) {
@@ -84,29 +105,37 @@ impl Play {
                 joint.clear();
                 joint.extend_from_slice(agents.actions_of(i));
                 joint.extend_from_slice(enemies.as_ref().map_or(&[], |enemies| enemies.actions_of(i)));
-                running.step(&joint, scratch);
+                observe(i, &joint, &running.step(&joint, scratch));
             }
         }
-        for (ended, running) in ended.iter_mut().zip(battles) {
-            *ended = if pairing.is_exchanged { running.ended().exchanged() } else { running.ended() };
-        }
+        battles
     }
+}
+
+/// Who chooses actions.
+#[derive(Clone, Copy)]
+pub(crate) struct Players<'a> {
+    pub agents: &'a Player,
+    /// `None` if a script plays the enemies inside the engine.
+    pub enemies: Option<&'a TrainedTeam>,
 }
 
 /// A battle in its only episode.
 pub(crate) struct Running {
-    pub battle: Battle,
+    battle: Battle,
     enemy_return: f64,
 }
 
 impl Running {
-    pub fn new(battle: Battle) -> Running {
+    fn new(battle: Battle) -> Running {
         Running { battle, enemy_return: 0.0 }
     }
 
-    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) {
+    fn step(&mut self, actions: &[i32], scratch: &mut Scratch) -> Step {
         // Scripts and actors choose available actions only.
-        self.enemy_return += self.battle.step_checked(actions.iter().copied(), scratch).enemy_reward;
+        let step = self.battle.step_checked(actions.iter().copied(), scratch);
+        self.enemy_return += step.enemy_reward;
+        step
     }
 
     fn ended(&self) -> Ended {
@@ -123,13 +152,13 @@ impl Running {
 }
 
 /// Who chooses the actions of the agents.
-pub(crate) enum Seat<'a> {
+enum Seat<'a> {
     Scripts(ScriptSeat),
     Team(Box<TeamSeat<'a>>),
 }
 
 impl<'a> Seat<'a> {
-    pub fn new(player: &'a Player, play: Play, sizes: Sizes, episodes: Range<usize>) -> Seat<'a> {
+    fn new(player: &'a Player, play: Play, sizes: Sizes, episodes: Range<usize>) -> Seat<'a> {
         match player {
             Player::Team(team) => Seat::Team(Box::new(TeamSeat::new(team, Faction::Ally, episodes))),
             Player::Tactic(tactic) => Seat::Scripts(ScriptSeat::new(*tactic, play, sizes.n_agents, episodes)),
@@ -137,14 +166,14 @@ impl<'a> Seat<'a> {
         }
     }
 
-    pub fn act(&mut self, battles: &[Running], draw: Draw, choice: Choice, scratch: &mut Scratch) {
+    fn act(&mut self, battles: &[Running], draw: Draw, choice: Choice, scratch: &mut Scratch) {
         match self {
             Seat::Scripts(seat) => seat.act(battles),
             Seat::Team(seat) => seat.act(battles, draw, choice, scratch),
         }
     }
 
-    pub fn actions_of(&self, battle: usize) -> &[i32] {
+    fn actions_of(&self, battle: usize) -> &[i32] {
         match self {
             Seat::Scripts(seat) => &seat.actions[battle],
             Seat::Team(seat) => seat.actions_of(battle),
@@ -153,7 +182,7 @@ impl<'a> Seat<'a> {
 }
 
 /// A script on the side of the agents.
-pub(crate) struct ScriptSeat {
+struct ScriptSeat {
     /// One per battle, so that what `random` draws does not depend on the others.
     scripts: Vec<Scripted>,
     /// By battle.
@@ -176,7 +205,7 @@ impl ScriptSeat {
 }
 
 /// A team on one side. Battles that are over keep their rows, with no available action.
-pub(crate) struct TeamSeat<'a> {
+struct TeamSeat<'a> {
     team: &'a TrainedTeam,
     side: Faction,
     /// By which its actions are drawn.

@@ -160,6 +160,7 @@ def clone(options: Options) -> tuple[Mlp, sp.Dataset]:
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
     dataset = sp.Dataset(options.dataset)
+    scenario_of(dataset, options)  # before the work: without it, the clone cannot be evaluated
     arrays = dataset.expand(fields=["obs", "avail_actions", "actions"])
     steps = split(dataset, options.held_out, options.seed)
     learnt, held_out = (rows_of(dataset, arrays, chosen, options) for chosen in (steps, ~steps))
@@ -171,11 +172,18 @@ def clone(options: Options) -> tuple[Mlp, sp.Dataset]:
     return policy, dataset
 
 
-def evaluate(policy: Mlp, dataset: sp.Dataset, options: Options) -> sp.Evaluation:
-    """Plays battles by the rules of the dataset, with seeds from 2^32 on, which it hardly has."""
+def scenario_of(dataset: sp.Dataset, options: Options) -> str:
+    """The name or the file of what the dataset plays."""
     scenario = options.map_file or dataset.scenario
     if scenario is None:
         raise sp.InvalidRequest("the dataset is not of a standard scenario; --map-file must name its file")
+    sp.scenario(scenario)  # which raises ScenarioError if it cannot be read
+    return scenario
+
+
+def evaluate(policy: Mlp, dataset: sp.Dataset, options: Options) -> sp.Evaluation:
+    """Plays battles by the rules of the dataset, with seeds from 2^32 on, which it hardly has."""
+    scenario = scenario_of(dataset, options)
     own = {"obs_last_actions": options.last_actions, **dataset.settings}
     with sp.make(scenario, min(options.evaluate_episodes, 64), **own) as envs:
         play = partial(act, policy, options=options)

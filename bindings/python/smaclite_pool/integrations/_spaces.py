@@ -128,11 +128,15 @@ def single_observation_space(envs: Envs) -> spaces.Dict:
     int8 [n_agents, n_actions]; if actions play both sides, then `enemy_obs`, `enemy_state` and
     `enemy_action_mask` too.
     """
-    fields = envs.fields
+    return observation_space({name: (dtype, shape[1:]) for name, (dtype, shape) in envs.fields.items()})
+
+
+def observation_space(fields: Mapping[str, tuple[Any, Sequence[int]]]) -> spaces.Dict:
+    """The same of fields with these dtypes and shapes, without the axis of environments."""
     present: dict[str, spaces.Space[Any]] = {}
     for key, field in (OBSERVATION_KEYS | ENEMY_OBSERVATION_KEYS).items():
         if field in fields:
-            dtype, (_, *shape) = fields[field]
+            dtype, shape = fields[field]
             if dtype == np.bool_:  # not MultiBinary, as TorchRL knows that with one axis only
                 present[key] = spaces.Box(0, 1, tuple(shape), np.int8)
             else:
@@ -149,8 +153,14 @@ def batched_observation_space(envs: Envs) -> spaces.Dict:
 
 def single_action_space(envs: Envs) -> spaces.MultiDiscrete:
     """`MultiDiscrete([n_actions] * n_agents)`, and the same of the enemies if actions play both sides."""
-    of_enemies = [envs.n_enemy_actions] * (envs.n_actors - envs.n_agents)
-    return spaces.MultiDiscrete([envs.n_actions] * envs.n_agents + of_enemies)
+    return action_space(envs.n_agents, envs.n_actions, envs.n_actors - envs.n_agents, envs.n_enemy_actions)
+
+
+def action_space(
+    n_agents: int, n_actions: int, n_enemies: int = 0, n_enemy_actions: int = 0
+) -> spaces.MultiDiscrete:
+    """The same of these numbers of units that actions play, and of their actions."""
+    return spaces.MultiDiscrete([n_actions] * n_agents + [n_enemy_actions] * n_enemies)
 
 
 def batched_action_space(envs: Envs) -> AvailableBox:

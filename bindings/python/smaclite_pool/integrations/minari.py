@@ -37,7 +37,7 @@ from typing import Any
 
 import numpy as np
 
-from .._native import Dataset
+from .._native import DATASET_ARRAYS, Dataset
 from ..errors import InvalidRequest
 from ._export import Arrays, description, expanded, run
 from ._extra import extra
@@ -114,19 +114,18 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
 def environment(dataset: Dataset) -> dict[str, Any]:
     """The environment of the battles for Minari: its spaces and, if Gymnasium can make it, how."""
     import gymnasium
-    from gymnasium import spaces
 
-    sizes = dataset.card["sizes"]
-    n_agents, n_actions = sizes["n_agents"], sizes["n_actions"]
-    observation_space = spaces.Dict(
-        {
-            "obs": spaces.Box(-1.0, 1.0, (n_agents, sizes["obs_size"]), np.float32),
-            "state": spaces.Box(-1.0, 1.0, (sizes["state_size"],), np.float32),
-            "action_mask": spaces.Box(0, 1, (n_agents, n_actions), np.int8),
-        }
-    )
-    action_space = spaces.MultiDiscrete([n_actions] * n_agents)
-    found: dict[str, Any] = {"observation_space": observation_space, "action_space": action_space}
+    from ._spaces import action_space, observation_space
+
+    sizes: dict[str, Any] = {**dataset.card["sizes"]}
+    fields = {
+        name: (np.dtype(dtype), [sizes[axis] for axis in axes.split(", ")[1:]])
+        for name, dtype, axes, _ in DATASET_ARRAYS
+    }
+    found: dict[str, Any] = {
+        "observation_space": observation_space(fields),
+        "action_space": action_space(sizes["n_agents"], sizes["n_actions"]),
+    }
     if dataset.scenario is not None:
         importlib.import_module("smaclite_pool.integrations.gymnasium")  # registers the ids
         spec = copy.deepcopy(gymnasium.spec(f"smaclite_pool/{dataset.scenario}-v0"))
