@@ -88,8 +88,8 @@ pub use lanes::{Lanes, resolve_scenario};
 pub use ppo::{Diverged, UpdateStats};
 pub use report::{
     Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Curve, ENVIRONMENT,
-    EvaluatedRun, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread, THRESHOLDS,
-    TimeToWin, marl_eval_json, time_to_win,
+    EvaluatedRun, FirstWin, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread,
+    THRESHOLDS, TimeToWin, marl_eval_json, time_to_win,
 };
 pub use rollout::Episode;
 pub use run::Run;

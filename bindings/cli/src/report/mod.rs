@@ -13,7 +13,7 @@ use crate::picture::write_file;
 use crate::process::interrupt_flag;
 use clap::{Args, ValueEnum};
 use smaclite_learn::{
-    Actions, Benchmark, EvaluatedRun, Report, ReportError, TimeToWin, marl_eval_json, time_to_win,
+    Actions, Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win,
 };
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
@@ -65,7 +65,7 @@ enum Which {
 }
 
 /// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
-type Times = BTreeMap<PathBuf, [Option<TimeToWin>; 2]>;
+type Times = BTreeMap<PathBuf, [FirstWin; 2]>;
 
 /// Everything that is written.
 struct Results {
@@ -94,6 +94,7 @@ impl WriteReport {
             Which::Sampled => Actions::Sampled,
         };
         let mut notes = benchmark.notes();
+        notes.extend(times.iter().flat_map(|times| not_measured(&benchmark, times)));
         let metrics = match marl_eval_json(&benchmark, actions) {
             Ok(text) => Some(text),
             Err(why) => {
@@ -129,6 +130,28 @@ fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Resul
         Ok((run.folder.clone(), [time(Actions::Greedy)?, time(Actions::Sampled)?]))
     };
     runs.map(times).collect()
+}
+
+/// Notes of the runs of which nobody knows when their teams first won.
+fn not_measured(benchmark: &Benchmark, times: &Times) -> Vec<String> {
+    let mut notes = Vec::new();
+    for algorithm in &benchmark.algorithms {
+        for (task, runs) in &algorithm.tasks {
+            let is_unknown = |run: &&EvaluatedRun| times[&run.folder].iter().any(|win| !win.is_measured());
+            let unknown: Vec<&EvaluatedRun> = runs.iter().filter(is_unknown).collect();
+            if let [first, ..] = unknown[..] {
+                notes.push(format!(
+                    "the time to win of {} of {} runs of {} on {task} was not measured: `{}` has no \
+                     time_to_win.json",
+                    unknown.len(),
+                    runs.len(),
+                    algorithm.name,
+                    first.folder.display()
+                ));
+            }
+        }
+    }
+    notes
 }
 
 /// The names of the files that a report may have.

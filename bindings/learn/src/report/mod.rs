@@ -27,7 +27,7 @@ pub use marl_eval::{ENVIRONMENT, marl_eval_json};
 pub use run::{EvaluatedRun, PlayedEvaluation};
 pub use scores::Metric;
 pub use summary::{Aggregate, Curve, Improvement, Profile, Report, THRESHOLDS};
-pub use time_to_win::{CRITERION_EPISODES, CRITERION_WIN_RATE, Spread, TimeToWin, time_to_win};
+pub use time_to_win::{CRITERION_EPISODES, CRITERION_WIN_RATE, FirstWin, Spread, TimeToWin, time_to_win};
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -5,7 +5,8 @@
 //! every evaluation, from the first on, play 200 episodes with seeds that no other evaluation has, and the
 //! time is that of the first weights with enough wins. A team that has lost too many episodes plays no more
 //! of them, so this costs little. Other learners do the same while they train, and leave the result in
-//! `time_to_win.json`, an object with `greedy` and `sampled`, each a [`TimeToWin`] or null.
+//! `time_to_win.json`, an object with `greedy` and `sampled`, each a [`TimeToWin`] or null. The file is optional:
+//! without it, nobody knows when the team won, which is not the same as never ([`FirstWin`]).
 //!
 //! Greedy teams are not all: where episodes begin equal and hardly anything is random, 200 of them are one
 //! battle, which a team can win by chance. With sampled actions they differ.
@@ -46,7 +47,34 @@ pub struct TimeToWin {
     pub cpu_seconds: f64,
 }
 
-/// When the team of a run first won with such actions; `None` if it never did.
+/// Whether a team won while it trained, and when for the first time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FirstWin {
+    /// Nobody knows: another learner trained the team, whose weights cannot be played here, and left no
+    /// `time_to_win.json`.
+    NotMeasured,
+    /// Not in its run.
+    Never,
+    /// It did.
+    At(TimeToWin),
+}
+
+impl FirstWin {
+    /// When it won, if it did.
+    pub fn time(&self) -> Option<&TimeToWin> {
+        match self {
+            FirstWin::At(time) => Some(time),
+            FirstWin::NotMeasured | FirstWin::Never => None,
+        }
+    }
+
+    /// Whether it is known.
+    pub fn is_measured(&self) -> bool {
+        *self != FirstWin::NotMeasured
+    }
+}
+
+/// When the team of a run first won with such actions.
 ///
 /// # Errors
 /// If its files cannot be read or are damaged.
@@ -55,7 +83,7 @@ pub fn time_to_win(
     actions: Actions,
     threads: usize,
     interrupted: &mut dyn FnMut() -> bool,
-) -> Result<Option<TimeToWin>, ReportError> {
+) -> Result<FirstWin, ReportError> {
     let Some(description) = &run.description else { return Ok(recorded(run, actions)?) };
     let mut evaluator = Evaluator::open(&run.folder, description, threads)?;
     for evaluation in &run.evaluations {
@@ -67,10 +95,10 @@ pub fn time_to_win(
         };
         if let Some(wins) = enough_wins(&mut play)? {
             let episodes = CRITERION_EPISODES;
-            return Ok(Some(TimeToWin { steps, wins, episodes, seconds, cpu_seconds }));
+            return Ok(FirstWin::At(TimeToWin { steps, wins, episodes, seconds, cpu_seconds }));
         }
     }
-    Ok(None)
+    Ok(FirstWin::Never)
 }
 
 fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
@@ -102,10 +130,10 @@ fn is_enough(wins: usize, episodes: usize) -> bool {
 }
 
 /// What another learner left.
-fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<Option<TimeToWin>, FileError> {
+fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<FirstWin, FileError> {
     let path = run.folder.join("time_to_win.json");
     if !path.exists() {
-        return Ok(None);
+        return Ok(FirstWin::NotMeasured);
     }
     let damaged = |why: String| FileError::Damaged { path: path.clone(), why };
     let read = serde_json::from_slice(&read(&path)?);
@@ -118,17 +146,22 @@ fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<Option<TimeToWin>, F
         Some(time) if time.wins > time.episodes || !is_enough(time.wins, time.episodes) => {
             Err(damaged(format!("{} wins of {} episodes are too few", time.wins, time.episodes)))
         }
-        time => Ok(time),
+        Some(time) => Ok(FirstWin::At(time)),
+        None => Ok(FirstWin::Never),
     }
 }
 
+/// Both keys must be there: without one, nothing says that the team never won.
 #[derive(Deserialize)]
 struct Recorded {
+    #[serde(deserialize_with = "Option::deserialize")]
     greedy: Option<TimeToWin>,
+    #[serde(deserialize_with = "Option::deserialize")]
     sampled: Option<TimeToWin>,
 }
 
-/// Median and worst of some runs; `None` where the team never won.
+/// Median and worst of the runs of which it is known when the team first won; `None` where it never did, and
+/// if there are no such runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// The median; of an even number of runs, the mean of the middle two.
@@ -138,10 +171,10 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of the times of some runs. A run that never won is worse than all others.
-    pub fn of(times: &[Option<TimeToWin>], value: impl Fn(&TimeToWin) -> f64) -> Spread {
-        let value = |time: &Option<TimeToWin>| time.as_ref().map_or(f64::INFINITY, &value);
-        let mut values: Vec<f64> = times.iter().map(value).collect();
+    /// Of some runs. One that never won is worse than all others; one that was not measured is left out.
+    pub fn of(wins: &[FirstWin], value: impl Fn(&TimeToWin) -> f64) -> Spread {
+        let value = |win: &FirstWin| win.time().map_or(f64::INFINITY, &value);
+        let mut values: Vec<f64> = wins.iter().filter(|win| win.is_measured()).map(value).collect();
         values.sort_unstable_by(f64::total_cmp);
         let known = |value: f64| value.is_finite().then_some(value);
         let middle = |i: usize| values.get(i).copied().unwrap_or(f64::INFINITY);
@@ -186,16 +219,25 @@ mod tests {
     #[test]
     fn who_never_won_is_worst() {
         let at = |seconds| {
-            Some(TimeToWin { steps: 1, wins: 200, episodes: 200, seconds, cpu_seconds: 2.0 * seconds })
+            FirstWin::At(TimeToWin {
+                steps: 1,
+                wins: 200,
+                episodes: 200,
+                seconds,
+                cpu_seconds: 2.0 * seconds,
+            })
         };
-        let check = |times: &[Option<TimeToWin>], median, worst| {
-            assert_eq!(Spread::of(times, |time| time.seconds), Spread { median, worst }, "{times:?}");
+        let check = |wins: &[FirstWin], median, worst| {
+            assert_eq!(Spread::of(wins, |time| time.seconds), Spread { median, worst }, "{wins:?}");
         };
         check(&[at(3.0), at(1.0), at(2.0)], Some(2.0), Some(3.0));
-        check(&[at(3.0), None, at(1.0), at(2.0)], Some(2.5), None);
-        check(&[at(3.0), None], None, None);
-        check(&[None], None, None);
+        check(&[at(3.0), FirstWin::Never, at(1.0), at(2.0)], Some(2.5), None);
+        check(&[at(3.0), FirstWin::Never], None, None);
+        check(&[FirstWin::Never], None, None);
         check(&[], None, None);
+        check(&[at(3.0), FirstWin::NotMeasured, at(1.0)], Some(2.0), Some(3.0));
+        check(&[FirstWin::NotMeasured, FirstWin::Never], None, None);
+        check(&[FirstWin::NotMeasured], None, None);
         assert_eq!(Spread::of(&[at(3.0)], |time| time.cpu_seconds).worst, Some(6.0));
     }
 }

@@ -3,7 +3,7 @@
 use crate::kit::{Place, scenario, small};
 use serde_json::Value;
 use smaclite_learn::{
-    Actions, Benchmark, Config, Estimate, Metric, Report, Seeds, marl_eval_json, time_to_win,
+    Actions, Benchmark, Config, Estimate, FirstWin, Metric, Report, Seeds, marl_eval_json, time_to_win,
 };
 use std::fs;
 use std::path::PathBuf;
@@ -117,17 +117,22 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
     );
     let benchmark = read(&place, &[("b", "foreign")]).unwrap();
     let run = &benchmark.algorithms[0].tasks["hill"][0];
-    assert_eq!((run.seed, time_to_win(run, Actions::Greedy, 1, &mut || false).unwrap()), (8, None));
+    assert_eq!(run.seed, 8);
+    // A run that lacks the optional file was one that never won.
+    assert_eq!(time_to_win(run, Actions::Greedy, 1, &mut || false).unwrap(), FirstWin::NotMeasured);
     let time = r#"{"steps": 400, "wins": 190, "episodes": 200, "seconds": 1.5, "cpu_seconds": 2.5}"#;
     fs::write(moved.join("time_to_win.json"), format!(r#"{{"greedy": {time}, "sampled": null}}"#)).unwrap();
     let read_time = |actions| time_to_win(run, actions, 1, &mut || false);
-    let won = read_time(Actions::Greedy).unwrap().unwrap();
+    let won = *read_time(Actions::Greedy).unwrap().time().unwrap();
     assert_eq!((won.steps, won.wins, won.cpu_seconds), (400, 190, 2.5));
-    assert_eq!(read_time(Actions::Sampled).unwrap(), None);
+    assert_eq!(read_time(Actions::Sampled).unwrap(), FirstWin::Never);
     let few = format!(r#"{{"greedy": {}, "sampled": null}}"#, time.replace("190", "188"));
     fs::write(moved.join("time_to_win.json"), few).unwrap();
     let error = read_time(Actions::Greedy).unwrap_err().to_string();
     assert!(error.contains("188 wins of 200 episodes are too few"), "{error}");
+    fs::write(moved.join("time_to_win.json"), r#"{"greedy": null}"#).unwrap();
+    let error = read_time(Actions::Greedy).unwrap_err().to_string();
+    assert!(error.contains("missing field `sampled`"), "{error}");
 }
 
 #[test]
@@ -179,7 +184,7 @@ fn the_time_to_win_is_that_of_an_evaluation() {
     for run in &benchmark.algorithms[0].tasks["3m"] {
         let time = |threads| time_to_win(run, Actions::Greedy, threads, &mut || false).unwrap();
         assert_eq!(time(1), time(3));
-        if let Some(time) = time(1) {
+        if let FirstWin::At(time) = time(1) {
             let row = run.evaluations.iter().map(|played| played.row).find(|row| row.steps == time.steps);
             assert_eq!(row.map(|row| (row.seconds, row.cpu_seconds)), Some((time.seconds, time.cpu_seconds)));
             assert!((189..=200).contains(&time.wins) && time.episodes == 200 && time.steps > 0, "{time:?}");
