@@ -93,7 +93,7 @@ pub use report::{
 };
 pub use rollout::Episode;
 pub use run::Run;
-pub use seeds::{OnSeedEvent, SeedEvent, Seeds};
+pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, runs_in};
 pub use statistics::{
     Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
     wilson_interval,

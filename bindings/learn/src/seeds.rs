@@ -1,13 +1,20 @@
 //! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
+//!
+//! No file says how many runs there are: `folder` finds those that have begun, and checks that they belong
+//! together.
+
+mod error;
+mod folder;
 
 use crate::config::Config;
 use crate::description::RunDescription;
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
 use crate::run::Run;
-use crate::tensors::FileError;
 use crate::training::{Record, TrainError};
+pub use error::SeedsError;
+pub use folder::runs_in;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::{ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
@@ -75,35 +82,30 @@ impl Seeds {
         count: u64,
         setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
-    ) -> Result<Seeds, TrainError> {
+    ) -> Result<Seeds, SeedsError> {
         let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
         if let Some((_, taken)) = runs.iter().find(|(_, path)| path.join("run.json").exists()) {
-            return Err(TrainError::FolderInUse(taken.display().to_string()));
+            return Err(SeedsError::InUse { run: taken.clone(), folder: folder.to_owned() });
         }
-        let lanes_setup = config.enemies.setup(setup);
         for (seed, path) in &runs {
-            let config = Config { seed: *seed, ..config.clone() };
-            let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
-            Run::begin(path, config, setup, lanes, 1)?;
+            begin(path, Config { seed: *seed, ..config.clone() }, setup, runtime_dir)?;
         }
         Ok(Seeds { runs })
     }
 
-    /// The runs in the subfolders of a folder; `None` if there are none.
+    /// The runs in the subfolders of a folder, which are to be trained to `steps` steps, or to as many as
+    /// they were to make; `None` if there are none.
     ///
     /// # Errors
-    /// If one cannot be read.
-    pub fn open(folder: &Path) -> Result<Option<Seeds>, FileError> {
-        let error = |source| FileError::Read { path: folder.to_owned(), source };
-        let mut runs = Vec::new();
-        for entry in std::fs::read_dir(folder).map_err(error)? {
-            let path = entry.map_err(error)?.path();
-            if path.join("run.json").exists() {
-                runs.push((RunDescription::read(&path)?.config.seed, path));
-            }
+    /// If one cannot be read, or they are not runs that differ in their seeds alone.
+    pub fn open(folder: &Path, steps: Option<u64>) -> Result<Option<Seeds>, SeedsError> {
+        let runs = runs_in(folder)?;
+        folder::check(folder, &runs)?;
+        if steps.is_none() {
+            folder::check_steps(&runs)?;
         }
-        runs.sort();
+        let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
         Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
     }
 
@@ -154,6 +156,18 @@ impl Seeds {
         let more = usize::from(i - turn < threads % at_once);
         (threads / at_once + more).max(1)
     }
+}
+
+fn begin(
+    folder: &Path,
+    config: Config,
+    setup: &BattleSetup,
+    runtime_dir: &RuntimeDir,
+) -> Result<(), TrainError> {
+    let lanes_setup = config.enemies.setup(setup);
+    let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
+    Run::begin(folder, config, setup, lanes, 1)?;
+    Ok(())
 }
 
 /// A run that is to be trained.

@@ -225,7 +225,7 @@ impl Train {
         if self.pool.is_none()
             && folder.is_dir()
             && !folder.join("run.json").exists()
-            && let Some(runs) = Seeds::open(folder)?
+            && let Some(runs) = Seeds::open(folder, self.steps)?
         {
             return Ok(Opened::Several(runs));
         }

@@ -204,11 +204,15 @@ fn seeds_train_in_folders_of_their_own() {
     assert!(weights("runs/seed-5") == weights("alone"), "alone, and without evaluations");
     let verified = output(folder, "verify-run runs --evaluations final");
     assert_eq!(verified.lines().count(), 3, "{verified}");
-    check_error(folder, &format!("{seeds} {SMALL}"), 1, "`runs/seed-4` already holds a run");
+    let taken = "`runs/seed-4` already holds a run; continue the runs in `runs` with --resume";
+    check_error(folder, &format!("{seeds} {SMALL}"), 1, taken);
     let resumed = output(folder, "train --resume runs --steps 900 --json");
     let seeds: std::collections::BTreeSet<u64> =
         json_lines(&resumed).iter().filter_map(|update| update["seed"].as_u64()).collect();
     assert!(seeds.iter().copied().eq(4..7), "{resumed}");
+    fs::rename(folder.join("alone"), folder.join("runs/alone")).expect("another run");
+    let other = "`runs/alone` is no run of `train --seeds`, which would be in a folder of the name `seed-5`";
+    check_error(folder, "train --resume runs --steps 9000", 1, other);
     check_error(folder, "train 3m --seeds 0 --out none", 2, "number between 1 and 10000");
     check_error(folder, "train --resume runs --seeds 2", 2, "cannot be used with");
     check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");

@@ -255,7 +255,7 @@ fn seeds_train_together_as_they_do_alone() {
     assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
     assert!(!folder.join("seed-5/final.json").exists());
 
-    let seeds = Seeds::open(&folder).unwrap().unwrap();
+    let seeds = Seeds::open(&folder, None).unwrap().unwrap();
     let ended = Mutex::new(Vec::new());
     let note = |seed: u64, event: SeedEvent| {
         if let SeedEvent::Ended { is_complete } = event {
@@ -286,4 +286,40 @@ fn an_error_of_one_seed_does_not_end_the_others() {
     assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
     let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
     assert!(again.err().unwrap().to_string().contains("already holds a run"));
+}
+
+/// Any folder with runs was taken for one of several seeds: all its runs were trained, and those that were
+/// complete lost their final episodes.
+#[test]
+fn runs_that_were_not_trained_together_are_not_continued_together() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let check = |steps, expected: &[&str]| {
+        let error = Seeds::open(&folder, steps).unwrap_err().to_string();
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
+    };
+    place.train("runs/first", &evaluated(), 1);
+    check(Some(2000), &["/runs/first` is no run of `train --seeds`", "name `seed-3`"]);
+    fs::rename(folder.join("first"), folder.join("seed-3")).unwrap();
+    assert_eq!(Seeds::open(&folder, Some(2000)).unwrap().unwrap().runs().len(), 1);
+
+    let change = |name: &str, from: &str, to: &str| {
+        let path = folder.join(name).join("run.json");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{text}");
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    };
+    let together = ["/runs/seed-3` and `", "/runs/seed-4` differ in"];
+    drop(place.begin("runs/seed-4", &Config { seed: 4, gamma: 0.5, ..evaluated() }, 1));
+    check(None, &[together[0], together[1], "gamma (0.9", " and 0.5)"]);
+    change("seed-4", "\"gamma\": 0.5", &format!("\"gamma\": {}", evaluated().gamma));
+    assert_eq!(Seeds::open(&folder, None).unwrap().unwrap().runs().len(), 2);
+    change("seed-4", "\"rules\": \"smaclite\"", "\"rules\": \"paper\"");
+    check(None, &[together[0], together[1], "the rules"]);
+    change("seed-4", "\"rules\": \"paper\"", "\"rules\": \"smaclite\"");
+    // An extension of all that was interrupted after the first leaves this.
+    change("seed-4", "\"steps\": 930", "\"steps\": 2000");
+    check(None, &["/runs/seed-4` are runs of 930 and of 2000 steps; --steps says how many"]);
+    assert!(Seeds::open(&folder, Some(2000)).unwrap().is_some());
+    assert!(folder.join("seed-3/final.json").exists(), "nothing was changed");
 }
