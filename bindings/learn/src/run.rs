@@ -98,12 +98,37 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
+        let rival = config.enemies.folder().map(Path::to_owned);
+        Run::begin_against(folder, config, setup, lanes, threads, rival)
+    }
+
+    /// Begins a run beside that in the folder `other`, which has the same configuration but for its seed. If
+    /// a team plays the enemies, it is the one that `other` has a copy of: its own run may have gone on.
+    pub(crate) fn begin_beside(
+        other: &Path,
+        folder: &Path,
+        config: Config,
+        setup: &BattleSetup,
+        lanes: Lanes,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
+        let rival = config.enemies.folder().map(|_| other.join(OPPONENT));
+        Run::begin_against(folder, config, setup, lanes, threads, rival)
+    }
+
+    fn begin_against(
+        folder: &Path,
+        config: Config,
+        setup: &BattleSetup,
+        lanes: Lanes,
+        threads: usize,
+        rival_folder: Option<PathBuf>,
+    ) -> Result<Run, TrainError> {
         let check_free = || {
             let is_taken = folder.join("run.json").exists();
             if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
         };
         check_free()?;
-        let rival_folder = config.enemies.folder().map(Path::to_owned);
         let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;

@@ -75,7 +75,8 @@ impl Seeds {
     /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
     ///
     /// # Errors
-    /// As [`Run::begin`]; the runs before the one that failed have begun.
+    /// As [`Run::begin`]; the runs before the one that failed have begun, and [`complete`](Seeds::complete)
+    /// begins the others.
     pub fn begin(
         folder: &Path,
         config: &Config,
@@ -88,8 +89,13 @@ impl Seeds {
         if let Some((_, taken)) = runs.iter().find(|(_, path)| path.join("run.json").exists()) {
             return Err(SeedsError::InUse { run: taken.clone(), folder: folder.to_owned() });
         }
-        for (seed, path) in &runs {
-            begin(path, Config { seed: *seed, ..config.clone() }, setup, runtime_dir)?;
+        for (i, (seed, path)) in runs.iter().enumerate() {
+            let config = Config { seed: *seed, ..config.clone() };
+            let begun = begin(path, None, config, setup, runtime_dir);
+            begun.map_err(|source| match i {
+                0 => SeedsError::Train(source), // there is nothing to continue
+                _ => not_begun(folder, *seed, count, source),
+            })?;
         }
         Ok(Seeds { runs })
     }
@@ -107,6 +113,31 @@ impl Seeds {
         }
         let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
         Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
+    }
+
+    /// Begins the runs that are missing for `count` seeds, from the lowest one of these runs on: those that
+    /// could not begin with the others, or more of them. They have the same configuration.
+    ///
+    /// # Errors
+    /// If there are runs with other seeds than these; and as [`begin`](Seeds::begin).
+    pub fn complete(mut self, count: u64, runtime_dir: &RuntimeDir) -> Result<Seeds, SeedsError> {
+        let ends = self.runs.first().cloned().zip(self.runs.last().cloned());
+        let Some(((first, model), (last, _))) = ends else { return Ok(self) };
+        let folder = model.parent().unwrap_or(Path::new("")).to_owned();
+        if last - first >= count {
+            return Err(SeedsError::TooFew { folder, first, last, count });
+        }
+        let RunDescription { config, setup, .. } = RunDescription::read(&model)?;
+        for seed in (0..count).map(|i| first.wrapping_add(i)) {
+            if self.runs.iter().all(|(begun, _)| *begun != seed) {
+                let (path, config) = (seed_folder(&folder, seed), Config { seed, ..config.clone() });
+                let begun = begin(&path, Some(&model), config, &setup, runtime_dir);
+                begun.map_err(|source| not_begun(&folder, seed, count, source))?;
+                self.runs.push((seed, path));
+            }
+        }
+        self.runs.sort();
+        Ok(self)
     }
 
     /// Seeds and folders, by seed.
@@ -158,16 +189,25 @@ impl Seeds {
     }
 }
 
+/// Begins a run, beside another one if there is one, whose opponents it has.
 fn begin(
     folder: &Path,
+    beside: Option<&Path>,
     config: Config,
     setup: &BattleSetup,
     runtime_dir: &RuntimeDir,
 ) -> Result<(), TrainError> {
     let lanes_setup = config.enemies.setup(setup);
     let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
-    Run::begin(folder, config, setup, lanes, 1)?;
+    match beside {
+        Some(other) => Run::begin_beside(other, folder, config, setup, lanes, 1)?,
+        None => Run::begin(folder, config, setup, lanes, 1)?,
+    };
     Ok(())
+}
+
+fn not_begun(folder: &Path, seed: u64, count: u64, source: TrainError) -> SeedsError {
+    SeedsError::NotBegun { seed, folder: folder.to_owned(), count, source: Box::new(source) }
 }
 
 /// A run that is to be trained.

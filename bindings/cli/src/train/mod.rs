@@ -28,6 +28,7 @@ Examples:
   smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
   smaclite-pool train --resume runs/2s3z --steps 1000000
   smaclite-pool train 2s3z --seeds 10 --evaluate-every 50k --out runs/ten
+  smaclite-pool train --resume runs/ten --seeds 20
 
 Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
 uninterrupted run.")]
@@ -63,8 +64,9 @@ pub(super) struct Train {
     #[command(flatten)]
     self_play: SelfPlayOptions,
     /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
-    /// the next number, and so on
-    #[arg(long, conflicts_with_all = ["pool", "resume"], value_name = "N", value_parser = count(1..=10_000))]
+    /// the next number, and so on. With --resume, those of them that are missing begin: also more seeds for
+    /// runs that are complete
+    #[arg(long, conflicts_with = "pool", value_name = "N", value_parser = count(1..=10_000))]
     seeds: Option<usize>,
     /// Evaluate the team at every multiple of N steps and at the end: 32 greedy and 32 sampled episodes, with
     /// seeds of their own; keep the best weights, and play 320 of each with them at the end; 0 for never.
@@ -227,7 +229,19 @@ impl Train {
             && !folder.join("run.json").exists()
             && let Some(runs) = Seeds::open(folder, self.steps)?
         {
+            let runs = match self.seeds {
+                Some(count) => runs.complete(count as u64, runtime_dir)?,
+                None => runs,
+            };
             return Ok(Opened::Several(runs));
+        }
+        if self.seeds.is_some() {
+            return Err(format!(
+                "--seeds continues the folder of runs that it began, with folders such as seed-1 in it; `{}` \
+                 is none",
+                folder.display()
+            )
+            .into());
         }
         let run = RunDescription::read(folder)?;
         self.choose_lane(&run.name, runtime_dir, interrupted)?;

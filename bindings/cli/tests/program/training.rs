@@ -210,12 +210,22 @@ fn seeds_train_in_folders_of_their_own() {
     let seeds: std::collections::BTreeSet<u64> =
         json_lines(&resumed).iter().filter_map(|update| update["seed"].as_u64()).collect();
     assert!(seeds.iter().copied().eq(4..7), "{resumed}");
+    check_error(folder, "train 3m --seeds 0 --out none", 2, "number between 1 and 10000");
+    let too_few = "`runs` has seeds from 4 to 6: --seeds must be at least 3, got 2";
+    check_error(folder, "train --resume runs --seeds 2", 1, too_few);
+    let printed = output(folder, "train --resume runs --seeds 4");
+    assert!(printed.ends_with("complete: 4 seeds\n"), "{printed}");
+    assert!(folder.join("runs/seed-7/final.json").exists());
+    check_error(
+        folder,
+        "train --resume alone --seeds 4",
+        1,
+        "with folders such as seed-1 in it; `alone` is none",
+    );
+    check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");
     fs::rename(folder.join("alone"), folder.join("runs/alone")).expect("another run");
     let other = "`runs/alone` is no run of `train --seeds`, which would be in a folder of the name `seed-5`";
     check_error(folder, "train --resume runs --steps 9000", 1, other);
-    check_error(folder, "train 3m --seeds 0 --out none", 2, "number between 1 and 10000");
-    check_error(folder, "train --resume runs --seeds 2", 2, "cannot be used with");
-    check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");
 }
 
 /// "say which one" did not say how, and MAP had said it already.

@@ -3,8 +3,8 @@
 
 use crate::kit::{Place, check_resumed, complete, evaluation, scenario, small};
 use smaclite_learn::{
-    Config, Enemies, EvaluationRow, FinalResult, Run, SeedEvent, Seeds, SelfPlay, TrainError, TrainedTeam,
-    Weights, verify,
+    Config, Enemies, EvaluationRow, FinalResult, Run, RunDescription, SeedEvent, Seeds, SelfPlay, TrainError,
+    TrainedTeam, Weights, verify,
 };
 use std::fs;
 use std::io::Write;
@@ -286,6 +286,47 @@ fn an_error_of_one_seed_does_not_end_the_others() {
     assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
     let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
     assert!(again.err().unwrap().to_string().contains("already holds a run"));
+}
+
+/// When the sixth of ten runs could not begin, five were trained from then on, and nothing said so.
+#[test]
+fn seeds_that_are_missing_begin_later() {
+    let place = Place::new();
+    place.train("team", &small(), 1);
+    let enemies = Enemies::Team { folder: place.path("team") };
+    let config = Config { enemies, ..evaluated() };
+    let folder = place.path("runs");
+    fs::create_dir_all(folder.join("seed-5/checkpoint.safetensors")).unwrap(); // in the way
+    let error = Seeds::begin(&folder, &config, 4, &scenario(), &place.runtime_dir).err().unwrap().to_string();
+    assert!(error.contains("the run with seed 5 could not begin: cannot write"), "{error}");
+    assert!(error.contains("/runs --seeds 4` begins the missing runs"), "{error}");
+    fs::remove_dir(folder.join("seed-5/checkpoint.safetensors")).unwrap();
+    // The team that the first runs have copied is that of all, also if its own run goes on.
+    let copied = fs::read(folder.join("seed-3/opponent/weights.safetensors")).unwrap();
+    place.train("later", &Config { seed: 9, ..small() }, 1);
+    fs::copy(place.path("later/weights.safetensors"), place.path("team/weights.safetensors")).unwrap();
+
+    let open = || Seeds::open(&folder, None).unwrap().unwrap();
+    let seeds_of = |runs: &Seeds| runs.runs().iter().map(|(seed, _)| *seed).collect::<Vec<_>>();
+    assert_eq!(seeds_of(&open()), [3, 4]);
+    let too_few = open().complete(1, &place.runtime_dir).unwrap_err().to_string();
+    assert!(too_few.contains("/runs` has seeds from 3 to 4: --seeds must be at least 2, got 1"), "{too_few}");
+    let runs = open().complete(4, &place.runtime_dir).unwrap();
+    assert_eq!((seeds_of(&runs), seeds_of(&open())), (vec![3, 4, 5, 6], vec![3, 4, 5, 6]));
+    for (seed, path) in runs.runs() {
+        let opponent = fs::read(path.join("opponent/weights.safetensors")).unwrap();
+        assert!(opponent == copied, "the opponent of seed {seed}");
+        assert_eq!(RunDescription::read(path).unwrap().config, Config { seed: *seed, ..config.clone() });
+    }
+    let results = runs.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
+    assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
+
+    // More seeds for runs that are complete, which keep their files.
+    let files = || place.evaluations("runs/seed-6");
+    let before = files();
+    let runs = open().complete(5, &place.runtime_dir).unwrap();
+    runs.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
+    assert!(before == files() && folder.join("seed-7/final.json").exists());
 }
 
 /// Any folder with runs was taken for one of several seeds: all its runs were trained, and those that were
