@@ -4,11 +4,13 @@
 //! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
 //! its row is removed, and that evaluation is played again.
 
-use super::{Actions, EvaluationRow};
+use super::{Actions, EvaluationRow, FinalResult};
+use crate::description::BEST;
 use crate::rollout::Episode;
 use crate::tensors::{FileError, remove};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 /// Names of the files.
@@ -47,8 +49,7 @@ impl EvaluationFiles {
             crate::tensors::write(&files.folder.join(name), text.as_bytes())?;
         }
         for path in weights_in(&files.folder.join(WEIGHTS))? {
-            let steps = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
-            if !steps.is_some_and(stays) {
+            if !steps_of(&path).is_some_and(stays) {
                 remove(&path)?;
             }
         }
@@ -60,9 +61,16 @@ impl EvaluationFiles {
         folder.join(ROWS).exists()
     }
 
-    /// Removes the rows of a run that was here, so that one that begins takes nothing over.
+    /// Removes all files of a run that was here, so that one that begins takes nothing over: neither its
+    /// rows, nor its best weights, which would play instead of the new ones.
     pub fn clear(folder: &Path) -> Result<(), FileError> {
-        remove(&folder.join(ROWS))
+        for path in weights_in(&folder.join(WEIGHTS))? {
+            remove(&path)?;
+        }
+        for name in [ROWS, EPISODES, BEST] {
+            remove(&folder.join(name))?;
+        }
+        remove(&FinalResult::path(folder))
     }
 
     /// The files of a run, to be read.
@@ -155,14 +163,24 @@ fn read_lines(path: &Path) -> Result<String, FileError> {
     Ok(text)
 }
 
-/// The files of weights in a folder; none if it does not exist.
+/// The step count that a file of weights is named by.
+fn steps_of(path: &Path) -> Option<u64> {
+    path.file_name()?.to_str()?.strip_suffix(".safetensors")?.parse().ok()
+}
+
+/// The files of weights in a folder, and those of weights that a killed process did not complete; none if it
+/// does not exist. Other files are not those of a run.
 fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let error = |source| FileError::Read { path: folder.to_owned(), source };
     let entries = match fs::read_dir(folder) {
         Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(error)?,
     };
-    entries.map(|entry| entry.map(|entry| entry.path()).map_err(error)).collect()
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(error));
+    let is_incomplete =
+        |path: &Path| path.file_name().is_some_and(|name| name.as_bytes().starts_with(b".tmp"));
+    let is_ours = |path: &PathBuf| steps_of(path).is_some() || is_incomplete(path);
+    paths.filter(|path| path.as_ref().map_or(true, is_ours)).collect()
 }
 
 fn append(path: &Path, text: &str) -> Result<(), FileError> {

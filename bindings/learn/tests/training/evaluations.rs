@@ -206,6 +206,24 @@ fn half_an_evaluation_is_played_again() {
     assert!(place.evaluations("killed") == place.evaluations("whole"));
 }
 
+/// A folder without run.json is that of no run, but one that began in it kept the best weights of the old
+/// one, and these played.
+#[test]
+fn a_run_that_begins_has_no_best_weights_of_another() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    fs::remove_file(path.join("run.json")).unwrap();
+    fs::write(path.join("evaluations/notes.txt"), "not a file of a run").unwrap();
+    drop(place.begin("run", &Config { seed: 4, ..small() }, 1));
+    for name in ["evaluations.csv", "evaluation_episodes.csv", "best.safetensors", "final.json"] {
+        assert!(!path.join(name).exists(), "{name}");
+    }
+    let kept: Vec<_> = fs::read_dir(path.join("evaluations")).unwrap().collect();
+    assert!(kept.len() == 1 && path.join("evaluations/notes.txt").exists(), "{kept:?}");
+    assert_eq!(place.evaluate("run", 3).0.weights, Weights::Last);
+}
+
 #[test]
 fn the_best_weights_play_where_there_are_some() {
     let place = Place::new();
