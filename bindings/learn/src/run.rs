@@ -195,6 +195,11 @@ impl Run {
         &self.training.config
     }
 
+    /// How far the run is. What the record says of an update is 0.
+    pub fn record(&self) -> Record {
+        self.training.record()
+    }
+
     /// The evaluations so far, by step count.
     pub fn evaluations(&self) -> &[EvaluationRow] {
         self.evaluations.as_ref().map_or(&[], Evaluations::rows)

@@ -57,6 +57,9 @@ pub struct Seeds {
 /// What happens in one of the runs.
 #[derive(Clone, Copy, Debug)]
 pub enum SeedEvent {
+    /// It begins or continues, from the last checkpoint. The record says how far it is; what it says of an
+    /// update is 0.
+    Began(Record),
     /// An update was made.
     Updated(Record),
     /// An evaluation was played.
@@ -229,6 +232,7 @@ impl OneRun<'_> {
             return Ok(false); // the run is as it was
         }
         let mut run = Run::resume(self.path, self.steps, self.lanes()?, self.threads)?;
+        on_event(SeedEvent::Began(run.record()));
         let mut evaluated = run.evaluations().len();
         let result = loop {
             let updated = run.update(interrupted);
