@@ -179,18 +179,22 @@ impl Train {
         let mut evaluated = run.evaluations().len();
         loop {
             let updated = run.update(&mut || stop());
-            for row in &run.evaluations()[evaluated..] {
-                display.show_evaluation(row)?;
-            }
+            let mut shown =
+                run.evaluations()[evaluated..].iter().try_for_each(|row| display.show_evaluation(row));
             evaluated = run.evaluations().len();
             match updated {
-                Ok(Some(record)) => {
-                    if let Err(error) = display.show(&record) {
-                        run.checkpoint()?; // the output was closed
+                Ok(record) => {
+                    if let (Ok(()), Some(record)) = (&shown, &record) {
+                        shown = display.show(record);
+                    }
+                    if let Err(error) = shown {
+                        run.checkpoint()?; // the output was closed, but what was learnt is not lost
                         return Err(error);
                     }
+                    if record.is_none() {
+                        break;
+                    }
                 }
-                Ok(None) => break,
                 Err(TrainError::Client(ClientError::Interrupted)) => break,
                 Err(error) => {
                     if let TrainError::Client(_) = error {

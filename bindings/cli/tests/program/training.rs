@@ -5,6 +5,7 @@ use crate::page_kit::Place;
 use serde_json::Value;
 use smaclite_learn::TEAM_ENTROPY;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -149,6 +150,32 @@ fn ctrl_c_writes_a_checkpoint() {
     let steps = (updates * 128 + 100).to_string();
     let resumed = json_lines(&output(folder, &format!("train --resume run --steps {steps} --json")));
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
+}
+
+/// Where the line of an evaluation could not be printed, no checkpoint was written: `train | head` lost up to
+/// a minute of training.
+#[test]
+fn an_output_that_is_closed_loses_no_training() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    // Lines are of evaluations, as those of the progress come every five seconds.
+    let arguments = format!("train 3m --steps 1e8 --evaluate-every 2k --out run {SMALL}");
+    let mut child = program(folder, &arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let mut line = String::new();
+    let mut printed = BufReader::new(child.stdout.take().expect("a pipe"));
+    printed.read_line(&mut line).expect("a line");
+    assert!(line.starts_with("3m: evaluated at 0 steps"), "{line}");
+    drop(printed);
+    child.wait().expect("an end");
+    let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
+    let updates = log.lines().count() as u64 - 1;
+    let steps = updates * 128 + 100;
+    let resumed = json_lines(&output(folder, &format!("train --resume run --steps {steps} --json")));
+    assert_eq!(resumed[0]["update"].as_u64(), Some(updates + 1), "nothing is made twice");
 }
 
 /// What a killed process leaves, also of an evaluation, changes nothing: the resumed run has the bits of one
