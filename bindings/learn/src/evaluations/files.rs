@@ -5,8 +5,10 @@
 //! its row is removed, and that evaluation is played again.
 
 use super::{Actions, EvaluationRow, FinalResult};
+use crate::checkpoint::write_actor;
 use crate::description::BEST;
 use crate::rollout::Episode;
+use crate::team::Network;
 use crate::tensors::{FileError, remove};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
@@ -78,12 +80,16 @@ impl EvaluationFiles {
         EvaluationFiles { folder: folder.to_owned() }
     }
 
-    /// The file with the actor of an evaluation; its folder exists.
-    pub fn weights(&self, steps: u64) -> Result<PathBuf, FileError> {
+    /// The file with the actor of an evaluation.
+    pub fn weights(&self, steps: u64) -> PathBuf {
+        self.folder.join(WEIGHTS).join(format!("{steps:012}.safetensors"))
+    }
+
+    /// Writes the actor of an evaluation, in a folder that exists from the first one on.
+    pub fn write_weights(&self, steps: u64, actor: &Network) -> Result<(), FileError> {
         let folder = self.folder.join(WEIGHTS);
-        let created = fs::create_dir_all(&folder);
-        created.map_err(|source| FileError::Write { path: folder.clone(), source })?;
-        Ok(folder.join(format!("{steps:012}.safetensors")))
+        fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
+        write_actor(&self.weights(steps), actor)
     }
 
     /// Adds an evaluation.

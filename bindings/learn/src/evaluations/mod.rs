@@ -117,7 +117,7 @@ impl Evaluations {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), TrainError> {
         let _timer = CpuTimer::start(); // so that other runs of the process do not count this time
-        write_actor(&self.files.weights(steps)?, &state.team.actor)?;
+        self.files.write_weights(steps, &state.team.actor)?;
         let played = Actions::BOTH.map(|actions| {
             let occasion = Occasion::Training { steps };
             self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
@@ -166,7 +166,7 @@ impl Evaluations {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
         let mlp = Team::new(&self.run.config, self.run.sizes).actor.mlp;
-        let kept = read_actor(&self.files.weights(best.steps)?, mlp.clone())?;
+        let kept = read_actor(&self.files.weights(best.steps), mlp.clone())?;
         if !path.exists() || read_actor(&path, mlp)? != kept {
             write_actor(&path, &kept)?;
         }

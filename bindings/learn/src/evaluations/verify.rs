@@ -109,7 +109,7 @@ pub fn verify(
     for (row, recorded) in spread(&all, evaluations) {
         let steps = row.steps;
         verifier.check_count(&format!("the evaluation at {steps} steps"), recorded, EVALUATION_EPISODES)?;
-        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps)?)?;
+        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps))?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
         let difference = verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
@@ -174,7 +174,7 @@ impl<'a> Verifier<'a> {
     fn best(&self, result: &FinalResult, rows: &[EvaluationRow]) -> Result<Network, VerifyError> {
         let actor = self.actor(&self.folder.join(BEST))?;
         let of_rows = EvaluationRow::best(rows).map_or(result.steps, |best| best.steps);
-        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows)?)?;
+        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows))?;
         let folder = || self.folder.display().to_string();
         if of_rows != result.steps {
             return Err(VerifyError::NotTheBest { folder: folder(), played: result.steps, best: of_rows });

@@ -102,7 +102,7 @@ pub fn time_to_win(
 }
 
 fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
-    let path = EvaluationFiles::of(folder).weights(steps)?;
+    let path = EvaluationFiles::of(folder).weights(steps);
     read_actor(&path, Team::new(&run.config, run.sizes).actor.mlp)
 }
 

@@ -107,6 +107,11 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
     let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
     assert!(error.contains("the evaluation at 800 steps"), "{error}");
 
+    // What only reads a run wrote a folder into it, and needed the permission to.
+    fs::remove_dir_all(path.join("evaluations")).unwrap();
+    verify(&path, 1, 1, &mut || false).unwrap_err();
+    assert!(!path.join("evaluations").exists());
+
     place.train("without", &small(), 1);
     let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
     assert!(error.contains("has no evaluations; `train --evaluate-every N` makes them"), "{error}");
