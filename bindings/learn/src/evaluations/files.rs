@@ -39,7 +39,7 @@ impl EvaluationFiles {
         trained_steps: u64,
     ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
         let files = EvaluationFiles::of(folder);
-        let mut rows = files.rows()?;
+        let mut rows = files.parse_rows(&read_lines(&files.folder.join(ROWS))?)?;
         rows.retain(|row| row.trained_steps <= trained_steps);
         let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);
         let lines: String = rows.iter().map(EvaluationRow::line).collect();
@@ -108,8 +108,11 @@ impl EvaluationFiles {
 
     /// All rows, by step count.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
+        self.parse_rows(&self.lines(ROWS)?)
+    }
+
+    fn parse_rows(&self, text: &str) -> Result<Vec<EvaluationRow>, FileError> {
         let path = self.folder.join(ROWS);
-        let text = read_lines(&path)?;
         let columns = EvaluationRow::COLUMNS.join(",");
         let damaged = |why| FileError::Damaged { path: path.clone(), why };
         match text.lines().next() {
@@ -121,7 +124,13 @@ impl EvaluationFiles {
         }
         let row = |(i, line)| {
             let row = EvaluationRow::parse(line);
-            row.ok_or_else(|| damaged(format!("line {} is `{line}`, which is no evaluation", i + 1)))
+            row.ok_or_else(|| {
+                let number = i + 1;
+                damaged(format!(
+                    "line {number} is `{line}`, which is no evaluation: expected a finite number in each of \
+                     the columns {columns}, the first three of them whole"
+                ))
+            })
         };
         text.lines().enumerate().skip(1).map(row).collect()
     }
@@ -129,11 +138,16 @@ impl EvaluationFiles {
     /// The episodes of all evaluations, by step count.
     pub fn episodes(&self) -> Result<Vec<(u64, BothEpisodes)>, FileError> {
         let path = self.folder.join(EPISODES);
-        let text = read_lines(&path)?;
+        let text = self.lines(EPISODES)?;
         let mut all: Vec<(u64, BothEpisodes)> = Vec::new();
         for (number, line) in text.lines().enumerate().skip(1) {
             let (steps, actions, episode) = parse_episode(line).ok_or_else(|| {
-                let why = format!("line {} is `{line}`, which is no episode", number + 1);
+                let why = format!(
+                    "line {} is `{line}`, which is no episode: expected {}, with `greedy` or `sampled` as \
+                     actions, a finite return, and 0 or 1 for won",
+                    number + 1,
+                    EPISODE_COLUMNS.trim_end()
+                );
                 FileError::Damaged { path: path.clone(), why }
             })?;
             if all.last().is_none_or(|(last, _)| *last != steps) {
@@ -145,6 +159,18 @@ impl EvaluationFiles {
         }
         Ok(all)
     }
+
+    /// The lines of a file. What a killed process left of its last line is left out; in a run that is
+    /// complete none was killed, and an evaluation or an episode would be missing.
+    fn lines(&self, name: &str) -> Result<String, FileError> {
+        let path = self.folder.join(name);
+        let text = read_lines(&path)?;
+        if FinalResult::path(&self.folder).exists() && read_text(&path)?.len() > text.len() {
+            let why = "its last line has no line break at its end, although the run is complete".to_owned();
+            return Err(FileError::Damaged { path, why });
+        }
+        Ok(text)
+    }
 }
 
 fn first_number(line: &str) -> Option<u64> {
@@ -155,18 +181,27 @@ fn parse_episode(line: &str) -> Option<(u64, Actions, Episode)> {
     let fields: Vec<&str> = line.split(',').collect();
     let &[steps, actions, _, episode_return, length, won] = &fields[..] else { return None };
     let actions = Actions::BOTH.into_iter().find(|kind| kind.name() == actions)?;
-    let (episode_return, length) = (episode_return.parse().ok()?, length.parse().ok()?);
-    Some((steps.parse().ok()?, actions, Episode { episode_return, length, won: won == "1" }))
+    let episode_return = episode_return.parse().ok().filter(|value: &f32| value.is_finite())?;
+    let won = match won {
+        "0" => false,
+        "1" => true,
+        _ => return None,
+    };
+    Some((steps.parse().ok()?, actions, Episode { episode_return, length: length.parse().ok()?, won }))
 }
 
 /// The complete lines of a file; none if it does not exist.
 fn read_lines(path: &Path) -> Result<String, FileError> {
-    let mut text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(String::new()),
-        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source })?,
-    };
+    let mut text = read_text(path)?;
     text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
     Ok(text)
+}
+
+fn read_text(path: &Path) -> Result<String, FileError> {
+    match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source }),
+    }
 }
 
 /// The step count that a file of weights is named by.

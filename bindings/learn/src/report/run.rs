@@ -16,8 +16,12 @@ use std::path::{Path, PathBuf};
 /// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
 const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
 
-/// How far a win rate in `evaluations.csv` may be from that of its episodes.
+/// How far a win rate may be from that of its episodes.
 const ROUNDING: f64 = 1e-6;
+
+/// How far a mean return or length may be from that of the episodes, as a share of it if it is above 1: other
+/// learners may round either of them.
+const COARSE_ROUNDING: f64 = 1e-2;
 
 /// An evaluation while a run trained.
 #[derive(Clone, Debug)]
@@ -71,6 +75,7 @@ impl EvaluatedRun {
         if result.greedy_episodes.is_empty() || result.sampled_episodes.is_empty() || evaluations.is_empty() {
             return Err(incomplete());
         }
+        check_final(folder, &result)?;
         let folder = folder.to_owned();
         let described = if folder.join(DESCRIPTIONS[0]).is_file() {
             Described::by_program(&folder)?
@@ -108,14 +113,14 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         }
         let found = all_episodes.iter().position(|(of, _)| *of == steps);
         let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
-        for (episodes, summary) in episodes.iter().zip([row.greedy, row.sampled]) {
-            let played = Summary::of(episodes);
-            if episodes.is_empty() || (played.win_rate - summary.win_rate).abs() > ROUNDING {
-                let (rate, other) = (summary.win_rate, played.win_rate);
-                let counted = episodes.len();
+        for (actions, summary) in Actions::BOTH.into_iter().zip([row.greedy, row.sampled]) {
+            let (of_kind, actions) = (&episodes[actions as usize], actions.name());
+            let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));
+            if let Some((what, said, played)) = none.or_else(|| difference(summary, of_kind)) {
+                let counted = of_kind.len();
                 let why = format!(
-                    "at {steps} steps it has the win rate {rate}, and evaluation_episodes.csv has {counted} \
-                     episodes with {other}"
+                    "at {steps} steps it has the {what} {said} of {actions} episodes, and \
+                     evaluation_episodes.csv has {counted} episodes with {played}"
                 );
                 return Err(damaged(why).into());
             }
@@ -123,6 +128,33 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         evaluations.push(PlayedEvaluation { row, episodes });
     }
     Ok(evaluations)
+}
+
+/// Its means must be those of its episodes.
+fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
+    let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
+    let kinds = [(&result.greedy_episodes, result.greedy), (&result.sampled_episodes, result.sampled)];
+    for (actions, (episodes, summary)) in Actions::BOTH.into_iter().zip(kinds) {
+        let (actions, counted) = (actions.name(), episodes.len());
+        if let Some((what, said, played)) = difference(summary, episodes) {
+            let why = format!("its {actions} {what} is {said}, but that of its {counted} episodes {played}");
+            return Err(damaged(why));
+        }
+    }
+    Ok(())
+}
+
+/// A mean that is not that of the episodes: its name, what is said, and what was played.
+fn difference(said: Summary, episodes: &[Episode]) -> Option<(&'static str, f64, f64)> {
+    let played = Summary::of(episodes);
+    let coarse = |value: f64| COARSE_ROUNDING * value.abs().max(1.0);
+    let means = [
+        ("win rate", said.win_rate, played.win_rate, ROUNDING),
+        ("mean return", said.mean_return, played.mean_return, coarse(played.mean_return)),
+        ("mean length", said.mean_length, played.mean_length, coarse(played.mean_length)),
+    ];
+    let differs = means.into_iter().find(|(_, said, played, rounding)| (said - played).abs() > *rounding)?;
+    Some((differs.0, differs.1, differs.2))
 }
 
 /// What a description says.

@@ -165,6 +165,50 @@ fn runs_that_cannot_be_compared_are_refused() {
     changed("evaluations.csv", "\n400,", "\n0,", &["its steps do not rise at 0"]);
     changed("evaluation_episodes.csv", "\n400,greedy,3", "\n400,grady,3", &["which is no episode"]);
     changed("final.json", "{", "[", &["is damaged"]);
+    let edited = |name: &str, edit: &dyn Fn(&str) -> String, expected: &[&str]| {
+        let before = fs::read_to_string(path.join(name)).unwrap();
+        fs::write(path.join(name), edit(&before)).unwrap();
+        check(&[("a", "runs")], &[&[name, "seed-3"], expected].concat());
+        fs::write(path.join(name), before).unwrap();
+    };
+    // A field of a line; the rest stays.
+    let with = |line: &'static str, field: usize, value: &'static str| {
+        move |text: &str| -> String {
+            let edit = |old: &str| match old.starts_with(line) {
+                true => {
+                    let mut fields: Vec<&str> = old.split(',').collect();
+                    fields[field] = value;
+                    fields.join(",") + "\n"
+                }
+                false => old.to_owned() + "\n",
+            };
+            text.lines().map(edit).collect()
+        }
+    };
+    // Whatever was not `1` was a loss, and the win rates were said to be wrong.
+    let no_episode = ["line ", "which is no episode: expected steps,actions,episode,", "0 or 1 for won"];
+    for (field, value) in [(5, "True"), (5, "1.0"), (5, ""), (3, "nan"), (3, "inf")] {
+        edited("evaluation_episodes.csv", &with("400,greedy,3,", field, value), &no_episode);
+    }
+    edited("evaluations.csv", &with("400,", 4, "nan"), &["line 3 is", "expected a finite number in each"]);
+    let differs = ["at 400 steps it has the mean return 99 of greedy episodes, and"];
+    edited("evaluations.csv", &with("400,", 4, "99"), &differs);
+    let no_end = |text: &str| text.trim_end().to_owned();
+    for name in ["evaluations.csv", "evaluation_episodes.csv"] {
+        edited(name, &no_end, &["its last line has no line break at its end"]);
+    }
+    let with_return = |place: &'static str, value: f64| {
+        move |text: &str| {
+            let mut result: Value = serde_json::from_str(text).unwrap();
+            *result.pointer_mut(place).unwrap() = value.into();
+            result.to_string()
+        }
+    };
+    let differs = ["its sampled mean return is 99, but that of its 320 episodes"];
+    edited("final.json", &with_return("/sampled/mean_return", 99.0), &differs);
+    let too_large = ["is damaged", "number out of range"];
+    edited("final.json", &with_return("/sampled_episodes/5/episode_return", 1e300), &too_large);
+
     let episodes = fs::read_to_string(path.join("evaluation_episodes.csv")).unwrap();
     fs::write(path.join("evaluation_episodes.csv"), episodes.replace("\n800,", "\n801,")).unwrap();
     check(&[("a", "runs")], &["at 800 steps", "evaluation_episodes.csv has 0 episodes"]);
