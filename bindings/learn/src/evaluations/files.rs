@@ -132,7 +132,11 @@ impl EvaluationFiles {
                 ))
             })
         };
-        text.lines().enumerate().skip(1).map(row).collect()
+        let rows: Vec<EvaluationRow> = text.lines().enumerate().skip(1).map(row).collect::<Result<_, _>>()?;
+        match rows.windows(2).find(|pair| pair[0].steps >= pair[1].steps) {
+            Some(pair) => Err(damaged(format!("its steps do not rise at {}", pair[1].steps))),
+            None => Ok(rows),
+        }
     }
 
     /// The episodes of all evaluations, by step count.

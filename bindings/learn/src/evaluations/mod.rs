@@ -63,7 +63,8 @@ impl Evaluations {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
         let (files, rows) = EvaluationFiles::open(folder, trained_steps)?;
-        if trained_steps < run.config.steps {
+        // The final episodes are those of the best of all evaluations, so none may be due.
+        if trained_steps < run.config.steps || rows.last().is_none_or(|last| last.steps < run.config.steps) {
             remove(&FinalResult::path(folder))?;
         }
         let (folder, run) = (folder.to_owned(), run.clone());

@@ -108,9 +108,6 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
     for row in files.rows()? {
         let steps = row.steps;
         let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
-        if evaluations.last().is_some_and(|last| last.row.steps >= steps) {
-            return Err(damaged(format!("its steps do not rise at {steps}")).into());
-        }
         let found = all_episodes.iter().position(|(of, _)| *of == steps);
         let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
         for (actions, summary) in Actions::BOTH.into_iter().zip([row.greedy, row.sampled]) {

@@ -67,6 +67,9 @@ fn the_best_weights_are_those_of_a_row() {
     let path = place.path("run");
     run.update(&mut || false).unwrap();
     run.checkpoint().unwrap();
+    let error = verify(&path, 0, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("has no final episodes (final.json), as it is not complete"), "{error}");
+    assert_eq!(verify(&path, 1, 1, &mut || false).unwrap().evaluations, 1);
     let first = fs::read(path.join("evaluations/000000000000.safetensors")).unwrap();
     while run.update(&mut || false).unwrap().is_some() {}
     drop(run);
@@ -78,6 +81,9 @@ fn the_best_weights_are_those_of_a_row() {
     assert_eq!(fs::read(path.join("best.safetensors")).unwrap(), first);
     complete(run);
     assert!(verify(&path, usize::MAX, 1, &mut || false).unwrap().is_final);
+    // Extended: the evaluation at the old end, 300, stays.
+    complete(Run::resume(&path, Some(930), place.lanes(10, 1), 1).unwrap());
+    assert_eq!(verify(&path, usize::MAX, 1, &mut || false).unwrap().evaluations, 5);
 }
 
 #[test]
@@ -149,6 +155,16 @@ fn every_change_to_the_results_is_found() {
     check(error_after(&path, "evaluations.csv", other_mean), "the evaluation at 400 steps, sampled means");
     let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
     check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
+    for steps in ["0", "400", "930"] {
+        let without_row = |bytes: Vec<u8>| {
+            let rows = String::from_utf8(bytes).unwrap();
+            let stays = |line: &&str| !line.starts_with(&format!("{steps},"));
+            let rest: String = rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect();
+            rest.into_bytes()
+        };
+        let error = error_after(&path, "evaluations.csv", without_row);
+        check(error, &format!("it has no evaluation at {steps} steps, but run.json says"));
+    }
     let other_columns = text(|rows| rows.replacen("steps,", "step,", 1));
     check(error_after(&path, "evaluations.csv", other_columns), "its first line is `step,trained_steps");
     let without_one = text(|rows| {
@@ -182,6 +198,15 @@ fn every_change_to_the_results_is_found() {
         result.to_string().into_bytes()
     };
     check(error_after(&path, "final.json", won), "the final evaluation, sampled episode 319");
+    let shorter = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        result["run_steps"] = 800.into();
+        result.to_string().into_bytes()
+    };
+    check(
+        error_after(&path, "final.json", shorter),
+        "final.json is of a run of 800 steps, but run.json says",
+    );
     verify(&path, usize::MAX, 1, &mut || false).unwrap();
 }
 
