@@ -71,8 +71,9 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 ///
 /// - A folder holds one run, and one process writes to it: [`begin`](Run::begin) in a folder with a run and
 ///   [`resume`](Run::resume) of a run that another process writes to are errors.
-/// - A resumed run has the same bits as one that was not interrupted, since its last checkpoint. Dropping a
-///   run writes nothing; call [`checkpoint`](Run::checkpoint) before.
+/// - A resumed run has the same bits as one that was not interrupted, since its last checkpoint, if the
+///   number of its steps is unchanged: step sizes and entropy are annealed over them. Dropping a run writes
+///   nothing; call [`checkpoint`](Run::checkpoint) before.
 /// - Training that diverges is an error of [`update`](Run::update).
 pub struct Run {
     folder: PathBuf,
@@ -148,7 +149,8 @@ impl Run {
     }
 
     /// Continues the run in a folder, with the same bits as if it had not ended. `steps` replaces the number
-    /// of steps after which it is complete.
+    /// of steps after which it is complete; with another number the bits are others, unless the run anneals
+    /// neither step sizes nor entropy.
     ///
     /// # Errors
     /// If its files are damaged or do not fit the lanes, or another process writes to the folder.

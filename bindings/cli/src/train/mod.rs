@@ -31,7 +31,7 @@ Examples:
   smaclite-pool train --resume runs/ten --seeds 20
 
 Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
-uninterrupted run.")]
+uninterrupted run, if --steps is unchanged: step sizes and entropy fall over --steps.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
@@ -80,7 +80,8 @@ pub(super) struct Train {
     /// Print one JSON object per update; with --seeds it also has the seed
     #[arg(long)]
     json: bool,
-    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M [default: 2000000]
+    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M; step sizes and entropy fall
+    /// over them [default: 2000000]
     #[arg(long, value_name = "N", value_parser = whole(1..=1_u64 << 48))]
     steps: Option<u64>,
     #[command(flatten)]
