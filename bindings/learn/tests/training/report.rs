@@ -31,7 +31,13 @@ fn runs_of_two_algorithms_are_compared() {
     train(&place, "runs/ours", 3, &evaluated());
     train(&place, "runs/theirs", 3, &Config { actor_lr: 0.01, ..evaluated() });
     let benchmark = read(&place, &[("ours", "runs/ours"), ("theirs", "runs/theirs")]).unwrap();
-    assert_eq!(benchmark.notes(), Vec::<String>::new());
+    let few = |name| {
+        format!(
+            "{name} has fewer than five runs of 3m (at least 3): their interval is narrow by chance, and the \
+             interquartile mean of fewer than four is the mean"
+        )
+    };
+    assert_eq!(benchmark.notes(), ["ours", "theirs"].map(few));
     assert_eq!((benchmark.tasks(), benchmark.common_tasks()), (vec!["3m"], vec!["3m"]));
 
     let report = Report::new(&benchmark, Actions::Sampled, 1);
@@ -150,6 +156,8 @@ fn runs_that_cannot_be_compared_are_refused() {
     check(&[("a", "nowhere")], &["cannot read", "/nowhere`"]);
     check(&[("a", "without")], &["/without` has no evaluations: expected evaluations.csv"]);
     check(&[("a", "runs"), ("a", "runs")], &["are both runs of a on 3m with seed 3", "NAME="]);
+    let few = |folder: &str| read(&place, &[("a", folder)]).unwrap().notes();
+    assert!(few("other")[0].ends_with("of 3m (at least 1): the interval of a single run has no width"));
     let steps = "0, 400, 800, 930 and 0, 500, 930: expected equal ones";
     check(&[("a", "runs"), ("a", "other")], &["seed-4` and `", "seed-9`", steps]);
 
