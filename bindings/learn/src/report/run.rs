@@ -2,7 +2,8 @@
 //!
 //! The folder is one of `smaclite-pool train --evaluate-every N`, or of another learner that writes the same
 //! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead
-//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
+//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`; and with `rules`, if
+//! its battles were not played by those of SMAClite.
 
 use super::ReportError;
 use crate::description::RunDescription;
@@ -10,7 +11,7 @@ use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, 
 use crate::rollout::Episode;
 use crate::tensors::{FileError, read};
 use serde_json::Value;
-use smaclite_engine::Rules;
+use smaclite_engine::{Rules, UnknownRules};
 use std::path::{Path, PathBuf};
 
 /// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
@@ -172,13 +173,13 @@ impl Described {
         without(&mut settings, "seed");
         without(&mut battles["files"], "source"); // where the file was, not what is in it
         battles["enemies"] = settings["enemies"].clone();
-        let suffix = if description.setup.rules == Rules::Paper { "-paper" } else { "" };
-        let task = format!("{}{suffix}", description.name);
+        let task = task_name(&description.name, description.setup.rules);
         let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
         Ok(Described { task, seed, description, battles, settings })
     }
 
     fn by_other(path: &Path) -> Result<Described, FileError> {
+        let damaged = |why| FileError::Damaged { path: path.to_owned(), why };
         let mut settings = read_object(path)?;
         let scenario = settings["scenario"].as_str().map(Path::new);
         let name = scenario.map(|path| match path.extension() {
@@ -186,12 +187,30 @@ impl Described {
             _ => path.as_os_str(),
         });
         let (Some(name), Some(seed)) = (name, settings["seed"].as_u64()) else {
-            let why = "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned();
-            return Err(FileError::Damaged { path: path.to_owned(), why });
+            return Err(damaged(
+                "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned(),
+            ));
         };
-        let task = name.to_string_lossy().into_owned();
+        let rules: Rules = match settings.get("rules") {
+            None => Rules::default(),
+            Some(Value::String(rules)) => {
+                rules.parse().map_err(|error: UnknownRules| damaged(error.to_string()))?
+            }
+            Some(other) => {
+                return Err(damaged(format!("`rules` must be `smaclite` or `paper`, got {other}")));
+            }
+        };
+        let task = task_name(&name.to_string_lossy(), rules);
         ["seed", "out"].into_iter().for_each(|name| without(&mut settings, name));
         Ok(Described { task, seed, description: None, battles: None, settings })
+    }
+}
+
+/// Runs by different rules are not compared with each other.
+fn task_name(scenario: &str, rules: Rules) -> String {
+    match rules {
+        Rules::Smaclite => scenario.to_owned(),
+        Rules::Paper => format!("{scenario}-paper"),
     }
 }
 

@@ -2,11 +2,14 @@
 //! episodes is at least 90 %, which 189 wins are.
 //!
 //! The 32 episodes of an evaluation cannot say so: even 32 wins have a lower end of 89.3 %. So the weights of
-//! every evaluation, from the first on, play 200 episodes with seeds that no other evaluation has, and the
-//! time is that of the first weights with enough wins. A team that has lost too many episodes plays no more
-//! of them, so this costs little. Other learners do the same while they train, and leave the result in
-//! `time_to_win.json`, an object with `greedy` and `sampled`, each a [`TimeToWin`] or null. The file is optional:
-//! without it, nobody knows when the team won, which is not the same as never ([`FirstWin`]).
+//! every evaluation, from the first on, play 200 episodes, and the time is that of the first weights with
+//! enough wins. Neither the evaluations of the run nor its final episodes have the seeds of these episodes;
+//! greedy and sampled actions have the same. A team that has lost too many episodes plays no more of them, so
+//! this costs little.
+//!
+//! Other learners do the same while they train, and leave the result in `time_to_win.json`, an object with
+//! `greedy` and `sampled`, each a [`TimeToWin`] or null. The file is optional: without it, nobody knows when
+//! the team won, which is not the same as never ([`FirstWin`]).
 //!
 //! Greedy teams are not all: where episodes begin equal and hardly anything is random, 200 of them are one
 //! battle, which a team can win by chance. With sampled actions they differ.

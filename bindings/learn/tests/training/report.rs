@@ -126,6 +126,15 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
     assert_eq!(run.seed, 8);
     // A run that lacks the optional file was one that never won.
     assert_eq!(time_to_win(run, Actions::Greedy, 1, &mut || false).unwrap(), FirstWin::NotMeasured);
+    // Battles by the paper's rules were compared with those by SMAClite's.
+    let write = |options: &str| fs::write(moved.join("options.json"), options).unwrap();
+    write(r#"{"scenario": "maps/hill.json", "seed": 8, "rules": "paper"}"#);
+    assert_eq!(read(&place, &[("b", "foreign")]).unwrap().tasks(), ["hill-paper"]);
+    for (rules, expected) in [("\"papre\"", "papre"), ("3", "`rules` must be `smaclite` or `paper`, got 3")] {
+        write(&format!(r#"{{"scenario": "hill", "seed": 8, "rules": {rules}}}"#));
+        let error = read(&place, &[("b", "foreign")]).err().unwrap();
+        assert!(error.contains("options.json") && error.contains(expected), "{error}");
+    }
     let time = r#"{"steps": 400, "wins": 190, "episodes": 200, "seconds": 1.5, "cpu_seconds": 2.5}"#;
     fs::write(moved.join("time_to_win.json"), format!(r#"{{"greedy": {time}, "sampled": null}}"#)).unwrap();
     let read_time = |actions| time_to_win(run, actions, 1, &mut || false);
