@@ -119,5 +119,10 @@ fn errors_say_what_is_accepted() {
     output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16 --steps 600 --out run");
     check_error(folder, "report run --out all", 1, "`run` has no evaluations: expected evaluations.csv");
     assert!(!folder.join("all").exists(), "a command that fails leaves no folder");
+    output(folder, &format!("train 3m --out evaluated {SMALL}"));
+    fs::remove_file(folder.join("evaluated/evaluations/000000000300.safetensors")).expect("weights");
+    check_error(folder, "report evaluated --out all", 1, "000000000300.safetensors`: No such file");
+    check_error(folder, "report evaluated --out all", 1, "first won; --skip-times leaves this out");
+    output(folder, "report evaluated --out all --skip-times");
     check_error(folder, "report run --out all --actions both", 2, "[possible values: greedy, sampled]");
 }

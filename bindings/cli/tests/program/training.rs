@@ -351,6 +351,9 @@ fn errors_say_what_is_accepted() {
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
+    let none =
+        "`run` has no best.safetensors: it was not evaluated while it trained (--evaluate-every); choose";
+    check_error(folder, "evaluate run --weights best", 1, none);
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
     check_error(folder, "evaluate run --episodes 0", 2, "number between 1 and 1000000");

@@ -88,10 +88,11 @@ pub fn time_to_win(
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<FirstWin, ReportError> {
     let Some(description) = &run.description else { return Ok(recorded(run, actions)?) };
-    let mut evaluator = Evaluator::open(&run.folder, description, threads)?;
+    let evaluator = Evaluator::open(&run.folder, description, threads);
+    let mut evaluator = evaluator.map_err(ReportError::NoTime)?;
     for evaluation in &run.evaluations {
         let EvaluationRow { steps, seconds, cpu_seconds, .. } = evaluation.row;
-        let actor = actor(&run.folder, description, steps)?;
+        let actor = actor(&run.folder, description, steps).map_err(ReportError::NoTime)?;
         let mut play = |block: u64| {
             let occasion = Occasion::TimeToWin { steps, block };
             evaluator.play(&actor, occasion, actions, BLOCK, interrupted)
@@ -146,9 +147,13 @@ fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<FirstWin, FileError>
         Actions::Sampled => sampled,
     };
     match time {
-        Some(time) if time.wins > time.episodes || !is_enough(time.wins, time.episodes) => {
-            Err(damaged(format!("{} wins of {} episodes are too few", time.wins, time.episodes)))
+        Some(TimeToWin { wins, episodes, .. }) if wins > episodes => {
+            Err(damaged(format!("{wins} wins are more than there are episodes, {episodes}")))
         }
+        Some(TimeToWin { wins, episodes, .. }) if !is_enough(wins, episodes) => Err(damaged(format!(
+            "{wins} wins of {episodes} episodes are too few: the lower end of the 95 % interval (Wilson) \
+             must be at least {CRITERION_WIN_RATE}, as that of 189 wins of 200 is"
+        ))),
         Some(time) => Ok(FirstWin::At(time)),
         None => Ok(FirstWin::Never),
     }

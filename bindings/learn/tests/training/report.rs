@@ -145,6 +145,10 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
     fs::write(moved.join("time_to_win.json"), few).unwrap();
     let error = read_time(Actions::Greedy).unwrap_err().to_string();
     assert!(error.contains("188 wins of 200 episodes are too few"), "{error}");
+    let many = format!(r#"{{"greedy": {}, "sampled": null}}"#, time.replace("190", "201"));
+    fs::write(moved.join("time_to_win.json"), many).unwrap();
+    let error = read_time(Actions::Greedy).unwrap_err().to_string();
+    assert!(error.contains("201 wins are more than there are episodes, 200"), "{error}");
     fs::write(moved.join("time_to_win.json"), r#"{"greedy": null}"#).unwrap();
     let error = read_time(Actions::Greedy).unwrap_err().to_string();
     assert!(error.contains("missing field `sampled`"), "{error}");
