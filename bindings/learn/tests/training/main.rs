@@ -4,6 +4,7 @@
 mod evaluations;
 mod kit;
 mod report;
+mod seeds;
 mod self_play;
 
 use crate::kit::{Place, check_resumed, complete, scenario, small};

@@ -1,6 +1,6 @@
 //! Reports of runs that were evaluated: what is found in folders, compared, and refused.
 
-use crate::kit::{Place, scenario, small};
+use crate::kit::{Place, evaluated, scenario, small};
 use serde_json::Value;
 use smaclite_learn::{
     Actions, Benchmark, Config, Estimate, FirstWin, Metric, Report, Seeds, marl_eval_json, time_to_win,
@@ -13,10 +13,6 @@ fn train(place: &Place, name: &str, count: u64, config: &Config) {
     let seeds = Seeds::begin(&place.path(name), config, count, &scenario(), &place.runtime_dir).unwrap();
     let results = seeds.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
-}
-
-fn evaluated() -> Config {
-    Config { evaluate_every: Some(400), ..small() }
 }
 
 fn read(place: &Place, folders: &[(&str, &str)]) -> Result<Benchmark, String> {
