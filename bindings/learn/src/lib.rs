@@ -79,12 +79,13 @@ pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };
 pub use evaluations::{
-    Actions, Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary,
-    Verification, VerifyError, verify,
+    Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary, Verification,
+    VerifyError, verify,
 };
 pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use lane_error::LaneError;
 pub use lanes::{Lanes, resolve_scenario};
+pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use report::{
     Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Curve, ENVIRONMENT,

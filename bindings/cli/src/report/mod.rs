@@ -11,9 +11,10 @@ use super::{CommandResult, THREADS};
 use crate::number::{count, seed};
 use crate::picture::write_file;
 use crate::process::interrupt_flag;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use smaclite_learn::{
-    Actions, Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win,
+    Benchmark, Choice, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win,
 };
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
@@ -45,8 +46,8 @@ pub(super) struct WriteReport {
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Which episodes are compared: those with the most probable actions, or with sampled ones
-    #[arg(long, value_enum, default_value = "greedy")]
-    actions: Which,
+    #[arg(long, value_parser = choice(), default_value = Choice::Greedy.name())]
+    actions: Choice,
     /// Play no episodes to find out when teams first won
     #[arg(long)]
     skip_times: bool,
@@ -58,10 +59,9 @@ pub(super) struct WriteReport {
     threads: Option<usize>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Which {
-    Greedy,
-    Sampled,
+/// A parser of `greedy` and `sampled`.
+fn choice() -> impl TypedValueParser<Value = Choice> {
+    PossibleValuesParser::new(Choice::BOTH.map(Choice::name)).try_map(|name| name.parse::<Choice>())
 }
 
 /// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
@@ -70,7 +70,7 @@ type Times = BTreeMap<PathBuf, [FirstWin; 2]>;
 /// Everything that is written.
 struct Results {
     benchmark: Benchmark,
-    actions: Actions,
+    actions: Choice,
     report: Report,
     /// `None` if they were not asked for.
     times: Option<Times>,
@@ -89,10 +89,7 @@ impl WriteReport {
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         let stop = || interrupted.load(Ordering::Relaxed);
         let times = (!self.skip_times).then(|| play(&benchmark, threads, &stop)).transpose()?;
-        let actions = match self.actions {
-            Which::Greedy => Actions::Greedy,
-            Which::Sampled => Actions::Sampled,
-        };
+        let actions = self.actions;
         let mut notes = benchmark.notes();
         notes.extend(times.iter().flat_map(|times| not_measured(&benchmark, times)));
         let metrics = match marl_eval_json(&benchmark, actions) {
@@ -127,7 +124,7 @@ fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Resul
     let runs = benchmark.algorithms.iter().flat_map(|algorithm| algorithm.tasks.values()).flatten();
     let times = |run: &EvaluatedRun| {
         let time = |actions| time_to_win(run, actions, threads, &mut || stop());
-        Ok((run.folder.clone(), [time(Actions::Greedy)?, time(Actions::Sampled)?]))
+        Ok((run.folder.clone(), [time(Choice::Greedy)?, time(Choice::Sampled)?]))
     };
     runs.map(times).collect()
 }

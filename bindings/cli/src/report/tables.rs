@@ -4,7 +4,7 @@ use super::{Results, figures};
 use crate::CommandResult;
 use crate::table::Table;
 use smaclite_learn::{
-    Actions, Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Estimate,
+    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Choice, Estimate,
     EvaluatedRun, FirstWin, Metric, Spread, TimeToWin,
 };
 
@@ -117,8 +117,8 @@ fn overall(results: &Results) -> Table {
 /// A row per task and algorithm.
 fn by_task(results: &Results) -> Table {
     let [own, other] = match results.actions {
-        Actions::Greedy => ["greedy", "sampled"],
-        Actions::Sampled => ["sampled", "greedy"],
+        Choice::Greedy => ["greedy", "sampled"],
+        Choice::Sampled => ["sampled", "greedy"],
     };
     let won = format!("won, {own}");
     let other_won = format!("won, {other} (mean)");
@@ -135,10 +135,10 @@ fn by_task(results: &Results) -> Table {
                 runs.iter().map(value).sum::<f64>() / runs.len() as f64
             };
             let [returns, others] = match results.actions {
-                Actions::Greedy => {
+                Choice::Greedy => {
                     [mean(&|run| run.result.greedy.mean_return), mean(&|run| run.result.sampled.win_rate)]
                 }
-                Actions::Sampled => {
+                Choice::Sampled => {
                     [mean(&|run| run.result.sampled.mean_return), mean(&|run| run.result.greedy.win_rate)]
                 }
             };
@@ -175,10 +175,10 @@ fn times(results: &Results) -> Option<Table> {
     for task in results.benchmark.tasks() {
         for AlgorithmRuns { name, tasks } in &results.benchmark.algorithms {
             let Some(runs) = tasks.get(task) else { continue };
-            for (kind, actions) in ["greedy", "sampled"].into_iter().enumerate() {
-                let of_run = |run: &EvaluatedRun| times.get(&run.folder).map(|times| times[kind]);
+            for actions in Choice::BOTH {
+                let of_run = |run: &EvaluatedRun| times.get(&run.folder).map(|times| times[actions.index()]);
                 let of_runs: Vec<FirstWin> = runs.iter().filter_map(of_run).collect();
-                let before = [task, name, actions].map(str::to_owned);
+                let before = [task, name, actions.name()].map(str::to_owned);
                 table.push(before.into_iter().chain([seeds_that_won(&of_runs)]).chain(spreads(&of_runs)));
             }
         }

@@ -4,9 +4,10 @@
 //! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
 //! its row is removed, and that evaluation is played again.
 
-use super::{Actions, EvaluationRow, FinalResult};
+use super::{EvaluationRow, FinalResult};
 use crate::checkpoint::write_actor;
 use crate::description::BEST;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Network;
 use crate::tensors::{FileError, remove};
@@ -95,7 +96,7 @@ impl EvaluationFiles {
     /// Adds an evaluation.
     pub fn append(&self, row: &EvaluationRow, episodes: [&[Episode]; 2]) -> Result<(), FileError> {
         let mut text = String::new();
-        for (actions, episodes) in Actions::BOTH.into_iter().zip(episodes) {
+        for (actions, episodes) in Choice::BOTH.into_iter().zip(episodes) {
             for (i, episode) in episodes.iter().enumerate() {
                 let Episode { episode_return, length, won } = episode;
                 let (steps, actions, won) = (row.steps, actions.name(), u8::from(*won));
@@ -158,7 +159,7 @@ impl EvaluationFiles {
                 all.push((steps, BothEpisodes::default()));
             }
             if let Some((_, both)) = all.last_mut() {
-                both[usize::from(actions == Actions::Sampled)].push(episode);
+                both[actions.index()].push(episode);
             }
         }
         Ok(all)
@@ -181,10 +182,10 @@ fn first_number(line: &str) -> Option<u64> {
     line.split(',').next()?.parse().ok()
 }
 
-fn parse_episode(line: &str) -> Option<(u64, Actions, Episode)> {
+fn parse_episode(line: &str) -> Option<(u64, Choice, Episode)> {
     let fields: Vec<&str> = line.split(',').collect();
     let &[steps, actions, _, episode_return, length, won] = &fields[..] else { return None };
-    let actions = Actions::BOTH.into_iter().find(|kind| kind.name() == actions)?;
+    let actions = Choice::BOTH.into_iter().find(|kind| kind.name() == actions)?;
     let episode_return = episode_return.parse().ok().filter(|value: &f32| value.is_finite())?;
     let won = match won {
         "0" => false,

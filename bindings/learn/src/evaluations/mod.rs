@@ -24,12 +24,12 @@ use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::team::Team;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
 pub(crate) use files::{BothEpisodes, EvaluationFiles};
 pub use final_result::FinalResult;
-pub use play::Actions;
 pub(crate) use play::{Evaluator, Occasion};
 pub use row::{EvaluationRow, Summary};
 use smaclite_ipc::ClientError;
@@ -119,7 +119,7 @@ impl Evaluations {
     ) -> Result<(), TrainError> {
         let _timer = CpuTimer::start(); // so that other runs of the process do not count this time
         self.files.write_weights(steps, &state.team.actor)?;
-        let played = Actions::BOTH.map(|actions| {
+        let played = Choice::BOTH.map(|actions| {
             let occasion = Occasion::Training { steps };
             self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
         });
@@ -153,7 +153,7 @@ impl Evaluations {
         let (false, Some(best)) = (path.exists(), EvaluationRow::best(&self.rows)) else { return Ok(()) };
         let _timer = CpuTimer::start();
         let actor = read_actor(&self.folder.join(BEST), state.team.actor.mlp.clone())?;
-        let [greedy, sampled] = Actions::BOTH.map(|actions| {
+        let [greedy, sampled] = Choice::BOTH.map(|actions| {
             self.evaluator.play(&actor, Occasion::Final, actions, FINAL_EPISODES, interrupted)
         });
         let episodes = [greedy.map_err(stop)?, sampled.map_err(stop)?];

@@ -2,12 +2,13 @@
 
 use super::files::BothEpisodes;
 use super::{
-    Actions, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES, FinalResult,
-    Occasion, Summary,
+    EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES, FinalResult, Occasion,
+    Summary,
 };
 use crate::checkpoint::read_actor;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
@@ -31,7 +32,7 @@ pub struct Difference {
     /// The step count of the evaluation; `None` for the final one.
     pub steps: Option<u64>,
     /// How actions were chosen.
-    pub actions: Actions,
+    pub actions: Choice,
     /// The episode; `None` if all are equal, and only a mean differs.
     pub episode: Option<usize>,
     /// What the file says.
@@ -238,7 +239,7 @@ impl<'a> Verifier<'a> {
 
     /// All episodes are there: none was left out.
     fn check_count(&self, which: &str, recorded: &BothEpisodes, expected: usize) -> Result<(), VerifyError> {
-        let wrong = Actions::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
+        let wrong = Choice::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
         let Some((actions, episodes)) = wrong else { return Ok(()) };
         let (folder, which) = (self.folder.display().to_string(), which.to_owned());
         let (found, actions) = (episodes.len(), actions.name());
@@ -253,7 +254,7 @@ impl<'a> Verifier<'a> {
         summaries: [Summary; 2],
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Difference>, Interrupted> {
-        for ((actions, recorded), summary) in Actions::BOTH.into_iter().zip(recorded).zip(summaries) {
+        for ((actions, recorded), summary) in Choice::BOTH.into_iter().zip(recorded).zip(summaries) {
             let played = self.evaluator.play(actor, occasion, actions, recorded.len(), interrupted)?;
             let differs = recorded.iter().zip(&played).position(|(a, b)| !equal_bits(a, b));
             let difference = |episode, recorded: String, played: String| {

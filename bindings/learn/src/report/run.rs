@@ -7,7 +7,8 @@
 
 use super::ReportError;
 use crate::description::RunDescription;
-use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
+use crate::evaluations::{BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::tensors::{FileError, read};
 use serde_json::Value;
@@ -54,8 +55,8 @@ pub struct EvaluatedRun {
 
 impl PlayedEvaluation {
     /// Its episodes.
-    pub fn episodes(&self, actions: Actions) -> &[Episode] {
-        &self.episodes[usize::from(actions == Actions::Sampled)]
+    pub fn episodes(&self, actions: Choice) -> &[Episode] {
+        &self.episodes[actions.index()]
     }
 }
 
@@ -93,10 +94,10 @@ impl EvaluatedRun {
     }
 
     /// The final episodes.
-    pub fn final_episodes(&self, actions: Actions) -> &[Episode] {
+    pub fn final_episodes(&self, actions: Choice) -> &[Episode] {
         match actions {
-            Actions::Greedy => &self.result.greedy_episodes,
-            Actions::Sampled => &self.result.sampled_episodes,
+            Choice::Greedy => &self.result.greedy_episodes,
+            Choice::Sampled => &self.result.sampled_episodes,
         }
     }
 }
@@ -111,8 +112,8 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
         let found = all_episodes.iter().position(|(of, _)| *of == steps);
         let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
-        for (actions, summary) in Actions::BOTH.into_iter().zip([row.greedy, row.sampled]) {
-            let (of_kind, actions) = (&episodes[actions as usize], actions.name());
+        for (actions, summary) in Choice::BOTH.into_iter().zip([row.greedy, row.sampled]) {
+            let (of_kind, actions) = (&episodes[actions.index()], actions.name());
             let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));
             if let Some((what, said, played)) = none.or_else(|| difference(summary, of_kind)) {
                 let counted = of_kind.len();
@@ -132,7 +133,7 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
 fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
     let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
     let kinds = [(&result.greedy_episodes, result.greedy), (&result.sampled_episodes, result.sampled)];
-    for (actions, (episodes, summary)) in Actions::BOTH.into_iter().zip(kinds) {
+    for (actions, (episodes, summary)) in Choice::BOTH.into_iter().zip(kinds) {
         let (actions, counted) = (actions.name(), episodes.len());
         if let Some((what, said, played)) = difference(summary, episodes) {
             let why = format!("its {actions} {what} is {said}, but that of its {counted} episodes {played}");

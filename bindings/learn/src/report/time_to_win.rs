@@ -17,8 +17,9 @@
 use super::{EvaluatedRun, ReportError};
 use crate::checkpoint::read_actor;
 use crate::description::RunDescription;
-use crate::evaluations::{Actions, EvaluationFiles, EvaluationRow, Evaluator, Occasion};
+use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluator, Occasion};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::statistics::wilson_interval;
 use crate::team::{Network, Team};
@@ -83,7 +84,7 @@ impl FirstWin {
 /// If its files cannot be read or are damaged.
 pub fn time_to_win(
     run: &EvaluatedRun,
-    actions: Actions,
+    actions: Choice,
     threads: usize,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<FirstWin, ReportError> {
@@ -134,7 +135,7 @@ fn is_enough(wins: usize, episodes: usize) -> bool {
 }
 
 /// What another learner left.
-fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<FirstWin, FileError> {
+fn recorded(run: &EvaluatedRun, actions: Choice) -> Result<FirstWin, FileError> {
     let path = run.folder.join("time_to_win.json");
     if !path.exists() {
         return Ok(FirstWin::NotMeasured);
@@ -143,8 +144,8 @@ fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<FirstWin, FileError>
     let read = serde_json::from_slice(&read(&path)?);
     let Recorded { greedy, sampled } = read.map_err(|error| damaged(error.to_string()))?;
     let time = match actions {
-        Actions::Greedy => greedy,
-        Actions::Sampled => sampled,
+        Choice::Greedy => greedy,
+        Choice::Sampled => sampled,
     };
     match time {
         Some(TimeToWin { wins, episodes, .. }) if wins > episodes => {
