@@ -2,6 +2,7 @@
 //! uninterrupted one, and wrong lanes and files are refused.
 
 mod evaluations;
+mod foreign;
 mod kit;
 mod report;
 mod seeds;
