@@ -4,7 +4,7 @@ use super::{CommandResult, THREADS};
 use crate::number::count;
 use crate::process::interrupt_flag;
 use clap::{Args, ValueEnum};
-use smaclite_learn::{RunDescription, Seeds, verify};
+use smaclite_learn::{FileError, RunDescription, runs_in, verify};
 use smaclite_pool::PoolOptions;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -46,7 +46,7 @@ impl VerifyRun {
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         let interrupted = interrupt_flag()?;
         for folder in &self.folders {
-            for folder in runs_in(folder)? {
+            for folder in runs_of(folder)? {
                 self.verify(&folder, threads, &mut || interrupted.load(Ordering::Relaxed))?;
             }
         }
@@ -71,13 +71,13 @@ impl VerifyRun {
     }
 }
 
-/// The run in a folder, or those of several seeds.
-pub(crate) fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn std::error::Error>> {
-    if !folder.join("run.json").exists()
-        && folder.is_dir()
-        && let Some(seeds) = Seeds::open(folder)?
-    {
-        return Ok(seeds.runs().iter().map(|(_, folder)| folder.clone()).collect());
+/// The run in a folder, or those in its subfolders.
+fn runs_of(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    if !folder.join("run.json").exists() && folder.is_dir() {
+        let runs: Vec<PathBuf> = runs_in(folder)?.into_iter().map(|(path, _)| path).collect();
+        if !runs.is_empty() {
+            return Ok(runs);
+        }
     }
     RunDescription::read(folder)?;
     Ok(vec![folder.to_owned()])

@@ -7,7 +7,8 @@ use smaclite_learn::zoo_cards;
 
 #[derive(Args)]
 #[command(after_help = "\
-Wherever the folder of a run can be named, zoo:SCENARIO is the team of that scenario:
+Wherever the folder of a run stands for its team, zoo:SCENARIO is the team of that scenario. It has
+no evaluations and no checkpoint, so report, verify-run and train --resume do not take it:
   smaclite-pool evaluate zoo:2s3z
   smaclite-pool tournament zoo:3m attack_move kite
   smaclite-pool play 8m --against zoo:8m --open

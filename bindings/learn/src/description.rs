@@ -97,6 +97,22 @@ impl Weights {
         if !is_self_play && exists(&folder.join(BEST)) { Weights::Best } else { Weights::Last }
     }
 
+    /// Says why a run has no such weights, if there is a reason other than damage.
+    fn check_kept(self, folder: &Path) -> Result<(), FileError> {
+        let why = match self {
+            Weights::Best => {
+                "it was not evaluated while it trained (--evaluate-every); choose the last weights"
+            }
+            Weights::Last if !exists(&folder.join(BEST)) => return Ok(()),
+            Weights::Last => "only the best weights were kept; choose those",
+        };
+        let missing = self.file_name();
+        match exists(&folder.join(missing)) {
+            true => Ok(()),
+            false => Err(FileError::NoWeights { folder: folder.to_owned(), missing, why }),
+        }
+    }
+
     pub(crate) fn file_name(self) -> &'static str {
         match self {
             Weights::Last => WEIGHTS,
@@ -127,6 +143,7 @@ pub(crate) fn read_team(
 ) -> Result<(RunDescription, Weights, Network), FileError> {
     let run = RunDescription::read(folder)?;
     let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
+    weights.check_kept(folder)?;
     let mlp = Team::new(&run.config, run.sizes).actor.mlp;
     let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
     Ok((run, weights, actor))

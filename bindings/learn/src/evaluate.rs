@@ -140,7 +140,7 @@ pub fn evaluate(
     };
     let teams = Teams { own: &network, league: &league };
     lanes.reset(seed)?;
-    let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
+    let choice = Choice::of(greedy);
     let mut actors: Vec<BothActors> = (0..lanes.count()).map(|_| BothActors::default()).collect();
     let (sizes, n_actors) = (lanes.sizes(), lanes.sizes().n_actors());
     let mut tally = Tally { episodes, ended: vec![0; num_envs], counted: Vec::with_capacity(episodes) };

@@ -79,21 +79,22 @@ pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };
 pub use evaluations::{
-    Actions, Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary,
-    Verification, VerifyError, verify,
+    Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary, Verification,
+    VerifyError, verify,
 };
 pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use lane_error::LaneError;
 pub use lanes::{Lanes, resolve_scenario};
+pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use report::{
     Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Curve, ENVIRONMENT,
-    EvaluatedRun, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread, THRESHOLDS,
-    TimeToWin, marl_eval_json, time_to_win,
+    EvaluatedRun, FirstWin, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread,
+    THRESHOLDS, TimeToWin, marl_eval_json, time_to_win,
 };
 pub use rollout::Episode;
 pub use run::Run;
-pub use seeds::{OnSeedEvent, SeedEvent, Seeds};
+pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, runs_in};
 pub use statistics::{
     Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
     wilson_interval,

@@ -4,6 +4,7 @@
 //! action and S the sum of the exponentials; that of an unavailable one is 0. Rows of outputs and of masks
 //! are padded to a multiple of [`WIDTH`] with actions that are unavailable.
 
+use crate::config::UnknownKeyword;
 use crate::math::{WIDTH, exp, sum};
 
 /// Stands for the output of an unavailable action: so small that its exponential vanishes beside any other.
@@ -11,11 +12,44 @@ const UNAVAILABLE: f32 = -1e30;
 
 /// How an action is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Choice {
-    /// With its probability.
-    Sampled,
+pub enum Choice {
     /// The most probable one, the first of equal ones.
     Greedy,
+    /// With its probability.
+    Sampled,
+}
+
+impl Choice {
+    /// Both, in the order of files and tables.
+    pub const BOTH: [Choice; 2] = [Choice::Greedy, Choice::Sampled];
+
+    /// The keyword in files and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Choice::Greedy => "greedy",
+            Choice::Sampled => "sampled",
+        }
+    }
+
+    /// The place in [`BOTH`](Choice::BOTH).
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// What an option `--greedy` says.
+    pub(crate) fn of(greedy: bool) -> Choice {
+        if greedy { Choice::Greedy } else { Choice::Sampled }
+    }
+}
+
+impl std::str::FromStr for Choice {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<Choice, UnknownKeyword> {
+        let names = Choice::BOTH.map(Choice::name);
+        let found = Choice::BOTH.into_iter().find(|choice| choice.name() == keyword);
+        found.ok_or_else(|| UnknownKeyword::new(names, keyword))
+    }
 }
 
 /// Replaces a row of outputs by z_j - m, writes exp(z_j - m) to `powers`, 0 for unavailable actions, and

@@ -71,8 +71,9 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 ///
 /// - A folder holds one run, and one process writes to it: [`begin`](Run::begin) in a folder with a run and
 ///   [`resume`](Run::resume) of a run that another process writes to are errors.
-/// - A resumed run has the same bits as one that was not interrupted, since its last checkpoint. Dropping a
-///   run writes nothing; call [`checkpoint`](Run::checkpoint) before.
+/// - A resumed run has the same bits as one that was not interrupted, since its last checkpoint, if the
+///   number of its steps is unchanged: step sizes and entropy are annealed over them. Dropping a run writes
+///   nothing; call [`checkpoint`](Run::checkpoint) before.
 /// - Training that diverges is an error of [`update`](Run::update).
 pub struct Run {
     folder: PathBuf,
@@ -98,12 +99,37 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
+        let rival = config.enemies.folder().map(Path::to_owned);
+        Run::begin_against(folder, config, setup, lanes, threads, rival)
+    }
+
+    /// Begins a run beside that in the folder `other`, which has the same configuration but for its seed. If
+    /// a team plays the enemies, it is the one that `other` has a copy of: its own run may have gone on.
+    pub(crate) fn begin_beside(
+        other: &Path,
+        folder: &Path,
+        config: Config,
+        setup: &BattleSetup,
+        lanes: Lanes,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
+        let rival = config.enemies.folder().map(|_| other.join(OPPONENT));
+        Run::begin_against(folder, config, setup, lanes, threads, rival)
+    }
+
+    fn begin_against(
+        folder: &Path,
+        config: Config,
+        setup: &BattleSetup,
+        lanes: Lanes,
+        threads: usize,
+        rival_folder: Option<PathBuf>,
+    ) -> Result<Run, TrainError> {
         let check_free = || {
             let is_taken = folder.join("run.json").exists();
             if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
         };
         check_free()?;
-        let rival_folder = config.enemies.folder().map(Path::to_owned);
         let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
@@ -123,7 +149,8 @@ impl Run {
     }
 
     /// Continues the run in a folder, with the same bits as if it had not ended. `steps` replaces the number
-    /// of steps after which it is complete.
+    /// of steps after which it is complete; with another number the bits are others, unless the run anneals
+    /// neither step sizes nor entropy.
     ///
     /// # Errors
     /// If its files are damaged or do not fit the lanes, or another process writes to the folder.
@@ -168,6 +195,11 @@ impl Run {
     /// The hyperparameters.
     pub fn config(&self) -> &Config {
         &self.training.config
+    }
+
+    /// How far the run is. What the record says of an update is 0.
+    pub fn record(&self) -> Record {
+        self.training.record()
     }
 
     /// The evaluations so far, by step count.

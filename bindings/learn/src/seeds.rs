@@ -1,13 +1,20 @@
 //! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
+//!
+//! No file says how many runs there are: `folder` finds those that have begun, and checks that they belong
+//! together.
+
+mod error;
+mod folder;
 
 use crate::config::Config;
 use crate::description::RunDescription;
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
 use crate::run::Run;
-use crate::tensors::FileError;
 use crate::training::{Record, TrainError};
+pub use error::SeedsError;
+pub use folder::runs_in;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::{ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
@@ -50,6 +57,9 @@ pub struct Seeds {
 /// What happens in one of the runs.
 #[derive(Clone, Copy, Debug)]
 pub enum SeedEvent {
+    /// It begins or continues, from the last checkpoint. The record says how far it is; what it says of an
+    /// update is 0.
+    Began(Record),
     /// An update was made.
     Updated(Record),
     /// An evaluation was played.
@@ -68,43 +78,69 @@ impl Seeds {
     /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
     ///
     /// # Errors
-    /// As [`Run::begin`]; the runs before the one that failed have begun.
+    /// As [`Run::begin`]; the runs before the one that failed have begun, and [`complete`](Seeds::complete)
+    /// begins the others.
     pub fn begin(
         folder: &Path,
         config: &Config,
         count: u64,
         setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
-    ) -> Result<Seeds, TrainError> {
+    ) -> Result<Seeds, SeedsError> {
         let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
         if let Some((_, taken)) = runs.iter().find(|(_, path)| path.join("run.json").exists()) {
-            return Err(TrainError::FolderInUse(taken.display().to_string()));
+            return Err(SeedsError::InUse { run: taken.clone(), folder: folder.to_owned() });
         }
-        let lanes_setup = config.enemies.setup(setup);
-        for (seed, path) in &runs {
+        for (i, (seed, path)) in runs.iter().enumerate() {
             let config = Config { seed: *seed, ..config.clone() };
-            let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
-            Run::begin(path, config, setup, lanes, 1)?;
+            let begun = begin(path, None, config, setup, runtime_dir);
+            begun.map_err(|source| match i {
+                0 => SeedsError::Train(source), // there is nothing to continue
+                _ => not_begun(folder, *seed, count, source),
+            })?;
         }
         Ok(Seeds { runs })
     }
 
-    /// The runs in the subfolders of a folder; `None` if there are none.
+    /// The runs in the subfolders of a folder, which are to be trained to `steps` steps, or to as many as
+    /// they were to make; `None` if there are none.
     ///
     /// # Errors
-    /// If one cannot be read.
-    pub fn open(folder: &Path) -> Result<Option<Seeds>, FileError> {
-        let error = |source| FileError::Read { path: folder.to_owned(), source };
-        let mut runs = Vec::new();
-        for entry in std::fs::read_dir(folder).map_err(error)? {
-            let path = entry.map_err(error)?.path();
-            if path.join("run.json").exists() {
-                runs.push((RunDescription::read(&path)?.config.seed, path));
+    /// If one cannot be read, or they are not runs that differ in their seeds alone.
+    pub fn open(folder: &Path, steps: Option<u64>) -> Result<Option<Seeds>, SeedsError> {
+        let runs = runs_in(folder)?;
+        folder::check(folder, &runs)?;
+        if steps.is_none() {
+            folder::check_steps(&runs)?;
+        }
+        let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
+        Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
+    }
+
+    /// Begins the runs that are missing for `count` seeds, from the lowest one of these runs on: those that
+    /// could not begin with the others, or more of them. They have the same configuration.
+    ///
+    /// # Errors
+    /// If there are runs with other seeds than these; and as [`begin`](Seeds::begin).
+    pub fn complete(mut self, count: u64, runtime_dir: &RuntimeDir) -> Result<Seeds, SeedsError> {
+        let ends = self.runs.first().cloned().zip(self.runs.last().cloned());
+        let Some(((first, model), (last, _))) = ends else { return Ok(self) };
+        let folder = model.parent().unwrap_or(Path::new("")).to_owned();
+        if last - first >= count {
+            return Err(SeedsError::TooFew { folder, first, last, count });
+        }
+        let RunDescription { config, setup, .. } = RunDescription::read(&model)?;
+        for seed in (0..count).map(|i| first.wrapping_add(i)) {
+            if self.runs.iter().all(|(begun, _)| *begun != seed) {
+                let (path, config) = (seed_folder(&folder, seed), Config { seed, ..config.clone() });
+                let begun = begin(&path, Some(&model), config, &setup, runtime_dir);
+                begun.map_err(|source| not_begun(&folder, seed, count, source))?;
+                self.runs.push((seed, path));
             }
         }
-        runs.sort();
-        Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
+        self.runs.sort();
+        Ok(self)
     }
 
     /// Seeds and folders, by seed.
@@ -156,6 +192,27 @@ impl Seeds {
     }
 }
 
+/// Begins a run, beside another one if there is one, whose opponents it has.
+fn begin(
+    folder: &Path,
+    beside: Option<&Path>,
+    config: Config,
+    setup: &BattleSetup,
+    runtime_dir: &RuntimeDir,
+) -> Result<(), TrainError> {
+    let lanes_setup = config.enemies.setup(setup);
+    let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
+    match beside {
+        Some(other) => Run::begin_beside(other, folder, config, setup, lanes, 1)?,
+        None => Run::begin(folder, config, setup, lanes, 1)?,
+    };
+    Ok(())
+}
+
+fn not_begun(folder: &Path, seed: u64, count: u64, source: TrainError) -> SeedsError {
+    SeedsError::NotBegun { seed, folder: folder.to_owned(), count, source: Box::new(source) }
+}
+
 /// A run that is to be trained.
 struct OneRun<'a> {
     path: &'a Path,
@@ -175,6 +232,7 @@ impl OneRun<'_> {
             return Ok(false); // the run is as it was
         }
         let mut run = Run::resume(self.path, self.steps, self.lanes()?, self.threads)?;
+        on_event(SeedEvent::Began(run.record()));
         let mut evaluated = run.evaluations().len();
         let result = loop {
             let updated = run.update(interrupted);

@@ -25,6 +25,8 @@ pub enum FileError {
     NotRegular { path: PathBuf },
     #[error("`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json", folder.display())]
     NoRun { folder: PathBuf },
+    #[error("`{}` has no {missing}: {why}", folder.display())]
+    NoWeights { folder: PathBuf, missing: &'static str, why: &'static str },
     #[error("the zoo has no team `{name}`; it has {}", zoo_scenarios().collect::<Vec<_>>().join(", "))]
     NotInZoo { name: String },
     #[error("`{}` is damaged or not a file of a run: {why}", path.display())]

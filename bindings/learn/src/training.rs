@@ -239,7 +239,7 @@ impl Training {
     }
 
     /// The state as a record, without an update.
-    fn record(&self) -> Record {
+    pub fn record(&self) -> Record {
         let Checkpoint { progress, recent, league, .. } = &self.state;
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
         let mean = |value: fn(&Ended) -> f64| recent.iter().map(value).sum::<f64>() / recent.len() as f64;

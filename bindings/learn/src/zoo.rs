@@ -1,8 +1,9 @@
 //! The zoo: trained teams that are part of the program, one for each standard scenario that the default
 //! configuration wins. `just results-zoo` makes its files.
 //!
-//! A team is called `zoo:SCENARIO` wherever the folder of a run can be named. Its files are those of a run
-//! that others read (`run.json`, `best.safetensors`), and a card.
+//! A team is called `zoo:SCENARIO` wherever the folder of a run stands for its team. Its files are those of a
+//! run that others read (`run.json`, `best.safetensors`), and a card; without evaluations and a checkpoint,
+//! it can be neither reported, verified nor resumed.
 
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 
 use super::Results;
 use crate::csv::quoted;
-use smaclite_learn::{Estimate, EvaluatedRun, Summary, TimeToWin};
+use smaclite_learn::{Estimate, EvaluatedRun, FirstWin, Summary, TimeToWin};
 
 /// Names and contents.
 pub(super) fn all(results: &Results) -> impl Iterator<Item = (&'static str, String)> {
@@ -23,7 +23,7 @@ const RUNS: &str = "algorithm,task,seed,folder,evaluations,run_steps,best_steps,
     sampled_win_seconds,sampled_win_cpu_seconds,sampled_wins\n";
 
 /// A row per run, with both kinds of actions. The columns of the time to win are empty if the team never won,
-/// and if nothing was played to find out.
+/// and if it was not measured, which a note of the report says.
 fn runs(results: &Results) -> String {
     let mut text = RUNS.to_owned();
     for algorithm in &results.benchmark.algorithms {
@@ -38,10 +38,10 @@ fn run_row(algorithm: &str, run: &EvaluatedRun, results: &Results) -> String {
     let EvaluatedRun { folder, task, seed, evaluations, result, .. } = run;
     let means =
         |summary: Summary| format!("{},{},{}", summary.win_rate, summary.mean_return, summary.mean_length);
-    let times = results.times.as_ref().and_then(|times| times.get(folder).copied()).unwrap_or_default();
-    let win = times.map(|time| match time {
-        None => ",,,".to_owned(),
-        Some(TimeToWin { steps, wins, seconds, cpu_seconds, .. }) => {
+    let times = results.times.as_ref().and_then(|times| times.get(folder).copied());
+    let win = times.unwrap_or([FirstWin::NotMeasured; 2]).map(|win| match win {
+        FirstWin::NotMeasured | FirstWin::Never => ",,,".to_owned(),
+        FirstWin::At(TimeToWin { steps, wins, seconds, cpu_seconds, .. }) => {
             format!("{steps},{seconds:.2},{cpu_seconds:.2},{wins}")
         }
     });

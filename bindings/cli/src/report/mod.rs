@@ -11,9 +11,10 @@ use super::{CommandResult, THREADS};
 use crate::number::{count, seed};
 use crate::picture::write_file;
 use crate::process::interrupt_flag;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use smaclite_learn::{
-    Actions, Benchmark, EvaluatedRun, Report, ReportError, TimeToWin, marl_eval_json, time_to_win,
+    Benchmark, Choice, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win,
 };
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
@@ -45,8 +46,8 @@ pub(super) struct WriteReport {
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Which episodes are compared: those with the most probable actions, or with sampled ones
-    #[arg(long, value_enum, default_value = "greedy")]
-    actions: Which,
+    #[arg(long, value_parser = choice(), default_value = Choice::Greedy.name())]
+    actions: Choice,
     /// Play no episodes to find out when teams first won
     #[arg(long)]
     skip_times: bool,
@@ -58,19 +59,18 @@ pub(super) struct WriteReport {
     threads: Option<usize>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Which {
-    Greedy,
-    Sampled,
+/// A parser of `greedy` and `sampled`.
+fn choice() -> impl TypedValueParser<Value = Choice> {
+    PossibleValuesParser::new(Choice::BOTH.map(Choice::name)).try_map(|name| name.parse::<Choice>())
 }
 
 /// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
-type Times = BTreeMap<PathBuf, [Option<TimeToWin>; 2]>;
+type Times = BTreeMap<PathBuf, [FirstWin; 2]>;
 
 /// Everything that is written.
 struct Results {
     benchmark: Benchmark,
-    actions: Actions,
+    actions: Choice,
     report: Report,
     /// `None` if they were not asked for.
     times: Option<Times>,
@@ -89,11 +89,9 @@ impl WriteReport {
         let threads = self.threads.unwrap_or(PoolOptions::default().threads);
         let stop = || interrupted.load(Ordering::Relaxed);
         let times = (!self.skip_times).then(|| play(&benchmark, threads, &stop)).transpose()?;
-        let actions = match self.actions {
-            Which::Greedy => Actions::Greedy,
-            Which::Sampled => Actions::Sampled,
-        };
+        let actions = self.actions;
         let mut notes = benchmark.notes();
+        notes.extend(times.iter().flat_map(|times| not_measured(&benchmark, times)));
         let metrics = match marl_eval_json(&benchmark, actions) {
             Ok(text) => Some(text),
             Err(why) => {
@@ -126,9 +124,31 @@ fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Resul
     let runs = benchmark.algorithms.iter().flat_map(|algorithm| algorithm.tasks.values()).flatten();
     let times = |run: &EvaluatedRun| {
         let time = |actions| time_to_win(run, actions, threads, &mut || stop());
-        Ok((run.folder.clone(), [time(Actions::Greedy)?, time(Actions::Sampled)?]))
+        Ok((run.folder.clone(), [time(Choice::Greedy)?, time(Choice::Sampled)?]))
     };
     runs.map(times).collect()
+}
+
+/// Notes of the runs of which nobody knows when their teams first won.
+fn not_measured(benchmark: &Benchmark, times: &Times) -> Vec<String> {
+    let mut notes = Vec::new();
+    for algorithm in &benchmark.algorithms {
+        for (task, runs) in &algorithm.tasks {
+            let is_unknown = |run: &&EvaluatedRun| times[&run.folder].iter().any(|win| !win.is_measured());
+            let unknown: Vec<&EvaluatedRun> = runs.iter().filter(is_unknown).collect();
+            if let [first, ..] = unknown[..] {
+                notes.push(format!(
+                    "the time to win of {} of {} runs of {} on {task} was not measured: `{}` has no \
+                     time_to_win.json",
+                    unknown.len(),
+                    runs.len(),
+                    algorithm.name,
+                    first.folder.display()
+                ));
+            }
+        }
+    }
+    notes
 }
 
 /// The names of the files that a report may have.

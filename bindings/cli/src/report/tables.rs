@@ -4,8 +4,8 @@ use super::{Results, figures};
 use crate::CommandResult;
 use crate::table::Table;
 use smaclite_learn::{
-    Actions, Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Estimate,
-    EvaluatedRun, Metric, Spread, TimeToWin,
+    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Choice, Estimate,
+    EvaluatedRun, FirstWin, Metric, Spread, TimeToWin,
 };
 
 const AGGREGATES: &str = "Final episodes of the best weights: interquartile means with 95 % intervals";
@@ -117,8 +117,8 @@ fn overall(results: &Results) -> Table {
 /// A row per task and algorithm.
 fn by_task(results: &Results) -> Table {
     let [own, other] = match results.actions {
-        Actions::Greedy => ["greedy", "sampled"],
-        Actions::Sampled => ["sampled", "greedy"],
+        Choice::Greedy => ["greedy", "sampled"],
+        Choice::Sampled => ["sampled", "greedy"],
     };
     let won = format!("won, {own}");
     let other_won = format!("won, {other} (mean)");
@@ -135,10 +135,10 @@ fn by_task(results: &Results) -> Table {
                 runs.iter().map(value).sum::<f64>() / runs.len() as f64
             };
             let [returns, others] = match results.actions {
-                Actions::Greedy => {
+                Choice::Greedy => {
                     [mean(&|run| run.result.greedy.mean_return), mean(&|run| run.result.sampled.win_rate)]
                 }
-                Actions::Sampled => {
+                Choice::Sampled => {
                     [mean(&|run| run.result.sampled.mean_return), mean(&|run| run.result.greedy.win_rate)]
                 }
             };
@@ -175,22 +175,29 @@ fn times(results: &Results) -> Option<Table> {
     for task in results.benchmark.tasks() {
         for AlgorithmRuns { name, tasks } in &results.benchmark.algorithms {
             let Some(runs) = tasks.get(task) else { continue };
-            for (kind, actions) in ["greedy", "sampled"].into_iter().enumerate() {
-                let of_run = |run: &EvaluatedRun| times.get(&run.folder).and_then(|times| times[kind]);
-                let of_runs: Vec<Option<TimeToWin>> = runs.iter().map(of_run).collect();
-                let won = format!("{} of {}", of_runs.iter().flatten().count(), runs.len());
-                let before = [task, name, actions].map(str::to_owned);
-                table.push(before.into_iter().chain([won]).chain(spreads(&of_runs)));
+            for actions in Choice::BOTH {
+                let of_run = |run: &EvaluatedRun| times.get(&run.folder).map(|times| times[actions.index()]);
+                let of_runs: Vec<FirstWin> = runs.iter().filter_map(of_run).collect();
+                let before = [task, name, actions.name()].map(str::to_owned);
+                table.push(before.into_iter().chain([seeds_that_won(&of_runs)]).chain(spreads(&of_runs)));
             }
         }
     }
     Some(table)
 }
 
+/// Of those that were measured.
+fn seeds_that_won(wins: &[FirstWin]) -> String {
+    match wins.iter().filter(|win| win.is_measured()).count() {
+        0 => "not measured".to_owned(),
+        measured => format!("{} of {measured}", wins.iter().filter_map(FirstWin::time).count()),
+    }
+}
+
 /// Median and worst of steps and times.
-fn spreads(times: &[Option<TimeToWin>]) -> [String; 3] {
+fn spreads(wins: &[FirstWin]) -> [String; 3] {
     let cell = |value: fn(&TimeToWin) -> f64, digits: usize| {
-        let Spread { median, worst } = Spread::of(times, value);
+        let Spread { median, worst } = Spread::of(wins, value);
         let text = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
         format!("{} ({})", text(median), text(worst))
     };
@@ -205,8 +212,9 @@ fn explanations(results: &Results) -> String {
             "- **Training until a team won**: the training time of the first evaluation whose weights won so \
              many of {CRITERION_EPISODES} episodes with fresh seeds that the lower end of the 95 % \
              interval (Wilson) of the win rate is at least {win_rate:.0} %. Evaluations are not counted. A \
-             dash: not in its run; such a seed is worse than all others. Where battles begin equal, all \
-             greedy episodes can be one battle, which is won by chance: read the sampled ones too.\n"
+             dash: not in its run; such a seed is worse than all others. A seed that was not measured is \
+             left out. Where battles begin equal, all greedy episodes can be one battle, which is won by \
+             chance: read the sampled ones too.\n"
         )
     } else {
         String::new()

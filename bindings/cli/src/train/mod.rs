@@ -28,9 +28,10 @@ Examples:
   smaclite-pool evaluate runs/2s3z --episodes 200 --seed 1
   smaclite-pool train --resume runs/2s3z --steps 1000000
   smaclite-pool train 2s3z --seeds 10 --evaluate-every 50k --out runs/ten
+  smaclite-pool train --resume runs/ten --seeds 20
 
 Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
-uninterrupted run.")]
+uninterrupted run, if --steps is unchanged: step sizes and entropy fall over --steps.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
@@ -63,8 +64,9 @@ pub(super) struct Train {
     #[command(flatten)]
     self_play: SelfPlayOptions,
     /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
-    /// the next number, and so on
-    #[arg(long, conflicts_with_all = ["pool", "resume"], value_name = "N", value_parser = count(1..=10_000))]
+    /// the next number, and so on. With --resume, those of them that are missing begin: also more seeds for
+    /// runs that are complete
+    #[arg(long, conflicts_with = "pool", value_name = "N", value_parser = count(1..=10_000))]
     seeds: Option<usize>,
     /// Evaluate the team at every multiple of N steps and at the end: 32 greedy and 32 sampled episodes, with
     /// seeds of their own; keep the best weights, and play 320 of each with them at the end; 0 for never.
@@ -78,7 +80,8 @@ pub(super) struct Train {
     /// Print one JSON object per update; with --seeds it also has the seed
     #[arg(long)]
     json: bool,
-    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M [default: 2000000]
+    /// Environment steps after which the run is complete, as 1000000, 1e6 or 1M; step sizes and entropy fall
+    /// over them [default: 2000000]
     #[arg(long, value_name = "N", value_parser = whole(1..=1_u64 << 48))]
     steps: Option<u64>,
     #[command(flatten)]
@@ -177,18 +180,22 @@ impl Train {
         let mut evaluated = run.evaluations().len();
         loop {
             let updated = run.update(&mut || stop());
-            for row in &run.evaluations()[evaluated..] {
-                display.show_evaluation(row)?;
-            }
+            let mut shown =
+                run.evaluations()[evaluated..].iter().try_for_each(|row| display.show_evaluation(row));
             evaluated = run.evaluations().len();
             match updated {
-                Ok(Some(record)) => {
-                    if let Err(error) = display.show(&record) {
-                        run.checkpoint()?; // the output was closed
+                Ok(record) => {
+                    if let (Ok(()), Some(record)) = (&shown, &record) {
+                        shown = display.show(record);
+                    }
+                    if let Err(error) = shown {
+                        run.checkpoint()?; // the output was closed, but what was learnt is not lost
                         return Err(error);
                     }
+                    if record.is_none() {
+                        break;
+                    }
                 }
-                Ok(None) => break,
                 Err(TrainError::Client(ClientError::Interrupted)) => break,
                 Err(error) => {
                     if let TrainError::Client(_) = error {
@@ -225,9 +232,21 @@ impl Train {
         if self.pool.is_none()
             && folder.is_dir()
             && !folder.join("run.json").exists()
-            && let Some(runs) = Seeds::open(folder)?
+            && let Some(runs) = Seeds::open(folder, self.steps)?
         {
+            let runs = match self.seeds {
+                Some(count) => runs.complete(count as u64, runtime_dir)?,
+                None => runs,
+            };
             return Ok(Opened::Several(runs));
+        }
+        if self.seeds.is_some() {
+            return Err(format!(
+                "--seeds continues the folder of runs that it began, with folders such as seed-1 in it; `{}` \
+                 is none",
+                folder.display()
+            )
+            .into());
         }
         let run = RunDescription::read(folder)?;
         self.choose_lane(&run.name, runtime_dir, interrupted)?;

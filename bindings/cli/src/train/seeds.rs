@@ -9,7 +9,7 @@ use std::error::Error;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Trains the runs and shows how far they are.
 pub(super) fn train(
@@ -57,11 +57,17 @@ struct Display {
     seeds: usize,
     complete: usize,
     ended: usize,
-    /// The last record by seed.
-    records: BTreeMap<u64, Record>,
-    /// Time and steps of the first event, from which the time that is left is estimated.
-    first: Option<(Instant, u64)>,
+    runs: BTreeMap<u64, Progress>,
+    /// When the first of them began or continued.
+    begin: Option<Instant>,
     error: Option<io::Error>,
+}
+
+/// How far a run is.
+struct Progress {
+    /// The steps that it had made when it began or continued here.
+    first_steps: u64,
+    last: Record,
 }
 
 impl Display {
@@ -72,7 +78,7 @@ impl Display {
             total += steps.unwrap_or(run.config.steps);
             name = run.name;
         }
-        let (lines, records) = (Lines::new(), BTreeMap::new());
+        let lines = Lines::new();
         let seeds = runs.runs().len();
         Ok(Display {
             json,
@@ -82,23 +88,28 @@ impl Display {
             seeds,
             complete: 0,
             ended: 0,
-            records,
-            first: None,
+            runs: BTreeMap::new(),
+            begin: None,
             error: None,
         })
     }
 
     fn show(&mut self, seed: u64, event: SeedEvent) -> CommandResult {
         match event {
+            SeedEvent::Began(record) => {
+                self.begin.get_or_insert_with(Instant::now);
+                self.runs.insert(seed, Progress { first_steps: record.steps, last: record });
+                Ok(())
+            }
             SeedEvent::Updated(record) => {
-                self.records.insert(seed, record);
+                self.runs.entry(seed).and_modify(|run| run.last = record);
                 if self.json {
                     let mut object = json_of(&record);
                     object.insert("seed".to_owned(), seed.into());
                     out!("{}", Value::Object(object))?;
                     return Ok(());
                 }
-                let line = self.line();
+                let line = self.line(self.begin.map(|begin| begin.elapsed()).unwrap_or_default());
                 self.lines.show(line)
             }
             SeedEvent::Evaluated(row) if !self.json => {
@@ -113,12 +124,14 @@ impl Display {
         }
     }
 
-    fn line(&mut self) -> String {
-        let steps: u64 = self.records.values().map(|record| record.steps).sum();
-        let (begin, first_steps) = *self.first.get_or_insert((Instant::now(), steps));
-        let per_s = steps.saturating_sub(first_steps) as f64 / begin.elapsed().as_secs_f64().max(1e-9);
+    /// After so much time.
+    fn line(&self, elapsed: Duration) -> String {
+        let steps: u64 = self.runs.values().map(|run| run.last.steps).sum();
+        // A run that is resumed has made steps before: they took none of this time.
+        let made: u64 = self.runs.values().map(|run| run.last.steps - run.first_steps).sum();
+        let per_s = made as f64 / elapsed.as_secs_f64().max(1e-9);
         let left = minutes(self.total.saturating_sub(steps) as f64 / per_s);
-        let rates = self.records.values().map(|record| 100.0 * record.win_rate);
+        let rates = self.runs.values().map(|run| 100.0 * run.last.win_rate);
         let mut rates: Vec<f64> = rates.filter(|rate| !rate.is_nan()).collect();
         rates.sort_by(f64::total_cmp);
         let wins = match rates[..] {
@@ -147,5 +160,54 @@ impl Display {
             (false, false) => format!("{complete} of {seeds} seeds complete"),
         };
         self.lines.end(&end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_learn::UpdateStats;
+
+    fn record(steps: u64, win_rate: f64) -> Record {
+        Record {
+            updates: 1,
+            steps,
+            episodes: 9,
+            mean_return: 0.0,
+            win_rate,
+            mean_length: 0.0,
+            stats: UpdateStats::default(),
+            seconds: 0.0,
+            cpu_seconds: 0.0,
+            steps_per_s: 0.0,
+            wait_share: 0.0,
+            learn_share: 0.0,
+            self_play: None,
+        }
+    }
+
+    /// The first update of each run counted as if all its steps had been made since then; and runs that were
+    /// complete had made none.
+    #[test]
+    fn steps_before_a_resumption_are_made_and_took_no_time() {
+        let mut display = Display {
+            json: true,
+            lines: Lines::new(),
+            name: "3m".to_owned(),
+            total: 3000,
+            seeds: 3,
+            complete: 0,
+            ended: 0,
+            runs: BTreeMap::new(),
+            begin: None,
+            error: None,
+        };
+        display.show(1, SeedEvent::Began(record(1000, 0.9))).unwrap();
+        display.show(1, SeedEvent::Ended { is_complete: true }).unwrap();
+        display.show(2, SeedEvent::Began(record(500, 0.5))).unwrap();
+        display.show(2, SeedEvent::Updated(record(600, 0.7))).unwrap();
+        let expected = "3m: 1 of 3 seeds complete  1600 of 3000 steps  50 steps/s  \
+                        wins 80.0 % (70.0 to 90.0)  0:28 left";
+        assert_eq!(display.line(Duration::from_secs(2)), expected);
     }
 }

@@ -57,6 +57,40 @@ fn two_algorithms_are_reported() {
     assert!(!quick.contains("until a team won"), "{quick}");
 }
 
+/// A learner of one's own may leave no `time_to_win.json`: its teams were reported as ones that never won.
+#[test]
+fn who_was_not_measured_is_not_who_never_won() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --seeds 3 --out runs {SMALL}"));
+    for seed in 0..3 {
+        let run = folder.join(format!("runs/seed-{seed}"));
+        fs::remove_file(run.join("run.json")).expect("a description");
+        let options = format!("{{\"scenario\": \"3m\", \"seed\": {seed}}}");
+        fs::write(run.join("options.json"), options).expect("a description");
+    }
+    let cells = |printed: &str, actions: &str| -> Vec<String> {
+        let of_task = |line: &&str| line.starts_with("3m ") && line.contains(actions);
+        let row = printed.lines().find(of_task).expect("a row");
+        row.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(str::to_owned).collect()
+    };
+    let printed = output(folder, "report runs --out all");
+    for actions in [" greedy ", " sampled "] {
+        let row = &cells(&printed, actions)[3..];
+        assert_eq!(row, ["not measured", "- (-)", "- (-)", "- (-)"], "{printed}");
+    }
+    let note = "note: the time to win of 3 of 3 runs of runs on 3m was not measured: `runs/seed-0` has no";
+    assert!(printed.contains(note), "{printed}");
+
+    let time = r#"{"steps": 300, "wins": 190, "episodes": 200, "seconds": 1.5, "cpu_seconds": 2.5}"#;
+    let times = format!("{{\"greedy\": {time}, \"sampled\": null}}");
+    fs::write(folder.join("runs/seed-1/time_to_win.json"), times).expect("times");
+    let printed = output(folder, "report runs --out all");
+    let rows = [" greedy ", " sampled "].map(|actions| cells(&printed, actions)[3..].join("; "));
+    assert_eq!(rows, ["1 of 1; 300 (300); 2.5 (2.5); 1.5 (1.5)", "0 of 1; - (-); - (-); - (-)"], "{printed}");
+    assert!(printed.contains("note: the time to win of 2 of 3 runs of runs on 3m"), "{printed}");
+}
+
 /// A file of an earlier report would be taken for one of these runs.
 #[test]
 fn there_is_no_file_for_marl_eval_if_seeds_differ() {
@@ -85,5 +119,10 @@ fn errors_say_what_is_accepted() {
     output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16 --steps 600 --out run");
     check_error(folder, "report run --out all", 1, "`run` has no evaluations: expected evaluations.csv");
     assert!(!folder.join("all").exists(), "a command that fails leaves no folder");
+    output(folder, &format!("train 3m --out evaluated {SMALL}"));
+    fs::remove_file(folder.join("evaluated/evaluations/000000000300.safetensors")).expect("weights");
+    check_error(folder, "report evaluated --out all", 1, "000000000300.safetensors`: No such file");
+    check_error(folder, "report evaluated --out all", 1, "first won; --skip-times leaves this out");
+    output(folder, "report evaluated --out all --skip-times");
     check_error(folder, "report run --out all --actions both", 2, "[possible values: greedy, sampled]");
 }

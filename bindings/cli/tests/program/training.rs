@@ -5,6 +5,7 @@ use crate::page_kit::Place;
 use serde_json::Value;
 use smaclite_learn::TEAM_ENTROPY;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -151,6 +152,32 @@ fn ctrl_c_writes_a_checkpoint() {
     assert_eq!(resumed[0]["update"].as_u64(), Some(updates as u64 + 1), "nothing is made twice");
 }
 
+/// Where the line of an evaluation could not be printed, no checkpoint was written: `train | head` lost up to
+/// a minute of training.
+#[test]
+fn an_output_that_is_closed_loses_no_training() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    // Lines are of evaluations, as those of the progress come every five seconds.
+    let arguments = format!("train 3m --steps 1e8 --evaluate-every 2k --out run {SMALL}");
+    let mut child = program(folder, &arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program starts");
+    let mut line = String::new();
+    let mut printed = BufReader::new(child.stdout.take().expect("a pipe"));
+    printed.read_line(&mut line).expect("a line");
+    assert!(line.starts_with("3m: evaluated at 0 steps"), "{line}");
+    drop(printed);
+    child.wait().expect("an end");
+    let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
+    let updates = log.lines().count() as u64 - 1;
+    let steps = updates * 128 + 100;
+    let resumed = json_lines(&output(folder, &format!("train --resume run --steps {steps} --json")));
+    assert_eq!(resumed[0]["update"].as_u64(), Some(updates + 1), "nothing is made twice");
+}
+
 /// What a killed process leaves, also of an evaluation, changes nothing: the resumed run has the bits of one
 /// that was not killed.
 #[test]
@@ -204,14 +231,28 @@ fn seeds_train_in_folders_of_their_own() {
     assert!(weights("runs/seed-5") == weights("alone"), "alone, and without evaluations");
     let verified = output(folder, "verify-run runs --evaluations final");
     assert_eq!(verified.lines().count(), 3, "{verified}");
-    check_error(folder, &format!("{seeds} {SMALL}"), 1, "`runs/seed-4` already holds a run");
+    let taken = "`runs/seed-4` already holds a run; continue the runs in `runs` with --resume";
+    check_error(folder, &format!("{seeds} {SMALL}"), 1, taken);
     let resumed = output(folder, "train --resume runs --steps 900 --json");
     let seeds: std::collections::BTreeSet<u64> =
         json_lines(&resumed).iter().filter_map(|update| update["seed"].as_u64()).collect();
     assert!(seeds.iter().copied().eq(4..7), "{resumed}");
     check_error(folder, "train 3m --seeds 0 --out none", 2, "number between 1 and 10000");
-    check_error(folder, "train --resume runs --seeds 2", 2, "cannot be used with");
+    let too_few = "`runs` has seeds from 4 to 6: --seeds must be at least 3, got 2";
+    check_error(folder, "train --resume runs --seeds 2", 1, too_few);
+    let printed = output(folder, "train --resume runs --seeds 4");
+    assert!(printed.ends_with("complete: 4 seeds\n"), "{printed}");
+    assert!(folder.join("runs/seed-7/final.json").exists());
+    check_error(
+        folder,
+        "train --resume alone --seeds 4",
+        1,
+        "with folders such as seed-1 in it; `alone` is none",
+    );
     check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");
+    fs::rename(folder.join("alone"), folder.join("runs/alone")).expect("another run");
+    let other = "`runs/alone` is no run of `train --seeds`, which would be in a folder of the name `seed-5`";
+    check_error(folder, "train --resume runs --steps 9000", 1, other);
 }
 
 /// "say which one" did not say how, and MAP had said it already.
@@ -310,6 +351,9 @@ fn errors_say_what_is_accepted() {
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");
+    let none =
+        "`run` has no best.safetensors: it was not evaluated while it trained (--evaluate-every); choose";
+    check_error(folder, "evaluate run --weights best", 1, none);
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
     check_error(folder, "evaluate run --episodes 0", 2, "number between 1 and 1000000");

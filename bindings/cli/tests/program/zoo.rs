@@ -25,4 +25,6 @@ fn teams_of_the_zoo_play_by_name() {
     let none = "the zoo has no team `4m`; it has 10m_vs_11m, ";
     check_error(folder, "evaluate zoo:4m", 1, none);
     check_error(folder, "tournament zoo:4m hold", 1, none);
+    let best = "`zoo:3m` has no weights.safetensors: only the best weights were kept; choose those";
+    check_error(folder, "evaluate zoo:3m --weights last", 1, best);
 }

@@ -4,11 +4,16 @@
 //! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
 //! its row is removed, and that evaluation is played again.
 
-use super::{Actions, EvaluationRow};
+use super::{EvaluationRow, FinalResult};
+use crate::checkpoint::write_actor;
+use crate::description::BEST;
+use crate::policy::Choice;
 use crate::rollout::Episode;
+use crate::team::Network;
 use crate::tensors::{FileError, remove};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 /// Names of the files.
@@ -35,7 +40,7 @@ impl EvaluationFiles {
         trained_steps: u64,
     ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
         let files = EvaluationFiles::of(folder);
-        let mut rows = files.rows()?;
+        let mut rows = files.parse_rows(&read_lines(&files.folder.join(ROWS))?)?;
         rows.retain(|row| row.trained_steps <= trained_steps);
         let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);
         let lines: String = rows.iter().map(EvaluationRow::line).collect();
@@ -47,8 +52,7 @@ impl EvaluationFiles {
             crate::tensors::write(&files.folder.join(name), text.as_bytes())?;
         }
         for path in weights_in(&files.folder.join(WEIGHTS))? {
-            let steps = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
-            if !steps.is_some_and(stays) {
+            if !steps_of(&path).is_some_and(stays) {
                 remove(&path)?;
             }
         }
@@ -60,9 +64,16 @@ impl EvaluationFiles {
         folder.join(ROWS).exists()
     }
 
-    /// Removes the rows of a run that was here, so that one that begins takes nothing over.
+    /// Removes all files of a run that was here, so that one that begins takes nothing over: neither its
+    /// rows, nor its best weights, which would play instead of the new ones.
     pub fn clear(folder: &Path) -> Result<(), FileError> {
-        remove(&folder.join(ROWS))
+        for path in weights_in(&folder.join(WEIGHTS))? {
+            remove(&path)?;
+        }
+        for name in [ROWS, EPISODES, BEST] {
+            remove(&folder.join(name))?;
+        }
+        remove(&FinalResult::path(folder))
     }
 
     /// The files of a run, to be read.
@@ -70,18 +81,22 @@ impl EvaluationFiles {
         EvaluationFiles { folder: folder.to_owned() }
     }
 
-    /// The file with the actor of an evaluation; its folder exists.
-    pub fn weights(&self, steps: u64) -> Result<PathBuf, FileError> {
+    /// The file with the actor of an evaluation.
+    pub fn weights(&self, steps: u64) -> PathBuf {
+        self.folder.join(WEIGHTS).join(format!("{steps:012}.safetensors"))
+    }
+
+    /// Writes the actor of an evaluation, in a folder that exists from the first one on.
+    pub fn write_weights(&self, steps: u64, actor: &Network) -> Result<(), FileError> {
         let folder = self.folder.join(WEIGHTS);
-        let created = fs::create_dir_all(&folder);
-        created.map_err(|source| FileError::Write { path: folder.clone(), source })?;
-        Ok(folder.join(format!("{steps:012}.safetensors")))
+        fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
+        write_actor(&self.weights(steps), actor)
     }
 
     /// Adds an evaluation.
     pub fn append(&self, row: &EvaluationRow, episodes: [&[Episode]; 2]) -> Result<(), FileError> {
         let mut text = String::new();
-        for (actions, episodes) in Actions::BOTH.into_iter().zip(episodes) {
+        for (actions, episodes) in Choice::BOTH.into_iter().zip(episodes) {
             for (i, episode) in episodes.iter().enumerate() {
                 let Episode { episode_return, length, won } = episode;
                 let (steps, actions, won) = (row.steps, actions.name(), u8::from(*won));
@@ -94,8 +109,11 @@ impl EvaluationFiles {
 
     /// All rows, by step count.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
+        self.parse_rows(&self.lines(ROWS)?)
+    }
+
+    fn parse_rows(&self, text: &str) -> Result<Vec<EvaluationRow>, FileError> {
         let path = self.folder.join(ROWS);
-        let text = read_lines(&path)?;
         let columns = EvaluationRow::COLUMNS.join(",");
         let damaged = |why| FileError::Damaged { path: path.clone(), why };
         match text.lines().next() {
@@ -107,29 +125,56 @@ impl EvaluationFiles {
         }
         let row = |(i, line)| {
             let row = EvaluationRow::parse(line);
-            row.ok_or_else(|| damaged(format!("line {} is `{line}`, which is no evaluation", i + 1)))
+            row.ok_or_else(|| {
+                let number = i + 1;
+                damaged(format!(
+                    "line {number} is `{line}`, which is no evaluation: expected a finite number in each of \
+                     the columns {columns}, the first three of them whole"
+                ))
+            })
         };
-        text.lines().enumerate().skip(1).map(row).collect()
+        let rows: Vec<EvaluationRow> = text.lines().enumerate().skip(1).map(row).collect::<Result<_, _>>()?;
+        match rows.windows(2).find(|pair| pair[0].steps >= pair[1].steps) {
+            Some(pair) => Err(damaged(format!("its steps do not rise at {}", pair[1].steps))),
+            None => Ok(rows),
+        }
     }
 
     /// The episodes of all evaluations, by step count.
     pub fn episodes(&self) -> Result<Vec<(u64, BothEpisodes)>, FileError> {
         let path = self.folder.join(EPISODES);
-        let text = read_lines(&path)?;
+        let text = self.lines(EPISODES)?;
         let mut all: Vec<(u64, BothEpisodes)> = Vec::new();
         for (number, line) in text.lines().enumerate().skip(1) {
             let (steps, actions, episode) = parse_episode(line).ok_or_else(|| {
-                let why = format!("line {} is `{line}`, which is no episode", number + 1);
+                let why = format!(
+                    "line {} is `{line}`, which is no episode: expected {}, with `greedy` or `sampled` as \
+                     actions, a finite return, and 0 or 1 for won",
+                    number + 1,
+                    EPISODE_COLUMNS.trim_end()
+                );
                 FileError::Damaged { path: path.clone(), why }
             })?;
             if all.last().is_none_or(|(last, _)| *last != steps) {
                 all.push((steps, BothEpisodes::default()));
             }
             if let Some((_, both)) = all.last_mut() {
-                both[usize::from(actions == Actions::Sampled)].push(episode);
+                both[actions.index()].push(episode);
             }
         }
         Ok(all)
+    }
+
+    /// The lines of a file. What a killed process left of its last line is left out; in a run that is
+    /// complete none was killed, and an evaluation or an episode would be missing.
+    fn lines(&self, name: &str) -> Result<String, FileError> {
+        let path = self.folder.join(name);
+        let text = read_lines(&path)?;
+        if FinalResult::path(&self.folder).exists() && read_text(&path)?.len() > text.len() {
+            let why = "its last line has no line break at its end, although the run is complete".to_owned();
+            return Err(FileError::Damaged { path, why });
+        }
+        Ok(text)
     }
 }
 
@@ -137,32 +182,51 @@ fn first_number(line: &str) -> Option<u64> {
     line.split(',').next()?.parse().ok()
 }
 
-fn parse_episode(line: &str) -> Option<(u64, Actions, Episode)> {
+fn parse_episode(line: &str) -> Option<(u64, Choice, Episode)> {
     let fields: Vec<&str> = line.split(',').collect();
     let &[steps, actions, _, episode_return, length, won] = &fields[..] else { return None };
-    let actions = Actions::BOTH.into_iter().find(|kind| kind.name() == actions)?;
-    let (episode_return, length) = (episode_return.parse().ok()?, length.parse().ok()?);
-    Some((steps.parse().ok()?, actions, Episode { episode_return, length, won: won == "1" }))
+    let actions = Choice::BOTH.into_iter().find(|kind| kind.name() == actions)?;
+    let episode_return = episode_return.parse().ok().filter(|value: &f32| value.is_finite())?;
+    let won = match won {
+        "0" => false,
+        "1" => true,
+        _ => return None,
+    };
+    Some((steps.parse().ok()?, actions, Episode { episode_return, length: length.parse().ok()?, won }))
 }
 
 /// The complete lines of a file; none if it does not exist.
 fn read_lines(path: &Path) -> Result<String, FileError> {
-    let mut text = match fs::read_to_string(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(String::new()),
-        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source })?,
-    };
+    let mut text = read_text(path)?;
     text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
     Ok(text)
 }
 
-/// The files of weights in a folder; none if it does not exist.
+fn read_text(path: &Path) -> Result<String, FileError> {
+    match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source }),
+    }
+}
+
+/// The step count that a file of weights is named by.
+fn steps_of(path: &Path) -> Option<u64> {
+    path.file_name()?.to_str()?.strip_suffix(".safetensors")?.parse().ok()
+}
+
+/// The files of weights in a folder, and those of weights that a killed process did not complete; none if it
+/// does not exist. Other files are not those of a run.
 fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let error = |source| FileError::Read { path: folder.to_owned(), source };
     let entries = match fs::read_dir(folder) {
         Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(error)?,
     };
-    entries.map(|entry| entry.map(|entry| entry.path()).map_err(error)).collect()
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(error));
+    let is_incomplete =
+        |path: &Path| path.file_name().is_some_and(|name| name.as_bytes().starts_with(b".tmp"));
+    let is_ours = |path: &PathBuf| steps_of(path).is_some() || is_incomplete(path);
+    paths.filter(|path| path.as_ref().map_or(true, is_ours)).collect()
 }
 
 fn append(path: &Path, text: &str) -> Result<(), FileError> {

@@ -24,12 +24,12 @@ use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::team::Team;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
 pub(crate) use files::{BothEpisodes, EvaluationFiles};
 pub use final_result::FinalResult;
-pub use play::Actions;
 pub(crate) use play::{Evaluator, Occasion};
 pub use row::{EvaluationRow, Summary};
 use smaclite_ipc::ClientError;
@@ -63,7 +63,8 @@ impl Evaluations {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
         let (files, rows) = EvaluationFiles::open(folder, trained_steps)?;
-        if trained_steps < run.config.steps {
+        // The final episodes are those of the best of all evaluations, so none may be due.
+        if trained_steps < run.config.steps || rows.last().is_none_or(|last| last.steps < run.config.steps) {
             remove(&FinalResult::path(folder))?;
         }
         let (folder, run) = (folder.to_owned(), run.clone());
@@ -117,8 +118,8 @@ impl Evaluations {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), TrainError> {
         let _timer = CpuTimer::start(); // so that other runs of the process do not count this time
-        write_actor(&self.files.weights(steps)?, &state.team.actor)?;
-        let played = Actions::BOTH.map(|actions| {
+        self.files.write_weights(steps, &state.team.actor)?;
+        let played = Choice::BOTH.map(|actions| {
             let occasion = Occasion::Training { steps };
             self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
         });
@@ -152,7 +153,7 @@ impl Evaluations {
         let (false, Some(best)) = (path.exists(), EvaluationRow::best(&self.rows)) else { return Ok(()) };
         let _timer = CpuTimer::start();
         let actor = read_actor(&self.folder.join(BEST), state.team.actor.mlp.clone())?;
-        let [greedy, sampled] = Actions::BOTH.map(|actions| {
+        let [greedy, sampled] = Choice::BOTH.map(|actions| {
             self.evaluator.play(&actor, Occasion::Final, actions, FINAL_EPISODES, interrupted)
         });
         let episodes = [greedy.map_err(stop)?, sampled.map_err(stop)?];
@@ -166,7 +167,7 @@ impl Evaluations {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
         let mlp = Team::new(&self.run.config, self.run.sizes).actor.mlp;
-        let kept = read_actor(&self.files.weights(best.steps)?, mlp.clone())?;
+        let kept = read_actor(&self.files.weights(best.steps), mlp.clone())?;
         if !path.exists() || read_actor(&path, mlp)? != kept {
             write_actor(&path, &kept)?;
         }

@@ -10,7 +10,6 @@ use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use crate::tournament::{Ended, Pairing, Play, Player};
 use crate::trained_team::TrainedTeam;
-use serde::{Deserialize, Serialize};
 use smaclite_engine::{Opponent, Scratch};
 use std::path::Path;
 use std::sync::Arc;
@@ -18,29 +17,6 @@ use std::sync::Arc;
 /// Episodes in lockstep. Their number decides the last bits of the outputs, so it does not depend on the
 /// number of threads; it is small enough for several threads to be busy.
 const LOCKSTEP: usize = 8;
-
-/// How actions are chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Actions {
-    /// The most probable ones.
-    Greedy,
-    /// Drawn by their probabilities.
-    Sampled,
-}
-
-impl Actions {
-    /// In the order of the files.
-    pub(crate) const BOTH: [Actions; 2] = [Actions::Greedy, Actions::Sampled];
-
-    /// The keyword in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Actions::Greedy => "greedy",
-            Actions::Sampled => "sampled",
-        }
-    }
-}
 
 /// Which evaluation of a run is played. It decides the seeds.
 #[derive(Clone, Copy)]
@@ -55,8 +31,8 @@ pub(crate) enum Occasion {
 
 impl Occasion {
     /// The seed of the first episode; the next one has the next seed. Actions are drawn from it too.
-    fn seed(self, run: u64, actions: Actions) -> u64 {
-        let sampled = u64::from(actions == Actions::Sampled);
+    fn seed(self, run: u64, choice: Choice) -> u64 {
+        let sampled = choice.index() as u64;
         match self {
             Occasion::Training { steps } => seed(run, Purpose::TrainingEvaluations, [steps, sampled]),
             Occasion::Final => seed(run, Purpose::FinalEvaluation, [0, sampled]),
@@ -104,7 +80,7 @@ impl Evaluator {
         &mut self,
         actor: &Network,
         occasion: Occasion,
-        actions: Actions,
+        choice: Choice,
         episodes: usize,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Vec<Episode>, Interrupted> {
@@ -112,11 +88,7 @@ impl Evaluator {
         if let Player::Team(team) = &mut players[0] {
             team.network = actor.without_optimiser();
         }
-        let choice = match actions {
-            Actions::Greedy => Choice::Greedy,
-            Actions::Sampled => Choice::Sampled,
-        };
-        let play = Play { seed: occasion.seed(self.seed, actions), choice };
+        let play = Play { seed: occasion.seed(self.seed, choice), choice };
         let mut ended = vec![Ended::default(); episodes];
         let jobs = ended.chunks_mut(LOCKSTEP).enumerate();
         parallel::run(jobs, scratches, interrupted, |(job, ended), scratch| {

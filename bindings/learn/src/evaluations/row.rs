@@ -90,7 +90,9 @@ impl EvaluationRow {
         let fields: Vec<&str> = line.trim_end().split(',').collect();
         let (counts, values) = fields.split_at_checked(3)?;
         let counts: Vec<u64> = counts.iter().map(|field| field.parse().ok()).collect::<Option<_>>()?;
-        let values: Vec<f64> = values.iter().map(|field| field.parse().ok()).collect::<Option<_>>()?;
+        // What is no number would be the best of all, and is none in JSON.
+        let finite = |field: &&str| field.parse().ok().filter(|value: &f64| value.is_finite());
+        let values: Vec<f64> = values.iter().map(finite).collect::<Option<_>>()?;
         let [steps, trained_steps, updates] = counts[..] else { return None };
         let &[a, b, c, d, e, f, seconds, cpu_seconds] = &values[..] else { return None };
         let greedy = Summary { win_rate: a, mean_return: b, mean_length: c };
@@ -129,6 +131,11 @@ mod tests {
         assert_eq!(EvaluationRow::parse(&row.line()), Some(row));
         assert_eq!(EvaluationRow::parse(&EvaluationRow::COLUMNS.join(",")), None);
         assert_eq!(EvaluationRow::parse("1,2,3,4"), None);
+        for value in ["nan", "NaN", "inf", "-inf", "", "0.1.2"] {
+            let changed = row.line().replacen("-0.0000001", value, 1);
+            assert_ne!(changed, row.line());
+            assert_eq!(EvaluationRow::parse(&changed), None, "{value}");
+        }
     }
 
     #[test]

@@ -2,15 +2,17 @@
 
 use super::files::BothEpisodes;
 use super::{
-    Actions, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES, FinalResult,
-    Occasion, Summary,
+    EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES, FinalResult, Occasion,
+    Summary,
 };
 use crate::checkpoint::read_actor;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// What was played again.
@@ -30,7 +32,7 @@ pub struct Difference {
     /// The step count of the evaluation; `None` for the final one.
     pub steps: Option<u64>,
     /// How actions were chosen.
-    pub actions: Actions,
+    pub actions: Choice,
     /// The episode; `None` if all are equal, and only a mean differs.
     pub episode: Option<usize>,
     /// What the file says.
@@ -62,6 +64,21 @@ pub enum VerifyError {
     File(#[from] FileError),
     #[error("`{folder}` has no evaluations; `train --evaluate-every N` makes them")]
     NoEvaluations { folder: String },
+    #[error(
+        "`{folder}` has no final episodes (final.json), as it is not complete: verify its evaluations with \
+         --evaluations sample or all, or resume it until its end"
+    )]
+    NotComplete { folder: String },
+    #[error(
+        "`{folder}` is not verified: it has no evaluation at {steps} steps, but run.json says that there is \
+         one at every multiple of {every} steps and at the end, {end}"
+    )]
+    Missing { folder: String, steps: u64, every: u64, end: u64 },
+    #[error(
+        "`{folder}` is not verified: final.json is of a run of {played} steps, but run.json says that it \
+         makes {end}; resume it until its end"
+    )]
+    OtherEnd { folder: String, played: u64, end: u64 },
     #[error("`{folder}` is not verified: {which} has {found} {actions} episodes, but {expected} are played")]
     Episodes { folder: String, which: String, found: usize, actions: &'static str, expected: usize },
     #[error(
@@ -105,11 +122,12 @@ pub fn verify(
         VerifyError::Differs { folder, difference: Box::new(difference) }
     };
     let mut verification = Verification::default();
-    let all = verifier.recorded()?;
+    let (all, result) = (verifier.recorded()?, FinalResult::read(folder)?);
+    verifier.check_steps(&all, result.as_ref())?;
     for (row, recorded) in spread(&all, evaluations) {
         let steps = row.steps;
         verifier.check_count(&format!("the evaluation at {steps} steps"), recorded, EVALUATION_EPISODES)?;
-        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps)?)?;
+        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps))?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
         let difference = verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
@@ -117,7 +135,7 @@ pub fn verify(
         verification.evaluations += 1;
         verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
     }
-    if let Some(result) = FinalResult::read(folder)? {
+    if let Some(result) = result {
         let rows: Vec<EvaluationRow> = all.iter().map(|(row, _)| *row).collect();
         let actor = verifier.best(&result, &rows)?;
         let summaries = [result.greedy, result.sampled];
@@ -129,10 +147,23 @@ pub fn verify(
         verification.is_final = true;
         verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
     }
+    let folder = || folder.display().to_string();
     match verification.episodes {
-        0 => Err(VerifyError::NoEvaluations { folder: folder.display().to_string() }),
+        0 if all.is_empty() => Err(VerifyError::NoEvaluations { folder: folder() }),
+        0 => Err(VerifyError::NotComplete { folder: folder() }),
         _ => Ok(verification),
     }
+}
+
+/// The first step count without an evaluation, of a run that is evaluated at every multiple of `every` steps
+/// and at its end, and that has evaluations at `steps`. A run that is not complete has them until its last
+/// one. Others, as that at the end before the run was extended, may be there too.
+fn missing(steps: &BTreeSet<u64>, every: u64, end: u64, is_complete: bool) -> Option<u64> {
+    let last = steps.last().copied();
+    let known = if is_complete { end } else { last.map_or(0, |last| last.min(end)) };
+    let mut multiples = (0..known).step_by(usize::try_from(every).unwrap_or(usize::MAX));
+    let is_missing_at_end = is_complete && last.is_none_or(|last| last < end);
+    multiples.find(|count| !steps.contains(count)).or(is_missing_at_end.then_some(end))
 }
 
 /// At most `count` of them, evenly chosen, the last one among them.
@@ -166,6 +197,27 @@ impl<'a> Verifier<'a> {
         Ok(files.rows()?.into_iter().map(with_episodes).collect())
     }
 
+    /// No evaluation was left out, as far as the run has come, and it has come to the end that it was to.
+    fn check_steps(
+        &self,
+        all: &[(EvaluationRow, BothEpisodes)],
+        result: Option<&FinalResult>,
+    ) -> Result<(), VerifyError> {
+        let end = self.run.config.steps;
+        let Some(every) = self.run.config.evaluate_every else { return Ok(()) };
+        let steps = all.iter().map(|(row, _)| row.steps).collect();
+        let folder = || self.folder.display().to_string();
+        if let Some(steps) = missing(&steps, every, end, result.is_some()) {
+            return Err(VerifyError::Missing { folder: folder(), steps, every, end });
+        }
+        match result {
+            Some(result) if result.run_steps < end => {
+                Err(VerifyError::OtherEnd { folder: folder(), played: result.run_steps, end })
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn actor(&self, path: &Path) -> Result<Network, FileError> {
         read_actor(path, Team::new(&self.run.config, self.run.sizes).actor.mlp)
     }
@@ -174,7 +226,7 @@ impl<'a> Verifier<'a> {
     fn best(&self, result: &FinalResult, rows: &[EvaluationRow]) -> Result<Network, VerifyError> {
         let actor = self.actor(&self.folder.join(BEST))?;
         let of_rows = EvaluationRow::best(rows).map_or(result.steps, |best| best.steps);
-        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows)?)?;
+        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows))?;
         let folder = || self.folder.display().to_string();
         if of_rows != result.steps {
             return Err(VerifyError::NotTheBest { folder: folder(), played: result.steps, best: of_rows });
@@ -187,7 +239,7 @@ impl<'a> Verifier<'a> {
 
     /// All episodes are there: none was left out.
     fn check_count(&self, which: &str, recorded: &BothEpisodes, expected: usize) -> Result<(), VerifyError> {
-        let wrong = Actions::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
+        let wrong = Choice::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
         let Some((actions, episodes)) = wrong else { return Ok(()) };
         let (folder, which) = (self.folder.display().to_string(), which.to_owned());
         let (found, actions) = (episodes.len(), actions.name());
@@ -202,7 +254,7 @@ impl<'a> Verifier<'a> {
         summaries: [Summary; 2],
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Difference>, Interrupted> {
-        for ((actions, recorded), summary) in Actions::BOTH.into_iter().zip(recorded).zip(summaries) {
+        for ((actions, recorded), summary) in Choice::BOTH.into_iter().zip(recorded).zip(summaries) {
             let played = self.evaluator.play(actor, occasion, actions, recorded.len(), interrupted)?;
             let differs = recorded.iter().zip(&played).position(|(a, b)| !equal_bits(a, b));
             let difference = |episode, recorded: String, played: String| {
@@ -233,6 +285,31 @@ fn in_words(episode: &Episode) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_evaluation_that_was_left_out_is_missing() {
+        let check = |steps: &[u64], end, is_complete, expected: Option<u64>| {
+            let found = missing(&steps.iter().copied().collect(), 400, end, is_complete);
+            assert_eq!(found, expected, "{steps:?} of {end}");
+        };
+        check(&[0, 400, 800, 930], 930, true, None);
+        check(&[0, 800, 930], 930, true, Some(400));
+        check(&[400, 800, 930], 930, true, Some(0));
+        check(&[0, 400, 800], 930, true, Some(930));
+        check(&[0, 400, 800], 800, true, None);
+        check(&[0, 400], 800, true, Some(800));
+        check(&[], 930, true, Some(0));
+        // As far as a run that is not complete has come.
+        check(&[0, 400], 930, false, None);
+        check(&[0, 800], 930, false, Some(400));
+        check(&[400], 930, false, Some(0));
+        check(&[], 930, false, None);
+        // Extended after its end at 930 or 800, and ended before an evaluation that it had.
+        check(&[0, 400, 800, 930, 1200, 1500], 1500, true, None);
+        check(&[0, 400, 800, 1200, 1500], 1500, true, None);
+        check(&[0, 400, 930, 1200, 1500], 1500, true, Some(800));
+        check(&[0, 400, 800], 500, true, None);
+    }
 
     #[test]
     fn a_sample_is_spread_and_has_the_last() {

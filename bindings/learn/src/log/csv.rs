@@ -14,11 +14,11 @@ pub(crate) struct CsvLog {
 
 impl CsvLog {
     /// Opens the log of a run that has made `updates` updates, and removes lines after those: they are of
-    /// updates that are made again.
+    /// updates that are made again. A process that is killed meanwhile leaves the old file.
     pub fn open(path: &Path, updates: u64) -> Result<CsvLog, FileError> {
         let error = |source| FileError::Write { path: path.to_owned(), source };
         let kept = if updates == 0 { String::new() } else { kept(path, updates).map_err(error)? };
-        std::fs::write(path, kept).map_err(error)?;
+        crate::tensors::write(path, kept.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path).map_err(error)?;
         Ok(CsvLog { path: path.to_owned(), file })
     }
@@ -50,4 +50,23 @@ fn kept(path: &Path, updates: u64) -> io::Result<String> {
         line.ends_with('\n') && update.is_none_or(|update| update <= updates)
     };
     Ok(text.split_inclusive('\n').filter(is_kept).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The file was emptied and then written again: a process that was killed in between, or a full disk,
+    /// left a log without its beginning.
+    #[test]
+    fn a_log_that_is_opened_again_is_replaced_by_a_whole_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, old) = (folder.path().join("log.csv"), folder.path().join("old.csv"));
+        let text = "update,steps\n1,100\n2,200\n3,";
+        std::fs::write(&path, text).unwrap();
+        std::fs::hard_link(&path, &old).unwrap();
+        CsvLog::open(&path, 1).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "update,steps\n1,100\n");
+        assert_eq!(std::fs::read_to_string(&old).unwrap(), text, "nothing wrote into the old file");
+    }
 }

@@ -42,6 +42,11 @@ pub enum ReportError {
          episode limit or the opponents; report them separately", first.display(), second.display()
     )]
     OtherBattles { task: String, first: PathBuf, second: PathBuf },
+    #[error(
+        "{0}\nThe weights of all evaluations play to find out when the team first won; --skip-times leaves \
+         this out"
+    )]
+    NoTime(FileError),
     #[error("interrupted")]
     Interrupted,
 }

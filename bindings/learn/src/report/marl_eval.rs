@@ -4,7 +4,7 @@
 //! no more.
 
 use super::{AlgorithmRuns, Benchmark, EvaluatedRun};
-use crate::evaluations::Actions;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
@@ -16,7 +16,7 @@ pub const ENVIRONMENT: &str = "smaclite";
 ///
 /// # Errors
 /// If algorithms have different tasks, numbers of runs or step counts, or names that it does not accept.
-pub fn marl_eval_json(benchmark: &Benchmark, actions: Actions) -> Result<String, String> {
+pub fn marl_eval_json(benchmark: &Benchmark, actions: Choice) -> Result<String, String> {
     check(benchmark)?;
     let algorithm = |algorithm: &AlgorithmRuns, task: &str| {
         let runs = algorithm.tasks[task].iter().enumerate();
@@ -52,7 +52,7 @@ fn check(benchmark: &Benchmark) -> Result<(), String> {
     }
 }
 
-fn run_object(run: &EvaluatedRun, actions: Actions) -> Object<Metrics> {
+fn run_object(run: &EvaluatedRun, actions: Choice) -> Object<Metrics> {
     let steps = run.evaluations.iter().enumerate().map(|(i, evaluation)| {
         let metrics = Metrics::of(Some(evaluation.row.steps), evaluation.episodes(actions));
         (format!("step_{i}"), metrics)

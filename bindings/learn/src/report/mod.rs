@@ -27,7 +27,7 @@ pub use marl_eval::{ENVIRONMENT, marl_eval_json};
 pub use run::{EvaluatedRun, PlayedEvaluation};
 pub use scores::Metric;
 pub use summary::{Aggregate, Curve, Improvement, Profile, Report, THRESHOLDS};
-pub use time_to_win::{CRITERION_EPISODES, CRITERION_WIN_RATE, Spread, TimeToWin, time_to_win};
+pub use time_to_win::{CRITERION_EPISODES, CRITERION_WIN_RATE, FirstWin, Spread, TimeToWin, time_to_win};
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -92,7 +92,8 @@ impl Benchmark {
         Ok(())
     }
 
-    /// What a reader should know: where algorithms, tasks, seeds or steps are not equal.
+    /// What a reader should know: where algorithms, tasks, seeds or steps are not equal, and where runs are
+    /// few.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let common = self.common_tasks();
@@ -116,6 +117,7 @@ impl Benchmark {
             });
             notes.push(format!("numbers of seeds differ: {}", each.collect::<Vec<_>>().join(", ")));
         }
+        notes.extend(self.algorithms.iter().filter_map(few_runs));
         for algorithm in &self.algorithms {
             for task in algorithm.tasks.keys().filter(|task| algorithm.has_mixed_settings(task)) {
                 notes.push(format!(
@@ -136,4 +138,25 @@ impl Benchmark {
         let steps: Vec<u64> = all.next()?.steps().collect();
         all.all(|run| run.steps().eq(steps.iter().copied())).then_some(steps)
     }
+}
+
+/// Fewer runs of a task than these say little: a quarter of three is none, and of one, every draw is the
+/// same.
+const FEW_RUNS: usize = 5;
+
+fn few_runs(algorithm: &AlgorithmRuns) -> Option<String> {
+    let few: Vec<_> = algorithm.tasks.iter().filter(|(_, runs)| runs.len() < FEW_RUNS).collect();
+    let fewest = few.iter().map(|(_, runs)| runs.len()).min()?;
+    let tasks = match few.len() == algorithm.tasks.len() && few.len() > 1 {
+        true => "every task".to_owned(),
+        false => few.iter().map(|(task, _)| task.as_str()).collect::<Vec<_>>().join(", "),
+    };
+    let meaning = match fewest {
+        1 => "the interval of a single run has no width",
+        2 | 3 => {
+            "their interval is narrow by chance, and the interquartile mean of fewer than four is the mean"
+        }
+        _ => "their interval is narrow by chance",
+    };
+    Some(format!("{} has fewer than five runs of {tasks} (at least {fewest}): {meaning}", algorithm.name))
 }

@@ -2,22 +2,28 @@
 //!
 //! The folder is one of `smaclite-pool train --evaluate-every N`, or of another learner that writes the same
 //! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead
-//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`.
+//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`; and with `rules`, if
+//! its battles were not played by those of SMAClite.
 
 use super::ReportError;
 use crate::description::RunDescription;
-use crate::evaluations::{Actions, BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
+use crate::evaluations::{BothEpisodes, EvaluationFiles, EvaluationRow, FinalResult, Summary};
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::tensors::{FileError, read};
 use serde_json::Value;
-use smaclite_engine::Rules;
+use smaclite_engine::{Rules, UnknownRules};
 use std::path::{Path, PathBuf};
 
 /// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
 const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
 
-/// How far a win rate in `evaluations.csv` may be from that of its episodes.
+/// How far a win rate may be from that of its episodes.
 const ROUNDING: f64 = 1e-6;
+
+/// How far a mean return or length may be from that of the episodes, as a share of it if it is above 1: other
+/// learners may round either of them.
+const COARSE_ROUNDING: f64 = 1e-2;
 
 /// An evaluation while a run trained.
 #[derive(Clone, Debug)]
@@ -49,8 +55,8 @@ pub struct EvaluatedRun {
 
 impl PlayedEvaluation {
     /// Its episodes.
-    pub fn episodes(&self, actions: Actions) -> &[Episode] {
-        &self.episodes[usize::from(actions == Actions::Sampled)]
+    pub fn episodes(&self, actions: Choice) -> &[Episode] {
+        &self.episodes[actions.index()]
     }
 }
 
@@ -71,6 +77,7 @@ impl EvaluatedRun {
         if result.greedy_episodes.is_empty() || result.sampled_episodes.is_empty() || evaluations.is_empty() {
             return Err(incomplete());
         }
+        check_final(folder, &result)?;
         let folder = folder.to_owned();
         let described = if folder.join(DESCRIPTIONS[0]).is_file() {
             Described::by_program(&folder)?
@@ -87,10 +94,10 @@ impl EvaluatedRun {
     }
 
     /// The final episodes.
-    pub fn final_episodes(&self, actions: Actions) -> &[Episode] {
+    pub fn final_episodes(&self, actions: Choice) -> &[Episode] {
         match actions {
-            Actions::Greedy => &self.result.greedy_episodes,
-            Actions::Sampled => &self.result.sampled_episodes,
+            Choice::Greedy => &self.result.greedy_episodes,
+            Choice::Sampled => &self.result.sampled_episodes,
         }
     }
 }
@@ -103,19 +110,16 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
     for row in files.rows()? {
         let steps = row.steps;
         let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
-        if evaluations.last().is_some_and(|last| last.row.steps >= steps) {
-            return Err(damaged(format!("its steps do not rise at {steps}")).into());
-        }
         let found = all_episodes.iter().position(|(of, _)| *of == steps);
         let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
-        for (episodes, summary) in episodes.iter().zip([row.greedy, row.sampled]) {
-            let played = Summary::of(episodes);
-            if episodes.is_empty() || (played.win_rate - summary.win_rate).abs() > ROUNDING {
-                let (rate, other) = (summary.win_rate, played.win_rate);
-                let counted = episodes.len();
+        for (actions, summary) in Choice::BOTH.into_iter().zip([row.greedy, row.sampled]) {
+            let (of_kind, actions) = (&episodes[actions.index()], actions.name());
+            let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));
+            if let Some((what, said, played)) = none.or_else(|| difference(summary, of_kind)) {
+                let counted = of_kind.len();
                 let why = format!(
-                    "at {steps} steps it has the win rate {rate}, and evaluation_episodes.csv has {counted} \
-                     episodes with {other}"
+                    "at {steps} steps it has the {what} {said} of {actions} episodes, and \
+                     evaluation_episodes.csv has {counted} episodes with {played}"
                 );
                 return Err(damaged(why).into());
             }
@@ -123,6 +127,33 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         evaluations.push(PlayedEvaluation { row, episodes });
     }
     Ok(evaluations)
+}
+
+/// Its means must be those of its episodes.
+fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
+    let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
+    let kinds = [(&result.greedy_episodes, result.greedy), (&result.sampled_episodes, result.sampled)];
+    for (actions, (episodes, summary)) in Choice::BOTH.into_iter().zip(kinds) {
+        let (actions, counted) = (actions.name(), episodes.len());
+        if let Some((what, said, played)) = difference(summary, episodes) {
+            let why = format!("its {actions} {what} is {said}, but that of its {counted} episodes {played}");
+            return Err(damaged(why));
+        }
+    }
+    Ok(())
+}
+
+/// A mean that is not that of the episodes: its name, what is said, and what was played.
+fn difference(said: Summary, episodes: &[Episode]) -> Option<(&'static str, f64, f64)> {
+    let played = Summary::of(episodes);
+    let coarse = |value: f64| COARSE_ROUNDING * value.abs().max(1.0);
+    let means = [
+        ("win rate", said.win_rate, played.win_rate, ROUNDING),
+        ("mean return", said.mean_return, played.mean_return, coarse(played.mean_return)),
+        ("mean length", said.mean_length, played.mean_length, coarse(played.mean_length)),
+    ];
+    let differs = means.into_iter().find(|(_, said, played, rounding)| (said - played).abs() > *rounding)?;
+    Some((differs.0, differs.1, differs.2))
 }
 
 /// What a description says.
@@ -143,13 +174,13 @@ impl Described {
         without(&mut settings, "seed");
         without(&mut battles["files"], "source"); // where the file was, not what is in it
         battles["enemies"] = settings["enemies"].clone();
-        let suffix = if description.setup.rules == Rules::Paper { "-paper" } else { "" };
-        let task = format!("{}{suffix}", description.name);
+        let task = task_name(&description.name, description.setup.rules);
         let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
         Ok(Described { task, seed, description, battles, settings })
     }
 
     fn by_other(path: &Path) -> Result<Described, FileError> {
+        let damaged = |why| FileError::Damaged { path: path.to_owned(), why };
         let mut settings = read_object(path)?;
         let scenario = settings["scenario"].as_str().map(Path::new);
         let name = scenario.map(|path| match path.extension() {
@@ -157,12 +188,30 @@ impl Described {
             _ => path.as_os_str(),
         });
         let (Some(name), Some(seed)) = (name, settings["seed"].as_u64()) else {
-            let why = "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned();
-            return Err(FileError::Damaged { path: path.to_owned(), why });
+            return Err(damaged(
+                "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned(),
+            ));
         };
-        let task = name.to_string_lossy().into_owned();
+        let rules: Rules = match settings.get("rules") {
+            None => Rules::default(),
+            Some(Value::String(rules)) => {
+                rules.parse().map_err(|error: UnknownRules| damaged(error.to_string()))?
+            }
+            Some(other) => {
+                return Err(damaged(format!("`rules` must be `smaclite` or `paper`, got {other}")));
+            }
+        };
+        let task = task_name(&name.to_string_lossy(), rules);
         ["seed", "out"].into_iter().for_each(|name| without(&mut settings, name));
         Ok(Described { task, seed, description: None, battles: None, settings })
+    }
+}
+
+/// Runs by different rules are not compared with each other.
+fn task_name(scenario: &str, rules: Rules) -> String {
+    match rules {
+        Rules::Smaclite => scenario.to_owned(),
+        Rules::Paper => format!("{scenario}-paper"),
     }
 }
 

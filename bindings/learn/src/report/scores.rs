@@ -1,7 +1,7 @@
 //! Scores: one number per run, in the strata of the tasks.
 
 use super::{AlgorithmRuns, Benchmark};
-use crate::evaluations::Actions;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::statistics::Scores;
 use std::collections::BTreeMap;
@@ -31,13 +31,13 @@ impl Metric {
 
 /// Computes scores of runs.
 pub(super) struct Scorer {
-    pub actions: Actions,
+    pub actions: Choice,
     /// The lowest and the highest return of every task.
     ranges: BTreeMap<String, [f64; 2]>,
 }
 
 impl Scorer {
-    pub fn new(benchmark: &Benchmark, actions: Actions) -> Scorer {
+    pub fn new(benchmark: &Benchmark, actions: Choice) -> Scorer {
         let range = |task: &str| {
             let episodes = benchmark.runs_of(task).flat_map(|run| {
                 let evaluations = run.evaluations.iter().flat_map(|played| played.episodes(actions));

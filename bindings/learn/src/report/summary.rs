@@ -2,7 +2,7 @@
 
 use super::scores::Scorer;
 use super::{AlgorithmRuns, Benchmark, Metric};
-use crate::evaluations::Actions;
+use crate::policy::Choice;
 use crate::statistics::{
     Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
 };
@@ -85,7 +85,7 @@ pub struct Report {
 
 impl Report {
     /// Computes the numbers. Equal runs and seeds give equal ones.
-    pub fn new(benchmark: &Benchmark, actions: Actions, seed: u64) -> Report {
+    pub fn new(benchmark: &Benchmark, actions: Choice, seed: u64) -> Report {
         let scorer = Scorer::new(benchmark, actions);
         let common = benchmark.common_tasks();
         let mut report = Report {

@@ -2,10 +2,14 @@
 //! episodes is at least 90 %, which 189 wins are.
 //!
 //! The 32 episodes of an evaluation cannot say so: even 32 wins have a lower end of 89.3 %. So the weights of
-//! every evaluation, from the first on, play 200 episodes with seeds that no other evaluation has, and the
-//! time is that of the first weights with enough wins. A team that has lost too many episodes plays no more
-//! of them, so this costs little. Other learners do the same while they train, and leave the result in
-//! `time_to_win.json`, an object with `greedy` and `sampled`, each a [`TimeToWin`] or null.
+//! every evaluation, from the first on, play 200 episodes, and the time is that of the first weights with
+//! enough wins. Neither the evaluations of the run nor its final episodes have the seeds of these episodes;
+//! greedy and sampled actions have the same. A team that has lost too many episodes plays no more of them, so
+//! this costs little.
+//!
+//! Other learners do the same while they train, and leave the result in `time_to_win.json`, an object with
+//! `greedy` and `sampled`, each a [`TimeToWin`] or null. The file is optional: without it, nobody knows when
+//! the team won, which is not the same as never ([`FirstWin`]).
 //!
 //! Greedy teams are not all: where episodes begin equal and hardly anything is random, 200 of them are one
 //! battle, which a team can win by chance. With sampled actions they differ.
@@ -13,8 +17,9 @@
 use super::{EvaluatedRun, ReportError};
 use crate::checkpoint::read_actor;
 use crate::description::RunDescription;
-use crate::evaluations::{Actions, EvaluationFiles, EvaluationRow, Evaluator, Occasion};
+use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluator, Occasion};
 use crate::parallel::Interrupted;
+use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::statistics::wilson_interval;
 use crate::team::{Network, Team};
@@ -46,35 +51,63 @@ pub struct TimeToWin {
     pub cpu_seconds: f64,
 }
 
-/// When the team of a run first won with such actions; `None` if it never did.
+/// Whether a team won while it trained, and when for the first time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FirstWin {
+    /// Nobody knows: another learner trained the team, whose weights cannot be played here, and left no
+    /// `time_to_win.json`.
+    NotMeasured,
+    /// Not in its run.
+    Never,
+    /// It did.
+    At(TimeToWin),
+}
+
+impl FirstWin {
+    /// When it won, if it did.
+    pub fn time(&self) -> Option<&TimeToWin> {
+        match self {
+            FirstWin::At(time) => Some(time),
+            FirstWin::NotMeasured | FirstWin::Never => None,
+        }
+    }
+
+    /// Whether it is known.
+    pub fn is_measured(&self) -> bool {
+        *self != FirstWin::NotMeasured
+    }
+}
+
+/// When the team of a run first won with such actions.
 ///
 /// # Errors
 /// If its files cannot be read or are damaged.
 pub fn time_to_win(
     run: &EvaluatedRun,
-    actions: Actions,
+    actions: Choice,
     threads: usize,
     interrupted: &mut dyn FnMut() -> bool,
-) -> Result<Option<TimeToWin>, ReportError> {
+) -> Result<FirstWin, ReportError> {
     let Some(description) = &run.description else { return Ok(recorded(run, actions)?) };
-    let mut evaluator = Evaluator::open(&run.folder, description, threads)?;
+    let evaluator = Evaluator::open(&run.folder, description, threads);
+    let mut evaluator = evaluator.map_err(ReportError::NoTime)?;
     for evaluation in &run.evaluations {
         let EvaluationRow { steps, seconds, cpu_seconds, .. } = evaluation.row;
-        let actor = actor(&run.folder, description, steps)?;
+        let actor = actor(&run.folder, description, steps).map_err(ReportError::NoTime)?;
         let mut play = |block: u64| {
             let occasion = Occasion::TimeToWin { steps, block };
             evaluator.play(&actor, occasion, actions, BLOCK, interrupted)
         };
         if let Some(wins) = enough_wins(&mut play)? {
             let episodes = CRITERION_EPISODES;
-            return Ok(Some(TimeToWin { steps, wins, episodes, seconds, cpu_seconds }));
+            return Ok(FirstWin::At(TimeToWin { steps, wins, episodes, seconds, cpu_seconds }));
         }
     }
-    Ok(None)
+    Ok(FirstWin::Never)
 }
 
 fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
-    let path = EvaluationFiles::of(folder).weights(steps)?;
+    let path = EvaluationFiles::of(folder).weights(steps);
     read_actor(&path, Team::new(&run.config, run.sizes).actor.mlp)
 }
 
@@ -102,33 +135,42 @@ fn is_enough(wins: usize, episodes: usize) -> bool {
 }
 
 /// What another learner left.
-fn recorded(run: &EvaluatedRun, actions: Actions) -> Result<Option<TimeToWin>, FileError> {
+fn recorded(run: &EvaluatedRun, actions: Choice) -> Result<FirstWin, FileError> {
     let path = run.folder.join("time_to_win.json");
     if !path.exists() {
-        return Ok(None);
+        return Ok(FirstWin::NotMeasured);
     }
     let damaged = |why: String| FileError::Damaged { path: path.clone(), why };
     let read = serde_json::from_slice(&read(&path)?);
     let Recorded { greedy, sampled } = read.map_err(|error| damaged(error.to_string()))?;
     let time = match actions {
-        Actions::Greedy => greedy,
-        Actions::Sampled => sampled,
+        Choice::Greedy => greedy,
+        Choice::Sampled => sampled,
     };
     match time {
-        Some(time) if time.wins > time.episodes || !is_enough(time.wins, time.episodes) => {
-            Err(damaged(format!("{} wins of {} episodes are too few", time.wins, time.episodes)))
+        Some(TimeToWin { wins, episodes, .. }) if wins > episodes => {
+            Err(damaged(format!("{wins} wins are more than there are episodes, {episodes}")))
         }
-        time => Ok(time),
+        Some(TimeToWin { wins, episodes, .. }) if !is_enough(wins, episodes) => Err(damaged(format!(
+            "{wins} wins of {episodes} episodes are too few: the lower end of the 95 % interval (Wilson) \
+             must be at least {CRITERION_WIN_RATE}, as that of 189 wins of 200 is"
+        ))),
+        Some(time) => Ok(FirstWin::At(time)),
+        None => Ok(FirstWin::Never),
     }
 }
 
+/// Both keys must be there: without one, nothing says that the team never won.
 #[derive(Deserialize)]
 struct Recorded {
+    #[serde(deserialize_with = "Option::deserialize")]
     greedy: Option<TimeToWin>,
+    #[serde(deserialize_with = "Option::deserialize")]
     sampled: Option<TimeToWin>,
 }
 
-/// Median and worst of some runs; `None` where the team never won.
+/// Median and worst of the runs of which it is known when the team first won; `None` where it never did, and
+/// if there are no such runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// The median; of an even number of runs, the mean of the middle two.
@@ -138,10 +180,10 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of the times of some runs. A run that never won is worse than all others.
-    pub fn of(times: &[Option<TimeToWin>], value: impl Fn(&TimeToWin) -> f64) -> Spread {
-        let value = |time: &Option<TimeToWin>| time.as_ref().map_or(f64::INFINITY, &value);
-        let mut values: Vec<f64> = times.iter().map(value).collect();
+    /// Of some runs. One that never won is worse than all others; one that was not measured is left out.
+    pub fn of(wins: &[FirstWin], value: impl Fn(&TimeToWin) -> f64) -> Spread {
+        let value = |win: &FirstWin| win.time().map_or(f64::INFINITY, &value);
+        let mut values: Vec<f64> = wins.iter().filter(|win| win.is_measured()).map(value).collect();
         values.sort_unstable_by(f64::total_cmp);
         let known = |value: f64| value.is_finite().then_some(value);
         let middle = |i: usize| values.get(i).copied().unwrap_or(f64::INFINITY);
@@ -186,16 +228,25 @@ mod tests {
     #[test]
     fn who_never_won_is_worst() {
         let at = |seconds| {
-            Some(TimeToWin { steps: 1, wins: 200, episodes: 200, seconds, cpu_seconds: 2.0 * seconds })
+            FirstWin::At(TimeToWin {
+                steps: 1,
+                wins: 200,
+                episodes: 200,
+                seconds,
+                cpu_seconds: 2.0 * seconds,
+            })
         };
-        let check = |times: &[Option<TimeToWin>], median, worst| {
-            assert_eq!(Spread::of(times, |time| time.seconds), Spread { median, worst }, "{times:?}");
+        let check = |wins: &[FirstWin], median, worst| {
+            assert_eq!(Spread::of(wins, |time| time.seconds), Spread { median, worst }, "{wins:?}");
         };
         check(&[at(3.0), at(1.0), at(2.0)], Some(2.0), Some(3.0));
-        check(&[at(3.0), None, at(1.0), at(2.0)], Some(2.5), None);
-        check(&[at(3.0), None], None, None);
-        check(&[None], None, None);
+        check(&[at(3.0), FirstWin::Never, at(1.0), at(2.0)], Some(2.5), None);
+        check(&[at(3.0), FirstWin::Never], None, None);
+        check(&[FirstWin::Never], None, None);
         check(&[], None, None);
+        check(&[at(3.0), FirstWin::NotMeasured, at(1.0)], Some(2.0), Some(3.0));
+        check(&[FirstWin::NotMeasured, FirstWin::Never], None, None);
+        check(&[FirstWin::NotMeasured], None, None);
         assert_eq!(Spread::of(&[at(3.0)], |time| time.cpu_seconds).worst, Some(6.0));
     }
 }

@@ -201,7 +201,7 @@ impl Tournament {
         }
         let setup = self.setup(&players)?;
         let pairings = Pairing::all(&setup, &players)?;
-        let choice = if greedy { Choice::Greedy } else { Choice::Sampled };
+        let choice = Choice::of(greedy);
         let mut jobs = jobs(&pairings, episodes);
         let mut scratches: Vec<Scratch> = (0..self.threads.max(1)).map(|_| Scratch::new()).collect();
         parallel::run(jobs.iter_mut(), &mut scratches, interrupted, |job, scratch| {

@@ -1,19 +1,13 @@
 //! Evaluations of runs while they train: they change no bit of the training, an interrupted run has the same
 //! ones, what was recorded can be verified, and the best weights are those that play.
 
-use crate::kit::{Place, check_resumed, complete, evaluation, scenario, small};
+use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
 use smaclite_learn::{
-    Config, Enemies, EvaluationRow, FinalResult, Run, SeedEvent, Seeds, SelfPlay, TrainError, TrainedTeam,
-    Weights, verify,
+    Config, Enemies, EvaluationRow, FinalResult, Run, SelfPlay, TrainedTeam, Weights, verify,
 };
 use std::fs;
 use std::io::Write;
 use std::path::Path;
-use std::sync::Mutex;
-
-fn evaluated() -> Config {
-    Config { evaluate_every: Some(400), ..small() }
-}
 
 #[test]
 fn evaluations_change_no_bit_of_the_training() {
@@ -67,6 +61,9 @@ fn the_best_weights_are_those_of_a_row() {
     let path = place.path("run");
     run.update(&mut || false).unwrap();
     run.checkpoint().unwrap();
+    let error = verify(&path, 0, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("has no final episodes (final.json), as it is not complete"), "{error}");
+    assert_eq!(verify(&path, 1, 1, &mut || false).unwrap().evaluations, 1);
     let first = fs::read(path.join("evaluations/000000000000.safetensors")).unwrap();
     while run.update(&mut || false).unwrap().is_some() {}
     drop(run);
@@ -78,6 +75,9 @@ fn the_best_weights_are_those_of_a_row() {
     assert_eq!(fs::read(path.join("best.safetensors")).unwrap(), first);
     complete(run);
     assert!(verify(&path, usize::MAX, 1, &mut || false).unwrap().is_final);
+    // Extended: the evaluation at the old end, 300, stays.
+    complete(Run::resume(&path, Some(930), place.lanes(10, 1), 1).unwrap());
+    assert_eq!(verify(&path, usize::MAX, 1, &mut || false).unwrap().evaluations, 5);
 }
 
 #[test]
@@ -106,6 +106,11 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
     .unwrap();
     let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
     assert!(error.contains("the evaluation at 800 steps"), "{error}");
+
+    // What only reads a run wrote a folder into it, and needed the permission to.
+    fs::remove_dir_all(path.join("evaluations")).unwrap();
+    verify(&path, 1, 1, &mut || false).unwrap_err();
+    assert!(!path.join("evaluations").exists());
 
     place.train("without", &small(), 1);
     let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
@@ -144,6 +149,16 @@ fn every_change_to_the_results_is_found() {
     check(error_after(&path, "evaluations.csv", other_mean), "the evaluation at 400 steps, sampled means");
     let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
     check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
+    for steps in ["0", "400", "930"] {
+        let without_row = |bytes: Vec<u8>| {
+            let rows = String::from_utf8(bytes).unwrap();
+            let stays = |line: &&str| !line.starts_with(&format!("{steps},"));
+            let rest: String = rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect();
+            rest.into_bytes()
+        };
+        let error = error_after(&path, "evaluations.csv", without_row);
+        check(error, &format!("it has no evaluation at {steps} steps, but run.json says"));
+    }
     let other_columns = text(|rows| rows.replacen("steps,", "step,", 1));
     check(error_after(&path, "evaluations.csv", other_columns), "its first line is `step,trained_steps");
     let without_one = text(|rows| {
@@ -177,6 +192,15 @@ fn every_change_to_the_results_is_found() {
         result.to_string().into_bytes()
     };
     check(error_after(&path, "final.json", won), "the final evaluation, sampled episode 319");
+    let shorter = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        result["run_steps"] = 800.into();
+        result.to_string().into_bytes()
+    };
+    check(
+        error_after(&path, "final.json", shorter),
+        "final.json is of a run of 800 steps, but run.json says",
+    );
     verify(&path, usize::MAX, 1, &mut || false).unwrap();
 }
 
@@ -206,6 +230,24 @@ fn half_an_evaluation_is_played_again() {
     assert!(place.evaluations("killed") == place.evaluations("whole"));
 }
 
+/// A folder without run.json is that of no run, but one that began in it kept the best weights of the old
+/// one, and these played.
+#[test]
+fn a_run_that_begins_has_no_best_weights_of_another() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    fs::remove_file(path.join("run.json")).unwrap();
+    fs::write(path.join("evaluations/notes.txt"), "not a file of a run").unwrap();
+    drop(place.begin("run", &Config { seed: 4, ..small() }, 1));
+    for name in ["evaluations.csv", "evaluation_episodes.csv", "best.safetensors", "final.json"] {
+        assert!(!path.join(name).exists(), "{name}");
+    }
+    let kept: Vec<_> = fs::read_dir(path.join("evaluations")).unwrap().collect();
+    assert!(kept.len() == 1 && path.join("evaluations/notes.txt").exists(), "{kept:?}");
+    assert_eq!(place.evaluate("run", 3).0.weights, Weights::Last);
+}
+
 #[test]
 fn the_best_weights_play_where_there_are_some() {
     let place = Place::new();
@@ -233,57 +275,4 @@ fn the_best_weights_play_where_there_are_some() {
     assert!(place.path("self/best.safetensors").exists());
     TrainedTeam::open(&place.path("self")).unwrap();
     assert_eq!(place.evaluate("self", 3).0.weights, Weights::Last);
-}
-
-/// Runs that train at the same time have the bits that they have alone, also after an interruption.
-#[test]
-fn seeds_train_together_as_they_do_alone() {
-    let place = Place::new();
-    for seed in 3..6 {
-        place.train(&format!("alone-{seed}"), &Config { seed, ..evaluated() }, 2);
-    }
-    let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &evaluated(), 3, &scenario(), &place.runtime_dir).unwrap();
-    let updates = Mutex::new(0);
-    let count = |_: u64, event: SeedEvent| {
-        if let SeedEvent::Updated(_) = event {
-            *updates.lock().unwrap() += 1;
-        }
-    };
-    let interrupted = || *updates.lock().unwrap() > 4;
-    let results = seeds.train(None, 2, &place.runtime_dir, &interrupted, &count);
-    assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
-    assert!(!folder.join("seed-5/final.json").exists());
-
-    let seeds = Seeds::open(&folder).unwrap().unwrap();
-    let ended = Mutex::new(Vec::new());
-    let note = |seed: u64, event: SeedEvent| {
-        if let SeedEvent::Ended { is_complete } = event {
-            ended.lock().unwrap().push((seed, is_complete));
-        }
-    };
-    seeds.train(None, 2, &place.runtime_dir, &|| false, &note);
-    let mut ended = ended.into_inner().unwrap();
-    ended.sort_unstable();
-    assert_eq!(ended, [(3, true), (4, true), (5, true)]);
-    for seed in 3..6 {
-        let (alone, together) = (format!("alone-{seed}"), format!("runs/seed-{seed}"));
-        assert_eq!(place.outcome(&alone), place.outcome(&together), "seed {seed}");
-        assert!(place.evaluations(&alone) == place.evaluations(&together), "evaluations of seed {seed}");
-    }
-}
-
-#[test]
-fn an_error_of_one_seed_does_not_end_the_others() {
-    let place = Place::new();
-    let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir).unwrap();
-    fs::write(folder.join("seed-4/checkpoint.safetensors"), "nothing").unwrap();
-    let results = seeds.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
-    let failed: Vec<u64> =
-        results.iter().filter(|(_, result)| result.is_err()).map(|(seed, _)| *seed).collect();
-    assert_eq!(failed, [4]);
-    assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
-    let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
-    assert!(again.err().unwrap().to_string().contains("already holds a run"));
 }

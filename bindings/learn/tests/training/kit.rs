@@ -144,6 +144,11 @@ pub fn small() -> Config {
     }
 }
 
+/// The same, with evaluations at 0, 400, 800 and 930 steps.
+pub fn evaluated() -> Config {
+    Config { evaluate_every: Some(400), ..small() }
+}
+
 /// Runs are interrupted near the first restart of the environments, which is after 32 updates, and elsewhere;
 /// after an update that is in no checkpoint, and during one.
 pub fn check_resumed(config: &Config, place: &Place) {

@@ -2,8 +2,10 @@
 //! uninterrupted one, and wrong lanes and files are refused.
 
 mod evaluations;
+mod foreign;
 mod kit;
 mod report;
+mod seeds;
 mod self_play;
 
 use crate::kit::{Place, check_resumed, complete, scenario, small};

@@ -1,25 +1,21 @@
 //! Reports of runs that were evaluated: what is found in folders, compared, and refused.
 
-use crate::kit::{Place, scenario, small};
+use crate::kit::{Place, evaluated, scenario, small};
 use serde_json::Value;
 use smaclite_learn::{
-    Actions, Benchmark, Config, Estimate, Metric, Report, Seeds, marl_eval_json, time_to_win,
+    Benchmark, Choice, Config, Estimate, FirstWin, Metric, Report, Seeds, marl_eval_json, time_to_win,
 };
 use std::fs;
 use std::path::PathBuf;
 
 /// Trains `count` seeds in a folder.
-fn train(place: &Place, name: &str, count: u64, config: &Config) {
+pub fn train(place: &Place, name: &str, count: u64, config: &Config) {
     let seeds = Seeds::begin(&place.path(name), config, count, &scenario(), &place.runtime_dir).unwrap();
     let results = seeds.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
 }
 
-fn evaluated() -> Config {
-    Config { evaluate_every: Some(400), ..small() }
-}
-
-fn read(place: &Place, folders: &[(&str, &str)]) -> Result<Benchmark, String> {
+pub fn read(place: &Place, folders: &[(&str, &str)]) -> Result<Benchmark, String> {
     let path = |(name, folder): &(&str, &str)| ((*name).to_owned(), place.path(folder));
     let folders: Vec<(String, PathBuf)> = folders.iter().map(path).collect();
     Benchmark::read(&folders).map_err(|error| error.to_string())
@@ -31,10 +27,16 @@ fn runs_of_two_algorithms_are_compared() {
     train(&place, "runs/ours", 3, &evaluated());
     train(&place, "runs/theirs", 3, &Config { actor_lr: 0.01, ..evaluated() });
     let benchmark = read(&place, &[("ours", "runs/ours"), ("theirs", "runs/theirs")]).unwrap();
-    assert_eq!(benchmark.notes(), Vec::<String>::new());
+    let few = |name| {
+        format!(
+            "{name} has fewer than five runs of 3m (at least 3): their interval is narrow by chance, and the \
+             interquartile mean of fewer than four is the mean"
+        )
+    };
+    assert_eq!(benchmark.notes(), ["ours", "theirs"].map(few));
     assert_eq!((benchmark.tasks(), benchmark.common_tasks()), (vec!["3m"], vec!["3m"]));
 
-    let report = Report::new(&benchmark, Actions::Sampled, 1);
+    let report = Report::new(&benchmark, Choice::Sampled, 1);
     let curve = &report.curves[1];
     assert_eq!((curve.task.as_deref(), curve.metric), (Some("3m"), Metric::WinRate));
     assert!(curve.points.iter().map(|(steps, _)| *steps).eq([0, 400, 800, 930]));
@@ -51,7 +53,7 @@ fn runs_of_two_algorithms_are_compared() {
     assert!((ours + theirs - 1.0).abs() < 1e-12, "{ours} {theirs}");
     assert_eq!(report.profiles.len(), 4, "two algorithms, two metrics");
 
-    let again = Report::new(&benchmark, Actions::Sampled, 1);
+    let again = Report::new(&benchmark, Choice::Sampled, 1);
     let intervals = |report: &Report| report.aggregates.iter().map(|of| of.mean).collect::<Vec<_>>();
     assert_eq!(intervals(&report), intervals(&again));
 }
@@ -62,7 +64,7 @@ fn metrics_have_the_episodes_of_every_evaluation() {
     let place = Place::new();
     train(&place, "ours", 2, &evaluated());
     let benchmark = read(&place, &[("ours", "ours")]).unwrap();
-    let text = marl_eval_json(&benchmark, Actions::Greedy).unwrap();
+    let text = marl_eval_json(&benchmark, Choice::Greedy).unwrap();
     let file: Value = serde_json::from_str(&text).unwrap();
     let run = &file["smaclite"]["3m"]["ours"]["run_2"];
     assert_eq!(run.as_object().unwrap().len(), 4 + 1);
@@ -70,8 +72,8 @@ fn metrics_have_the_episodes_of_every_evaluation() {
     let of_run = &benchmark.algorithms[0].tasks["3m"][1];
     assert_eq!(of_run.seed, 4);
     for (step, episodes) in [
-        ("step_3", of_run.evaluations[3].episodes(Actions::Greedy)),
-        ("absolute_metrics", of_run.final_episodes(Actions::Greedy)),
+        ("step_3", of_run.evaluations[3].episodes(Choice::Greedy)),
+        ("absolute_metrics", of_run.final_episodes(Choice::Greedy)),
     ] {
         let returns = run[step]["return"].as_array().unwrap();
         let played = episodes.iter().map(|episode| f64::from(episode.episode_return));
@@ -92,16 +94,16 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
         let benchmark = read(&place, folders).unwrap();
         let notes = benchmark.notes();
         assert!(notes.iter().any(|text| text.contains(note)), "{notes:?}");
-        assert_eq!(marl_eval_json(&benchmark, Actions::Greedy), Err(why.to_owned()));
+        assert_eq!(marl_eval_json(&benchmark, Choice::Greedy), Err(why.to_owned()));
     };
     let seeds = "numbers of seeds differ: a on 3m 2, b on 3m 3";
     check(&[("a", "two"), ("b", "three")], seeds, "numbers of seeds differ");
     let steps = "evaluations of algorithms or tasks are at different steps";
     check(&[("a", "two"), ("b", "other")], steps, "evaluations are at different steps");
     let benchmark = read(&place, &[("a,b", "two")]).unwrap();
-    assert!(marl_eval_json(&benchmark, Actions::Greedy).unwrap_err().contains("`a,b` has a comma"));
+    assert!(marl_eval_json(&benchmark, Choice::Greedy).unwrap_err().contains("`a,b` has a comma"));
     let benchmark = read(&place, &[("A", "two"), ("a", "two")]).unwrap();
-    assert!(marl_eval_json(&benchmark, Actions::Greedy).unwrap_err().contains("upper and lower case"));
+    assert!(marl_eval_json(&benchmark, Choice::Greedy).unwrap_err().contains("upper and lower case"));
 
     // Another task, as a learner that is not `smaclite-pool train` describes it.
     let path = place.path("two/seed-3");
@@ -115,19 +117,6 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
         "hill is not compared: a has no runs of it",
         "not all algorithms have runs of all tasks",
     );
-    let benchmark = read(&place, &[("b", "foreign")]).unwrap();
-    let run = &benchmark.algorithms[0].tasks["hill"][0];
-    assert_eq!((run.seed, time_to_win(run, Actions::Greedy, 1, &mut || false).unwrap()), (8, None));
-    let time = r#"{"steps": 400, "wins": 190, "episodes": 200, "seconds": 1.5, "cpu_seconds": 2.5}"#;
-    fs::write(moved.join("time_to_win.json"), format!(r#"{{"greedy": {time}, "sampled": null}}"#)).unwrap();
-    let read_time = |actions| time_to_win(run, actions, 1, &mut || false);
-    let won = read_time(Actions::Greedy).unwrap().unwrap();
-    assert_eq!((won.steps, won.wins, won.cpu_seconds), (400, 190, 2.5));
-    assert_eq!(read_time(Actions::Sampled).unwrap(), None);
-    let few = format!(r#"{{"greedy": {}, "sampled": null}}"#, time.replace("190", "188"));
-    fs::write(moved.join("time_to_win.json"), few).unwrap();
-    let error = read_time(Actions::Greedy).unwrap_err().to_string();
-    assert!(error.contains("188 wins of 200 episodes are too few"), "{error}");
 }
 
 #[test]
@@ -145,6 +134,8 @@ fn runs_that_cannot_be_compared_are_refused() {
     check(&[("a", "nowhere")], &["cannot read", "/nowhere`"]);
     check(&[("a", "without")], &["/without` has no evaluations: expected evaluations.csv"]);
     check(&[("a", "runs"), ("a", "runs")], &["are both runs of a on 3m with seed 3", "NAME="]);
+    let few = |folder: &str| read(&place, &[("a", folder)]).unwrap().notes();
+    assert!(few("other")[0].ends_with("of 3m (at least 1): the interval of a single run has no width"));
     let steps = "0, 400, 800, 930 and 0, 500, 930: expected equal ones";
     check(&[("a", "runs"), ("a", "other")], &["seed-4` and `", "seed-9`", steps]);
 
@@ -177,15 +168,15 @@ fn the_time_to_win_is_that_of_an_evaluation() {
     let benchmark = read(&place, &[("a", "runs")]).unwrap();
     let mut won = 0;
     for run in &benchmark.algorithms[0].tasks["3m"] {
-        let time = |threads| time_to_win(run, Actions::Greedy, threads, &mut || false).unwrap();
+        let time = |threads| time_to_win(run, Choice::Greedy, threads, &mut || false).unwrap();
         assert_eq!(time(1), time(3));
-        if let Some(time) = time(1) {
+        if let FirstWin::At(time) = time(1) {
             let row = run.evaluations.iter().map(|played| played.row).find(|row| row.steps == time.steps);
             assert_eq!(row.map(|row| (row.seconds, row.cpu_seconds)), Some((time.seconds, time.cpu_seconds)));
             assert!((189..=200).contains(&time.wins) && time.episodes == 200 && time.steps > 0, "{time:?}");
             won += 1;
         }
-        assert!(time_to_win(run, Actions::Greedy, 1, &mut || true).is_err(), "it can be interrupted");
+        assert!(time_to_win(run, Choice::Greedy, 1, &mut || true).is_err(), "it can be interrupted");
     }
     assert!(won > 0, "no team of 3m won");
 }

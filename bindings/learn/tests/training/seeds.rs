@@ -1,0 +1,137 @@
+//! Runs of several seeds in one process: each has the bits that it has alone, and only runs that were
+//! trained together continue together.
+
+use crate::kit::{Place, evaluated, scenario, small};
+use smaclite_learn::{Config, Enemies, RunDescription, SeedEvent, Seeds, TrainError};
+use std::fs;
+use std::sync::Mutex;
+
+/// Runs that train at the same time have the bits that they have alone, also after an interruption.
+#[test]
+fn seeds_train_together_as_they_do_alone() {
+    let place = Place::new();
+    for seed in 3..6 {
+        place.train(&format!("alone-{seed}"), &Config { seed, ..evaluated() }, 2);
+    }
+    let folder = place.path("runs");
+    let seeds = Seeds::begin(&folder, &evaluated(), 3, &scenario(), &place.runtime_dir).unwrap();
+    let updates = Mutex::new(0);
+    let count = |_: u64, event: SeedEvent| {
+        if let SeedEvent::Updated(_) = event {
+            *updates.lock().unwrap() += 1;
+        }
+    };
+    let interrupted = || *updates.lock().unwrap() > 4;
+    let results = seeds.train(None, 2, &place.runtime_dir, &interrupted, &count);
+    assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
+    assert!(!folder.join("seed-5/final.json").exists());
+
+    let seeds = Seeds::open(&folder, None).unwrap().unwrap();
+    let ended = Mutex::new(Vec::new());
+    let note = |seed: u64, event: SeedEvent| {
+        if let SeedEvent::Ended { is_complete } = event {
+            ended.lock().unwrap().push((seed, is_complete));
+        }
+    };
+    seeds.train(None, 2, &place.runtime_dir, &|| false, &note);
+    let mut ended = ended.into_inner().unwrap();
+    ended.sort_unstable();
+    assert_eq!(ended, [(3, true), (4, true), (5, true)]);
+    for seed in 3..6 {
+        let (alone, together) = (format!("alone-{seed}"), format!("runs/seed-{seed}"));
+        assert_eq!(place.outcome(&alone), place.outcome(&together), "seed {seed}");
+        assert!(place.evaluations(&alone) == place.evaluations(&together), "evaluations of seed {seed}");
+    }
+}
+
+#[test]
+fn an_error_of_one_seed_does_not_end_the_others() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let seeds = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir).unwrap();
+    fs::write(folder.join("seed-4/checkpoint.safetensors"), "nothing").unwrap();
+    let results = seeds.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
+    let failed: Vec<u64> =
+        results.iter().filter(|(_, result)| result.is_err()).map(|(seed, _)| *seed).collect();
+    assert_eq!(failed, [4]);
+    assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
+    let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
+    assert!(again.err().unwrap().to_string().contains("already holds a run"));
+}
+
+/// When the sixth of ten runs could not begin, five were trained from then on, and nothing said so.
+#[test]
+fn seeds_that_are_missing_begin_later() {
+    let place = Place::new();
+    place.train("team", &small(), 1);
+    let enemies = Enemies::Team { folder: place.path("team") };
+    let config = Config { enemies, ..evaluated() };
+    let folder = place.path("runs");
+    fs::create_dir_all(folder.join("seed-5/checkpoint.safetensors")).unwrap(); // in the way
+    let error = Seeds::begin(&folder, &config, 4, &scenario(), &place.runtime_dir).err().unwrap().to_string();
+    assert!(error.contains("the run with seed 5 could not begin: cannot write"), "{error}");
+    assert!(error.contains("/runs --seeds 4` begins the missing runs"), "{error}");
+    fs::remove_dir(folder.join("seed-5/checkpoint.safetensors")).unwrap();
+    // The team that the first runs have copied is that of all, also if its own run goes on.
+    let copied = fs::read(folder.join("seed-3/opponent/weights.safetensors")).unwrap();
+    place.train("later", &Config { seed: 9, ..small() }, 1);
+    fs::copy(place.path("later/weights.safetensors"), place.path("team/weights.safetensors")).unwrap();
+
+    let open = || Seeds::open(&folder, None).unwrap().unwrap();
+    let seeds_of = |runs: &Seeds| runs.runs().iter().map(|(seed, _)| *seed).collect::<Vec<_>>();
+    assert_eq!(seeds_of(&open()), [3, 4]);
+    let too_few = open().complete(1, &place.runtime_dir).unwrap_err().to_string();
+    assert!(too_few.contains("/runs` has seeds from 3 to 4: --seeds must be at least 2, got 1"), "{too_few}");
+    let runs = open().complete(4, &place.runtime_dir).unwrap();
+    assert_eq!((seeds_of(&runs), seeds_of(&open())), (vec![3, 4, 5, 6], vec![3, 4, 5, 6]));
+    for (seed, path) in runs.runs() {
+        let opponent = fs::read(path.join("opponent/weights.safetensors")).unwrap();
+        assert!(opponent == copied, "the opponent of seed {seed}");
+        assert_eq!(RunDescription::read(path).unwrap().config, Config { seed: *seed, ..config.clone() });
+    }
+    let results = runs.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
+    assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
+
+    // More seeds for runs that are complete, which keep their files.
+    let files = || place.evaluations("runs/seed-6");
+    let before = files();
+    let runs = open().complete(5, &place.runtime_dir).unwrap();
+    runs.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
+    assert!(before == files() && folder.join("seed-7/final.json").exists());
+}
+
+/// Any folder with runs was taken for one of several seeds: all its runs were trained, and those that were
+/// complete lost their final episodes.
+#[test]
+fn runs_that_were_not_trained_together_are_not_continued_together() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let check = |steps, expected: &[&str]| {
+        let error = Seeds::open(&folder, steps).unwrap_err().to_string();
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
+    };
+    place.train("runs/first", &evaluated(), 1);
+    check(Some(2000), &["/runs/first` is no run of `train --seeds`", "name `seed-3`"]);
+    fs::rename(folder.join("first"), folder.join("seed-3")).unwrap();
+    assert_eq!(Seeds::open(&folder, Some(2000)).unwrap().unwrap().runs().len(), 1);
+
+    let change = |name: &str, from: &str, to: &str| {
+        let path = folder.join(name).join("run.json");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{text}");
+        fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    };
+    let together = ["/runs/seed-3` and `", "/runs/seed-4` differ in"];
+    drop(place.begin("runs/seed-4", &Config { seed: 4, gamma: 0.5, ..evaluated() }, 1));
+    check(None, &[together[0], together[1], "gamma (0.9", " and 0.5)"]);
+    change("seed-4", "\"gamma\": 0.5", &format!("\"gamma\": {}", evaluated().gamma));
+    assert_eq!(Seeds::open(&folder, None).unwrap().unwrap().runs().len(), 2);
+    change("seed-4", "\"rules\": \"smaclite\"", "\"rules\": \"paper\"");
+    check(None, &[together[0], together[1], "the rules"]);
+    change("seed-4", "\"rules\": \"paper\"", "\"rules\": \"smaclite\"");
+    // An extension of all that was interrupted after the first leaves this.
+    change("seed-4", "\"steps\": 930", "\"steps\": 2000");
+    check(None, &["/runs/seed-4` are runs of 930 and of 2000 steps; --steps says how many"]);
+    assert!(Seeds::open(&folder, Some(2000)).unwrap().is_some());
+    assert!(folder.join("seed-3/final.json").exists(), "nothing was changed");
+}
