@@ -9,9 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot, Step};
 use smaclite_view::page::{encode_moments, encode_step};
-use smaclite_view::{
-    AgentOrder, Field, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX,
-};
+use smaclite_view::{AgentOrder, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -75,7 +73,7 @@ impl PlayedBattle {
         Ok(PlayedBattle {
             player,
             taken: BTreeSet::new(),
-            orders: Orders::new(game.agents.len()),
+            orders: Orders::new(&game.scenario),
             states: vec![recorder.battle().save()],
             recorder,
             observer,
@@ -92,22 +90,21 @@ impl PlayedBattle {
 
     /// Lets these agents carry out orders, and no others.
     pub fn take(&mut self, agents: &[usize]) -> Result<(), BattleError> {
-        let n_agents = self.game.agents.len();
+        let n_agents = self.game.arena.sizes().n_agents;
         if let Some(&agent) = agents.iter().find(|&&agent| agent >= n_agents) {
             return Err(BattleError::NoSuchAgent { agent, n_agents });
         }
         self.taken = agents.iter().copied().collect();
-        let field = field(&self.game, self.recorder.battle());
         // What an agent was told before it was given back is forgotten.
-        for agent in (0..n_agents).filter(|agent| !self.taken.contains(agent)) {
-            self.orders.give(&field, agent, Order::None)?;
-        }
+        let others = (0..n_agents).filter(|agent| !self.taken.contains(agent));
+        let none: Vec<_> = others.map(|agent| AgentOrder { agent, order: Order::None }).collect();
+        self.give(&none)?;
         Ok(())
     }
 
     /// Gives agents orders, all of them or none.
     pub fn give(&mut self, orders: &[AgentOrder]) -> Result<Vec<Order>, BattleError> {
-        self.orders.give_all(&field(&self.game, self.recorder.battle()), orders)?;
+        self.orders.give(&self.game.scenario, self.recorder.battle(), orders)?;
         Ok(self.orders.current())
     }
 
@@ -142,15 +139,15 @@ impl PlayedBattle {
         let battle = self.recorder.battle();
         let chosen = match &mut self.player {
             Player::Script(script) => {
-                let mut chosen = vec![0; self.game.agents.len()];
+                let mut chosen = vec![0; battle.arena().sizes().n_agents];
                 script.act(battle, &mut chosen);
                 chosen
             }
             Player::Team(team) => team.act(battle, &self.actions, self.game.seed()),
         };
-        let ordered = self.orders.actions(&field(&self.game, battle));
+        let ordered = self.orders.actions(&self.game.scenario, battle);
         let own = |(agent, (ordered, chosen))| {
-            // Legal actions are below the 6 + 1000 actions of the largest scenario.
+            // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
             if self.taken.contains(&agent) { ordered } else { chosen as u16 }
         };
         Ok(ordered.into_iter().zip(chosen).enumerate().map(own).collect())
@@ -226,10 +223,6 @@ impl PlayedBattle {
             replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
         })
     }
-}
-
-fn field<'a>(game: &'a Game, battle: &'a Battle) -> Field<'a> {
-    Field { scenario: &game.scenario, battle, agents: &game.agents, enemies: &game.enemies }
 }
 
 /// How an episode ended, if the step ended it.

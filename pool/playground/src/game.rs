@@ -5,7 +5,7 @@ use serde_json::json;
 use smaclite_engine::{
     Arena, BattleSetup, Opponent, Opponents, OpponentsError, Snapshot, SnapshotError, StreamPosition,
 };
-use smaclite_scenarios::{Faction, Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
 use smaclite_units::Keyword;
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::sync::Arc;
@@ -38,9 +38,6 @@ pub(crate) struct Game {
     pub setup: BattleSetup,
     pub scenario: Scenario,
     pub arena: Arc<Arena>,
-    /// Battle-wide ids by in-faction id.
-    pub agents: Vec<usize>,
-    pub enemies: Vec<usize>,
     start: Start,
 }
 
@@ -90,12 +87,7 @@ impl Game {
 
     fn with(setup: BattleSetup, start: Start) -> Result<Game, GameError> {
         let (scenario, arena) = setup.arena()?;
-        let ids = |faction| {
-            let units = scenario.units.iter().enumerate();
-            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect()
-        };
-        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
-        Ok(Game { setup, scenario, arena: Arc::new(arena), agents, enemies, start })
+        Ok(Game { setup, scenario, arena: Arc::new(arena), start })
     }
 
     /// The battle at its start.

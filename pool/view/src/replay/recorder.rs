@@ -110,7 +110,7 @@ impl Recorder {
     ) -> Result<Step, IllegalAction> {
         let step = self.checksum.play_step(&mut self.battle, actions, &mut self.scratch, observe)?;
         self.step_checksums.push(self.checksum.value() as u16);
-        // Legal actions are below the 6 + 1000 actions of the largest scenario.
+        // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
         self.actions.extend(actions.iter().map(|&action| action as u16));
         self.outcome = Outcome::of(&self.battle, &step);
         Ok(step)
