@@ -102,6 +102,17 @@ test("a request that is refused says why, and the battle goes on", { skip }, asy
   assert.equal(engine.request({ type: "play_steps", steps: 1 }).steps, 1);
 });
 
+test("a person reads that the engine has stopped, not that it met something unreachable", () => {
+  const memory = new WebAssembly.Memory({ initial: 1 });
+  const respond = () => {
+    throw new WebAssembly.RuntimeError("unreachable");
+  };
+  const engine = new Engine({ memory, request: () => 0, respond, response: () => 0 });
+  assert.throws(() => engine.request({ type: "get_choices" }), {
+    message: "the engine has stopped; reload the page",
+  });
+});
+
 test("the page is small", { skip }, (t) => {
   const page = readFileSync(new URL("battle.html", BUILT), "utf8");
   const bytes = gzipSync(page.replace(/"teams":\[.*?\](?=\}<)/s, '"teams":[]'), { level: 9 }).length;

@@ -1,7 +1,9 @@
 //! A session as its page uses it.
 
 use super::*;
+use safetensors::{Dtype, tensor::TensorView};
 use serde_json::{Value, json};
+use smaclite_engine::{BattleSetup, Sizes};
 use smaclite_scenarios::{Placement, ScenarioFiles};
 
 /// The response to a request, or the error.
@@ -114,6 +116,45 @@ fn what_cannot_be_played_is_refused() {
         assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
     }
     assert!(session.battle.is_none(), "a refused battle begins nothing");
+}
+
+/// The weights of a team of 3m that observes no actions, with so many hidden units.
+fn weights(hidden: usize) -> String {
+    let sizes =
+        ScenarioFiles::resolve("3m").map(|(_, files)| BattleSetup::new(files).arena().unwrap().1.sizes());
+    let Sizes { n_agents, n_actions, obs_size, .. } = sizes.unwrap();
+    let shapes = [
+        ("actor.0.weight", vec![hidden, obs_size]),
+        ("actor.0.bias", vec![hidden]),
+        ("actor.1.weight", vec![n_actions, hidden]),
+        ("actor.1.bias", vec![n_actions]),
+        ("actor.id_bias", vec![n_agents, hidden]),
+    ];
+    let zeros = vec![0; 4 * hidden.max(n_actions) * obs_size];
+    let tensors = shapes.map(|(name, shape)| {
+        let bytes = &zeros[..4 * shape.iter().product::<usize>()];
+        (name, TensorView::new(Dtype::F32, shape, bytes).unwrap())
+    });
+    STANDARD.encode(safetensors::serialize(tensors, None).unwrap())
+}
+
+/// Its first step panicked, and then the page answered nothing any more.
+#[test]
+fn a_team_whose_layers_are_empty_is_refused() {
+    let run = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bindings/learn/zoo/3m/run.json");
+    let mut run: Value = serde_json::from_str(&std::fs::read_to_string(run).unwrap()).unwrap();
+    run["config"]["last_actions"] = json!(0);
+    let mut session = Session::default();
+    for (hidden, refusal) in [(4, None), (0, Some("at least one input and output, got the widths"))] {
+        run["config"]["hidden"] = json!([hidden]);
+        let (run, weights) = (run.to_string(), weights(hidden));
+        let added =
+            ask(&mut session, json!({"type": "add_team", "name": "a", "run": run, "weights": weights}));
+        let error = added.as_str();
+        assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
+    }
+    ask(&mut session, begin("3m", "a", &[], &[]));
+    assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
 }
 
 #[test]
