@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import re
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -231,6 +232,17 @@ def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
     with Playground(browser, "scenario=3m&seed=4&team=nobody") as page:
         assert "no team is called so" in page.text("#message")
         assert page.text("#name") == "2s3z"
+
+
+def test_the_types_of_a_generated_battle_are_those_that_are_shown(browser: Any) -> None:
+    """What was selected was counted by the sample of the scenario, in which all are marines."""
+    with Playground(browser, "scenario=terran_5_vs_5&seed=3") as page:
+        page.press("Control+a")
+        chips = page.page.locator("#roster0 .chip").evaluate_all("all => all.map((chip) => chip.title)")
+        counts = Counter(str(title).split(",")[0].lower() for title in chips)
+        assert len(counts) > 1
+        units = ", ".join(f"{count} {name}" for name, count in counts.items())
+        page.wait(lambda: page.text("#unit") == f"5 units: {units}.")
 
 
 def test_files_are_opened(browser: Any, tmp_path: Path) -> None:

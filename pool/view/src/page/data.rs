@@ -42,6 +42,8 @@ pub struct ScenarioInfo {
     units: Vec<UnitInfo>,
     n_agents: usize,
     n_actions: usize,
+    /// The action of an agent that means its first target. Looks stand before it, if there are any.
+    first_target: usize,
     episode_limit: Option<u32>,
     sight_range: f64,
     units_per: UnitsPer,
@@ -151,6 +153,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
         units: units.collect(),
         n_agents: arena.sizes().n_agents,
         n_actions: arena.sizes().n_actions,
+        first_target: arena.first_target(Faction::Ally),
         episode_limit: arena.episode_limit(),
         sight_range: SIGHT_RANGE,
         units_per: UnitsPer { position: POSITION, points: POINTS, seconds: SECONDS, turn: DIRECTIONS as i32 },

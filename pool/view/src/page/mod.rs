@@ -35,6 +35,7 @@ macro_rules! modules {
 
 /// The modules that show battles; pages import them as `#view/name.js`.
 const MODULES: &[Module] = modules![
+    "actions.js",
     "battle.js",
     "camera.js",
     "chart.js",

@@ -2,7 +2,7 @@
 // SMACLITE_WRITE=1 cargo test protocol
 import type { AgentOrder, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 3;
+export type Version = 4;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
