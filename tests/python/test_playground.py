@@ -215,6 +215,31 @@ def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
         assert page.last == last
 
 
+def test_a_battle_that_never_ends_is_played_a_bounded_time_ahead(browser: Any, tmp_path: Path) -> None:
+    """It was played on and on, also while it was paused, until the memory of the tab was full."""
+    scenario = json.loads((REPOSITORY / "scenarios/data/3m.json").read_text())
+    del scenario["episode_limit"]
+    scenario["num_allied_units"] = scenario["num_enemy_units"] = 1
+    scenario["groups"] = [
+        {"x": 9, "y": 16, "faction": "ALLY", "units": {"MEDIVAC": 1}},
+        {"x": 23, "y": 16, "faction": "ENEMY", "units": {"ZEALOT": 1}},
+    ]
+    file = tmp_path / "endless.json"
+    file.write_text(json.dumps(scenario))
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", file)
+        page.wait(lambda: page.page.input_value("#scenario").startswith("{"))
+        page.press(" ")
+        page.press("Home")
+        page.wait_for_step(240)
+        page.page.wait_for_timeout(500)
+        first = page.last
+        assert first <= 240 + 12, "it waits for whoever watches"
+        page.press("End")
+        page.wait_for_step(first + 240)
+        assert page.text("#result") == "Paused"
+
+
 def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
     with Playground(browser, "scenario=3m&seed=4&team=hold") as page:
         page.press("0")

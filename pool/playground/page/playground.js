@@ -23,6 +23,8 @@ import { save, share } from "./share.js";
 const LEAD = 0.06;
 /** Steps that are played between two pictures, if nobody waits for them. */
 const AHEAD = 12;
+/** Ticks by which the battle is played ahead of what is shown, so that one without an end fills no memory. */
+const FARTHEST_AHEAD = 240 * TICKS_PER_STEP;
 
 export class Playground extends Commander {
   /**
@@ -319,7 +321,8 @@ export class Playground extends Commander {
     super.frame(now);
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
-    if (this.isPlayedAhead) this.play(AHEAD);
+    const isFarAhead = clock.end - clock.time > FARTHEST_AHEAD;
+    if (this.isPlayedAhead && !isFarAhead) this.play(AHEAD);
     else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.play(1);
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
