@@ -254,9 +254,30 @@ def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
     with Playground(browser, link) as page:
         assert (page.text("#name"), page.page.input_value("#seed"), page.last) == ("3m", "4", last)
         assert "you play 1 of 3" in page.text("#result")
-    with Playground(browser, "scenario=3m&seed=4&team=nobody") as page:
-        assert "no team is called so" in page.text("#message")
+    with Playground(browser, "scenario=3n&seed=4") as page:
+        assert "did you mean `3m`?" in page.text("#message")
         assert page.text("#name") == "2s3z"
+
+
+def test_a_link_of_a_team_that_was_dropped_on_another_page_has_its_battle(browser: Any) -> None:
+    """The engine refused the team, although the link has all actions."""
+    zoo = REPOSITORY / "bindings/learn/zoo/3m"
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
+        page.wait(lambda: "seed" in page.page.input_value("#team"))
+        page.wait_until_played()
+        page.page.click("#share")
+        page.wait(lambda: "actions=" in page.page.url)
+        link, last, result = page.page.url.split("#")[1], page.last, page.text("#result")
+    with Playground(browser, link) as page:
+        assert not page.page.is_visible("#message")
+        assert 'no team "3m, seed' in page.text("#note") and "Nearest plays on" in page.text("#note")
+        assert page.last == last
+        page.press("End")
+        page.wait_for_text("#result", result)
+        page.page.evaluate("location.hash = 'scenario=8m&team=nobody'")
+        page.wait_for_text("#name", "8m")
+        assert 'no team "nobody"' in page.text("#note")
 
 
 def test_the_types_of_a_generated_battle_are_those_that_are_shown(browser: Any) -> None:
