@@ -300,8 +300,12 @@ export class Playground extends Commander {
   release() {
     if (!this.taken.size) return;
     const selected = new Set([...this.field.selection.units].map((unit) => this.info.units[unit].id));
-    this.cut();
-    this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+    try {
+      this.cut();
+      this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+    } catch (error) {
+      this.fail(error);
+    }
   }
 
   /** @param {number} [enemy] */

@@ -37,6 +37,8 @@ enum SessionError {
     Base64(base64::DecodeError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error("the replay `{0}` has no episode")]
+    NoEpisode(String),
     #[error("begin a battle first")]
     NoBattle,
     #[error("the request is not valid: {0}")]
@@ -103,6 +105,9 @@ impl Session {
 
     fn open(&mut self, name: &str, replay: &str) -> Result<OpenedReplay, SessionError> {
         let replay = Replay::from_json(replay.as_bytes(), name)?;
+        if replay.episodes().is_empty() {
+            return Err(SessionError::NoEpisode(name.to_owned()));
+        }
         replay.verify()?;
         let episodes = replay.episodes().iter().map(episode_info).collect();
         let program = replay.program().to_owned();

@@ -94,6 +94,24 @@ fn an_episode_of_a_replay_is_played_and_played_on() {
     assert_eq!(ask(&mut session, other), "episode must be below 1, got 1");
 }
 
+/// It took the place of the replay that was shown, whose battle could not be begun again then.
+#[test]
+fn a_replay_without_an_episode_is_refused() {
+    let mut session = Session::default();
+    ask(&mut session, begin("3m", "nearest", &[], &[]));
+    ask(&mut session, json!({"type": "play_steps", "steps": 2}));
+    let file = ask(&mut session, json!({"type": "get_replay"}));
+    let mut open = json!({"type": "open_replay", "name": "a", "replay": file["replay"]});
+    assert_eq!(ask(&mut session, open.clone())["type"], "open_replay");
+    let mut replay: Value = serde_json::from_str(file["replay"].as_str().unwrap()).unwrap();
+    replay["episodes"] = json!([]);
+    open["replay"] = json!(replay.to_string());
+    assert_eq!(ask(&mut session, open), "the replay `a` has no episode");
+    let of = json!({"kind": "episode", "episode": 0});
+    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+    assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
+}
+
 #[test]
 fn what_cannot_be_played_is_refused() {
     let mut session = Session::default();
