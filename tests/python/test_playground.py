@@ -280,6 +280,31 @@ def test_a_link_of_a_team_that_was_dropped_on_another_page_has_its_battle(browse
         assert 'no team "nobody"' in page.text("#note")
 
 
+def test_a_new_battle_after_a_replay_is_one_of_its_scenario(browser: Any, tmp_path: Path) -> None:
+    """It was one of the standard scenario of the same name, and the choice of the map was blank."""
+    scenario = json.loads((REPOSITORY / "scenarios/data/3m.json").read_text())
+    scenario["groups"][0]["y"] = 20
+    file, saved = tmp_path / "changed.json", tmp_path / "changed.smreplay"
+    file.write_text(json.dumps(scenario))
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", file)
+        page.wait(lambda: page.page.input_value("#scenario").startswith("{"))
+        page.wait_until_played()
+        with page.page.expect_download() as download:
+            page.press("Control+s")
+        download.value.save_as(saved)
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", saved)
+        page.wait(lambda: "verified" in page.text("#note"))
+        assert json.loads(page.page.input_value("#scenario")) == scenario
+        for seed in ("2", "3"):
+            page.page.click("#again")
+            page.wait(lambda seed=seed: page.page.input_value("#seed") == seed)
+            assert json.loads(page.page.input_value("#scenario")) == scenario
+        page.page.select_option("#opponent", "kite")
+        assert not page.page.is_visible("#message")
+
+
 def test_the_types_of_a_generated_battle_are_those_that_are_shown(browser: Any) -> None:
     """What was selected was counted by the sample of the scenario, in which all are marines."""
     with Playground(browser, "scenario=terran_5_vs_5&seed=3") as page:

@@ -37,6 +37,7 @@ export class Headline {
     byId("result").textContent = STATES[state] + own;
     byId("result").className = `badge ${isAtEnd ? state : taken.size ? "yours" : ""}`;
     byId("save").disabled = steps === 0;
+    byId("again").disabled = !begun.is_playable;
     const facts = {
       enemies: titleCase(begun.opponent),
       seed: begun.seed,

@@ -158,8 +158,11 @@ export class Playground extends Commander {
   /** The battle without its actions, for links and choices. */
   get shared() {
     const { source, team, begun } = this;
+    // What plays the enemies of a replay, if no script does, cannot be asked to play.
     const { scenario, opponent } =
-      source.kind === "scenario" ? source : { scenario: begun.scenario.name, opponent: begun.opponent };
+      source.kind === "scenario"
+        ? source
+        : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "" };
     return { scenario, seed: begun.seed, opponent, team };
   }
 
@@ -207,6 +210,7 @@ export class Playground extends Commander {
 
   /** A new battle. */
   again() {
+    if (!this.begun.is_playable) return;
     const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
     this.choose({ ...this.shared, seed });
   }

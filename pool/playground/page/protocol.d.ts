@@ -65,7 +65,11 @@ seed: string,
  * The script that plays the enemies; that of the scenario if this is empty.
  */
 opponent: string, } | { "kind": "episode", episode: number, };
-export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, rules: string, 
+export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, 
+/**
+ * The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+ */
+source: string, rules: string, 
 /**
  * Who plays the enemies.
  */

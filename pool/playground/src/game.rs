@@ -111,6 +111,11 @@ impl Game {
         }
     }
 
+    /// The name of the scenario if it is a standard one, else the text of its file.
+    pub fn source(&self) -> &str {
+        if self.setup.files.is_standard() { &self.scenario.name } else { &self.setup.files.text }
+    }
+
     /// The text of the scenario with a unit that starts elsewhere; whether it can start there, reading tells.
     pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, GameError> {
         let Scenario { units, unit_types, generation, .. } = &self.scenario;

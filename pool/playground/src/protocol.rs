@@ -153,6 +153,8 @@ pub(crate) struct BegunBattle {
     pub scenario: ScenarioInfo,
     #[cfg_attr(test, ts(type = "Array<Features>"))]
     pub features: Vec<Features>,
+    /// The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+    pub source: String,
     pub rules: String,
     /// Who plays the enemies.
     pub opponent: String,

@@ -130,6 +130,7 @@ impl Session {
         Ok(BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
+            source: game.source().to_owned(),
             rules: game.setup.rules.to_string(),
             opponent,
             seed: game.seed().to_string(),

@@ -94,6 +94,26 @@ fn an_episode_of_a_replay_is_played_and_played_on() {
     assert_eq!(ask(&mut session, other), "episode must be below 1, got 1");
 }
 
+/// A new battle after a replay was one of the standard scenario of the same name, or of none.
+#[test]
+fn an_episode_of_a_replay_says_which_scenario_a_new_battle_is_played_in() {
+    let mut session = Session::default();
+    ask(&mut session, begin("2s3z", "nearest", &[], &[]));
+    let moved = ask(&mut session, json!({"type": "move_unit", "unit": 0, "x": 3, "y": 20}));
+    let moved = moved["scenario"].as_str().unwrap();
+    let own = moved.replace("\"2s3z\"", "\"mine\"");
+    for scenario in ["2s3z", moved, &own, "terran_5_vs_5"] {
+        let begun = ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        assert_eq!(begun["source"], scenario);
+        ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+        actions(&mut session); // opens the replay
+        let of = json!({"kind": "episode", "episode": 0});
+        let episode =
+            json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+        assert_eq!(ask(&mut session, episode)["source"], scenario);
+    }
+}
+
 /// It took the place of the replay that was shown, whose battle could not be begun again then.
 #[test]
 fn a_replay_without_an_episode_is_refused() {
