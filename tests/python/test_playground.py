@@ -71,6 +71,9 @@ class Playground:
     def wait_for_text(self, selector: str, text: str) -> None:
         self.wait(lambda: self.text(selector) == text)
 
+    def wait_for_value(self, selector: str, value: str) -> None:
+        self.wait(lambda: self.page.input_value(selector) == value)
+
     def wait_for_step(self, step: int) -> None:
         """Until the battle has been played to this step, whichever is shown."""
         self.wait(lambda: self.last >= step)
@@ -299,7 +302,7 @@ def test_a_new_battle_after_a_replay_is_one_of_its_scenario(browser: Any, tmp_pa
         assert json.loads(page.page.input_value("#scenario")) == scenario
         for seed in ("2", "3"):
             page.page.click("#again")
-            page.wait(lambda seed=seed: page.page.input_value("#seed") == seed)
+            page.wait_for_value("#seed", seed)
             assert json.loads(page.page.input_value("#scenario")) == scenario
         page.page.select_option("#opponent", "kite")
         assert not page.page.is_visible("#message")
