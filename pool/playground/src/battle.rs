@@ -45,14 +45,12 @@ pub(crate) enum BattleError {
 
 /// A battle, as far as it was played.
 pub(crate) struct PlayedBattle {
-    game: Rc<Game>,
+    game: Game,
     player: Player,
     taken: BTreeSet<usize>,
     orders: Orders,
     recorder: Recorder,
     observer: Observer,
-    /// The joint actions of all steps.
-    actions: Vec<u16>,
     /// The states before all steps, and now.
     states: Vec<Snapshot>,
     newest: Option<Step>,
@@ -66,21 +64,23 @@ struct Seen {
 }
 
 impl PlayedBattle {
-    /// The battle at its start.
-    pub fn new(game: Rc<Game>, player: Player) -> Result<PlayedBattle, BattleError> {
-        let recorder = game.recorder()?;
-        let observer = Observer::new(&game.scenario, recorder.battle());
-        Ok(PlayedBattle {
+    /// The battle that begins with the state of a recorder without a step.
+    pub fn new(game: Game, recorder: Recorder, player: Player) -> PlayedBattle {
+        PlayedBattle {
             player,
             taken: BTreeSet::new(),
             orders: Orders::new(&game.scenario),
             states: vec![recorder.battle().save()],
+            observer: Observer::new(&game.scenario, recorder.battle()),
             recorder,
-            observer,
-            actions: Vec::new(),
             newest: None,
             game,
-        })
+        }
+    }
+
+    /// What it is played with.
+    pub fn game(&self) -> &Game {
+        &self.game
     }
 
     /// Number of steps that were played.
@@ -143,7 +143,7 @@ impl PlayedBattle {
                 script.act(battle, &mut chosen);
                 chosen
             }
-            Player::Team(team) => team.act(battle, &self.actions, self.game.seed()),
+            Player::Team(team) => team.act(battle, self.recorder.actions(), self.game.seed),
         };
         let ordered = self.orders.actions(&self.game.scenario, battle);
         let own = |(agent, (ordered, chosen))| {
@@ -162,7 +162,6 @@ impl PlayedBattle {
         let observe = |units: &_| seen.moments.push(observer.observe(units).clone());
         let played = self.recorder.step_observed(&actions, observe);
         self.newest = Some(played.map_err(|error| BattleError::Action { step, error })?);
-        self.actions.extend(joint);
         self.states.push(self.recorder.battle().save());
         Ok(())
     }
@@ -210,15 +209,10 @@ impl PlayedBattle {
 
     /// All steps so far, as the file of a replay.
     pub fn replay(&self) -> Result<ReplayFile, BattleError> {
-        let mut recorder = self.game.recorder()?;
-        for (step, joint) in self.actions.chunks_exact(self.game.arena.sizes().n_actors()).enumerate() {
-            let joint: Vec<i32> = joint.iter().map(|&action| action.into()).collect();
-            recorder.step(&joint).map_err(|error| BattleError::Action { step, error })?;
-        }
-        let replay = recorder.finish();
+        let replay = self.recorder.replay();
         let episode = replay.episodes().first().ok_or(BattleError::NoStep)?;
         Ok(ReplayFile {
-            name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed()),
+            name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed),
             checksum: format!("{:016x}", episode.checksum),
             replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
         })

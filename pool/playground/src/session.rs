@@ -116,27 +116,28 @@ impl Session {
     }
 
     fn begin(&mut self, begin: &BeginBattle) -> Result<BegunBattle, SessionError> {
-        let game = Game::new(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
+        let (game, recorder) = Game::begin(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
         let player = self.player(&begin.team, &game)?;
-        let game = Rc::new(game);
-        let mut battle = PlayedBattle::new(game.clone(), player)?;
+        let mut battle = PlayedBattle::new(game, recorder, player);
         let played = battle.play_actions(&begin.actions)?;
         battle.take(&begin.taken)?;
-        self.battle = Some(battle);
+        let game = battle.game();
         let opponent = match (&begin.of, &self.replay) {
             (Source::Episode { episode }, Some(replay)) => replay.episodes()[*episode].opponent.name().into(),
             _ => game.setup.opponents.to_string(),
         };
-        Ok(BegunBattle {
+        let begun = BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
             source: game.source().to_owned(),
             rules: game.setup.rules.to_string(),
             opponent,
-            seed: game.seed().to_string(),
+            seed: game.seed.to_string(),
             is_playable: game.is_playable(),
             played,
-        })
+        };
+        self.battle = Some(battle);
+        Ok(begun)
     }
 
     fn player(&self, name: &str, game: &Game) -> Result<Player, SessionError> {
@@ -144,7 +145,7 @@ impl Session {
             team.check(&game.arena)?;
             return Ok(Player::Team(team.clone()));
         }
-        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed())?)))
+        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed)?)))
     }
 }
 
