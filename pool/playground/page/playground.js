@@ -13,11 +13,11 @@ import { Headline } from "./headline.js";
 import { PlaygroundView } from "./playground_view.js";
 import { save, share } from "./share.js";
 
-/** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Rectangle } from "#view/selection.js" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
-/** @import { BegunBattle, EpisodeResult, PlayedSteps, Source } from "./protocol.d.ts" */
+/** @import { BegunBattle, PlayedSteps, Source } from "./protocol.d.ts" */
 
 /** Seconds before the end of a step is shown, when the next one is played. */
 const LEAD = 0.06;

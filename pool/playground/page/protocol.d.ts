@@ -1,5 +1,5 @@
 // Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
-import type { AgentOrder, Features, Order, ScenarioInfo } from "#view/data.d.ts";
+import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo } from "#view/data.d.ts";
 
 export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, 
 /**
@@ -103,7 +103,6 @@ result: EpisodeResult | null,
  * The orders that hold after them, by agent.
  */
 orders: Array<Order>, };
-export type EpisodeResult = "won" | "lost" | "truncated";
 export type OpenedReplay = { 
 /**
  * The program that recorded it.

@@ -2,12 +2,12 @@
 //! step is recorded, and encoded for the page.
 
 use crate::game::{Game, GameError};
-use crate::protocol::{EpisodeResult, PlayedSteps, ReplayFile};
+use crate::protocol::{PlayedSteps, ReplayFile};
 use crate::team::Team;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot, Step};
+use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot};
 use smaclite_view::page::{encode_moments, encode_step};
 use smaclite_view::{AgentOrder, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::collections::BTreeSet;
@@ -53,7 +53,6 @@ pub(crate) struct PlayedBattle {
     observer: Observer,
     /// The states before all steps, and now.
     states: Vec<Snapshot>,
-    newest: Option<Step>,
 }
 
 /// What is to be encoded of some steps.
@@ -73,7 +72,6 @@ impl PlayedBattle {
             states: vec![recorder.battle().save()],
             observer: Observer::new(&game.scenario, recorder.battle()),
             recorder,
-            newest: None,
             game,
         }
     }
@@ -161,7 +159,7 @@ impl PlayedBattle {
         let observer = &mut self.observer;
         let observe = |units: &_| seen.moments.push(observer.observe(units).clone());
         let played = self.recorder.step_observed(&actions, observe);
-        self.newest = Some(played.map_err(|error| BattleError::Action { step, error })?);
+        played.map_err(|error| BattleError::Action { step, error })?;
         self.states.push(self.recorder.battle().save());
         Ok(())
     }
@@ -180,7 +178,7 @@ impl PlayedBattle {
             moments: STANDARD.encode(encode_moments(&moments)),
             decisions: STANDARD.encode(decisions),
             episode_return: self.recorder.battle().episode_return(),
-            result: self.newest.and_then(result),
+            result: self.recorder.outcome().result(),
             orders: self.orders.current(),
         }
     }
@@ -216,15 +214,5 @@ impl PlayedBattle {
             checksum: format!("{:016x}", episode.checksum),
             replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
         })
-    }
-}
-
-/// How an episode ended, if the step ended it.
-fn result(step: Step) -> Option<EpisodeResult> {
-    match step {
-        Step { battle_won: true, .. } => Some(EpisodeResult::Won),
-        Step { terminated: true, .. } => Some(EpisodeResult::Lost),
-        Step { truncated: true, .. } => Some(EpisodeResult::Truncated),
-        _ => None,
     }
 }

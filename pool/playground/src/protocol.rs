@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 use smaclite_view::page::{Features, ScenarioInfo};
-use smaclite_view::{AgentOrder, Order};
+use smaclite_view::{AgentOrder, EpisodeResult, Order};
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -180,20 +180,11 @@ pub(crate) struct PlayedSteps {
     #[serde(rename = "return")]
     pub episode_return: f64,
     /// How the episode ended, if it did.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub result: Option<EpisodeResult>,
     /// The orders that hold after them, by agent.
     #[cfg_attr(test, ts(type = "Array<Order>"))]
     pub orders: Vec<Order>,
-}
-
-/// How an episode ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(test, derive(TS))]
-pub(crate) enum EpisodeResult {
-    Won,
-    Lost,
-    Truncated,
 }
 
 /// A replay that this engine reproduces.
@@ -213,6 +204,7 @@ pub(crate) struct EpisodeInfo {
     pub steps: usize,
     #[serde(rename = "return")]
     pub episode_return: f64,
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub result: Option<EpisodeResult>,
     /// XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
     pub checksum: String,
@@ -254,14 +246,13 @@ mod tests {
             Source,
             BegunBattle,
             PlayedSteps,
-            EpisodeResult,
             OpenedReplay,
             EpisodeInfo,
             ReplayFile,
         ];
         let text = format!(
             "// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground\n\
-             import type {{ AgentOrder, Features, Order, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
+             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
              {declarations}"
         );
         if std::env::var_os("SMACLITE_WRITE").is_some() {

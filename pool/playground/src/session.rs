@@ -3,8 +3,8 @@
 use crate::battle::{BattleError, PlayedBattle, Player};
 use crate::game::Game;
 use crate::protocol::{
-    BeginBattle, BegunBattle, Choices, EpisodeInfo, EpisodeResult, OpenedReplay, Outcome, Request, Response,
-    Source, TeamFiles, TeamInfo,
+    BeginBattle, BegunBattle, Choices, EpisodeInfo, OpenedReplay, Outcome, Request, Response, Source,
+    TeamFiles, TeamInfo,
 };
 use crate::team::{Team, TeamError};
 use base64::Engine;
@@ -13,7 +13,7 @@ use smaclite_engine::Opponent;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_scenarios::Scenario;
 use smaclite_view::page::{features_info, scenario_info};
-use smaclite_view::{Episode, Outcome as EpisodeOutcome, Replay, ReplayError};
+use smaclite_view::{Episode, Replay, ReplayError};
 use std::rc::Rc;
 
 /// The battle of one page, and what it can be played with.
@@ -154,12 +154,7 @@ fn episode_info(episode: &Episode) -> EpisodeInfo {
         seed: episode.start.seed.to_string(),
         steps: episode.n_steps(),
         episode_return: episode.outcome.episode_return,
-        result: match episode.outcome {
-            EpisodeOutcome { battle_won: true, .. } => Some(EpisodeResult::Won),
-            EpisodeOutcome { terminated: true, .. } => Some(EpisodeResult::Lost),
-            EpisodeOutcome { truncated: true, .. } => Some(EpisodeResult::Truncated),
-            _ => None,
-        },
+        result: episode.outcome.result(),
         checksum: format!("{:016x}", episode.checksum),
         actions: episode.actions.clone(),
     }

@@ -45,6 +45,7 @@ moments: string,
  * Compressed, in base64.
  */
 decisions: string, };
+export type EpisodeResult = "won" | "lost" | "truncated";
 export type Features = { name: string, start: number, 
 /**
  * `None` for a block that is one row and not a list of units.

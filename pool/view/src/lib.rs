@@ -20,6 +20,6 @@ pub use page::export_html;
 pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, write_gif};
 pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};
 pub use replay::{
-    Episode, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay, ReplayError,
-    SUFFIX,
+    Episode, EpisodeResult, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay,
+    ReplayError, SUFFIX,
 };

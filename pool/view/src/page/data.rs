@@ -19,7 +19,7 @@ use smaclite_units::{Keyword, Targeter, UnitType};
 #[cfg(test)]
 use ts_rs::TS;
 
-use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment, type_letters};
+use crate::{AttackKind, EpisodeResult, Moment, Replay, ReplayError, UnitMoment, type_letters};
 
 /// Units of the columns of a moment, per square, second, or point.
 const POSITION: f32 = 256.0;
@@ -217,12 +217,7 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, Repl
         draws: episode.start.draws,
         steps: episode.n_steps() as u32,
         episode_return: outcome.episode_return,
-        result: match outcome {
-            _ if outcome.battle_won => "won",
-            _ if outcome.terminated => "lost",
-            _ if outcome.truncated => "truncated",
-            _ => "unfinished",
-        },
+        result: outcome.result().map_or("unfinished", EpisodeResult::name),
         dead: [outcome.dead_allies, outcome.dead_enemies],
         rewards,
         n_moments: moments.len(),
@@ -321,6 +316,7 @@ mod tests {
             UnitsPer::decl(&config),
             ReplayData::decl(&config),
             EpisodeData::decl(&config),
+            EpisodeResult::decl(&config),
             Features::decl(&config),
             Order::decl(&config),
             AgentOrder::decl(&config),

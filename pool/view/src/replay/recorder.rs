@@ -150,6 +150,11 @@ impl Recorder {
         &self.actions
     }
 
+    /// How far this episode has come.
+    pub fn outcome(&self) -> &Outcome {
+        &self.outcome
+    }
+
     /// The recording so far, including the episode that is not over.
     pub fn replay(&self) -> Replay {
         let mut replay = self.replay.clone();
