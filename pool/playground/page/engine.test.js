@@ -28,12 +28,12 @@ test("recorded battles are played to the bit, tick by tick", { skip }, async (t)
   for (const name of names) {
     // It is an error if a checksum, which covers all units after every tick, differs.
     const { episodes } = engine.request({ type: "open_replay", name, replay: goldenText(name) });
-    const [{ actions, checksum, steps }] = episodes;
+    const [{ checksum, steps }] = episodes;
     const { played } = engine.request({
       type: "begin_battle",
       of: { kind: "episode", episode: 0 },
       team: "nearest",
-      actions,
+      actions: null,
       taken: [],
     });
     assert.equal(played.steps, steps, name);

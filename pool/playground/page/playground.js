@@ -112,10 +112,11 @@ export class Playground extends Commander {
   }
 
   /**
-   * Begins another battle, after these actions. If it is refused, nothing changes.
+   * Begins another battle, after these actions; `null` are all that were recorded. If it is refused, nothing
+   * changes.
    * @param {Source} source
    * @param {string} team
-   * @param {number[]} [actions]
+   * @param {number[] | null} [actions]
    * @param {number[]} [taken]
    */
   begin(source, team, actions = [], taken = []) {
@@ -169,8 +170,6 @@ export class Playground extends Commander {
   /** @param {PlayedSteps} played */
   append(played) {
     const { step, steps, n_moments, moments, decisions } = played;
-    // The start comes alone, and then again with the first step.
-    if (step === 0) this.view.track = this.chart.track = new Track(this.begun.scenario);
     const { track } = this.view;
     track.serial = this.serial;
     track.append(bytesOf(moments), n_moments);
@@ -351,8 +350,7 @@ export class Playground extends Commander {
 
   /** @param {number} episode */
   openEpisode(episode) {
-    const { actions } = this.episodes.list[episode];
-    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, actions);
+    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, null);
     this.episodes.mark(episode);
   }
 

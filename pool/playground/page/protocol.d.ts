@@ -45,9 +45,10 @@ export type BeginBattle = { of: Source,
  */
 team: string, 
 /**
- * The joint actions of the steps that are played at once, agent by agent.
+ * The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
+ * were recorded of the episode.
  */
-actions: Array<number>, 
+actions: Array<number> | null, 
 /**
  * The agents that carry out orders.
  */
@@ -112,11 +113,7 @@ export type EpisodeInfo = { seed: string, steps: number, return: number, result:
 /**
  * XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
  */
-checksum: string, 
-/**
- * The joint actions of all steps.
- */
-actions: Array<number>, };
+checksum: string, };
 export type ReplayFile = { name: string, 
 /**
  * The file's text; the page compresses it by gzip.

@@ -106,13 +106,16 @@ impl PlayedBattle {
         Ok(self.orders.current())
     }
 
-    /// Plays these joint actions.
+    /// Plays these joint actions. Those from the start on come with the moment there.
     pub fn play_actions(&mut self, actions: &[u16]) -> Result<PlayedSteps, BattleError> {
         let (n_actors, given) = (self.game.arena.sizes().n_actors(), actions.len());
         if !given.is_multiple_of(n_actors) {
             return Err(BattleError::ActionCount { n_actors, given });
         }
         let (first, mut seen) = (self.steps(), Seen::default());
+        if first == 0 {
+            seen.moments.push(self.observer.moment().clone());
+        }
         for joint in actions.chunks_exact(n_actors) {
             self.step(joint, &mut seen)?;
         }
@@ -164,13 +167,8 @@ impl PlayedBattle {
         Ok(())
     }
 
-    /// The steps from `first` on; those from the start on begin with the moment there.
-    fn encode(&self, first: usize, seen: Seen) -> PlayedSteps {
-        let Seen { mut moments, decisions } = seen;
-        if first == 0 {
-            let start = self.battle_before(0).map(|battle| Observer::new(&self.game.scenario, &battle));
-            moments.splice(0..0, start.map(|observer| observer.moment().clone()));
-        }
+    /// The steps from `first` on.
+    fn encode(&self, first: usize, Seen { moments, decisions }: Seen) -> PlayedSteps {
         PlayedSteps {
             step: first,
             steps: self.steps() - first,

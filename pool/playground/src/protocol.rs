@@ -121,8 +121,9 @@ pub(crate) struct BeginBattle {
     pub of: Source,
     /// The script or trained team that plays the agents.
     pub team: String,
-    /// The joint actions of the steps that are played at once, agent by agent.
-    pub actions: Vec<u16>,
+    /// The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
+    /// were recorded of the episode.
+    pub actions: Option<Vec<u16>>,
     /// The agents that carry out orders.
     pub taken: Vec<usize>,
 }
@@ -208,8 +209,6 @@ pub(crate) struct EpisodeInfo {
     pub result: Option<EpisodeResult>,
     /// XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
     pub checksum: String,
-    /// The joint actions of all steps.
-    pub actions: Vec<u16>,
 }
 
 /// A replay file.

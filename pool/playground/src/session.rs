@@ -119,13 +119,16 @@ impl Session {
         let (game, recorder) = Game::begin(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
         let player = self.player(&begin.team, &game)?;
         let mut battle = PlayedBattle::new(game, recorder, player);
-        let played = battle.play_actions(&begin.actions)?;
+        let recorded = match (&begin.of, &self.replay) {
+            (Source::Episode { episode }, Some(replay)) => replay.episodes().get(*episode),
+            _ => None,
+        };
+        let recorded_actions = recorded.map_or(&[][..], |episode| &episode.actions);
+        let played = battle.play_actions(begin.actions.as_deref().unwrap_or(recorded_actions))?;
         battle.take(&begin.taken)?;
         let game = battle.game();
-        let opponent = match (&begin.of, &self.replay) {
-            (Source::Episode { episode }, Some(replay)) => replay.episodes()[*episode].opponent.name().into(),
-            _ => game.setup.opponents.to_string(),
-        };
+        let opponent = recorded
+            .map_or_else(|| game.setup.opponents.to_string(), |episode| episode.opponent.name().to_owned());
         let begun = BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
@@ -156,7 +159,6 @@ fn episode_info(episode: &Episode) -> EpisodeInfo {
         episode_return: episode.outcome.episode_return,
         result: episode.outcome.result(),
         checksum: format!("{:016x}", episode.checksum),
-        actions: episode.actions.clone(),
     }
 }
 

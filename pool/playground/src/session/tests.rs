@@ -20,8 +20,9 @@ fn begin(scenario: &str, team: &str, actions: &[Value], taken: &[usize]) -> Valu
 /// The actions of an episode, from its replay.
 fn actions(session: &mut Session) -> Vec<Value> {
     let file = ask(session, json!({"type": "get_replay"}));
-    let opened = ask(session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
-    opened["episodes"][0]["actions"].as_array().unwrap().clone()
+    ask(session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
+    let replay: Value = serde_json::from_str(file["replay"].as_str().unwrap()).unwrap();
+    replay["episodes"][0]["actions"].as_array().unwrap().clone()
 }
 
 /// The test of `engine.js` plays the battles of the file that this one writes, in WebAssembly.
@@ -84,10 +85,14 @@ fn an_episode_of_a_replay_is_played_and_played_on() {
     ask(&mut session, json!({"type": "play_steps", "steps": 4}));
     let recorded = actions(&mut session);
     let of = json!({"kind": "episode", "episode": 0});
-    let begin =
-        json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": recorded, "taken": []});
-    let begun = ask(&mut session, begin.clone());
-    assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(4)));
+    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": null, "taken": []});
+    for (given, steps) in [(json!(recorded[..2 * 3]), 2), (json!([]), 0), (Value::Null, 4)] {
+        let mut begin = begin.clone();
+        begin["actions"] = given;
+        let begun = ask(&mut session, begin);
+        assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(steps)));
+        assert_eq!(begun["played"]["n_moments"], 1 + 8 * steps);
+    }
     assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 1}))["step"], 4);
     let mut other = begin;
     other["of"]["episode"] = json!(1);
