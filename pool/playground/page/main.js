@@ -56,6 +56,7 @@ async function start(data) {
   for (const team of data.teams) engine.request({ type: "add_team", ...team });
   const { page, note } = await firstPage(engine);
   page.note(note ?? GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
+  page.warn();
   listenToFiles({
     replay: (name, bytes) => page.openReplay(name, bytes),
     scenario: (scenario) => page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" }),

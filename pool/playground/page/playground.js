@@ -10,11 +10,12 @@ import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
 import { EpisodeList } from "./episodes.js";
 import { Headline } from "./headline.js";
+import { Mover } from "./mover.js";
+import { Painter } from "./painter.js";
 import { PlaygroundView } from "./playground_view.js";
 import { save, share } from "./share.js";
 
 /** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
-/** @import { Rectangle } from "#view/selection.js" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
 /** @import { BegunBattle, PlayedSteps, Source } from "./protocol.d.ts" */
@@ -47,6 +48,8 @@ export class Playground extends Commander {
     this.result = null;
     /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
     this.goesOn = true;
+    this.mover = new Mover(this);
+    this.painter = new Painter(this);
     this.headline = new Headline();
     this.observation = new ObservationCard(
       byId("obs"),
@@ -124,6 +127,7 @@ export class Playground extends Commander {
     Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
     this.accept(begun, taken);
     byId("message").hidden = byId("note").hidden = true;
+    this.warn();
   }
 
   /**
@@ -134,6 +138,7 @@ export class Playground extends Commander {
   accept(begun, taken) {
     const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
     this.begun = begun;
+    this.painter.stroke = null;
     const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
     this.view.wholeMap = wholeMap;
@@ -230,44 +235,30 @@ export class Playground extends Commander {
     this.redraw();
   }
 
-  /**
-   * At the start, a drag that begins on a unit moves it.
-   * @param {Rectangle | null} box
-   */
-  drawBox(box) {
-    const unit = box && this.isAtStart ? this.view.unitAt(box.x0, box.y0) : -1;
-    this.arena.dragged = box && unit >= 0 ? { unit, at: { x: box.x1, y: box.y1 } } : null;
-    super.drawBox(unit >= 0 ? null : box);
+  handlers() {
+    const own = super.handlers();
+    return { ...own, ...(this.painter.isOn ? this.painter.handlers() : this.mover.handlers(own)) };
   }
 
-  /** Whether units can be moved: before the first step of a battle of a scenario. */
+  /** Whether the scenario can be changed: before the first step, if it is no episode of a replay. */
   get isAtStart() {
     return this.source.kind === "scenario" && !this.clock.playing && this.clock.time === 0;
   }
 
   /**
-   * @param {Rectangle | null} box
-   * @param {boolean} add
+   * Begins the battle anew with another text of its scenario; says whether that was possible.
+   * @param {() => string} changed
    */
-  boxed(box, add) {
-    const { dragged } = this.arena;
-    if (!box || !dragged) return super.boxed(box, add);
-    this.drawBox(null);
-    this.moveUnit(dragged.unit, this.arena.placeAt(box.x1, box.y1));
-  }
-
-  /**
-   * Begins a battle in which a unit starts elsewhere.
-   * @param {number} unit
-   * @param {{ x: number, y: number }} to
-   */
-  moveUnit(unit, to) {
+  change(changed) {
+    const { seed, opponent, team } = this.shared,
+      { camera, isFitted } = this.view;
     try {
-      const { scenario } = this.engine.request({ type: "move_unit", unit, ...to });
-      const { seed, opponent, team } = this.shared;
-      this.begin({ kind: "scenario", scenario, seed, opponent }, team, [], [...this.taken]);
+      this.begin({ kind: "scenario", scenario: changed(), seed, opponent }, team, [], [...this.taken]);
+      if (!isFitted) Object.assign(this.view, { camera, isFitted });
+      return true;
     } catch (error) {
       this.fail(error);
+      return false;
     }
   }
 
@@ -334,6 +325,7 @@ export class Playground extends Commander {
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
     const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
+    this.painter.update();
     this.observation.update(shown, this.begun.features, step <= this.steps);
     this.headline.update(this);
   }
@@ -360,6 +352,12 @@ export class Playground extends Commander {
     byId("note").hidden = false;
   }
 
+  /** Says what is probably a mistake in the scenario, as `check` does. */
+  warn() {
+    const [first, ...others] = this.begun.warnings;
+    if (first) this.note(`Warning${others.length ? ` 1 of ${others.length + 1}` : ""}: ${first}`);
+  }
+
   /** @param {unknown} error */
   fail(error) {
     this.clock.playing = false;
@@ -370,6 +368,7 @@ export class Playground extends Commander {
 
   listen() {
     super.listen();
+    this.painter.listen();
     byId("again").addEventListener("click", () => this.again());
     byId("share").addEventListener("click", () => share(this));
     byId("save").addEventListener("click", () => save(this));
@@ -381,7 +380,7 @@ export class Playground extends Commander {
   key(event) {
     // What is chosen or typed is no command.
     const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
-    if (!isChoice) super.key(event);
+    if (!isChoice && !this.painter.key(event)) super.key(event);
   }
 
   /** @param {string} key */

@@ -5,8 +5,8 @@ export type Request = { "type": "get_choices", } | { "type": "add_team" } & Team
 /**
  * The file's text; the page decompresses it.
  */
-replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, };
-export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, };
+replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, } | { "type": "paint_map", rows: Array<string>, };
+export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, };
 export type Outcome = { "response": Response } | { "error": string };
 export type Choices = { 
 /**
@@ -78,7 +78,11 @@ opponent: string, seed: string,
 /**
  * Whether it can be played on; a battle in which actions play the enemies too is only shown.
  */
-is_playable: boolean, played: PlayedSteps, };
+is_playable: boolean, 
+/**
+ * What is probably a mistake in its scenario, if that is none of the standard ones.
+ */
+warnings: Array<string>, played: PlayedSteps, };
 export type PlayedSteps = { 
 /**
  * The first of them, and how many there are.

@@ -203,6 +203,11 @@ impl PlayedBattle {
         Ok(self.game.with_moved_unit(unit, x, y)?)
     }
 
+    /// The text of its scenario with another map.
+    pub fn with_terrain(&self, rows: &[String]) -> String {
+        self.game.with_terrain(rows)
+    }
+
     /// All steps so far, as the file of a replay.
     pub fn replay(&self) -> Result<ReplayFile, BattleError> {
         let replay = self.recorder.replay();

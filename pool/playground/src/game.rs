@@ -1,7 +1,7 @@
 //! What a battle is played with, and how it begins.
 
 use crate::protocol::Source;
-use serde_json::json;
+use serde_json::{Value, json};
 use smaclite_engine::{Arena, BattleSetup, Opponent, Opponents, OpponentsError, SnapshotError};
 use smaclite_scenarios::{Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
 use smaclite_units::Keyword;
@@ -111,6 +111,19 @@ impl Game {
         };
         let groups = units.iter().enumerate().map(group).collect();
         Ok(self.setup.files.with_keys([("groups".to_owned(), groups)]).text)
+    }
+
+    /// The text of the scenario with the map of these rows, as files have them; reading tells what is wrong.
+    pub fn with_terrain(&self, rows: &[String]) -> String {
+        let keys = [("terrain", json!(rows)), ("terrain_preset", Value::Null)];
+        self.setup.files.with_keys(keys.map(|(key, value)| (key.to_owned(), value))).text
+    }
+
+    /// What is probably a mistake in a scenario that somebody has changed or written.
+    pub fn warnings(&self) -> Vec<String> {
+        let files = &self.setup.files;
+        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
+        warnings.into_iter().map(|warning| warning.message).collect()
     }
 
     /// Whether joint actions play the agents alone, so that a team or a person can play on.

@@ -39,6 +39,8 @@ pub(crate) enum Request {
     GetReplay {},
     /// The scenario of the battle, but for where a unit starts, in squares.
     MoveUnit { unit: usize, x: f64, y: f64 },
+    /// The scenario of the battle, but for its map: rows of `_` and `X`, the southernmost first.
+    PaintMap { rows: Vec<String> },
 }
 
 /// The response to the request of the same name.
@@ -66,6 +68,10 @@ pub(crate) enum Response {
     GetReplay(ReplayFile),
     /// The text of its file.
     MoveUnit {
+        scenario: String,
+    },
+    /// The text of its file.
+    PaintMap {
         scenario: String,
     },
 }
@@ -162,6 +168,8 @@ pub(crate) struct BegunBattle {
     pub seed: String,
     /// Whether it can be played on; a battle in which actions play the enemies too is only shown.
     pub is_playable: bool,
+    /// What is probably a mistake in its scenario, if that is none of the standard ones.
+    pub warnings: Vec<String>,
     pub played: PlayedSteps,
 }
 

@@ -76,6 +76,7 @@ impl Session {
             Request::MoveUnit { unit, x, y } => {
                 Response::MoveUnit { scenario: battle?.with_moved_unit(unit, x, y)? }
             }
+            Request::PaintMap { rows } => Response::PaintMap { scenario: battle?.with_terrain(&rows) },
         })
     }
 
@@ -137,6 +138,7 @@ impl Session {
             opponent,
             seed: game.seed.to_string(),
             is_playable: game.is_playable(),
+            warnings: game.warnings(),
             played,
         };
         self.battle = Some(battle);

@@ -200,6 +200,53 @@ fn a_team_whose_layers_are_empty_is_refused() {
     assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
 }
 
+/// A map of 32 x 32 squares whose square (x, y) is blocked if `is_blocked(x, y)`, as a request has it.
+fn rows(is_blocked: impl Fn(usize, usize) -> bool) -> Vec<String> {
+    (0..32).map(|y| (0..32).map(|x| if is_blocked(x, y) { 'X' } else { '_' }).collect()).collect()
+}
+
+#[test]
+fn a_painted_map_is_that_of_the_battle_and_of_its_replay() {
+    let mut session = Session::default();
+    for scenario in ["3m", "so_many_baneling", "terran_5_vs_5"] {
+        let before = ask(&mut session, begin(scenario, "nearest", &[], &[]))["scenario"].clone();
+        let rows = rows(|x, y| x < 2 || x == 31 && y > 3);
+        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows}));
+        let text = painted["scenario"].as_str().unwrap();
+        let after = ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"].clone();
+        assert_eq!(after["obstacles"], json!([[0, 0, 2, 32], [31, 4, 32, 32]]), "{scenario}");
+        for key in ["name", "width", "height", "units", "types", "attack_point"] {
+            assert_eq!(after[key], before[key], "{scenario}: {key}");
+        }
+        ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let file = ask(&mut session, json!({"type": "get_replay"}));
+        ask(&mut session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
+        let of = json!({"kind": "episode", "episode": 0});
+        let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+        assert_eq!(ask(&mut session, begin)["scenario"]["obstacles"], after["obstacles"]);
+    }
+    let painted = ask(&mut session, json!({"type": "paint_map", "rows": ["_X", "__"]}));
+    let error = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
+    assert!(error.as_str().unwrap().contains("a list of 32 rows"), "{error}");
+}
+
+#[test]
+fn what_is_probably_a_mistake_on_a_painted_map_is_a_warning() {
+    let mut session = Session::default();
+    let mut warnings = |is_blocked: fn(usize, usize) -> bool| {
+        // Three marines start around (9, 16), and three around (23, 16).
+        assert_eq!(ask(&mut session, begin("3m", "nearest", &[], &[]))["warnings"], json!([]));
+        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows(is_blocked)}));
+        let begun = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
+        serde_json::from_value::<Vec<String>>(begun["warnings"].clone()).unwrap()
+    };
+    assert_eq!(warnings(|x, _| x == 0), Vec::<String>::new());
+    let found = warnings(|x, _| x == 15);
+    assert!(matches!(&found[..], [one] if one.contains("no path connects the agents")), "{found:?}");
+    let found = warnings(|x, _| x < 15);
+    assert!(matches!(&found[..], [one] if one.contains("on a blocked square")), "{found:?}");
+}
+
 #[test]
 fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
     let mut session = Session::default();

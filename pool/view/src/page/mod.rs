@@ -37,6 +37,7 @@ macro_rules! modules {
 const MODULES: &[Module] = modules![
     "actions.js",
     "battle.js",
+    "brush.js",
     "camera.js",
     "chart.js",
     "commander.js",
@@ -50,6 +51,7 @@ const MODULES: &[Module] = modules![
     "player.js",
     "replay.js",
     "selection.js",
+    "squares.js",
     "terrain.js",
     "theme.js",
     "track.js",
