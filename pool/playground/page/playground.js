@@ -13,7 +13,7 @@ import { Headline } from "./headline.js";
 import { Mover } from "./mover.js";
 import { Painter } from "./painter.js";
 import { PlaygroundView } from "./playground_view.js";
-import { save, share } from "./share.js";
+import { save, share, sharedOf } from "./share.js";
 
 /** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Engine } from "./engine.js" */
@@ -115,8 +115,7 @@ export class Playground extends Commander {
   }
 
   /**
-   * Begins another battle, after these actions; `null` are all that were recorded. If it is refused, nothing
-   * changes.
+   * Begins another battle after actions (`null`: those recorded). If it is refused, nothing changes.
    * @param {Source} source
    * @param {string} team
    * @param {number[] | null} [actions]
@@ -163,13 +162,7 @@ export class Playground extends Commander {
 
   /** The battle without its actions, for links and choices. */
   get shared() {
-    const { source, team, begun } = this;
-    // What plays the enemies of a replay, if no script does, cannot be asked to play.
-    const { scenario, opponent } =
-      source.kind === "scenario"
-        ? source
-        : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "" };
-    return { scenario, seed: begun.seed, opponent, team };
+    return sharedOf(this);
   }
 
   /** @param {PlayedSteps} played */
