@@ -259,7 +259,8 @@ mod tests {
         ];
         let text = format!(
             "// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground\n\
-             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
+             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} \
+             from \"#view/data.d.ts\";\n\n\
              {declarations}"
         );
         if std::env::var_os("SMACLITE_WRITE").is_some() {

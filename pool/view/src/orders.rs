@@ -108,7 +108,7 @@ impl Orders {
     /// scenario, before a step.
     ///
     /// # Errors
-    /// The first order that cannot be given: if there is no such agent or unit, or the destination is no point.
+    /// The first order that cannot be given: there is no such agent or unit, or the destination is no point.
     pub fn give(
         &mut self,
         scenario: &Scenario,
